@@ -1,0 +1,2 @@
+//! The speed and accuracy suite of dcd.
+fn main() {}

@@ -1,0 +1,248 @@
+//! A body as it travels: whole, so that nothing of it is lost when it changes region, process or machine.
+
+use std::sync::Arc;
+
+use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
+
+use super::ShapeHash;
+use crate::space::{BodyId, Epoch};
+
+/// A pose in world space: position in metres (f64, so that worlds of 100 km keep millimetres), rotation as a unit
+/// quaternion x, y, z, w.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct WorldPose {
+    /// Metres.
+    pub translation: [f64; 3],
+    /// Unit quaternion, scalar last.
+    pub rotation: [f32; 4],
+}
+
+impl WorldPose {
+    /// No turn, at this place.
+    pub const fn at(translation: [f64; 3]) -> Self {
+        Self { translation, rotation: [0.0, 0.0, 0.0, 1.0] }
+    }
+
+    /// Whether every number is finite and the rotation is a unit quaternion to 1e-3.
+    pub fn is_valid(&self) -> bool {
+        let norm2: f32 = self.rotation.iter().map(|v| v * v).sum();
+        self.translation.iter().all(|v| v.is_finite()) && (norm2 - 1.0).abs() < 2e-3
+    }
+}
+
+impl Default for WorldPose {
+    fn default() -> Self {
+        Self::at([0.0; 3])
+    }
+}
+
+/// A pose relative to something nearer than the world: a collider on its body, a joint's frame.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Pose {
+    /// Metres.
+    pub translation: [f32; 3],
+    /// Unit quaternion, scalar last.
+    pub rotation: [f32; 4],
+}
+
+/// Linear (m/s) and angular (rad/s) velocity in world axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct Velocity {
+    /// Metres per second, of the centre of mass.
+    pub linear: [f32; 3],
+    /// Radians per second.
+    pub angular: [f32; 3],
+}
+
+impl Velocity {
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.linear.iter().chain(&self.angular).all(|v| v.is_finite())
+    }
+}
+
+/// How a body moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub enum BodyKind {
+    /// By forces.
+    Dynamic,
+    /// Never.
+    Fixed,
+    /// To poses that its user gives.
+    KinematicPosition,
+    /// At velocities that its user gives.
+    KinematicVelocity,
+}
+
+/// What a step changes of a body: everything else stands in [`BodyTraits`].
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct BodyState {
+    /// Where it is.
+    pub pose: WorldPose,
+    /// How it moves.
+    pub velocity: Velocity,
+    /// The user's persistent force, newtons.
+    pub force: [f32; 3],
+    /// The user's persistent torque, newton metres.
+    pub torque: [f32; 3],
+    /// Whether it sleeps.
+    pub sleeping: bool,
+    /// For how long it has been still, seconds.
+    pub still_s: f32,
+}
+
+/// Mass, centre and inertia given as numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct MassRecord {
+    /// Centre of mass on the body, metres.
+    pub local_com: [f32; 3],
+    /// Inverse of the mass, 1/kg; 0 for an infinite mass.
+    pub inv_mass: f32,
+    /// Inverse of the square root of the principal inertia as Rapier keeps it.
+    pub inv_principal_inertia: [f32; 3],
+    /// Rotation from the body to its principal axes.
+    pub principal_frame: [f32; 4],
+}
+
+/// Mass that a body has besides that of its colliders.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub enum ExtraMass {
+    /// Kilograms; the inertia follows from the colliders.
+    Mass(f32),
+    /// Everything given.
+    Properties(MassRecord),
+}
+
+/// Where a collider's mass comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub enum ColliderMass {
+    /// kg/m³.
+    Density(f32),
+    /// Kilograms.
+    Mass(f32),
+    /// Everything given.
+    Properties(MassRecord),
+}
+
+/// How the coefficients of two colliders become one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+#[repr(u8)]
+pub enum CombineRule {
+    /// (a + b) / 2.
+    Average,
+    /// The smaller.
+    Min,
+    /// a · b.
+    Multiply,
+    /// The larger.
+    Max,
+    /// a + b, at most 1.
+    ClampedSum,
+    /// √(a · b).
+    GeometricMean,
+}
+
+/// Which groups a collider belongs to and which it meets; `any` makes one match enough, else both must match.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub struct Groups {
+    /// Bits of the groups it belongs to.
+    pub memberships: u32,
+    /// Bits of the groups it meets.
+    pub filter: u32,
+    /// Whether one side's match is enough.
+    pub any: bool,
+}
+
+/// A collider, whole.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct ColliderRecord {
+    /// The shape, sent to a peer at most once.
+    pub shape: ShapeHash,
+    /// On its body.
+    pub pose: Pose,
+    /// Source of its mass.
+    pub mass: ColliderMass,
+    /// Coulomb coefficient.
+    pub friction: f32,
+    /// How two coefficients of friction combine.
+    pub friction_rule: CombineRule,
+    /// Coefficient of restitution, 0 to 1.
+    pub restitution: f32,
+    /// How two coefficients of restitution combine.
+    pub restitution_rule: CombineRule,
+    /// Whether it only detects.
+    pub sensor: bool,
+    /// Whether it takes part at all.
+    pub enabled: bool,
+    /// Who meets whom.
+    pub collision_groups: Groups,
+    /// Whose contacts push.
+    pub solver_groups: Groups,
+    /// Bits of Rapier's `ActiveCollisionTypes`.
+    pub collision_types: u16,
+    /// Bits of Rapier's `ActiveEvents`.
+    pub events: u32,
+    /// Newtons above which a force event is sent.
+    pub force_event_threshold_n: f32,
+    /// Metres kept between this and other colliders.
+    pub contact_skin_m: f32,
+    /// The user's own.
+    pub user_data: u128,
+}
+
+/// Everything of a body that a step does not change.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct BodyTraits {
+    /// How it moves.
+    pub kind: BodyKind,
+    /// Whether it takes part at all.
+    pub enabled: bool,
+    /// 1/s.
+    pub linear_damping: f32,
+    /// 1/s.
+    pub angular_damping: f32,
+    /// Factor on gravity.
+    pub gravity_scale: f32,
+    /// Bits of Rapier's `LockedAxes`.
+    pub locked_axes: u8,
+    /// Heavier group wins.
+    pub dominance: i8,
+    /// Swept against moving bodies too.
+    pub ccd: bool,
+    /// Metres of prediction; 0 is none.
+    pub soft_ccd_m: f32,
+    /// May exceed Rapier's cap on spin.
+    pub fast_rotation: bool,
+    /// Gyroscopic torque is applied.
+    pub gyroscopic: bool,
+    /// More solver iterations around this body.
+    pub extra_solver_iterations: u32,
+    /// More PGS iterations around this body.
+    pub extra_pgs_iterations: u32,
+    /// Speed below which it may sleep, m/s; negative: never.
+    pub sleep_linear_threshold: f32,
+    /// Spin below which it may sleep, rad/s; negative: never.
+    pub sleep_angular_threshold: f32,
+    /// Seconds of stillness before sleep.
+    pub sleep_after_s: f32,
+    /// Mass besides that of its colliders.
+    pub extra_mass: Option<ExtraMass>,
+    /// In order of insertion.
+    pub colliders: Vec<ColliderRecord>,
+    /// The user's own.
+    pub user_data: u128,
+}
+
+/// A body, whole: what is sent when a region is to hold it.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct BodyRecord {
+    /// Its name.
+    pub id: BodyId,
+    /// How often its owner has changed.
+    pub epoch: Epoch,
+    /// What a step changes.
+    pub state: BodyState,
+    /// What a step does not change; shared within a process.
+    pub traits: Arc<BodyTraits>,
+}

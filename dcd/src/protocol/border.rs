@@ -1,0 +1,141 @@
+//! What one region tells another once an exchange, and what it reports of contacts. The coupling methods fill and read
+//! these values; in one process they are handed over as they are, between processes they are encoded.
+
+use bincode::{Decode, Encode};
+
+use super::{BodyRecord, JointRecord, Velocity, WorldPose};
+use crate::space::{BodyId, Epoch, JointId, RegionId, Tick};
+
+/// The owner's word on a body that the receiver holds a replica of.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct SharedState {
+    /// Which body.
+    pub id: BodyId,
+    /// Of its present owner.
+    pub epoch: Epoch,
+    /// Where it is.
+    pub pose: WorldPose,
+    /// How it moves.
+    pub velocity: Velocity,
+    /// Whether the owner's copy sleeps.
+    pub sleeping: bool,
+}
+
+/// A body that the receiver is to hold from now on, with the joints that tie it to bodies the receiver holds by then.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct Replica {
+    /// The body, whole.
+    pub body: BodyRecord,
+}
+
+/// The receiver becomes the owner of a body.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct Transfer {
+    /// The body, whole, at the epoch of the new owner.
+    pub body: BodyRecord,
+    /// Ranks of the regions that hold a replica, as bits of `RegionSet`.
+    pub holders: u64,
+}
+
+/// Everything that one region has to say to another after a step; each list in id order.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct BorderMessage {
+    /// Who speaks.
+    pub from: RegionId,
+    /// Who is spoken to.
+    pub to: RegionId,
+    /// After which step.
+    pub tick: Tick,
+    /// Bodies that moved or changed sleep.
+    pub states: Vec<SharedState>,
+    /// Bodies new to the receiver.
+    pub replicas: Vec<Replica>,
+    /// Joints new to the receiver.
+    pub joints: Vec<JointRecord>,
+    /// Bodies the receiver need not hold any more.
+    pub drops: Vec<BodyId>,
+    /// Bodies the receiver now owns.
+    pub transfers: Vec<Transfer>,
+    /// Bodies of the receiver whose replica was woken here.
+    pub wakes: Vec<BodyId>,
+    /// Joints that were removed.
+    pub removed_joints: Vec<JointId>,
+}
+
+impl BorderMessage {
+    /// Whether there is nothing to say.
+    pub fn is_empty(&self) -> bool {
+        self.states.is_empty()
+            && self.replicas.is_empty()
+            && self.joints.is_empty()
+            && self.drops.is_empty()
+            && self.transfers.is_empty()
+            && self.wakes.is_empty()
+            && self.removed_joints.is_empty()
+    }
+
+    /// Forgets the content and keeps the memory.
+    pub fn clear(&mut self) {
+        self.states.clear();
+        self.replicas.clear();
+        self.joints.clear();
+        self.drops.clear();
+        self.transfers.clear();
+        self.wakes.clear();
+        self.removed_joints.clear();
+    }
+}
+
+/// Two colliders by the bodies they belong to and their places there, the lower body first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
+pub struct ContactKey {
+    /// The body with the lower id.
+    pub a: BodyId,
+    /// The other one.
+    pub b: BodyId,
+    /// Collider of `a`, in order of insertion.
+    pub collider_a: u16,
+    /// Collider of `b`, in order of insertion.
+    pub collider_b: u16,
+}
+
+/// Two colliders began or ceased to touch in one region.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Touch {
+    /// Which.
+    pub key: ContactKey,
+    /// Began or ceased.
+    pub began: bool,
+    /// Whether one of them is a sensor.
+    pub sensor: bool,
+    /// Where, in world space, metres; the middle between the bodies when the contact has no point.
+    pub point: [f64; 3],
+    /// From `a` to `b`, unit length, or zero for sensors and ends.
+    pub normal: [f32; 3],
+    /// Approach speed before the contact, m/s, as far as known; 0 for ends.
+    pub speed: f32,
+}
+
+/// A contact pressed harder than a collider's threshold.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct ContactForce {
+    /// Which.
+    pub key: ContactKey,
+    /// Sum of the forces on `b`, newtons, world axes.
+    pub force_n: [f32; 3],
+    /// Sum of the magnitudes, newtons.
+    pub magnitude_n: f32,
+}
+
+/// What one region saw of contacts in one tick. A pair held by two regions is in both; whoever collects reports it once.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct RegionEvents {
+    /// Which region.
+    pub region: RegionId,
+    /// In which tick.
+    pub tick: Tick,
+    /// In order of appearance.
+    pub touches: Vec<Touch>,
+    /// In order of appearance.
+    pub forces: Vec<ContactForce>,
+}

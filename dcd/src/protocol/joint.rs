@@ -1,0 +1,71 @@
+//! A joint as it travels: the numbers of Rapier's `GenericJoint`.
+
+use bincode::{Decode, Encode};
+
+use super::Pose;
+use crate::space::{BodyId, JointId};
+
+/// Range of one axis.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct JointLimit {
+    /// Lowest position, metres or radians.
+    pub min: f32,
+    /// Highest position, metres or radians.
+    pub max: f32,
+    /// Impulse of the last step, to warm-start the next.
+    pub impulse: f32,
+}
+
+/// Motor of one axis.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct JointMotor {
+    /// Velocity to reach.
+    pub target_vel: f32,
+    /// Position to reach.
+    pub target_pos: f32,
+    /// Spring stiffness.
+    pub stiffness: f32,
+    /// Damping.
+    pub damping: f32,
+    /// Most force or torque.
+    pub max_force: f32,
+    /// Impulse of the last step.
+    pub impulse: f32,
+    /// Whether stiffness and damping are per unit of mass (Rapier's `AccelerationBased`).
+    pub acceleration_based: bool,
+}
+
+/// An impulse joint between two bodies.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct JointRecord {
+    /// Its name.
+    pub id: JointId,
+    /// First body.
+    pub a: BodyId,
+    /// Second body.
+    pub b: BodyId,
+    /// On the first body.
+    pub frame_a: Pose,
+    /// On the second body.
+    pub frame_b: Pose,
+    /// Bits of Rapier's `JointAxesMask`: no motion.
+    pub locked_axes: u8,
+    /// Limited motion.
+    pub limit_axes: u8,
+    /// Driven motion.
+    pub motor_axes: u8,
+    /// Limits and motors act on these together.
+    pub coupled_axes: u8,
+    /// One an axis.
+    pub limits: [JointLimit; 6],
+    /// One an axis.
+    pub motors: [JointMotor; 6],
+    /// Natural frequency (Hz) and damping ratio of the constraint.
+    pub softness: [f32; 2],
+    /// Whether the two bodies may touch.
+    pub contacts_enabled: bool,
+    /// Whether the joint acts.
+    pub enabled: bool,
+    /// The user's own.
+    pub user_data: u128,
+}

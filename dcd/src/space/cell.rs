@@ -1,0 +1,128 @@
+//! Boxes of world space: the finite [`Bounds`] of a world or a body, and the half-open [`Cell`] of a region.
+
+use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
+
+/// One of the three axes of world space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// First coordinate.
+    X,
+    /// Second coordinate, up by default.
+    Y,
+    /// Third coordinate.
+    Z,
+}
+
+impl Axis {
+    /// All three, in order.
+    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    /// 0, 1 or 2.
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+}
+
+/// A closed axis-aligned box, in metres of world space. May be infinite, as the bounds of a half-space are.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct Bounds {
+    /// Lowest corner.
+    pub min: [f64; 3],
+    /// Highest corner.
+    pub max: [f64; 3],
+}
+
+impl Bounds {
+    /// A box from its corners.
+    pub const fn new(min: [f64; 3], max: [f64; 3]) -> Self {
+        Self { min, max }
+    }
+
+    /// A box from its middle and half its size.
+    pub fn around(centre: [f64; 3], half: [f64; 3]) -> Self {
+        Self {
+            min: std::array::from_fn(|i| centre[i] - half[i]),
+            max: std::array::from_fn(|i| centre[i] + half[i]),
+        }
+    }
+
+    /// The box grown by `margin_m` on every side.
+    pub fn grown(&self, margin_m: f64) -> Self {
+        Self { min: self.min.map(|v| v - margin_m), max: self.max.map(|v| v + margin_m) }
+    }
+
+    /// The smallest box that holds both.
+    pub fn union(&self, other: &Self) -> Self {
+        Self {
+            min: std::array::from_fn(|i| self.min[i].min(other.min[i])),
+            max: std::array::from_fn(|i| self.max[i].max(other.max[i])),
+        }
+    }
+
+    /// Whether the boxes touch or overlap.
+    pub fn touches(&self, other: &Self) -> bool {
+        (0..3).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
+    }
+
+    /// Whether the other box lies inside this one.
+    pub fn contains(&self, other: &Self) -> bool {
+        (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
+    }
+
+    /// Edge lengths.
+    pub fn size(&self) -> [f64; 3] {
+        std::array::from_fn(|i| self.max[i] - self.min[i])
+    }
+
+    /// The middle.
+    pub fn centre(&self) -> [f64; 3] {
+        std::array::from_fn(|i| 0.5 * (self.min[i] + self.max[i]))
+    }
+
+    /// The axis of the longest edge; the first of equals.
+    pub fn longest_axis(&self) -> Axis {
+        let size = self.size();
+        Axis::ALL.into_iter().fold(
+            Axis::X,
+            |best, axis| {
+                if size[axis.index()] > size[best.index()] { axis } else { best }
+            },
+        )
+    }
+
+    /// Whether the box is finite and no edge is negative.
+    pub fn is_finite(&self) -> bool {
+        (0..3).all(|i| self.min[i].is_finite() && self.max[i].is_finite() && self.min[i] <= self.max[i])
+    }
+}
+
+/// The half-open box of a region: `min <= p < max` on every axis. Cells at the edge of the world reach to infinity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Lowest corner, inside.
+    pub min: [f64; 3],
+    /// Highest corner, outside.
+    pub max: [f64; 3],
+}
+
+impl Cell {
+    /// The whole of space.
+    pub const EVERYWHERE: Self = Self { min: [f64::NEG_INFINITY; 3], max: [f64::INFINITY; 3] };
+
+    /// Whether the point lies in the cell.
+    pub fn contains(&self, point: [f64; 3]) -> bool {
+        (0..3).all(|i| self.min[i] <= point[i] && point[i] < self.max[i])
+    }
+
+    /// Whether any point of the closed box lies in the cell.
+    pub fn touches(&self, bounds: &Bounds) -> bool {
+        (0..3).all(|i| bounds.min[i] < self.max[i] && self.min[i] <= bounds.max[i])
+    }
+
+    /// How far the point lies outside on the worst axis; negative inside (then the distance to the nearest face).
+    pub fn excess_m(&self, point: [f64; 3]) -> f64 {
+        (0..3).map(|i| (self.min[i] - point[i]).max(point[i] - self.max[i])).fold(f64::NEG_INFINITY, f64::max)
+    }
+}

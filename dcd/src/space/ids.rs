@@ -1,0 +1,111 @@
+//! The names that cross module, process and machine borders. Each is a newtype, so that none is taken for another.
+
+use std::fmt;
+
+use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
+
+macro_rules! id {
+    ($(#[$doc:meta])* $name:ident($inner:ty), $prefix:literal) => {
+        $(#[$doc])*
+        #[derive(
+            Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
+        )]
+        pub struct $name(pub $inner);
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, concat!($prefix, "{}"), self.0)
+            }
+        }
+    };
+}
+
+id!(
+    /// A vertex of the distribution tree, and so a sub-region: root 0, children 2i+1 and 2i+2 (thesis 4.3.1.3).
+    RegionId(u32), "r"
+);
+id!(
+    /// A process that computes regions. Given by the server in joining order; the lowest id of a group leads it.
+    NodeId(u32), "n"
+);
+id!(
+    /// A process that hosts avatars. Given by the server; 0 is nobody (it names persistent bodies).
+    ClientId(u32), "c"
+);
+id!(
+    /// The number of steps of `dt` since the world began.
+    Tick(u64), "t"
+);
+id!(
+    /// How often the owner of a body has changed. A state with an older epoch never overwrites a newer one.
+    Epoch(u32), "e"
+);
+id!(
+    /// A joint, numbered in order of insertion.
+    JointId(u64), "j"
+);
+
+/// A body's name everywhere: the client that hosts it (0 for persistent bodies, thesis 4.3.2.5) and its number there.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
+)]
+pub struct BodyId(u64);
+
+impl BodyId {
+    /// The `index`-th persistent body of the world.
+    pub const fn persistent(index: u32) -> Self {
+        Self(index as u64)
+    }
+
+    /// The `index`-th avatar of `client`.
+    pub const fn avatar(client: ClientId, index: u32) -> Self {
+        Self(((client.0 as u64) << 32) | index as u64)
+    }
+
+    /// The id whose [`BodyId::bits`] these are.
+    pub const fn from_bits(bits: u64) -> Self {
+        Self(bits)
+    }
+
+    /// Client in the high, index in the low 32 bits.
+    pub const fn bits(self) -> u64 {
+        self.0
+    }
+
+    /// Who hosts the body; `None` for a persistent one.
+    pub const fn client(self) -> Option<ClientId> {
+        match (self.0 >> 32) as u32 {
+            0 => None,
+            client => Some(ClientId(client)),
+        }
+    }
+
+    /// The body's number among those of its client, or among the persistent ones.
+    pub const fn index(self) -> u32 {
+        self.0 as u32
+    }
+}
+
+impl fmt::Display for BodyId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.client() {
+            None => write!(f, "b{}", self.index()),
+            Some(client) => write!(f, "{client}/b{}", self.index()),
+        }
+    }
+}
+
+impl Tick {
+    /// The tick after this one.
+    pub const fn next(self) -> Self {
+        Self(self.0 + 1)
+    }
+}
+
+impl Epoch {
+    /// The epoch after one more transfer.
+    pub const fn next(self) -> Self {
+        Self(self.0 + 1)
+    }
+}

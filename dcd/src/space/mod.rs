@@ -1,0 +1,13 @@
+//! World space: ids, half-open boxes, the distribution tree, allocation of its leaves to nodes. Pure.
+
+mod allocation;
+mod cell;
+mod ids;
+mod region_set;
+mod tree;
+
+pub use allocation::{Allocation, allocate};
+pub use cell::{Axis, Bounds, Cell};
+pub use ids::{BodyId, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
+pub use region_set::{MAX_REGIONS, RegionSet};
+pub use tree::{DistributionTree, Limits, TreeError};

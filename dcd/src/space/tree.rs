@@ -1,0 +1,312 @@
+//! The distribution tree (thesis 3.2, 4.3.1.3): the world cut by axis-aligned planes; its leaves are the regions.
+
+use std::collections::BTreeMap;
+
+use bincode::{Decode, Encode};
+
+use super::{Axis, Bounds, Cell, MAX_REGIONS, RegionId};
+
+/// When subdivision stops (thesis 4.3.1.3).
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Limits {
+    /// No cut leaves an edge shorter than this, in metres.
+    pub smallest_edge_m: f64,
+    /// No vertex lies deeper than this below the root; at most 30.
+    pub largest_depth: u32,
+    /// No more leaves than this; at most [`MAX_REGIONS`].
+    pub most_leaves: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { smallest_edge_m: 1.0, largest_depth: 30, most_leaves: MAX_REGIONS }
+    }
+}
+
+/// Why a tree cannot be made or changed as asked.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TreeError {
+    /// The bounds of the world are not a box.
+    #[error("the world's bounds {0:?} are not a finite box: give a lowest corner below a highest one")]
+    Bounds(Bounds),
+    /// More or fewer regions than a world can have.
+    #[error("{0} regions asked for: a world has 1 to {MAX_REGIONS}")]
+    Count(usize),
+    /// Every leaf is at a limit.
+    #[error("no region can be cut further: the limits allow {0} regions here; ask for fewer or loosen them")]
+    Limits(usize),
+    /// The vertex is not a leaf of the tree.
+    #[error("{0} is not a leaf of the distribution tree")]
+    NotALeaf(RegionId),
+    /// The vertex does not have two leaves below it.
+    #[error("{0} cannot be merged: its two children are not both leaves")]
+    NotMergeable(RegionId),
+    /// The plane lies outside the leaf that it should cut.
+    #[error("the plane {axis:?} = {at} does not cut any region")]
+    Plane {
+        /// Across which axis.
+        axis: Axis,
+        /// Where, in metres.
+        at: f64,
+    },
+}
+
+/// Every member of a group holds an equal copy; ids name the same box to all.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct DistributionTree {
+    bounds: Bounds,
+    limits: Limits,
+    /// Inner vertices only: where each is cut.
+    cuts: BTreeMap<RegionId, (Axis, f64)>,
+}
+
+impl DistributionTree {
+    /// A tree with one leaf, the root.
+    pub fn new(bounds: Bounds, limits: Limits) -> Result<Self, TreeError> {
+        if !bounds.is_finite() {
+            return Err(TreeError::Bounds(bounds));
+        }
+        let limits = Limits {
+            largest_depth: limits.largest_depth.min(30),
+            most_leaves: limits.most_leaves.min(MAX_REGIONS),
+            ..limits
+        };
+        Ok(Self { bounds, limits, cuts: BTreeMap::new() })
+    }
+
+    /// A tree of `count` regions: the largest leaf is halved across its longest axis until there are enough.
+    pub fn halved(bounds: Bounds, count: usize) -> Result<Self, TreeError> {
+        let mut tree = Self::new(bounds, Limits::default())?;
+        if count == 0 || count > MAX_REGIONS {
+            return Err(TreeError::Count(count));
+        }
+        while tree.leaf_count() < count {
+            let largest = tree
+                .leaves()
+                .filter(|&leaf| tree.may_halve(leaf))
+                .max_by(|&a, &b| tree.volume_m3(a).total_cmp(&tree.volume_m3(b)).then(b.cmp(&a)))
+                .ok_or(TreeError::Limits(tree.leaf_count()))?;
+            tree.split(largest)?;
+        }
+        Ok(tree)
+    }
+
+    /// A tree whose regions are divided by these planes, each cutting every leaf that it passes through.
+    pub fn cut_by(bounds: Bounds, planes: &[(Axis, f64)]) -> Result<Self, TreeError> {
+        let mut tree = Self::new(bounds, Limits { smallest_edge_m: 0.0, ..Limits::default() })?;
+        for &(axis, at) in planes {
+            let i = axis.index();
+            let crossed: Vec<_> = tree
+                .leaves()
+                .filter(|&leaf| {
+                    let cell = tree.cell(leaf);
+                    cell.min[i] < at && at < cell.max[i]
+                })
+                .collect();
+            if crossed.is_empty() || !at.is_finite() {
+                return Err(TreeError::Plane { axis, at });
+            }
+            for leaf in crossed {
+                tree.split_at(leaf, axis, at)?;
+            }
+        }
+        Ok(tree)
+    }
+
+    /// The box that subdivision works on. Bodies may leave it: the outer cells reach to infinity.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// When subdivision stops.
+    pub fn limits(&self) -> Limits {
+        self.limits
+    }
+
+    /// Cuts a leaf in the middle of its longest axis.
+    pub fn split(&mut self, leaf: RegionId) -> Result<(RegionId, RegionId), TreeError> {
+        let part = self.part(leaf);
+        let axis = part.longest_axis();
+        if self.is_leaf(leaf) && part.size()[axis.index()] * 0.5 < self.limits.smallest_edge_m {
+            return Err(TreeError::Limits(self.leaf_count()));
+        }
+        self.split_at(leaf, axis, part.centre()[axis.index()])
+    }
+
+    /// Cuts a leaf by a plane of one's own choice inside its cell.
+    pub fn split_at(
+        &mut self,
+        leaf: RegionId,
+        axis: Axis,
+        at: f64,
+    ) -> Result<(RegionId, RegionId), TreeError> {
+        if !self.is_leaf(leaf) {
+            return Err(TreeError::NotALeaf(leaf));
+        }
+        if depth(leaf) >= self.limits.largest_depth || self.leaf_count() >= self.limits.most_leaves {
+            return Err(TreeError::Limits(self.leaf_count()));
+        }
+        let cell = self.cell(leaf);
+        if !(cell.min[axis.index()] < at && at < cell.max[axis.index()]) {
+            return Err(TreeError::Plane { axis, at });
+        }
+        self.cuts.insert(leaf, (axis, at));
+        Ok(children(leaf))
+    }
+
+    /// Makes an inner vertex with two leaves a leaf again.
+    pub fn merge(&mut self, vertex: RegionId) -> Result<(), TreeError> {
+        let (left, right) = children(vertex);
+        if !self.cuts.contains_key(&vertex) || !self.is_leaf(left) || !self.is_leaf(right) {
+            return Err(TreeError::NotMergeable(vertex));
+        }
+        self.cuts.remove(&vertex);
+        Ok(())
+    }
+
+    /// Cuts and merges by load with hysteresis (thesis 3.2, 4.3.2.2): a leaf with more than `split` objects is cut, two
+    /// sibling leaves with fewer than `merge` together are merged; `merge < split`, so that nothing flaps.
+    /// `load_of` counts the objects in a cell. Returns whether anything changed.
+    pub fn adapt(&mut self, split: usize, merge: usize, load_of: impl Fn(&Cell) -> usize) -> bool {
+        assert!(merge < split, "merge {merge} must lie below split {split}, or regions flap");
+        let before = self.cuts.clone();
+        let mut open: Vec<_> = self.leaves().collect();
+        while let Some(leaf) = open.pop() {
+            if load_of(&self.cell(leaf)) > split
+                && let Ok((left, right)) = self.split(leaf)
+            {
+                open.extend([left, right]);
+            }
+        }
+        while let Some(vertex) = self.cuts.keys().rev().copied().find(|&vertex| {
+            let (left, right) = children(vertex);
+            self.is_leaf(left) && self.is_leaf(right) && load_of(&self.cell(vertex)) < merge
+        }) {
+            self.cuts.remove(&vertex);
+        }
+        before != self.cuts
+    }
+
+    /// Whether the vertex is a region.
+    pub fn is_leaf(&self, vertex: RegionId) -> bool {
+        let has_parent = vertex.0 == 0 || self.cuts.contains_key(&parent(vertex));
+        has_parent && !self.cuts.contains_key(&vertex)
+    }
+
+    /// How many regions.
+    pub fn leaf_count(&self) -> usize {
+        self.cuts.len() + 1
+    }
+
+    /// The regions in id order; a region's position here is its *rank*.
+    pub fn leaves(&self) -> impl Iterator<Item = RegionId> {
+        let mut leaves: Vec<_> = if self.cuts.is_empty() {
+            vec![RegionId(0)]
+        } else {
+            self.cuts
+                .keys()
+                .flat_map(|&vertex| {
+                    let (left, right) = children(vertex);
+                    [left, right]
+                })
+                .filter(|&vertex| self.is_leaf(vertex))
+                .collect()
+        };
+        leaves.sort_unstable();
+        leaves.into_iter()
+    }
+
+    /// The region that holds the point: exactly one does.
+    pub fn leaf_at(&self, point: [f64; 3]) -> RegionId {
+        let mut vertex = RegionId(0);
+        while let Some(&(axis, at)) = self.cuts.get(&vertex) {
+            let (left, right) = children(vertex);
+            vertex = if point[axis.index()] < at { left } else { right };
+        }
+        vertex
+    }
+
+    /// The regions that the closed box touches, in id order.
+    pub fn leaves_touching(&self, bounds: &Bounds) -> Vec<RegionId> {
+        let mut found = Vec::new();
+        let mut open = vec![RegionId(0)];
+        while let Some(vertex) = open.pop() {
+            let Some(&(axis, at)) = self.cuts.get(&vertex) else {
+                found.push(vertex);
+                continue;
+            };
+            let (left, right) = children(vertex);
+            if bounds.min[axis.index()] < at {
+                open.push(left);
+            }
+            if bounds.max[axis.index()] >= at {
+                open.push(right);
+            }
+        }
+        found.sort_unstable();
+        found
+    }
+
+    /// The half-open cell of any vertex; outer faces lie at infinity.
+    pub fn cell(&self, vertex: RegionId) -> Cell {
+        let mut cell = Cell::EVERYWHERE;
+        self.narrow(vertex, |axis, at, left| {
+            let face = if left { &mut cell.max } else { &mut cell.min };
+            face[axis.index()] = at;
+        });
+        cell
+    }
+
+    /// The part of the world's bounds that the vertex covers: its cell, but finite.
+    pub fn part(&self, vertex: RegionId) -> Bounds {
+        let mut part = self.bounds;
+        self.narrow(vertex, |axis, at, left| {
+            let face = if left { &mut part.max } else { &mut part.min };
+            face[axis.index()] = at;
+        });
+        part
+    }
+
+    /// The cut of an inner vertex.
+    pub fn cut_of(&self, vertex: RegionId) -> Option<(Axis, f64)> {
+        self.cuts.get(&vertex).copied()
+    }
+
+    /// Calls `narrow(axis, at, is_left)` for every cut on the way from the root to the vertex.
+    fn narrow(&self, vertex: RegionId, mut narrow: impl FnMut(Axis, f64, bool)) {
+        let mut path = Vec::new();
+        let mut at = vertex;
+        while at.0 != 0 {
+            path.push(at);
+            at = parent(at);
+        }
+        for &child in path.iter().rev() {
+            if let Some(&(axis, plane)) = self.cuts.get(&parent(child)) {
+                narrow(axis, plane, child == children(parent(child)).0);
+            }
+        }
+    }
+
+    fn may_halve(&self, leaf: RegionId) -> bool {
+        let part = self.part(leaf);
+        depth(leaf) < self.limits.largest_depth
+            && part.size()[part.longest_axis().index()] * 0.5 >= self.limits.smallest_edge_m
+    }
+
+    fn volume_m3(&self, vertex: RegionId) -> f64 {
+        self.part(vertex).size().iter().product()
+    }
+}
+
+/// Left and right child of a vertex.
+pub(super) const fn children(vertex: RegionId) -> (RegionId, RegionId) {
+    (RegionId(2 * vertex.0 + 1), RegionId(2 * vertex.0 + 2))
+}
+
+const fn parent(vertex: RegionId) -> RegionId {
+    RegionId((vertex.0 - 1) / 2)
+}
+
+const fn depth(vertex: RegionId) -> u32 {
+    (vertex.0 + 1).ilog2()
+}

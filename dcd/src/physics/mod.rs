@@ -1,1 +1,22 @@
-//! physics
+//! Regions of the world as Rapier worlds: bodies, replicas, coupling, contacts.
+
+mod assembly;
+mod convert;
+mod coupling;
+mod directory;
+mod host;
+mod joints;
+mod partition;
+mod query;
+mod record;
+mod region;
+mod shapes;
+mod statics;
+mod watch;
+
+pub use coupling::Coupling;
+pub use host::{HostError, RegionHost, StepSettings};
+pub use partition::Partition;
+pub use query::RayHit;
+pub use region::{Region, Role};
+pub use shapes::{ShapeError, ShapeLibrary};

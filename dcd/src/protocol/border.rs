@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 
 use super::{BodyRecord, JointRecord, Velocity, WorldPose};
-use crate::space::{BodyId, Epoch, JointId, RegionId, Tick};
+use crate::space::{BodyId, Epoch, RegionId, Tick};
 
 /// The owner's word on a body that the receiver holds a replica of.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
@@ -19,13 +19,6 @@ pub struct SharedState {
     pub velocity: Velocity,
     /// Whether the owner's copy sleeps.
     pub sleeping: bool,
-}
-
-/// A body that the receiver is to hold from now on, with the joints that tie it to bodies the receiver holds by then.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
-pub struct Replica {
-    /// The body, whole.
-    pub body: BodyRecord,
 }
 
 /// The receiver becomes the owner of a body.
@@ -48,8 +41,8 @@ pub struct BorderMessage {
     pub tick: Tick,
     /// Bodies that moved or changed sleep.
     pub states: Vec<SharedState>,
-    /// Bodies new to the receiver.
-    pub replicas: Vec<Replica>,
+    /// Bodies that the receiver is to hold a replica of from now on, whole.
+    pub replicas: Vec<BodyRecord>,
     /// Joints new to the receiver.
     pub joints: Vec<JointRecord>,
     /// Bodies the receiver need not hold any more.
@@ -58,8 +51,6 @@ pub struct BorderMessage {
     pub transfers: Vec<Transfer>,
     /// Bodies of the receiver whose replica was woken here.
     pub wakes: Vec<BodyId>,
-    /// Joints that were removed.
-    pub removed_joints: Vec<JointId>,
 }
 
 impl BorderMessage {
@@ -71,7 +62,6 @@ impl BorderMessage {
             && self.drops.is_empty()
             && self.transfers.is_empty()
             && self.wakes.is_empty()
-            && self.removed_joints.is_empty()
     }
 
     /// Forgets the content and keeps the memory.
@@ -82,7 +72,6 @@ impl BorderMessage {
         self.drops.clear();
         self.transfers.clear();
         self.wakes.clear();
-        self.removed_joints.clear();
     }
 }
 

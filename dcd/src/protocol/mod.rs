@@ -2,6 +2,8 @@
 
 mod body;
 mod border;
+mod contacts;
+mod hash;
 mod joint;
 mod shape;
 
@@ -10,7 +12,9 @@ pub use body::{
     Groups, MassRecord, Pose, Velocity, WorldPose,
 };
 pub use border::{
-    BorderMessage, ContactForce, ContactKey, RegionEvents, Replica, SharedState, Touch, Transfer,
+    BorderMessage, ContactForce, ContactKey, RegionEvents, SharedState, Touch, Transfer,
 };
+pub use contacts::{ContactLedger, WorldEvents};
+pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord};
 pub use shape::{ShapeHash, ShapeRecord};

@@ -1,1 +1,5 @@
-//! runtime
+//! Joins the parts into things that run: a local world; with `net`, a server, a node and a client.
+
+mod local;
+
+pub use local::{DcdWorld, Partitioning, Stats, WorldConfig, WorldError};

@@ -1,0 +1,390 @@
+//! Owner coupling: each body is computed by its owner; regions whose halo it touches hold a dynamic replica, which feels
+//! and is felt until the owner's word overwrites it after the step. A body is replicated before it is transferred
+//! (thesis 3.3.3), so its contacts and their warm start are there when authority changes.
+
+use rapier3d::prelude::*;
+
+use super::{Change, Ground};
+use crate::physics::ShapeError;
+use crate::physics::convert;
+use crate::physics::partition::{HALO_HYSTERESIS_M, HUB_REACH_M, OWNER_HYSTERESIS_M, Partition};
+use crate::physics::region::{Link, Region, Role};
+use crate::protocol::{BodyRecord, BorderMessage, SharedState, Transfer};
+use crate::space::{Bounds, RegionSet, Tick};
+
+/// Below these a replica's pose is left alone: a pose written every step would never let it sleep.
+const DEAD_BAND_M: f32 = 2e-3;
+const DEAD_BAND_RAD: f32 = 2e-3;
+const DEAD_BAND_M_S: f32 = 0.05;
+const DEAD_BAND_RAD_S: f32 = 0.1;
+/// A sleeping replica is left alone unless its owner says something that differs by more than this.
+const WAKE_M_S: f32 = 0.05;
+
+/// Says how owned bodies moved, and to whom they must go.
+pub(super) fn gather(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
+    for message in &mut region.outbox {
+        message.clear();
+        message.tick = tick;
+    }
+    if partition.len() == 1 {
+        return;
+    }
+    region.update_assemblies();
+    tell_states(region);
+    tell_wakes(region);
+    let mut changes = std::mem::take(&mut region.changes);
+    find_changes(region, partition, dt_s, &mut changes);
+    for change in changes.drain(..) {
+        tell_change(region, &change);
+    }
+    region.changes = changes;
+}
+
+/// Takes in the word of the owners.
+pub(super) fn apply<'a>(
+    region: &mut Region,
+    inbox: impl Iterator<Item = &'a BorderMessage>,
+    ground: Ground<'_>,
+) -> Result<(), ShapeError> {
+    region.arrived.clear();
+    cover_hubs(region, ground)?;
+    for message in inbox {
+        let sender = ground.partition.rank_of(message.from).expect("messages come from regions of this tree");
+        for transfer in &message.transfers {
+            take_over(region, transfer, sender, ground)?;
+        }
+        for body in &message.replicas {
+            hold(region, body, sender, ground)?;
+        }
+        for joint in &message.joints {
+            ground.statics.ensure(region, joint, ground.shapes)?;
+            region.insert_joint(joint);
+        }
+        write_states(region, &message.states, sender);
+        for &id in &message.drops {
+            let handle = region.handle_of(id);
+            // The word may have crossed a transfer: only a replica of the sender's is dropped.
+            if handle.is_some_and(|handle| region.slot(handle).role == Role::Replica { owner: sender }) {
+                region.remove(id);
+            }
+        }
+        for &id in &message.wakes {
+            if let Some(handle) = region.handle_of(id)
+                && region.slot(handle).role == Role::Owner
+            {
+                region.world_mut().wake_up(handle, true);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Large bodies reach far out of the cell: the ground under all of them must be here.
+fn cover_hubs(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError> {
+    for index in 0..region.shared.len() + region.replicas.len() {
+        let owned = region.shared.len();
+        let link = if index < owned { region.shared[index] } else { region.replicas[index - owned] };
+        if region.slot(link.handle).reach_m > HUB_REACH_M {
+            ground.statics.cover(region, link.handle, ground.shapes)?;
+        }
+    }
+    Ok(())
+}
+
+/// Every body held elsewhere: where it is, and once that it fell asleep.
+fn tell_states(region: &mut Region) {
+    for index in 0..region.shared.len() {
+        let link = region.shared[index];
+        let state = region.shared_state(link.handle);
+        let slot = region.slot_mut(link.handle);
+        if state.sleeping && slot.told_asleep {
+            continue;
+        }
+        slot.told_asleep = state.sleeping;
+        for rank in slot.holders.iter() {
+            region.outbox[rank].states.push(state);
+        }
+    }
+}
+
+/// Replicas that something here has stirred although their owner sleeps.
+fn tell_wakes(region: &mut Region) {
+    for index in 0..region.replicas.len() {
+        let link = region.replicas[index];
+        let slot = region.slot(link.handle);
+        let (Some(asleep_at), Role::Replica { owner }) = (slot.asleep_at, slot.role) else { continue };
+        let body = &region.physics().bodies[link.handle];
+        let stirred = !body.is_sleeping()
+            && (body.linvel().length() > WAKE_M_S
+                || (body.translation() - asleep_at.translation).length() > DEAD_BAND_M);
+        if stirred {
+            region.outbox[owner].wakes.push(link.id);
+        }
+    }
+}
+
+/// Looks at every awake body and at every assembly with an awake member; `changes` come out in id order.
+fn find_changes(region: &Region, partition: &Partition, dt_s: f32, changes: &mut Vec<Change>) {
+    let world = region.physics();
+    let inner = Inner::of(region, partition);
+    let mut awake_assemblies = Vec::new();
+    for handle in world.islands.active_bodies() {
+        let body = &world.bodies[handle];
+        let slot = region.slot(handle);
+        if slot.role != Role::Owner {
+            continue;
+        }
+        if let Some(assembly) = slot.assembly {
+            awake_assemblies.push(assembly);
+            continue;
+        }
+        let reach_m = slot.reach_m + body.linvel().length() * dt_s;
+        if slot.holders.is_empty() && inner.holds(body.center_of_mass(), reach_m) {
+            continue;
+        }
+        let near = Near::of(region, partition, handle, dt_s);
+        let centre = convert::world_point(region.anchor(), body.center_of_mass());
+        let link = Link { id: slot.id, handle };
+        propose(region, link, near, new_owner(region, partition, centre), changes);
+    }
+    awake_assemblies.sort_unstable();
+    awake_assemblies.dedup();
+    for index in awake_assemblies {
+        let members = &region.assemblies[index as usize].members;
+        let mut near = Near::default();
+        let mut centre = [0.0; 3];
+        for link in members {
+            near = near.union(Near::of(region, partition, link.handle, dt_s));
+            let com = convert::world_point(region.anchor(), world.bodies[link.handle].center_of_mass());
+            centre = std::array::from_fn(|i| centre[i] + com[i] / members.len() as f64);
+        }
+        let owner = new_owner(region, partition, centre);
+        for &link in members {
+            propose(region, link, near, owner, changes);
+        }
+    }
+    changes.sort_unstable_by_key(|change| change.link.id);
+}
+
+fn propose(
+    region: &Region,
+    link: Link,
+    near: Near,
+    owner: usize,
+    changes: &mut Vec<Change>,
+) {
+    let own = RegionSet::only(region.rank());
+    let held = region.slot(link.handle).holders;
+    let still_near = RegionSet::from_bits(held.bits() & near.within_hysteresis.bits());
+    let holders = near.within_halo.union(still_near).without(own);
+    if holders != held || owner != region.rank() {
+        changes.push(Change { link, holders, owner });
+    }
+}
+
+/// The region of the centre, once the centre has left the present one for good.
+fn new_owner(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize {
+    if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
+        partition.rank_at(centre)
+    } else {
+        region.rank()
+    }
+}
+
+/// Sends the body to its new holders, calls it back from those that need it no more, and hands over authority.
+fn tell_change(region: &mut Region, change: &Change) {
+    let Change { link, holders, owner } = *change;
+    let own = RegionSet::only(region.rank());
+    let slot = region.slot(link.handle);
+    let (before, epoch) = (slot.holders, slot.epoch);
+    let record = region.body_record(link.handle);
+    let joints: Vec<_> = region.joints_of(link.handle).collect();
+    let leaving = owner != region.rank();
+    let target = RegionSet::only(owner);
+    let added = holders.without(before).without(if leaving { target } else { RegionSet::EMPTY });
+    for rank in added.iter() {
+        region.outbox[rank].replicas.push(record.clone());
+        region.outbox[rank].joints.extend_from_slice(&joints);
+    }
+    for rank in before.without(holders).without(if leaving { target } else { RegionSet::EMPTY }).iter() {
+        region.outbox[rank].drops.push(link.id);
+    }
+    if leaving {
+        let holders = holders.union(own).without(target);
+        let body = BodyRecord { epoch: epoch.next(), ..record };
+        let message = &mut region.outbox[owner];
+        message.transfers.push(Transfer { body, holders: holders.bits() });
+        message.joints.extend(joints);
+        region.set_role(link.handle, Role::Replica { owner }, RegionSet::EMPTY, epoch.next());
+    } else {
+        region.set_role(link.handle, Role::Owner, holders, epoch);
+    }
+}
+
+fn take_over(
+    region: &mut Region,
+    transfer: &Transfer,
+    sender: usize,
+    ground: Ground<'_>,
+) -> Result<(), ShapeError> {
+    let body = &transfer.body;
+    let holders = RegionSet::from_bits(transfer.holders).without(RegionSet::only(region.rank()));
+    let handle = match region.handle_of(body.id) {
+        None => {
+            hold(region, body, sender, ground)?;
+            region.handle_of(body.id).expect("just inserted")
+        }
+        Some(handle) => handle,
+    };
+    assert!(
+        region.slot(handle).role != Role::Owner,
+        "{} is transferred to {} which owns it already",
+        body.id,
+        region.id()
+    );
+    region.set_role(handle, Role::Owner, holders, body.epoch);
+    region.arrived.push(Link { id: body.id, handle });
+    let pose = convert::region_from_world(region.anchor(), &body.state.pose);
+    let state = &body.state;
+    let rigid_body = &mut region.world_mut().bodies[handle];
+    rigid_body.set_position(pose, false);
+    rigid_body.set_linvel(convert::vector(state.velocity.linear), false);
+    rigid_body.set_angvel(convert::vector(state.velocity.angular), false);
+    set_user_forces(rigid_body, state.force, state.torque);
+    rigid_body.activation_mut().time_since_can_sleep = state.still_s;
+    if !state.sleeping && rigid_body.is_sleeping() {
+        region.world_mut().wake_up(handle, true);
+    }
+    Ok(())
+}
+
+fn set_user_forces(body: &mut RigidBody, force: [f32; 3], torque: [f32; 3]) {
+    body.reset_forces(false);
+    body.reset_torques(false);
+    body.add_force(convert::vector(force), false);
+    body.add_torque(convert::vector(torque), false);
+}
+
+/// Inserts a replica, or renews one that is here already.
+fn hold(
+    region: &mut Region,
+    body: &BodyRecord,
+    sender: usize,
+    ground: Ground<'_>,
+) -> Result<(), ShapeError> {
+    match region.handle_of(body.id) {
+        Some(handle) if region.slot(handle).role == Role::Owner => return Ok(()),
+        Some(_) => {
+            region.remove(body.id);
+        }
+        None => {}
+    }
+    let handle = region.insert(body, Role::Replica { owner: sender }, RegionSet::EMPTY, ground.shapes)?;
+    ground.statics.cover(region, handle, ground.shapes)
+}
+
+/// Walks both lists, which are in id order, side by side: no look-up a body.
+fn write_states(region: &mut Region, states: &[SharedState], sender: usize) {
+    let mut at = 0;
+    for state in states {
+        while at < region.replicas.len() && region.replicas[at].id < state.id {
+            at += 1;
+        }
+        let Some(&link) = region.replicas.get(at) else { return };
+        if link.id == state.id {
+            write_state(region, link, state, sender);
+        }
+    }
+}
+
+fn write_state(region: &mut Region, link: Link, state: &SharedState, sender: usize) {
+    let pose = convert::region_from_world(region.anchor(), &state.pose);
+    let slot = region.slot_mut(link.handle);
+    if state.epoch < slot.epoch {
+        return;
+    }
+    slot.epoch = state.epoch;
+    slot.role = Role::Replica { owner: sender };
+    slot.asleep_at = state.sleeping.then_some(pose);
+    let (linear, angular) =
+        (convert::vector(state.velocity.linear), convert::vector(state.velocity.angular));
+    let body = &mut region.world_mut().bodies[link.handle];
+    let moved_m = (pose.translation - body.translation()).length();
+    let turned_rad = 2.0 * pose.rotation.dot(*body.rotation()).abs().min(1.0).acos();
+    if body.is_sleeping() {
+        let differs = moved_m > DEAD_BAND_M
+            || linear.length() > WAKE_M_S
+            || angular.length() > WAKE_M_S
+            || turned_rad > 5.0 * DEAD_BAND_RAD;
+        if differs {
+            body.set_position(pose, false);
+            body.set_linvel(linear, false);
+            body.set_angvel(angular, false);
+            region.world_mut().wake_up(link.handle, true);
+        }
+        return;
+    }
+    body.set_linvel(linear, false);
+    body.set_angvel(angular, false);
+    let still = linear.length() < DEAD_BAND_M_S
+        && angular.length() < DEAD_BAND_RAD_S
+        && moved_m < DEAD_BAND_M
+        && turned_rad < DEAD_BAND_RAD;
+    if !still {
+        body.set_position(pose, false);
+    }
+}
+
+/// The part of a region where nothing concerns its neighbours, in region space.
+struct Inner {
+    min: Vector,
+    max: Vector,
+}
+
+impl Inner {
+    fn of(region: &Region, partition: &Partition) -> Self {
+        let (cell, halo) = (region.cell(), partition.halo_m());
+        Self {
+            min: convert::region_point(region.anchor(), cell.min.map(|v| v + halo)),
+            max: convert::region_point(region.anchor(), cell.max.map(|v| v - halo)),
+        }
+    }
+
+    fn holds(&self, centre: Vector, reach_m: f32) -> bool {
+        let reach = Vector::splat(reach_m);
+        (centre - reach).cmpge(self.min).all() && (centre + reach).cmplt(self.max).all()
+    }
+}
+
+/// The regions whose cell a body comes near.
+#[derive(Clone, Copy, Default)]
+struct Near {
+    within_halo: RegionSet,
+    within_hysteresis: RegionSet,
+}
+
+impl Near {
+    fn of(region: &Region, partition: &Partition, handle: RigidBodyHandle, dt_s: f32) -> Self {
+        let slot = region.slot(handle);
+        let body = &region.physics().bodies[handle];
+        let travel_m = f64::from(body.linvel().length() * dt_s);
+        let bounds = if slot.reach_m > HUB_REACH_M {
+            region.world_bounds(handle)
+        } else {
+            let centre = convert::world_point(region.anchor(), body.center_of_mass());
+            Bounds::around(centre, [f64::from(slot.reach_m); 3])
+        };
+        let halo = bounds.grown(partition.halo_m() + travel_m);
+        Self {
+            within_halo: partition.touching(&halo),
+            within_hysteresis: partition.touching(&halo.grown(HALO_HYSTERESIS_M)),
+        }
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self {
+            within_halo: self.within_halo.union(other.within_halo),
+            within_hysteresis: self.within_hysteresis.union(other.within_hysteresis),
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Where the owner's copy of each body is: one look-up a call of a user's, none a body and step.
+
+use std::collections::BTreeMap;
+
+use rapier3d::prelude::RigidBodyHandle;
+
+use crate::space::BodyId;
+
+/// Rank of the region and Rapier's handle there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Home {
+    pub rank: usize,
+    pub handle: RigidBodyHandle,
+}
+
+/// Persistent ids below this index an array; higher ones, which a peer could choose, must not make it grow.
+const DENSE: u32 = 1 << 20;
+
+/// Low persistent ids are dense, so they index an array; the other bodies are few.
+#[derive(Default)]
+pub(super) struct Directory {
+    dense: Vec<Option<Home>>,
+    sparse: BTreeMap<BodyId, Home>,
+    len: usize,
+}
+
+impl Directory {
+    pub(super) fn home(&self, id: BodyId) -> Option<Home> {
+        match dense_index(id) {
+            Some(index) => *self.dense.get(index)?,
+            None => self.sparse.get(&id).copied(),
+        }
+    }
+
+    pub(super) fn set(&mut self, id: BodyId, home: Home) {
+        let before = match dense_index(id) {
+            Some(index) => {
+                if self.dense.len() <= index {
+                    self.dense.resize(index + 1, None);
+                }
+                self.dense[index].replace(home)
+            }
+            None => self.sparse.insert(id, home),
+        };
+        self.len += usize::from(before.is_none());
+    }
+
+    pub(super) fn remove(&mut self, id: BodyId) {
+        let before = match dense_index(id) {
+            Some(index) => self.dense.get_mut(index).and_then(Option::take),
+            None => self.sparse.remove(&id),
+        };
+        self.len -= usize::from(before.is_some());
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// In id order: dense ids are the lowest.
+    pub(super) fn homes(&self) -> impl Iterator<Item = (BodyId, Home)> {
+        let dense = self
+            .dense
+            .iter()
+            .enumerate()
+            .filter_map(|(index, home)| Some((BodyId::persistent(index as u32), (*home)?)));
+        dense.chain(self.sparse.iter().map(|(&id, &home)| (id, home)))
+    }
+}
+
+fn dense_index(id: BodyId) -> Option<usize> {
+    (id.client().is_none() && id.index() < DENSE).then_some(id.index() as usize)
+}

@@ -1,0 +1,365 @@
+//! Bodies to their records and back: what a transfer must not lose.
+
+use std::sync::Arc;
+
+use rapier3d::dynamics::RigidBodyAdditionalMassProps;
+use rapier3d::geometry::ColliderMassProps;
+use rapier3d::prelude::*;
+
+use super::convert::{self, vector};
+use super::shapes::{ShapeError, ShapeLibrary};
+use crate::protocol::{
+    BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ExtraMass, Groups,
+    MassRecord, WorldPose,
+};
+use crate::space::{BodyId, Bounds, Epoch};
+
+/// Records a body that a user describes by Rapier's builders, at a pose in world space.
+pub(crate) fn record_of_builders(
+    id: BodyId,
+    pose: WorldPose,
+    body: &RigidBodyBuilder,
+    colliders: &[ColliderBuilder],
+    shapes: &mut ShapeLibrary,
+) -> Result<BodyRecord, ShapeError> {
+    let built = body.build();
+    let colliders =
+        colliders.iter().map(|collider| collider_record(collider, shapes)).collect::<Result<Vec<_>, _>>()?;
+    let traits = Arc::new(traits_of(&built, colliders));
+    // The pose is the world's: state_of must not see the builder's own.
+    let state = BodyState { pose, ..state_of(&built, [0.0; 3]) };
+    Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
+}
+
+/// Reads what a step changes from Rapier's body.
+pub(crate) fn state_of(body: &RigidBody, anchor: [f64; 3]) -> BodyState {
+    BodyState {
+        pose: convert::world_from_region(anchor, body.position()),
+        velocity: convert::velocity_of(body),
+        force: body.user_force().to_array(),
+        torque: body.user_torque().to_array(),
+        sleeping: body.is_sleeping(),
+        still_s: body.activation().time_since_can_sleep,
+    }
+}
+
+/// Reads what a step does not change; the colliders' records are handed in, since Rapier forgets the source of their mass.
+pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> BodyTraits {
+    let activation = body.activation();
+    BodyTraits {
+        kind: match body.body_type() {
+            RigidBodyType::Dynamic | RigidBodyType::SoftFrame => BodyKind::Dynamic,
+            RigidBodyType::Fixed => BodyKind::Fixed,
+            RigidBodyType::KinematicPositionBased => BodyKind::KinematicPosition,
+            RigidBodyType::KinematicVelocityBased => BodyKind::KinematicVelocity,
+        },
+        enabled: body.is_enabled(),
+        linear_damping: body.linear_damping(),
+        angular_damping: body.angular_damping(),
+        gravity_scale: body.gravity_scale(),
+        locked_axes: body.locked_axes().bits(),
+        dominance: body.dominance_group(),
+        ccd: body.is_ccd_enabled(),
+        soft_ccd_m: body.soft_ccd_prediction(),
+        fast_rotation: body.is_fast_rotation_allowed(),
+        gyroscopic: body.gyroscopic_forces_enabled(),
+        extra_solver_iterations: body.additional_solver_iterations() as u32,
+        extra_pgs_iterations: body.additional_pgs_iterations() as u32,
+        sleep_linear_threshold: activation.normalized_linear_threshold,
+        sleep_angular_threshold: activation.angular_threshold,
+        sleep_after_s: activation.time_until_sleep,
+        extra_mass: body.mass_properties().additional_local_mprops.as_deref().and_then(|extra| match extra {
+            RigidBodyAdditionalMassProps::Mass(mass) if *mass == 0.0 => None,
+            RigidBodyAdditionalMassProps::Mass(mass) => Some(ExtraMass::Mass(*mass)),
+            RigidBodyAdditionalMassProps::MassProps(props) => Some(ExtraMass::Properties(mass_record(props))),
+        }),
+        colliders,
+        user_data: body.user_data,
+    }
+}
+
+/// Builds Rapier's body and colliders, in the space of a region with this anchor.
+pub(crate) fn build(
+    record: &BodyRecord,
+    anchor: [f64; 3],
+    shapes: &ShapeLibrary,
+) -> Result<(RigidBody, Vec<Collider>), ShapeError> {
+    let (traits, state) = (&record.traits, &record.state);
+    let kind = match traits.kind {
+        BodyKind::Dynamic => RigidBodyType::Dynamic,
+        BodyKind::Fixed => RigidBodyType::Fixed,
+        BodyKind::KinematicPosition => RigidBodyType::KinematicPositionBased,
+        BodyKind::KinematicVelocity => RigidBodyType::KinematicVelocityBased,
+    };
+    let mut builder = RigidBodyBuilder::new(kind)
+        .position(convert::region_from_world(anchor, &state.pose))
+        .linvel(vector(state.velocity.linear))
+        .angvel(vector(state.velocity.angular))
+        .linear_damping(traits.linear_damping)
+        .angular_damping(traits.angular_damping)
+        .gravity_scale(traits.gravity_scale)
+        .locked_axes(LockedAxes::from_bits_truncate(traits.locked_axes))
+        .dominance_group(traits.dominance)
+        .ccd_enabled(traits.ccd)
+        .soft_ccd_prediction(traits.soft_ccd_m)
+        .allow_fast_rotation(traits.fast_rotation)
+        .gyroscopic_forces_enabled(traits.gyroscopic)
+        .additional_solver_iterations(traits.extra_solver_iterations as usize)
+        .additional_pgs_iterations(traits.extra_pgs_iterations as usize)
+        .sleeping(state.sleeping)
+        .enabled(traits.enabled)
+        .user_data(traits.user_data);
+    builder = match traits.extra_mass {
+        None => builder,
+        Some(ExtraMass::Mass(mass)) => builder.additional_mass(mass),
+        Some(ExtraMass::Properties(props)) => builder.additional_mass_properties(mass_properties(&props)),
+    };
+    let mut body = builder.build();
+    if body.is_dynamic() {
+        body.add_force(vector(state.force), false);
+        body.add_torque(vector(state.torque), false);
+    }
+    let activation = body.activation_mut();
+    activation.normalized_linear_threshold = traits.sleep_linear_threshold;
+    activation.angular_threshold = traits.sleep_angular_threshold;
+    activation.time_until_sleep = traits.sleep_after_s;
+    activation.time_since_can_sleep = state.still_s;
+    let colliders =
+        traits.colliders.iter().map(|collider| build_collider(collider, shapes)).collect::<Result<_, _>>()?;
+    Ok((body, colliders))
+}
+
+/// The box around the colliders of a body in this pose, in world space; infinite for half-spaces.
+pub(crate) fn bounds_of(record: &BodyRecord, shapes: &ShapeLibrary) -> Result<Bounds, ShapeError> {
+    let origin = record.state.pose.translation;
+    let at_origin = Pose::from_parts(Vector::ZERO, convert::rotation(record.state.pose.rotation));
+    let mut bounds = Bounds::new(origin, origin);
+    for collider in &record.traits.colliders {
+        let shape = shapes.shape(collider.shape)?;
+        let aabb = shape.compute_aabb(&(at_origin * convert::pose(collider.pose)));
+        let (min, max) = (aabb.mins.to_array(), aabb.maxs.to_array());
+        // Parry's half-space spans half of f32's range: that is infinity here.
+        let far = |v: f32| if v.abs() > 1e30 { f64::INFINITY.copysign(f64::from(v)) } else { f64::from(v) };
+        bounds = bounds.union(&Bounds {
+            min: std::array::from_fn(|i| origin[i] + far(min[i])),
+            max: std::array::from_fn(|i| origin[i] + far(max[i])),
+        });
+    }
+    Ok(bounds)
+}
+
+/// How far a body's colliders reach from its centre of mass, in metres: the radius of a ball that holds them all.
+pub(crate) fn reach_of(body: &RigidBody, colliders: &ColliderSet) -> f32 {
+    let centre = body.local_center_of_mass();
+    body.colliders()
+        .iter()
+        .filter_map(|&handle| colliders.get(handle))
+        .map(|collider| {
+            let local = collider.position_wrt_parent().copied().unwrap_or(Pose::IDENTITY);
+            let ball = collider.shape().compute_bounding_sphere(&local);
+            (ball.center - centre).length() + ball.radius + collider.contact_skin()
+        })
+        .fold(0.0, f32::max)
+}
+
+fn collider_record(
+    collider: &ColliderBuilder,
+    shapes: &mut ShapeLibrary,
+) -> Result<ColliderRecord, ShapeError> {
+    Ok(ColliderRecord {
+        shape: shapes.intern(&collider.shape)?,
+        pose: convert::pose_record(&collider.position),
+        mass: match &collider.mass_properties {
+            ColliderMassProps::Density(density) => ColliderMass::Density(*density),
+            ColliderMassProps::Mass(mass) => ColliderMass::Mass(*mass),
+            ColliderMassProps::MassProperties(props) => ColliderMass::Properties(mass_record(props)),
+        },
+        friction: collider.friction,
+        friction_rule: combine_rule(collider.friction_combine_rule),
+        restitution: collider.restitution,
+        restitution_rule: combine_rule(collider.restitution_combine_rule),
+        sensor: collider.is_sensor,
+        enabled: collider.enabled,
+        collision_groups: groups(collider.collision_groups),
+        solver_groups: groups(collider.solver_groups),
+        collision_types: collider.active_collision_types.bits(),
+        events: collider.active_events.bits(),
+        force_event_threshold_n: collider.contact_force_event_threshold,
+        contact_skin_m: collider.contact_skin,
+        user_data: collider.user_data,
+    })
+}
+
+fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Collider, ShapeError> {
+    let builder = ColliderBuilder::new(shapes.shape(record.shape)?)
+        .position(convert::pose(record.pose))
+        .friction(record.friction)
+        .friction_combine_rule(rapier_rule(record.friction_rule))
+        .restitution(record.restitution)
+        .restitution_combine_rule(rapier_rule(record.restitution_rule))
+        .sensor(record.sensor)
+        .enabled(record.enabled)
+        .collision_groups(rapier_groups(record.collision_groups))
+        .solver_groups(rapier_groups(record.solver_groups))
+        .active_collision_types(ActiveCollisionTypes::from_bits_truncate(record.collision_types))
+        .active_events(ActiveEvents::from_bits_truncate(record.events))
+        .contact_force_event_threshold(record.force_event_threshold_n)
+        .contact_skin(record.contact_skin_m)
+        .user_data(record.user_data);
+    Ok(match record.mass {
+        ColliderMass::Density(density) => builder.density(density),
+        ColliderMass::Mass(mass) => builder.mass(mass),
+        ColliderMass::Properties(props) => builder.mass_properties(mass_properties(&props)),
+    }
+    .build())
+}
+
+fn mass_record(props: &MassProperties) -> MassRecord {
+    MassRecord {
+        local_com: props.local_com.to_array(),
+        inv_mass: props.inv_mass,
+        inv_principal_inertia: props.inv_principal_inertia.to_array(),
+        principal_frame: props.principal_inertia_local_frame.to_array(),
+    }
+}
+
+fn mass_properties(record: &MassRecord) -> MassProperties {
+    MassProperties {
+        local_com: vector(record.local_com),
+        inv_mass: record.inv_mass,
+        inv_principal_inertia: vector(record.inv_principal_inertia),
+        principal_inertia_local_frame: convert::rotation(record.principal_frame),
+    }
+}
+
+fn groups(groups: InteractionGroups) -> Groups {
+    Groups {
+        memberships: groups.memberships.bits(),
+        filter: groups.filter.bits(),
+        any: groups.test_mode == InteractionTestMode::Or,
+    }
+}
+
+fn rapier_groups(groups: Groups) -> InteractionGroups {
+    let mode = if groups.any { InteractionTestMode::Or } else { InteractionTestMode::And };
+    InteractionGroups::new(
+        Group::from_bits_retain(groups.memberships),
+        Group::from_bits_retain(groups.filter),
+        mode,
+    )
+}
+
+fn combine_rule(rule: CoefficientCombineRule) -> CombineRule {
+    match rule {
+        CoefficientCombineRule::Average => CombineRule::Average,
+        CoefficientCombineRule::Min => CombineRule::Min,
+        CoefficientCombineRule::Multiply => CombineRule::Multiply,
+        CoefficientCombineRule::Max => CombineRule::Max,
+        CoefficientCombineRule::ClampedSum => CombineRule::ClampedSum,
+        CoefficientCombineRule::GeometricMean => CombineRule::GeometricMean,
+    }
+}
+
+fn rapier_rule(rule: CombineRule) -> CoefficientCombineRule {
+    match rule {
+        CombineRule::Average => CoefficientCombineRule::Average,
+        CombineRule::Min => CoefficientCombineRule::Min,
+        CombineRule::Multiply => CoefficientCombineRule::Multiply,
+        CombineRule::Max => CoefficientCombineRule::Max,
+        CombineRule::ClampedSum => CoefficientCombineRule::ClampedSum,
+        CombineRule::GeometricMean => CoefficientCombineRule::GeometricMean,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body with nothing left at its default.
+    fn unusual() -> (RigidBodyBuilder, Vec<ColliderBuilder>) {
+        let mass = MassProperties::new(Vector::new(0.1, 0.2, 0.3), 4.0, Vector::new(1.0, 2.0, 3.0));
+        let body = RigidBodyBuilder::dynamic()
+            .linvel(Vector::new(1.0, 2.0, 3.0))
+            .angvel(Vector::new(0.1, 0.2, 0.3))
+            .linear_damping(0.25)
+            .angular_damping(0.5)
+            .gravity_scale(0.75)
+            .locked_axes(LockedAxes::TRANSLATION_LOCKED_X | LockedAxes::ROTATION_LOCKED_Z)
+            .dominance_group(3)
+            .ccd_enabled(true)
+            .soft_ccd_prediction(0.125)
+            .allow_fast_rotation(true)
+            .gyroscopic_forces_enabled(false)
+            .additional_solver_iterations(2)
+            .additional_pgs_iterations(3)
+            .additional_mass_properties(mass)
+            .can_sleep(false)
+            .user_data(u128::MAX - 5);
+        let collider = ColliderBuilder::cuboid(0.5, 1.0, 1.5)
+            .position(Pose::from_parts(Vector::new(0.0, 0.5, 0.0), Rotation::from_rotation_x(0.5)))
+            .mass(3.0)
+            .friction(0.9)
+            .friction_combine_rule(CoefficientCombineRule::Max)
+            .restitution(0.4)
+            .restitution_combine_rule(CoefficientCombineRule::Multiply)
+            .collision_groups(InteractionGroups::new(Group::GROUP_3, Group::GROUP_7, InteractionTestMode::Or))
+            .solver_groups(InteractionGroups::new(Group::GROUP_1, Group::GROUP_2, InteractionTestMode::And))
+            .active_collision_types(ActiveCollisionTypes::all())
+            .active_events(ActiveEvents::all())
+            .contact_force_event_threshold(12.0)
+            .contact_skin(0.01)
+            .user_data(77);
+        let sensor = ColliderBuilder::ball(2.0).sensor(true).mass_properties(mass).enabled(false);
+        (body, vec![collider, sensor])
+    }
+
+    #[test]
+    fn a_body_rebuilt_from_its_record_has_the_same_record() {
+        let (body, colliders) = unusual();
+        let mut shapes = ShapeLibrary::default();
+        let pose = WorldPose { translation: [1.0, 2.0, 3.0], rotation: [0.5, 0.5, 0.5, 0.5] };
+        let mut record =
+            record_of_builders(BodyId::persistent(9), pose, &body, &colliders, &mut shapes).unwrap();
+        record.state.force = [1.0, -2.0, 3.0];
+        record.state.torque = [0.0, 0.5, 0.0];
+        record.state.still_s = 0.25;
+        let (rebuilt, _) = build(&record, [0.0; 3], &shapes).unwrap();
+        assert_eq!(state_of(&rebuilt, [0.0; 3]), record.state);
+        assert_eq!(traits_of(&rebuilt, record.traits.colliders.clone()), *record.traits);
+    }
+
+    #[test]
+    fn a_collider_rebuilt_from_its_record_is_the_one_that_was_described() {
+        let (_, colliders) = unusual();
+        let mut shapes = ShapeLibrary::default();
+        for builder in &colliders {
+            let record = collider_record(builder, &mut shapes).unwrap();
+            let (direct, rebuilt) = (builder.build(), build_collider(&record, &shapes).unwrap());
+            // `Collider` is not comparable; its serialised form holds every field.
+            let text = |collider: &Collider| format!("{collider:?}");
+            assert_eq!(text(&direct).len(), text(&rebuilt).len());
+            assert_eq!(direct.material(), rebuilt.material());
+            assert_eq!(direct.mass_properties(), rebuilt.mass_properties());
+            assert_eq!(direct.collision_groups(), rebuilt.collision_groups());
+            assert_eq!(direct.solver_groups(), rebuilt.solver_groups());
+            assert_eq!(direct.active_events(), rebuilt.active_events());
+            assert_eq!(direct.active_collision_types(), rebuilt.active_collision_types());
+            assert_eq!(direct.is_sensor(), rebuilt.is_sensor());
+            assert_eq!(direct.is_enabled(), rebuilt.is_enabled());
+            assert_eq!(direct.contact_skin(), rebuilt.contact_skin());
+            assert_eq!(direct.contact_force_event_threshold(), rebuilt.contact_force_event_threshold());
+            assert_eq!(direct.position(), rebuilt.position());
+            assert_eq!(direct.user_data, rebuilt.user_data);
+        }
+    }
+
+    #[test]
+    fn a_half_space_reaches_everywhere() {
+        let mut shapes = ShapeLibrary::default();
+        let floor = ColliderBuilder::new(SharedShape::halfspace(Vector::Y));
+        let body = RigidBodyBuilder::fixed();
+        let record =
+            record_of_builders(BodyId::default(), WorldPose::default(), &body, &[floor], &mut shapes).unwrap();
+        assert_eq!(bounds_of(&record, &shapes).unwrap().min[0], f64::NEG_INFINITY);
+    }
+}

@@ -1,0 +1,447 @@
+//! One region: a Rapier world around an anchor, and who owns what in it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use rapier3d::prelude::*;
+
+use super::assembly::{self, Assembly};
+use super::partition::HUB_REACH_M;
+use super::shapes::{ShapeError, ShapeLibrary};
+use super::watch::ContactWatch;
+use super::{convert, joints, record};
+use crate::protocol::{
+    BodyKind, BodyRecord, BodyState, BodyTraits, BorderMessage, JointRecord, RegionEvents, SharedState, WorldPose,
+};
+use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet};
+
+/// Immovable bodies are held this far beyond the cell, so that what reaches out of it finds its ground.
+const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
+
+/// What a region is to a body that it holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Role {
+    /// The body never moves; every region near it holds it and none sends it.
+    Immovable,
+    /// This region has authority over it.
+    Owner,
+    /// The region of this rank has.
+    Replica {
+        /// Rank of the owner.
+        owner: usize,
+    },
+}
+
+/// What a region knows of a body besides Rapier's own.
+#[derive(Debug)]
+pub(super) struct Slot {
+    pub id: BodyId,
+    pub epoch: Epoch,
+    pub role: Role,
+    /// The other regions that hold it; kept by the owner.
+    pub holders: RegionSet,
+    pub traits: Arc<BodyTraits>,
+    /// Radius of a ball around the centre of mass that holds all colliders, in metres.
+    pub reach_m: f32,
+    /// The joints it hangs on, in order of insertion.
+    pub joints: Vec<JointId>,
+    /// Index into the region's assemblies, if joints tie it to others.
+    pub assembly: Option<u32>,
+    /// Owner: whether the holders know that it sleeps.
+    pub told_asleep: bool,
+    /// Replica: where the owner's copy fell asleep.
+    pub asleep_at: Option<Pose>,
+}
+
+/// A body by name and by Rapier's handle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Link {
+    pub id: BodyId,
+    pub handle: RigidBodyHandle,
+}
+
+struct HeldJoint {
+    record: JointRecord,
+    handle: ImpulseJointHandle,
+}
+
+/// A leaf of the distribution tree with its Rapier world.
+pub struct Region {
+    id: RegionId,
+    rank: usize,
+    cell: Cell,
+    anchor: [f64; 3],
+    world: PhysicsWorld,
+    /// By Rapier's body index.
+    slots: Vec<Option<Slot>>,
+    by_id: BTreeMap<BodyId, RigidBodyHandle>,
+    /// Bodies owned here and held elsewhere too, in id order.
+    pub(super) shared: Vec<Link>,
+    /// Bodies owned elsewhere, in id order.
+    pub(super) replicas: Vec<Link>,
+    pub(super) assemblies: Vec<Assembly>,
+    assemblies_stale: bool,
+    joints: BTreeMap<JointId, HeldJoint>,
+    /// Immovable bodies that touch this box are held here.
+    covered: Bounds,
+    watch: ContactWatch,
+    pub(super) events: RegionEvents,
+    /// One message a region of the world, by rank.
+    pub(super) outbox: Vec<BorderMessage>,
+    /// Bodies that became this region's own in the last exchange.
+    pub(super) arrived: Vec<Link>,
+    /// Scratch of the coupling, kept for its memory.
+    pub(super) changes: Vec<super::coupling::Change>,
+}
+
+impl Region {
+    pub(super) fn new(
+        id: RegionId,
+        rank: usize,
+        cell: Cell,
+        part: &Bounds,
+        gravity: [f32; 3],
+        regions: &[RegionId],
+    ) -> Self {
+        let mut world = PhysicsWorld::new();
+        world.gravity = convert::vector(gravity);
+        Self {
+            id,
+            rank,
+            cell,
+            anchor: convert::anchor_of(part.centre()),
+            world,
+            slots: Vec::new(),
+            by_id: BTreeMap::new(),
+            shared: Vec::new(),
+            replicas: Vec::new(),
+            assemblies: Vec::new(),
+            assemblies_stale: false,
+            joints: BTreeMap::new(),
+            covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
+            watch: ContactWatch::default(),
+            events: RegionEvents { region: id, ..RegionEvents::default() },
+            outbox: regions
+                .iter()
+                .map(|&to| BorderMessage { from: id, to, ..BorderMessage::default() })
+                .collect(),
+            arrived: Vec::new(),
+            changes: Vec::new(),
+        }
+    }
+
+    /// Its vertex of the tree.
+    pub fn id(&self) -> RegionId {
+        self.id
+    }
+
+    /// Its position among the leaves in id order.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// Its half-open box; outer faces lie at infinity.
+    pub fn cell(&self) -> &Cell {
+        &self.cell
+    }
+
+    /// The origin of its region space, in world space.
+    pub fn anchor(&self) -> [f64; 3] {
+        self.anchor
+    }
+
+    /// Its Rapier world: positions are relative to the anchor, replicas are among the bodies.
+    pub fn physics(&self) -> &PhysicsWorld {
+        &self.world
+    }
+
+    /// Every body held here in id order, with the part the region plays for it.
+    pub fn bodies(&self) -> impl Iterator<Item = (BodyId, Role, RigidBodyHandle, &RigidBody)> {
+        self.by_id.iter().map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
+    }
+
+    /// The role and name of the body behind a handle of [`Region::physics`].
+    pub fn role_of(&self, handle: RigidBodyHandle) -> Option<(BodyId, Role)> {
+        self.slot_at(handle).map(|slot| (slot.id, slot.role))
+    }
+
+    /// How many bodies it has authority over.
+    pub fn owned_count(&self) -> usize {
+        self.bodies().filter(|(_, role, ..)| *role == Role::Owner).count()
+    }
+
+    /// How many bodies it holds for others.
+    pub fn replica_count(&self) -> usize {
+        self.replicas.len()
+    }
+
+    /// A body's pose in world space, as this region sees it.
+    pub fn world_pose(&self, handle: RigidBodyHandle) -> WorldPose {
+        convert::world_from_region(self.anchor, self.world.bodies[handle].position())
+    }
+
+    /// Steps the Rapier world.
+    pub(super) fn step(&mut self, dt_s: f32, iterations: usize) {
+        self.world.integration_parameters.dt = dt_s;
+        self.world.integration_parameters.num_solver_iterations = iterations;
+        self.world.step_with_events(&(), &self.watch);
+        self.watch.drain(self.anchor, &mut self.events);
+    }
+
+    /// The body of this name, if it is held here.
+    pub fn handle_of(&self, id: BodyId) -> Option<RigidBodyHandle> {
+        self.by_id.get(&id).copied()
+    }
+
+    pub(super) fn world_mut(&mut self) -> &mut PhysicsWorld {
+        &mut self.world
+    }
+
+    pub(super) fn slot(&self, handle: RigidBodyHandle) -> &Slot {
+        self.slot_at(handle).expect("every body of a region has a slot")
+    }
+
+    pub(super) fn slot_mut(&mut self, handle: RigidBodyHandle) -> &mut Slot {
+        let index = handle.into_raw_parts().0 as usize;
+        self.slots[index].as_mut().expect("every body of a region has a slot")
+    }
+
+    fn slot_at(&self, handle: RigidBodyHandle) -> Option<&Slot> {
+        self.slots.get(handle.into_raw_parts().0 as usize)?.as_ref()
+    }
+
+    /// Inserts a body that is not held here yet.
+    pub(super) fn insert(
+        &mut self,
+        body: &BodyRecord,
+        role: Role,
+        holders: RegionSet,
+        shapes: &ShapeLibrary,
+    ) -> Result<RigidBodyHandle, ShapeError> {
+        assert!(!self.by_id.contains_key(&body.id), "{} is already held by {}", body.id, self.id);
+        let (rigid_body, colliders) = record::build(body, self.anchor, shapes)?;
+        let handle = self.world.bodies.insert(rigid_body);
+        for (place, collider) in colliders.into_iter().enumerate() {
+            let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
+            self.watch.name(collider, body.id, place as u16);
+        }
+        let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
+        let index = handle.into_raw_parts().0 as usize;
+        if self.slots.len() <= index {
+            self.slots.resize_with(index + 1, || None);
+        }
+        self.slots[index] = Some(Slot {
+            id: body.id,
+            epoch: body.epoch,
+            role,
+            holders,
+            traits: body.traits.clone(),
+            reach_m,
+            joints: Vec::new(),
+            assembly: None,
+            told_asleep: body.state.sleeping,
+            asleep_at: (body.state.sleeping).then(|| convert::region_from_world(self.anchor, &body.state.pose)),
+        });
+        self.by_id.insert(body.id, handle);
+        self.list(Link { id: body.id, handle });
+        Ok(handle)
+    }
+
+    /// Takes a body out, with its joints. Returns whether it was held here.
+    pub(super) fn remove(&mut self, id: BodyId) -> bool {
+        let Some(handle) = self.handle_of(id) else { return false };
+        for joint in self.slot(handle).joints.clone() {
+            self.remove_joint(joint);
+        }
+        self.by_id.remove(&id);
+        self.watch.forget(id, &mut self.events);
+        self.world.remove_body(handle);
+        self.slots[handle.into_raw_parts().0 as usize] = None;
+        self.unlist(id);
+        true
+    }
+
+    /// Ties two bodies, if both are held here and the joint is not there yet.
+    pub(super) fn insert_joint(&mut self, joint: &JointRecord) {
+        let (Some(a), Some(b)) = (self.handle_of(joint.a), self.handle_of(joint.b)) else { return };
+        if self.joints.contains_key(&joint.id) {
+            return;
+        }
+        // The set's own insertion lets sleepers sleep; the world's wakes them.
+        let handle = self.world.impulse_joints.insert(a, b, joints::joint_of(joint), false);
+        self.joints.insert(joint.id, HeldJoint { record: joint.clone(), handle });
+        for end in [a, b] {
+            self.slot_mut(end).joints.push(joint.id);
+        }
+        self.assemblies_stale = true;
+    }
+
+    /// Unties two bodies and wakes them.
+    pub(super) fn remove_joint(&mut self, id: JointId) {
+        let Some(joint) = self.joints.remove(&id) else { return };
+        self.world.impulse_joints.remove(joint.handle, true);
+        for end in [joint.record.a, joint.record.b] {
+            if let Some(end) = self.handle_of(end) {
+                self.slot_mut(end).joints.retain(|&other| other != id);
+            }
+        }
+        self.assemblies_stale = true;
+    }
+
+    /// The joints held here, whole, in id order.
+    pub(super) fn joint_records(&self) -> impl Iterator<Item = JointRecord> {
+        self.joints.keys().filter_map(|&id| self.joint_record(id))
+    }
+
+    /// A joint held here, whole: with the impulses of the last step.
+    pub(super) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
+        let held = self.joints.get(&id)?;
+        let joint = self.world.impulse_joints.get(held.handle)?;
+        Some(joints::joint_record(id, held.record.a, held.record.b, &joint.data))
+    }
+
+    /// Rapier's handle of a joint held here.
+    pub(super) fn joint_handle(&self, id: JointId) -> Option<ImpulseJointHandle> {
+        self.joints.get(&id).map(|held| held.handle)
+    }
+
+    /// A body held here, whole.
+    pub(super) fn body_record(&self, handle: RigidBodyHandle) -> BodyRecord {
+        let slot = self.slot(handle);
+        BodyRecord {
+            id: slot.id,
+            epoch: slot.epoch,
+            state: self.body_state(handle),
+            traits: slot.traits.clone(),
+        }
+    }
+
+    pub(super) fn body_state(&self, handle: RigidBodyHandle) -> BodyState {
+        record::state_of(&self.world.bodies[handle], self.anchor)
+    }
+
+    pub(super) fn shared_state(&self, handle: RigidBodyHandle) -> SharedState {
+        let (slot, body) = (self.slot(handle), &self.world.bodies[handle]);
+        SharedState {
+            id: slot.id,
+            epoch: slot.epoch,
+            pose: convert::world_from_region(self.anchor, body.position()),
+            velocity: convert::velocity_of(body),
+            sleeping: body.is_sleeping(),
+        }
+    }
+
+    /// Changes who owns a body that is held here, and who else holds it.
+    pub(super) fn set_role(
+        &mut self,
+        handle: RigidBodyHandle,
+        role: Role,
+        holders: RegionSet,
+        epoch: Epoch,
+    ) {
+        let slot = self.slot_mut(handle);
+        assert!(epoch >= slot.epoch, "{} would go back from epoch {} to {epoch}", slot.id, slot.epoch);
+        (slot.role, slot.holders, slot.epoch) = (role, holders, epoch);
+        slot.asleep_at = None;
+        slot.told_asleep = false;
+        let link = Link { id: slot.id, handle };
+        self.unlist(link.id);
+        self.list(link);
+    }
+
+    /// Reads the traits anew after a user changed the body in place.
+    pub(super) fn refresh_traits(&mut self, handle: RigidBodyHandle) {
+        let old = &self.slot(handle).traits;
+        let new = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
+        if new != **old {
+            self.slot_mut(handle).traits = Arc::new(new);
+        }
+    }
+
+    /// Whether immovable bodies that touch this box are held here already; if not, from now on they must be: returns the
+    /// box to look for them in.
+    pub(super) fn widen_cover(&mut self, bounds: &Bounds) -> Option<Bounds> {
+        if self.covered.contains(bounds) {
+            return None;
+        }
+        self.covered = self.covered.union(&bounds.grown(2.0));
+        Some(self.covered)
+    }
+
+    pub(super) fn covers(&self, bounds: &Bounds) -> bool {
+        self.covered.touches(bounds)
+    }
+
+    /// The box around a body's colliders now, in world space.
+    pub(super) fn world_bounds(&self, handle: RigidBodyHandle) -> Bounds {
+        let body = &self.world.bodies[handle];
+        let aabbs = body.colliders().iter().map(|&collider| self.world.colliders[collider].compute_aabb());
+        let here = convert::world_point(self.anchor, body.translation());
+        aabbs.fold(Bounds::new(here, here), |bounds, aabb| {
+            bounds.union(&Bounds {
+                min: convert::world_point(self.anchor, aabb.mins),
+                max: convert::world_point(self.anchor, aabb.maxs),
+            })
+        })
+    }
+
+    /// Finds again which bodies joints tie together, if joints changed.
+    pub(super) fn update_assemblies(&mut self) {
+        if !std::mem::take(&mut self.assemblies_stale) {
+            return;
+        }
+        for assembly in std::mem::take(&mut self.assemblies) {
+            for link in assembly.members {
+                if self.handle_of(link.id) == Some(link.handle) {
+                    self.slot_mut(link.handle).assembly = None;
+                }
+            }
+        }
+        let movable = |id: BodyId| {
+            let handle = self.handle_of(id)?;
+            (self.slot(handle).traits.kind != BodyKind::Fixed).then_some(Link { id, handle })
+        };
+        let ties: Vec<_> = self
+            .joints
+            .values()
+            .filter_map(|joint| Some((movable(joint.record.a)?, movable(joint.record.b)?)))
+            .collect();
+        let single = self.joints.values().filter_map(|joint| {
+            // A body tied to something immovable is an assembly of one: its joint must travel with it.
+            movable(joint.record.a).xor(movable(joint.record.b))
+        });
+        self.assemblies = assembly::connect(ties.into_iter().chain(single.map(|link| (link, link))));
+        for index in 0..self.assemblies.len() {
+            for member in 0..self.assemblies[index].members.len() {
+                let handle = self.assemblies[index].members[member].handle;
+                self.slot_mut(handle).assembly = Some(index as u32);
+            }
+        }
+    }
+
+    /// The joints that a body hangs on, whole.
+    pub(super) fn joints_of(&self, handle: RigidBodyHandle) -> impl Iterator<Item = JointRecord> {
+        self.slot(handle).joints.iter().filter_map(|&id| self.joint_record(id))
+    }
+
+    /// Puts a body on the list of its role.
+    fn list(&mut self, link: Link) {
+        let slot = self.slot(link.handle);
+        let list = match slot.role {
+            Role::Owner if !slot.holders.is_empty() => &mut self.shared,
+            Role::Replica { .. } => &mut self.replicas,
+            _ => return,
+        };
+        if let Err(place) = list.binary_search_by_key(&link.id, |other| other.id) {
+            list.insert(place, link);
+        }
+    }
+
+    fn unlist(&mut self, id: BodyId) {
+        for list in [&mut self.shared, &mut self.replicas] {
+            if let Ok(place) = list.binary_search_by_key(&id, |other| other.id) {
+                list.remove(place);
+            }
+        }
+    }
+}

@@ -1,0 +1,304 @@
+//! Shapes by content: two equal shapes are one object in memory, in every region of the process (thesis 4.3.2.5).
+
+use std::collections::BTreeMap;
+
+use parry3d::shape::{HeightField, HeightFieldFlags, SharedShape, TriMesh, TriMeshFlags, TypedShape};
+use parry3d::utils::Array2;
+use rapier3d::prelude::Vector;
+
+use super::convert;
+use crate::protocol::{ShapeHash, ShapeRecord};
+
+/// Why a shape cannot be held.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ShapeError {
+    /// Parry has it, the wire does not.
+    #[error("shapes of kind {0} cannot travel between regions; use a hull, a mesh or a compound of simple shapes")]
+    Unsupported(&'static str),
+    /// Parry refuses to build it.
+    #[error("{what}: Parry refuses to build it ({cause}); check its vertices and indices")]
+    Broken {
+        /// Which shape.
+        what: &'static str,
+        /// Parry's reason.
+        cause: String,
+    },
+    /// A number is NaN or infinite, or a size is not positive.
+    #[error("a {0} has a size that is not a positive finite number")]
+    Size(&'static str),
+    /// A record refers to a shape that is not here.
+    #[error("shape {0} is not known here; it must be sent before the bodies that use it")]
+    Unknown(ShapeHash),
+}
+
+/// Every shape of the process by the hash of its record.
+#[derive(Default)]
+pub struct ShapeLibrary {
+    shapes: BTreeMap<ShapeHash, (ShapeRecord, SharedShape)>,
+}
+
+impl ShapeLibrary {
+    /// Finds or adds the shape; equal shapes get one name.
+    pub fn intern(&mut self, shape: &SharedShape) -> Result<ShapeHash, ShapeError> {
+        let record = self.record(shape)?;
+        self.add(record)
+    }
+
+    /// Adds a shape that came as a record. Its parts must be here already.
+    pub fn add(&mut self, record: ShapeRecord) -> Result<ShapeHash, ShapeError> {
+        let hash = record.hash();
+        if !self.shapes.contains_key(&hash) {
+            let shape = self.build(&record)?;
+            self.shapes.insert(hash, (record, shape));
+        }
+        Ok(hash)
+    }
+
+    /// The shape of this name.
+    pub fn shape(&self, hash: ShapeHash) -> Result<SharedShape, ShapeError> {
+        self.shapes.get(&hash).map(|(_, shape)| shape.clone()).ok_or(ShapeError::Unknown(hash))
+    }
+
+    /// The record of this name, to send it on.
+    pub fn record_of(&self, hash: ShapeHash) -> Option<&ShapeRecord> {
+        self.shapes.get(&hash).map(|(record, _)| record)
+    }
+
+    /// All records, parts before the compounds that use them.
+    pub fn records(&self) -> Vec<ShapeRecord> {
+        let (parts, compounds): (Vec<_>, Vec<_>) =
+            self.shapes.values().map(|(record, _)| record.clone()).partition(|record| record.parts().next().is_none());
+        parts.into_iter().chain(compounds).collect()
+    }
+
+    fn record(&mut self, shape: &SharedShape) -> Result<ShapeRecord, ShapeError> {
+        let points = |points: &[Vector]| points.iter().map(|p| p.to_array()).collect::<Vec<_>>();
+        Ok(match shape.as_typed_shape() {
+            TypedShape::Ball(s) => ShapeRecord::Ball(s.radius),
+            TypedShape::Cuboid(s) => ShapeRecord::Cuboid(s.half_extents.to_array()),
+            TypedShape::Capsule(s) => {
+                ShapeRecord::Capsule(s.segment.a.to_array(), s.segment.b.to_array(), s.radius)
+            }
+            TypedShape::Cylinder(s) => ShapeRecord::Cylinder(s.half_height, s.radius),
+            TypedShape::Cone(s) => ShapeRecord::Cone(s.half_height, s.radius),
+            TypedShape::Segment(s) => ShapeRecord::Segment([s.a.to_array(), s.b.to_array()]),
+            TypedShape::Triangle(s) => {
+                ShapeRecord::Triangle([s.a.to_array(), s.b.to_array(), s.c.to_array()])
+            }
+            TypedShape::HalfSpace(s) => ShapeRecord::HalfSpace(s.normal.to_array()),
+            TypedShape::ConvexPolyhedron(s) => {
+                let (vertices, triangles) = s.to_trimesh();
+                ShapeRecord::ConvexPolyhedron(points(&vertices), triangles)
+            }
+            TypedShape::TriMesh(s) => {
+                ShapeRecord::TriMesh(points(s.vertices()), s.indices().to_vec(), s.flags().bits())
+            }
+            TypedShape::Polyline(s) => ShapeRecord::Polyline(points(s.vertices()), s.indices().to_vec()),
+            TypedShape::HeightField(s) => {
+                if s.cells_statuses().data().iter().any(|status| !status.is_empty()) {
+                    return Err(ShapeError::Unsupported("height field with removed or turned cells"));
+                }
+                let heights = s.heights();
+                ShapeRecord::HeightField(
+                    heights.data().to_vec(),
+                    heights.nrows() as u32,
+                    heights.ncols() as u32,
+                    s.scale().to_array(),
+                    s.flags().bits(),
+                )
+            }
+            TypedShape::RoundCuboid(s) => {
+                ShapeRecord::RoundCuboid(s.inner_shape.half_extents.to_array(), s.border_radius)
+            }
+            TypedShape::RoundCylinder(s) => {
+                ShapeRecord::RoundCylinder(s.inner_shape.half_height, s.inner_shape.radius, s.border_radius)
+            }
+            TypedShape::RoundCone(s) => {
+                ShapeRecord::RoundCone(s.inner_shape.half_height, s.inner_shape.radius, s.border_radius)
+            }
+            TypedShape::Compound(s) => {
+                let parts = s
+                    .shapes()
+                    .iter()
+                    .map(|(pose, part)| Ok((convert::pose_record(pose), self.intern(part)?)))
+                    .collect::<Result<_, ShapeError>>()?;
+                ShapeRecord::Compound(parts)
+            }
+            TypedShape::Voxels(_) => return Err(ShapeError::Unsupported("voxels")),
+            TypedShape::RoundTriangle(_) => return Err(ShapeError::Unsupported("round triangle")),
+            TypedShape::RoundConvexPolyhedron(_) => {
+                return Err(ShapeError::Unsupported("round convex polyhedron"));
+            }
+            _ => return Err(ShapeError::Unsupported("custom")),
+        })
+    }
+
+    fn build(&self, record: &ShapeRecord) -> Result<SharedShape, ShapeError> {
+        let v = convert::vector;
+        let vectors = |points: &[[f32; 3]]| points.iter().map(|&p| v(p)).collect::<Vec<_>>();
+        check_sizes(record)?;
+        Ok(match record {
+            ShapeRecord::Ball(radius) => SharedShape::ball(*radius),
+            ShapeRecord::Cuboid([x, y, z]) => SharedShape::cuboid(*x, *y, *z),
+            ShapeRecord::Capsule(a, b, radius) => SharedShape::capsule(v(*a), v(*b), *radius),
+            ShapeRecord::Cylinder(half_height, radius) => SharedShape::cylinder(*half_height, *radius),
+            ShapeRecord::Cone(half_height, radius) => SharedShape::cone(*half_height, *radius),
+            ShapeRecord::Segment([a, b]) => SharedShape::segment(v(*a), v(*b)),
+            ShapeRecord::Triangle([a, b, c]) => SharedShape::triangle(v(*a), v(*b), v(*c)),
+            ShapeRecord::HalfSpace(normal) => SharedShape::halfspace(v(*normal)),
+            ShapeRecord::ConvexPolyhedron(vertices, triangles) => {
+                SharedShape::convex_mesh(vectors(vertices), triangles).ok_or_else(|| ShapeError::Broken {
+                    what: "convex polyhedron",
+                    cause: "its triangles do not close a convex surface".into(),
+                })?
+            }
+            ShapeRecord::TriMesh(vertices, triangles, flags) => {
+                let flags = TriMeshFlags::from_bits_truncate(*flags);
+                let mesh = TriMesh::with_flags(vectors(vertices), triangles.clone(), flags)
+                    .map_err(|e| ShapeError::Broken { what: "triangle mesh", cause: e.to_string() })?;
+                SharedShape::new(mesh)
+            }
+            ShapeRecord::Polyline(vertices, edges) => {
+                SharedShape::polyline(vectors(vertices), Some(edges.clone()))
+            }
+            ShapeRecord::HeightField(heights, rows, columns, scale, flags) => {
+                let heights = Array2::new(*rows as usize, *columns as usize, heights.clone());
+                let flags = HeightFieldFlags::from_bits_truncate(*flags);
+                SharedShape::new(HeightField::with_flags(heights, v(*scale), flags))
+            }
+            ShapeRecord::RoundCuboid([x, y, z], border) => SharedShape::round_cuboid(*x, *y, *z, *border),
+            ShapeRecord::RoundCylinder(half_height, radius, border) => {
+                SharedShape::round_cylinder(*half_height, *radius, *border)
+            }
+            ShapeRecord::RoundCone(half_height, radius, border) => {
+                SharedShape::round_cone(*half_height, *radius, *border)
+            }
+            ShapeRecord::Compound(parts) => SharedShape::compound(
+                parts
+                    .iter()
+                    .map(|&(pose, hash)| Ok((convert::pose(pose), self.shape(hash)?)))
+                    .collect::<Result<_, ShapeError>>()?,
+            ),
+        })
+    }
+}
+
+fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
+    let positive = |what, sizes: &[f32]| {
+        let good = sizes.iter().all(|size| size.is_finite() && *size > 0.0);
+        if good { Ok(()) } else { Err(ShapeError::Size(what)) }
+    };
+    let finite = |what, points: &[[f32; 3]]| {
+        let good = points.iter().flatten().all(|v| v.is_finite());
+        if good { Ok(()) } else { Err(ShapeError::Size(what)) }
+    };
+    let indexed = |what, vertices: usize, mut indices: std::slice::Iter<'_, u32>, count: usize| {
+        let good = count > 0 && indices.all(|&i| (i as usize) < vertices);
+        let cause = || "an index points past the vertices, or there is none".to_string();
+        if good { Ok(()) } else { Err(ShapeError::Broken { what, cause: cause() }) }
+    };
+    match record {
+        ShapeRecord::Ball(r) => positive("ball", &[*r]),
+        ShapeRecord::Cuboid(half) => positive("cuboid", half),
+        ShapeRecord::Capsule(a, b, r) => finite("capsule", &[*a, *b]).and(positive("capsule", &[*r])),
+        ShapeRecord::Cylinder(h, r) => positive("cylinder", &[*h, *r]),
+        ShapeRecord::Cone(h, r) => positive("cone", &[*h, *r]),
+        ShapeRecord::Segment(points) => finite("segment", points),
+        ShapeRecord::Triangle(points) => finite("triangle", points),
+        ShapeRecord::HalfSpace(normal) => finite("half-space", &[*normal]),
+        ShapeRecord::ConvexPolyhedron(vertices, triangles) => finite("convex polyhedron", vertices)
+            .and(indexed("convex polyhedron", vertices.len(), triangles.as_flattened().iter(), triangles.len())),
+        ShapeRecord::TriMesh(vertices, triangles, _) => finite("triangle mesh", vertices)
+            .and(indexed("triangle mesh", vertices.len(), triangles.as_flattened().iter(), triangles.len())),
+        ShapeRecord::Polyline(vertices, edges) => finite("polyline", vertices)
+            .and(indexed("polyline", vertices.len(), edges.as_flattened().iter(), edges.len())),
+        ShapeRecord::HeightField(heights, rows, columns, scale, _) => {
+            let cells = (*rows as usize).checked_mul(*columns as usize);
+            if *rows < 2 || *columns < 2 || cells != Some(heights.len()) || heights.iter().any(|h| !h.is_finite()) {
+                return Err(ShapeError::Size("height field"));
+            }
+            positive("height field", scale)
+        }
+        ShapeRecord::RoundCuboid(half, border) => {
+            positive("round cuboid", half).and(positive("round cuboid", &[*border]))
+        }
+        ShapeRecord::RoundCylinder(h, r, border) => positive("round cylinder", &[*h, *r, *border]),
+        ShapeRecord::RoundCone(h, r, border) => positive("round cone", &[*h, *r, *border]),
+        ShapeRecord::Compound(parts) => {
+            if parts.is_empty() { Err(ShapeError::Size("compound")) } else { Ok(()) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rapier3d::prelude::{ColliderBuilder, Pose};
+
+    fn rebuilt(shape: &SharedShape) -> (ShapeHash, ShapeHash) {
+        let mut here = ShapeLibrary::default();
+        let hash = here.intern(shape).unwrap();
+        let mut there = ShapeLibrary::default();
+        for record in here.records() {
+            there.add(record).unwrap();
+        }
+        (hash, there.intern(&there.shape(hash).unwrap()).unwrap())
+    }
+
+    #[test]
+    fn every_shape_keeps_its_name_through_its_record() {
+        let hull: Vec<_> = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(convert::vector).to_vec();
+        let shapes = [
+            SharedShape::ball(0.5),
+            SharedShape::cuboid(0.5, 1.0, 2.0),
+            SharedShape::capsule_y(0.5, 0.25),
+            SharedShape::cylinder(1.0, 0.5),
+            SharedShape::cone(1.0, 0.5),
+            SharedShape::round_cuboid(0.5, 0.5, 0.5, 0.1),
+            SharedShape::round_cylinder(0.5, 0.5, 0.1),
+            SharedShape::round_cone(0.5, 0.5, 0.1),
+            SharedShape::halfspace(Vector::Y),
+            SharedShape::segment(Vector::ZERO, Vector::X),
+            SharedShape::triangle(Vector::ZERO, Vector::X, Vector::Y),
+            SharedShape::polyline(vec![Vector::ZERO, Vector::X, Vector::Y], None),
+            SharedShape::convex_hull(&hull).unwrap(),
+            SharedShape::trimesh(hull.clone(), vec![[0, 1, 2], [0, 2, 3]]).unwrap(),
+            SharedShape::heightfield(Array2::new(2, 3, vec![0., 1., 2., 3., 4., 5.]), Vector::ONE),
+            SharedShape::compound(vec![
+                (Pose::IDENTITY, SharedShape::ball(1.0)),
+                (Pose::from_translation(Vector::X), SharedShape::cuboid(1.0, 1.0, 1.0)),
+            ]),
+        ];
+        for shape in &shapes {
+            let (sent, received) = rebuilt(shape);
+            assert_eq!(sent, received, "{:?}", shape.shape_type());
+        }
+    }
+
+    #[test]
+    fn equal_shapes_are_one_object() {
+        let mut library = ShapeLibrary::default();
+        let a = library.intern(&SharedShape::ball(0.5)).unwrap();
+        let b = library.intern(&SharedShape::ball(0.5)).unwrap();
+        let c = library.intern(&SharedShape::ball(0.25)).unwrap();
+        assert_eq!(a, b);
+        assert_ne!(a, c);
+        assert_eq!(library.records().len(), 2);
+    }
+
+    #[test]
+    fn shapes_that_cannot_travel_or_cannot_exist_are_refused() {
+        let mut library = ShapeLibrary::default();
+        let voxels = ColliderBuilder::voxels(Vector::ONE, &[rapier3d::math::IVector::ZERO]);
+        assert_eq!(library.intern(&voxels.shape), Err(ShapeError::Unsupported("voxels")));
+        assert_eq!(library.add(ShapeRecord::Ball(f32::NAN)), Err(ShapeError::Size("ball")));
+        assert!(library.add(ShapeRecord::TriMesh(vec![[0.0; 3]], vec![[0, 0, 7]], 0)).is_err());
+        assert!(library.add(ShapeRecord::HeightField(vec![0.0], u32::MAX, u32::MAX, [1.0; 3], 0)).is_err());
+        let missing = ShapeHash([7; 16]);
+        let pose = convert::pose_record(&Pose::IDENTITY);
+        assert_eq!(
+            library.add(ShapeRecord::Compound(vec![(pose, missing)])),
+            Err(ShapeError::Unknown(missing))
+        );
+    }
+}

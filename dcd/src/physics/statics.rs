@@ -1,0 +1,96 @@
+//! Immovable geometry: known to the whole process, held by each region that it touches (thesis 3.3.4).
+
+use rapier3d::prelude::RigidBodyHandle;
+
+use super::record;
+use super::region::{Region, Role};
+use super::shapes::{ShapeError, ShapeLibrary};
+use crate::protocol::{BodyRecord, JointRecord};
+use crate::space::{BodyId, Bounds, RegionSet};
+
+/// Every immovable body of the world, in id order.
+#[derive(Default)]
+pub(super) struct Statics {
+    bodies: Vec<(BodyRecord, Bounds)>,
+}
+
+impl Statics {
+    /// Adds a body; regions that it touches must still [`Statics::insert_near`] it.
+    pub(super) fn add(&mut self, body: BodyRecord, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
+        let bounds = record::bounds_of(&body, shapes)?;
+        let place = self.bodies.partition_point(|(other, _)| other.id < body.id);
+        self.bodies.insert(place, (body, bounds));
+        Ok(())
+    }
+
+    /// Forgets a body. Returns whether it was here.
+    pub(super) fn remove(&mut self, id: BodyId) -> bool {
+        let place = self.place(id);
+        place.map(|place| self.bodies.remove(place)).is_some()
+    }
+
+    /// An immovable body by name.
+    pub(super) fn body(&self, id: BodyId) -> Option<&BodyRecord> {
+        self.place(id).map(|place| &self.bodies[place].0)
+    }
+
+    /// All of them, in id order.
+    pub(super) fn bodies(&self) -> impl Iterator<Item = &BodyRecord> {
+        self.bodies.iter().map(|(body, _)| body)
+    }
+
+    /// Inserts a body into a region if it touches what the region covers.
+    pub(super) fn insert_near(
+        &self,
+        id: BodyId,
+        region: &mut Region,
+        shapes: &ShapeLibrary,
+    ) -> Result<(), ShapeError> {
+        let Some(place) = self.place(id) else { return Ok(()) };
+        let (body, bounds) = &self.bodies[place];
+        if region.covers(bounds) { insert(region, body, shapes) } else { Ok(()) }
+    }
+
+    /// Makes sure that a body finds under and around it what is immovable there, however far it reaches out of the cell.
+    pub(super) fn cover(
+        &self,
+        region: &mut Region,
+        handle: RigidBodyHandle,
+        shapes: &ShapeLibrary,
+    ) -> Result<(), ShapeError> {
+        let bounds = region.world_bounds(handle).grown(0.1);
+        let Some(wider) = region.widen_cover(&bounds) else { return Ok(()) };
+        for (body, bounds) in &self.bodies {
+            if wider.touches(bounds) {
+                insert(region, body, shapes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes sure that the immovable end of a joint is in the region.
+    pub(super) fn ensure(
+        &self,
+        region: &mut Region,
+        joint: &JointRecord,
+        shapes: &ShapeLibrary,
+    ) -> Result<(), ShapeError> {
+        for id in [joint.a, joint.b] {
+            if let Some(body) = self.body(id) {
+                insert(region, body, shapes)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn place(&self, id: BodyId) -> Option<usize> {
+        self.bodies.binary_search_by_key(&id, |(body, _)| body.id).ok()
+    }
+}
+
+fn insert(region: &mut Region, body: &BodyRecord, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
+    if region.handle_of(body.id).is_none() {
+        region.insert(body, Role::Immovable, RegionSet::EMPTY, shapes)?;
+    }
+    Ok(())
+}

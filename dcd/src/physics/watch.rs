@@ -1,0 +1,160 @@
+//! Listens to one Rapier world while it steps, and names what it hears by bodies instead of handles.
+
+use std::collections::BTreeSet;
+use std::sync::Mutex;
+
+use rapier3d::geometry::CollisionEventFlags;
+use rapier3d::prelude::*;
+
+use super::convert;
+use crate::protocol::{ContactForce, ContactKey, RegionEvents, Touch};
+use crate::space::BodyId;
+
+/// Rapier's event handler for one region.
+#[derive(Default)]
+pub(super) struct ContactWatch {
+    /// Only the stepping thread locks it; Rapier asks for a handler that can be shared.
+    heard: Mutex<Heard>,
+    /// By Rapier's collider index: the body and the collider's place on it.
+    names: Vec<Option<(BodyId, u16)>>,
+    touching: BTreeSet<ContactKey>,
+}
+
+#[derive(Default)]
+struct Heard {
+    touches: Vec<RawTouch>,
+    forces: Vec<RawForce>,
+}
+
+struct RawTouch {
+    colliders: [ColliderHandle; 2],
+    began: bool,
+    sensor: bool,
+    point: Vector,
+    normal: Vector,
+    speed: f32,
+}
+
+struct RawForce {
+    colliders: [ColliderHandle; 2],
+    force: Vector,
+    magnitude: f32,
+}
+
+impl ContactWatch {
+    /// A collider entered the region.
+    pub(super) fn name(&mut self, collider: ColliderHandle, body: BodyId, place: u16) {
+        let index = collider.into_raw_parts().0 as usize;
+        if self.names.len() <= index {
+            self.names.resize(index + 1, None);
+        }
+        self.names[index] = Some((body, place));
+    }
+
+    /// A body left the region: its contacts here cease. Rapier would say so a step later, when its handles may already
+    /// belong to another body.
+    pub(super) fn forget(&mut self, body: BodyId, events: &mut RegionEvents) {
+        let gone: Vec<_> =
+            self.touching.iter().filter(|key| key.a == body || key.b == body).copied().collect();
+        for key in gone {
+            self.touching.remove(&key);
+            events.touches.push(end_of(key, false));
+        }
+    }
+
+    /// Names everything heard since the last call and appends it to `events`.
+    pub(super) fn drain(&mut self, anchor: [f64; 3], events: &mut RegionEvents) {
+        let heard = std::mem::take(self.heard.get_mut().expect("a region steps on one thread at a time"));
+        for raw in heard.touches {
+            let Some((key, swapped)) = self.key(raw.colliders) else { continue };
+            if raw.began {
+                self.touching.insert(key);
+                let normal = if swapped { -raw.normal } else { raw.normal };
+                events.touches.push(Touch {
+                    key,
+                    began: true,
+                    sensor: raw.sensor,
+                    point: convert::world_point(anchor, raw.point),
+                    normal: normal.to_array(),
+                    speed: raw.speed,
+                });
+            } else if self.touching.remove(&key) {
+                events.touches.push(end_of(key, raw.sensor));
+            }
+        }
+        for raw in heard.forces {
+            let Some((key, swapped)) = self.key(raw.colliders) else { continue };
+            let force = if swapped { -raw.force } else { raw.force };
+            events.forces.push(ContactForce { key, force_n: force.to_array(), magnitude_n: raw.magnitude });
+        }
+    }
+
+    fn key(&self, colliders: [ColliderHandle; 2]) -> Option<(ContactKey, bool)> {
+        let name = |handle: ColliderHandle| *self.names.get(handle.into_raw_parts().0 as usize)?;
+        let (first, second) = (name(colliders[0])?, name(colliders[1])?);
+        let swapped = second < first;
+        let (low, high) = if swapped { (second, first) } else { (first, second) };
+        Some((ContactKey { a: low.0, b: high.0, collider_a: low.1, collider_b: high.1 }, swapped))
+    }
+}
+
+fn end_of(key: ContactKey, sensor: bool) -> Touch {
+    Touch { key, began: false, sensor, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 }
+}
+
+impl EventHandler for ContactWatch {
+    fn handle_collision_event(
+        &self,
+        bodies: &RigidBodySet,
+        colliders: &ColliderSet,
+        event: CollisionEvent,
+        pair: Option<&ContactPair>,
+    ) {
+        let (first, second, flags) = match event {
+            CollisionEvent::Started(a, b, flags) | CollisionEvent::Stopped(a, b, flags) => (a, b, flags),
+        };
+        if flags.contains(CollisionEventFlags::REMOVED) {
+            return; // `forget` has said so already.
+        }
+        let mut touch = RawTouch {
+            colliders: [first, second],
+            began: event.started(),
+            sensor: flags.contains(CollisionEventFlags::SENSOR),
+            point: Vector::ZERO,
+            normal: Vector::ZERO,
+            speed: 0.0,
+        };
+        if touch.began && let (Some(a), Some(b)) = (colliders.get(first), colliders.get(second)) {
+            touch.point = (a.translation() + b.translation()) * 0.5;
+            if let Some((manifold, contact)) = pair.and_then(ContactPair::find_deepest_contact) {
+                let on = manifold.subshape_pos1().map_or(*a.position(), |sub| *a.position() * sub);
+                touch.point = on * contact.local_p1;
+                touch.normal = manifold.data.normal;
+                let velocity = |collider: &Collider| {
+                    let body = collider.parent().and_then(|parent| bodies.get(parent));
+                    body.map_or(Vector::ZERO, |body| body.velocity_at_point(touch.point))
+                };
+                touch.speed = (velocity(a) - velocity(b)).dot(touch.normal).max(0.0);
+            }
+        }
+        self.heard.lock().expect("no thread panics while it holds the lock").touches.push(touch);
+    }
+
+    fn handle_contact_force_event(
+        &self,
+        dt: Real,
+        _bodies: &RigidBodySet,
+        _colliders: &ColliderSet,
+        pair: &ContactPair,
+        magnitude: Real,
+    ) {
+        let force = RawForce {
+            colliders: [pair.collider1, pair.collider2],
+            force: pair.total_impulse() / dt,
+            magnitude,
+        };
+        self.heard.lock().expect("no thread panics while it holds the lock").forces.push(force);
+    }
+
+    fn handle_soft_body_tear_event(&self, _soft_bodies: &SoftBodySet, _event: &SoftBodyTearEvent) {}
+}

@@ -1,0 +1,142 @@
+//! Contacts of the whole world from what its regions saw: a pair held by several regions is reported once.
+
+use std::collections::BTreeMap;
+
+use bincode::{Decode, Encode};
+
+use super::{ContactForce, ContactKey, RegionEvents, Touch};
+use crate::space::{BodyId, RegionId};
+
+/// What happened to contacts in one tick, each pair once.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct WorldEvents {
+    /// Contacts that began or ceased, in key order.
+    pub touches: Vec<Touch>,
+    /// Contacts that pressed harder than a collider's threshold, in key order.
+    pub forces: Vec<ContactForce>,
+}
+
+/// Remembers which regions see which contact. A contact begins when the first region sees it and ceases when the last
+/// one does not any more, so a body that changes region does not seem to let go.
+#[derive(Debug, Default)]
+pub struct ContactLedger {
+    seen_by: BTreeMap<ContactKey, Vec<RegionId>>,
+}
+
+impl ContactLedger {
+    /// Merges what the regions saw in one tick; give them in region order. `out` is overwritten.
+    pub fn merge<'a>(&mut self, regions: impl IntoIterator<Item = &'a RegionEvents>, out: &mut WorldEvents) {
+        out.touches.clear();
+        out.forces.clear();
+        let mut changed: BTreeMap<ContactKey, Change> = BTreeMap::new();
+        for events in regions {
+            for touch in &events.touches {
+                let seen_by = self.seen_by.entry(touch.key).or_default();
+                let change = changed.entry(touch.key).or_insert(Change {
+                    before: !seen_by.is_empty(),
+                    began: None,
+                    ended: None,
+                });
+                if touch.began {
+                    if !seen_by.contains(&events.region) {
+                        seen_by.push(events.region);
+                    }
+                    change.began.get_or_insert(*touch);
+                } else {
+                    seen_by.retain(|&region| region != events.region);
+                    change.ended.get_or_insert(*touch);
+                }
+            }
+            out.forces.extend_from_slice(&events.forces);
+        }
+        for (key, change) in changed {
+            let now = !self.seen_by[&key].is_empty();
+            if !now {
+                self.seen_by.remove(&key);
+            }
+            if !change.before {
+                out.touches.extend(change.began);
+            }
+            if !now && (change.before || change.began.is_some()) {
+                out.touches.extend(change.ended);
+            }
+        }
+        // Several regions see the same force; the first region's word is as good as the others'.
+        out.forces.sort_by_key(|force| force.key);
+        out.forces.dedup_by_key(|force| force.key);
+    }
+
+    /// Forgets what a region saw, as when its node died; the region that takes over will see the contacts anew.
+    pub fn forget_region(&mut self, region: RegionId) {
+        for seen_by in self.seen_by.values_mut() {
+            seen_by.retain(|&other| other != region);
+        }
+    }
+
+    /// The bodies that touch this one now, in id order.
+    pub fn touching(&self, body: BodyId) -> impl Iterator<Item = BodyId> {
+        self.seen_by.iter().filter(|(_, seen_by)| !seen_by.is_empty()).filter_map(move |(key, _)| {
+            if key.a == body {
+                Some(key.b)
+            } else {
+                (key.b == body).then_some(key.a)
+            }
+        })
+    }
+}
+
+struct Change {
+    before: bool,
+    began: Option<Touch>,
+    ended: Option<Touch>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::Tick;
+
+    fn touch(began: bool) -> Touch {
+        let key = ContactKey {
+            a: BodyId::persistent(1),
+            b: BodyId::persistent(2),
+            collider_a: 0,
+            collider_b: 0,
+        };
+        Touch { key, began, sensor: false, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 }
+    }
+
+    fn seen(region: u32, touches: &[bool]) -> RegionEvents {
+        let touches = touches.iter().map(|&began| touch(began)).collect();
+        RegionEvents { region: RegionId(region), tick: Tick(0), touches, forces: vec![] }
+    }
+
+    fn merged(ledger: &mut ContactLedger, regions: &[RegionEvents]) -> Vec<bool> {
+        let mut out = WorldEvents::default();
+        ledger.merge(regions, &mut out);
+        out.touches.iter().map(|touch| touch.began).collect()
+    }
+
+    #[test]
+    fn a_contact_seen_by_two_regions_begins_and_ceases_once() {
+        let mut ledger = ContactLedger::default();
+        assert_eq!(merged(&mut ledger, &[seen(1, &[true]), seen(2, &[true])]), [true]);
+        assert_eq!(ledger.touching(BodyId::persistent(2)).collect::<Vec<_>>(), [BodyId::persistent(1)]);
+        assert_eq!(merged(&mut ledger, &[seen(1, &[false])]), [] as [bool; 0]);
+        assert_eq!(merged(&mut ledger, &[seen(2, &[false])]), [false]);
+    }
+
+    #[test]
+    fn a_contact_that_changes_region_is_not_interrupted() {
+        let mut ledger = ContactLedger::default();
+        assert_eq!(merged(&mut ledger, &[seen(1, &[true])]), [true]);
+        assert_eq!(merged(&mut ledger, &[seen(1, &[false]), seen(2, &[true])]), [] as [bool; 0]);
+        assert_eq!(merged(&mut ledger, &[seen(2, &[false])]), [false]);
+    }
+
+    #[test]
+    fn a_contact_that_begins_and_ceases_in_one_tick_is_reported_as_both() {
+        let mut ledger = ContactLedger::default();
+        assert_eq!(merged(&mut ledger, &[seen(1, &[true, false])]), [true, false]);
+    }
+}

@@ -1,0 +1,446 @@
+//! A whole world in this process: every region on the threads of one machine.
+
+use std::time::{Duration, Instant};
+
+use rapier3d::prelude::*;
+
+use crate::physics::{Coupling, HostError, Partition, RayHit, Region, RegionHost, Role, StepSettings};
+use crate::protocol::{ContactLedger, StateHasher, Velocity, WorldEvents, WorldPose};
+use crate::scene::Scene;
+use crate::space::{Axis, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
+
+/// How the world is cut into regions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Partitioning {
+    /// So many, by halving the largest across its longest axis; 1 to 64.
+    Regions(usize),
+    /// By these planes (metres of world space), each through the whole world.
+    Cuts(Vec<(Axis, f64)>),
+}
+
+/// What a local world is made with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WorldConfig {
+    /// The box that is cut into regions, in metres. Bodies may leave it: outer regions reach to infinity.
+    pub bounds: Bounds,
+    /// How it is cut.
+    pub partitioning: Partitioning,
+    /// Regions stepped at a time; 1 uses the calling thread.
+    pub threads: usize,
+    /// How far beyond its cell a region holds replicas, in metres; `None` follows the largest body.
+    pub halo_m: Option<f64>,
+    /// How it is stepped.
+    pub step: StepSettings,
+}
+
+impl Default for WorldConfig {
+    fn default() -> Self {
+        Self {
+            bounds: Bounds::around([0.0; 3], [64.0; 3]),
+            partitioning: Partitioning::Regions(1),
+            threads: 1,
+            halo_m: None,
+            step: StepSettings::default(),
+        }
+    }
+}
+
+impl WorldConfig {
+    /// The configuration a scene asks for, on one thread.
+    pub fn for_scene(scene: &Scene) -> Self {
+        Self {
+            bounds: scene.bounds,
+            partitioning: if scene.cuts.is_empty() {
+                Partitioning::Regions(scene.regions.unwrap_or(1))
+            } else {
+                Partitioning::Cuts(scene.cuts.clone())
+            },
+            threads: 1,
+            halo_m: None,
+            step: StepSettings {
+                gravity: scene.gravity,
+                dt_s: scene.dt_s,
+                solver_iterations: scene.solver_iterations,
+                coupling: Coupling::default(),
+                exchanges: 1,
+            },
+        }
+    }
+
+    /// The distribution tree that this configuration asks for.
+    pub fn tree(&self) -> Result<DistributionTree, TreeError> {
+        match &self.partitioning {
+            Partitioning::Regions(count) => DistributionTree::halved(self.bounds, *count),
+            Partitioning::Cuts(planes) => DistributionTree::cut_by(self.bounds, planes),
+        }
+    }
+}
+
+/// Why a world cannot do what it is asked.
+#[derive(Debug, thiserror::Error)]
+pub enum WorldError {
+    /// The regions cannot be as asked.
+    #[error(transparent)]
+    Tree(#[from] TreeError),
+    /// A body, shape or joint is refused.
+    #[error(transparent)]
+    Host(#[from] HostError),
+    /// A setting is out of range.
+    #[error("{what} is {value}: {range}")]
+    Setting {
+        /// Which setting.
+        what: &'static str,
+        /// What it was.
+        value: String,
+        /// What it may be.
+        range: &'static str,
+    },
+    /// No such body.
+    #[error("{0} is not in the world: it was removed, or its id belongs to another world")]
+    NoBody(BodyId),
+    /// No such joint.
+    #[error("{0} is not in the world: it was removed, or one of its bodies was")]
+    NoJoint(JointId),
+    /// All ids are used up.
+    #[error("the world has given all 4,294,967,295 body ids")]
+    Full,
+}
+
+/// What a world did so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Ticks done.
+    pub ticks: u64,
+    /// Movable bodies.
+    pub bodies: usize,
+    /// Copies of bodies held by regions that do not own them.
+    pub replicas: usize,
+    /// Bodies that changed owner.
+    pub transfers: u64,
+    /// Wall time of the last step.
+    pub last_step: Duration,
+    /// Copies that Rapier set aside because their state was not finite.
+    pub quarantined: usize,
+}
+
+/// One rigid-body world, computed by one Rapier world a region.
+///
+/// ```
+/// use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+/// use rapier3d::prelude::*;
+///
+/// let mut world = DcdWorld::new(WorldConfig {
+///     partitioning: Partitioning::Regions(4),
+///     threads: 2,
+///     ..WorldConfig::default()
+/// })?;
+/// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
+/// let ball = world.insert(
+///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 5.0, 0.0)),
+///     ColliderBuilder::ball(0.5),
+/// )?;
+/// for _ in 0..120 {
+///     world.step()?;
+/// }
+/// assert!((world.pose(ball).unwrap().translation[1] - 1.0).abs() < 0.05);
+/// # Ok::<(), dcd::runtime::WorldError>(())
+/// ```
+pub struct DcdWorld {
+    host: RegionHost,
+    ledger: ContactLedger,
+    events: WorldEvents,
+    next_body: u32,
+    next_joint: u64,
+    last_step: Duration,
+}
+
+impl DcdWorld {
+    /// An empty world.
+    pub fn new(config: WorldConfig) -> Result<Self, WorldError> {
+        check(&config)?;
+        let partition = Partition::new(config.tree()?, config.halo_m);
+        let leaves = partition.leaves().to_vec();
+        Ok(Self {
+            host: RegionHost::new(partition, config.step, config.threads, &leaves)?,
+            ledger: ContactLedger::default(),
+            events: WorldEvents::default(),
+            next_body: 0,
+            next_joint: 0,
+            last_step: Duration::ZERO,
+        })
+    }
+
+    /// A world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
+    pub fn from_scene(scene: &Scene, config: WorldConfig) -> Result<Self, WorldError> {
+        let mut world = Self::new(config)?;
+        let (bodies, joints) = scene.records(&mut world.host)?;
+        world.next_body = bodies.len() as u32;
+        world.next_joint = joints.len() as u64;
+        world.host.insert(bodies, &joints)?;
+        Ok(world)
+    }
+
+    /// Inserts a body with one collider, at the builder's own position: in world space, exact near the origin.
+    pub fn insert(
+        &mut self,
+        body: RigidBodyBuilder,
+        collider: ColliderBuilder,
+    ) -> Result<BodyId, WorldError> {
+        let position = body.position;
+        let pose = WorldPose {
+            translation: position.translation.to_array().map(f64::from),
+            rotation: position.rotation.to_array(),
+        };
+        self.insert_at(pose, body, vec![collider])
+    }
+
+    /// Inserts a body with any number of colliders at a pose of world space, which replaces the builder's position.
+    ///
+    /// ```
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::protocol::WorldPose;
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let far = WorldPose::at([100_000.0, 2.0, 0.25]);
+    /// let id = world.insert_at(far, RigidBodyBuilder::dynamic(), vec![ColliderBuilder::ball(0.5)])?;
+    /// assert_eq!(world.pose(id).unwrap().translation[2], 0.25);
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn insert_at(
+        &mut self,
+        pose: WorldPose,
+        body: RigidBodyBuilder,
+        colliders: Vec<ColliderBuilder>,
+    ) -> Result<BodyId, WorldError> {
+        let id = BodyId::persistent(self.next_body);
+        let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
+        let record = self.host.describe(id, pose, &body, &colliders)?;
+        self.host.insert(vec![record], &[])?;
+        self.next_body = next;
+        Ok(id)
+    }
+
+    /// Removes a body with its colliders and joints.
+    pub fn remove(&mut self, body: BodyId) -> Result<(), WorldError> {
+        if self.host.remove(body) { Ok(()) } else { Err(WorldError::NoBody(body)) }
+    }
+
+    /// Ties two bodies. The assemblies of both become one, which is owned and moved whole.
+    ///
+    /// ```
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let post = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
+    /// let bob = world.insert(
+    ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, -2.0, 0.0)),
+    ///     ColliderBuilder::ball(0.25),
+    /// )?;
+    /// let rope = SphericalJointBuilder::new().local_anchor2(Vector::new(0.0, 2.0, 0.0));
+    /// world.insert_joint(post, bob, rope)?;
+    /// world.step()?;
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn insert_joint(
+        &mut self,
+        a: BodyId,
+        b: BodyId,
+        joint: impl Into<GenericJoint>,
+    ) -> Result<JointId, WorldError> {
+        for body in [a, b] {
+            if self.host.record(body).is_none() {
+                return Err(WorldError::NoBody(body));
+            }
+        }
+        let id = JointId(self.next_joint);
+        self.next_joint += 1;
+        self.host.tie(id, a, b, &joint.into())?;
+        Ok(id)
+    }
+
+    /// Unties two bodies.
+    pub fn remove_joint(&mut self, joint: JointId) -> Result<(), WorldError> {
+        if self.host.remove_joint(joint) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+    }
+
+    /// Changes a joint in place: motors, limits, whether it acts.
+    pub fn update_joint(
+        &mut self,
+        joint: JointId,
+        change: impl FnMut(&mut GenericJoint),
+    ) -> Result<(), WorldError> {
+        if self.host.update_joint(joint, change) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+    }
+
+    /// Advances the world by one tick.
+    pub fn step(&mut self) -> Result<(), WorldError> {
+        let start = Instant::now();
+        self.host.step()?;
+        self.ledger.merge(self.host.events(), &mut self.events);
+        self.host.clear_events();
+        self.last_step = start.elapsed();
+        Ok(())
+    }
+
+    /// Ticks done.
+    pub fn tick(&self) -> Tick {
+        self.host.tick()
+    }
+
+    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space.
+    pub fn body(&self, body: BodyId) -> Option<&RigidBody> {
+        if let Some((region, handle)) = self.host.owned(body) {
+            return region.physics().bodies.get(handle);
+        }
+        self.host.regions().iter().find_map(|region| region.physics().bodies.get(region.handle_of(body)?))
+    }
+
+    /// Where a body is, in world space.
+    pub fn pose(&self, body: BodyId) -> Option<WorldPose> {
+        match self.host.owned(body) {
+            Some((region, handle)) => Some(region.world_pose(handle)),
+            None => self.host.immovable(body).map(|record| record.state.pose),
+        }
+    }
+
+    /// How a body moves; zero for an immovable one.
+    pub fn velocity(&self, body: BodyId) -> Option<Velocity> {
+        match self.body(body) {
+            Some(rigid_body) => Some(Velocity {
+                linear: rigid_body.linvel().to_array(),
+                angular: rigid_body.angvel().to_array(),
+            }),
+            None => self.host.immovable(body).map(|record| record.state.velocity),
+        }
+    }
+
+    /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may
+    /// be called more than once and must do the same each time; positions in it are in region space, so use
+    /// [`DcdWorld::set_pose`] to move a body.
+    ///
+    /// ```
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
+    /// world.update(ball, |body| body.apply_impulse(Vector::new(1.0, 0.0, 0.0), true))?;
+    /// assert!(world.velocity(ball).unwrap().linear[0] > 0.0);
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn update<R>(
+        &mut self,
+        body: BodyId,
+        change: impl FnMut(&mut RigidBody) -> R,
+    ) -> Result<R, WorldError> {
+        self.host.update(body, change).ok_or(WorldError::NoBody(body))
+    }
+
+    /// Puts a body elsewhere at once.
+    pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
+        if self.host.teleport(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
+    }
+
+    /// Sets a body's velocity and wakes it.
+    pub fn set_velocity(&mut self, body: BodyId, velocity: Velocity) -> Result<(), WorldError> {
+        if !velocity.is_finite() {
+            return Err(HostError::NotFinite(body).into());
+        }
+        self.update(body, |rigid_body| {
+            rigid_body.set_linvel(Vector::from_array(velocity.linear), true);
+            rigid_body.set_angvel(Vector::from_array(velocity.angular), true);
+        })
+    }
+
+    /// The region that has authority over a movable body.
+    pub fn owner_of(&self, body: BodyId) -> Option<RegionId> {
+        self.host.owned(body).map(|(region, _)| region.id())
+    }
+
+    /// Contacts that began, ceased or pressed hard in the last step, for colliders with Rapier's `ActiveEvents`.
+    pub fn events(&self) -> &WorldEvents {
+        &self.events
+    }
+
+    /// The first body that a ray meets. `direction` need not be a unit vector; `max_m` is in metres.
+    ///
+    /// Rays are followed in f32 within each region, from the point where they enter its reach.
+    pub fn cast_ray(&self, origin: [f64; 3], direction: [f32; 3], max_m: f32) -> Option<RayHit> {
+        self.host.cast_ray(origin, direction, max_m)
+    }
+
+    /// Every movable body in id order: id, owner, pose, velocity.
+    pub fn states(&self) -> impl Iterator<Item = (BodyId, RegionId, WorldPose, Velocity)> {
+        self.host.states()
+    }
+
+    /// One number for the state of all movable bodies: equal worlds, equal numbers, whatever the number of threads.
+    pub fn state_hash(&self) -> u64 {
+        let mut hasher = StateHasher::default();
+        for (id, _, pose, velocity) in self.states() {
+            hasher.add(id, &pose, &velocity);
+        }
+        hasher.finish()
+    }
+
+    /// What the world did so far.
+    pub fn stats(&self) -> Stats {
+        Stats {
+            ticks: self.host.tick().0,
+            bodies: self.host.owned_count(),
+            replicas: self.host.regions().iter().map(Region::replica_count).sum(),
+            transfers: self.host.transfers(),
+            last_step: self.last_step,
+            quarantined: self
+                .host
+                .regions()
+                .iter()
+                .map(|region| region.physics().quarantine().bodies().len())
+                .sum(),
+        }
+    }
+
+    /// The regions in rank order, with their Rapier worlds.
+    pub fn regions(&self) -> &[Region] {
+        self.host.regions()
+    }
+
+    /// What computes them.
+    pub fn host(&self) -> &RegionHost {
+        &self.host
+    }
+
+    /// How many regions have authority over a body: 1 for every movable body, or something is wrong.
+    pub fn owners_of(&self, body: BodyId) -> usize {
+        let owns = |region: &&Region| {
+            region
+                .handle_of(body)
+                .and_then(|handle| region.role_of(handle))
+                .is_some_and(|(_, role)| role == Role::Owner)
+        };
+        self.regions().iter().filter(owns).count()
+    }
+}
+
+fn check(config: &WorldConfig) -> Result<(), WorldError> {
+    let wrong = |what, value: String, range| Err(WorldError::Setting { what, value, range });
+    let step = &config.step;
+    if !(step.dt_s.is_finite() && step.dt_s > 0.0) {
+        return wrong("dt_s", step.dt_s.to_string(), "a tick lasts a positive number of seconds, as 1/60");
+    }
+    if !step.gravity.iter().all(|v| v.is_finite()) {
+        return wrong("gravity", format!("{:?}", step.gravity), "three finite numbers, m/s²");
+    }
+    if step.solver_iterations == 0 || step.solver_iterations > 1000 {
+        return wrong("solver_iterations", step.solver_iterations.to_string(), "1 to 1000 iterations a tick");
+    }
+    if step.exchanges == 0 || step.exchanges > 64 {
+        return wrong("exchanges", step.exchanges.to_string(), "1 to 64 exchanges a tick");
+    }
+    if config.threads > 1024 {
+        return wrong("threads", config.threads.to_string(), "1 to 1024 threads");
+    }
+    if config.halo_m.is_some_and(|halo| !halo.is_finite() || halo < 0.0) {
+        return wrong("halo_m", format!("{:?}", config.halo_m), "a number of metres, 0 or more");
+    }
+    Ok(())
+}

@@ -33,10 +33,7 @@ pub(crate) fn region_from_world(anchor: [f64; 3], pose: &WorldPose) -> Pose {
 }
 
 pub(crate) fn world_from_region(anchor: [f64; 3], pose: &Pose) -> WorldPose {
-    WorldPose {
-        translation: world_point(anchor, pose.translation),
-        rotation: pose.rotation.to_array(),
-    }
+    WorldPose { translation: world_point(anchor, pose.translation), rotation: pose.rotation.to_array() }
 }
 
 pub(crate) fn region_point(anchor: [f64; 3], point: [f64; 3]) -> Vector {

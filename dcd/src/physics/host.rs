@@ -14,7 +14,8 @@ use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
 use super::{convert, joints, record};
 use crate::protocol::{
-    BodyKind, BodyRecord, BorderMessage, JointRecord, RegionEvents, ShapeHash, ShapeRecord, Velocity, WorldPose,
+    BodyKind, BodyRecord, BorderMessage, JointRecord, RegionEvents, ShapeHash, ShapeRecord, Velocity,
+    WorldPose,
 };
 use crate::space::{BodyId, Bounds, Epoch, JointId, RegionId, RegionSet, Tick};
 
@@ -143,8 +144,7 @@ impl RegionHost {
         assert!(self.place_of[rank].is_none(), "{id} is hosted here already");
         let part = self.partition.tree().part(id);
         let cell = *self.partition.cell(rank);
-        let mut region =
-            Region::new(id, rank, cell, &part, self.settings.gravity, self.partition.leaves());
+        let mut region = Region::new(id, rank, cell, &part, self.settings.gravity, self.partition.leaves());
         for body in self.statics.bodies() {
             self.statics.insert_near(body.id, &mut region, &self.shapes)?;
         }
@@ -180,15 +180,9 @@ impl RegionHost {
         &self.shapes
     }
 
-    /// Describes a body by Rapier's builders; `pose` replaces the builder's own position.
-    pub fn describe(
-        &mut self,
-        id: BodyId,
-        pose: WorldPose,
-        body: &RigidBodyBuilder,
-        colliders: &[ColliderBuilder],
-    ) -> Result<BodyRecord, HostError> {
-        Ok(record::record_of_builders(id, pose, body, colliders, &mut self.shapes)?)
+    /// The same, to describe bodies by Rapier's builders.
+    pub fn shapes_mut(&mut self) -> &mut ShapeLibrary {
+        &mut self.shapes
     }
 
     /// Puts bodies and the joints among them into the regions where they belong: each assembly into the region of its
@@ -356,8 +350,7 @@ impl RegionHost {
         if self.partition.len() > 1 {
             let outboxes: Vec<_> =
                 self.regions.iter_mut().map(|region| std::mem::take(&mut region.outbox)).collect();
-            let ground =
-                Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
+            let ground = Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
             let (incoming, place_of, coupling) = (&self.incoming, &self.place_of, self.settings.coupling);
             let failure = std::sync::Mutex::new(None);
             on_all(&self.pool, &mut self.regions, |region| {
@@ -385,7 +378,11 @@ impl RegionHost {
 
     /// A whole tick of a host that computes every region.
     pub fn step(&mut self) -> Result<(), HostError> {
-        assert_eq!(self.regions.len(), self.partition.len(), "a node's exchange needs its neighbours' messages");
+        assert_eq!(
+            self.regions.len(),
+            self.partition.len(),
+            "a node's exchange needs its neighbours' messages"
+        );
         for _ in 0..self.settings.exchanges {
             self.compute();
             self.exchange()?;
@@ -601,11 +598,7 @@ impl RegionHost {
     }
 
     /// Rank of the owner and the other holders of a body at its recorded pose.
-    fn place(
-        &self,
-        body: &BodyRecord,
-        centre: Option<[f64; 3]>,
-    ) -> Result<(usize, RegionSet), HostError> {
+    fn place(&self, body: &BodyRecord, centre: Option<[f64; 3]>) -> Result<(usize, RegionSet), HostError> {
         let owner = self.partition.rank_at(centre.unwrap_or(body.state.pose.translation));
         if body.traits.kind == BodyKind::Fixed {
             return Ok((owner, RegionSet::EMPTY));

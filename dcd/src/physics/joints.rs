@@ -6,7 +6,8 @@ use super::convert;
 use crate::protocol::{self, JointRecord};
 use crate::space::{BodyId, JointId};
 
-pub(crate) fn joint_record(id: JointId, a: BodyId, b: BodyId, joint: &GenericJoint) -> JointRecord {
+/// Records a joint.
+pub fn joint_record(id: JointId, a: BodyId, b: BodyId, joint: &GenericJoint) -> JointRecord {
     JointRecord {
         id,
         a,

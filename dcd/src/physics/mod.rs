@@ -16,6 +16,7 @@ mod watch;
 
 pub use coupling::Coupling;
 pub use host::{HostError, RegionHost, StepSettings};
+pub use joints::joint_record;
 pub use partition::Partition;
 pub use query::RayHit;
 pub use region::{Region, Role};

@@ -50,8 +50,8 @@ fn cast_in_region(region: &Region, origin: [f64; 3], direction: Vector, max_m: f
     };
     let filter = QueryFilter::default().predicate(&answers);
     let ray = Ray::new(convert::region_point(region.anchor(), origin), direction);
-    let (_, collider, hit) =
-        region.physics().cast_ray_and_get_normal(&ray, max_m as f32, true, filter)?;
+    let (handle, hit) = region.physics().cast_ray_and_get_normal(&ray, max_m as f32, true, filter)?;
+    let collider = region.physics().colliders.get(handle)?;
     let (body, _) = region.role_of(collider.parent()?)?;
     Some(RayHit {
         body,

@@ -11,7 +11,8 @@ use super::shapes::{ShapeError, ShapeLibrary};
 use super::watch::ContactWatch;
 use super::{convert, joints, record};
 use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, BorderMessage, JointRecord, RegionEvents, SharedState, WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, BorderMessage, JointRecord, RegionEvents, SharedState,
+    WorldPose,
 };
 use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet};
 
@@ -157,7 +158,9 @@ impl Region {
 
     /// Every body held here in id order, with the part the region plays for it.
     pub fn bodies(&self) -> impl Iterator<Item = (BodyId, Role, RigidBodyHandle, &RigidBody)> {
-        self.by_id.iter().map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
+        self.by_id
+            .iter()
+            .map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
     }
 
     /// The role and name of the body behind a handle of [`Region::physics`].
@@ -240,7 +243,8 @@ impl Region {
             joints: Vec::new(),
             assembly: None,
             told_asleep: body.state.sleeping,
-            asleep_at: (body.state.sleeping).then(|| convert::region_from_world(self.anchor, &body.state.pose)),
+            asleep_at: (body.state.sleeping)
+                .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
         self.by_id.insert(body.id, handle);
         self.list(Link { id: body.id, handle });
@@ -332,13 +336,7 @@ impl Region {
     }
 
     /// Changes who owns a body that is held here, and who else holds it.
-    pub(super) fn set_role(
-        &mut self,
-        handle: RigidBodyHandle,
-        role: Role,
-        holders: RegionSet,
-        epoch: Epoch,
-    ) {
+    pub(super) fn set_role(&mut self, handle: RigidBodyHandle, role: Role, holders: RegionSet, epoch: Epoch) {
         let slot = self.slot_mut(handle);
         assert!(epoch >= slot.epoch, "{} would go back from epoch {} to {epoch}", slot.id, slot.epoch);
         (slot.role, slot.holders, slot.epoch) = (role, holders, epoch);

@@ -13,7 +13,9 @@ use crate::protocol::{ShapeHash, ShapeRecord};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// Parry has it, the wire does not.
-    #[error("shapes of kind {0} cannot travel between regions; use a hull, a mesh or a compound of simple shapes")]
+    #[error(
+        "shapes of kind {0} cannot travel between regions; use a hull, a mesh or a compound of simple shapes"
+    )]
     Unsupported(&'static str),
     /// Parry refuses to build it.
     #[error("{what}: Parry refuses to build it ({cause}); check its vertices and indices")]
@@ -66,8 +68,11 @@ impl ShapeLibrary {
 
     /// All records, parts before the compounds that use them.
     pub fn records(&self) -> Vec<ShapeRecord> {
-        let (parts, compounds): (Vec<_>, Vec<_>) =
-            self.shapes.values().map(|(record, _)| record.clone()).partition(|record| record.parts().next().is_none());
+        let (parts, compounds): (Vec<_>, Vec<_>) = self
+            .shapes
+            .values()
+            .map(|(record, _)| record.clone())
+            .partition(|record| record.parts().next().is_none());
         parts.into_iter().chain(compounds).collect()
     }
 
@@ -206,15 +211,28 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
         ShapeRecord::Segment(points) => finite("segment", points),
         ShapeRecord::Triangle(points) => finite("triangle", points),
         ShapeRecord::HalfSpace(normal) => finite("half-space", &[*normal]),
-        ShapeRecord::ConvexPolyhedron(vertices, triangles) => finite("convex polyhedron", vertices)
-            .and(indexed("convex polyhedron", vertices.len(), triangles.as_flattened().iter(), triangles.len())),
-        ShapeRecord::TriMesh(vertices, triangles, _) => finite("triangle mesh", vertices)
-            .and(indexed("triangle mesh", vertices.len(), triangles.as_flattened().iter(), triangles.len())),
-        ShapeRecord::Polyline(vertices, edges) => finite("polyline", vertices)
-            .and(indexed("polyline", vertices.len(), edges.as_flattened().iter(), edges.len())),
+        ShapeRecord::ConvexPolyhedron(vertices, triangles) => finite("convex polyhedron", vertices).and(
+            indexed("convex polyhedron", vertices.len(), triangles.as_flattened().iter(), triangles.len()),
+        ),
+        ShapeRecord::TriMesh(vertices, triangles, _) => finite("triangle mesh", vertices).and(indexed(
+            "triangle mesh",
+            vertices.len(),
+            triangles.as_flattened().iter(),
+            triangles.len(),
+        )),
+        ShapeRecord::Polyline(vertices, edges) => finite("polyline", vertices).and(indexed(
+            "polyline",
+            vertices.len(),
+            edges.as_flattened().iter(),
+            edges.len(),
+        )),
         ShapeRecord::HeightField(heights, rows, columns, scale, _) => {
             let cells = (*rows as usize).checked_mul(*columns as usize);
-            if *rows < 2 || *columns < 2 || cells != Some(heights.len()) || heights.iter().any(|h| !h.is_finite()) {
+            if *rows < 2
+                || *columns < 2
+                || cells != Some(heights.len())
+                || heights.iter().any(|h| !h.is_finite())
+            {
                 return Err(ShapeError::Size("height field"));
             }
             positive("height field", scale)
@@ -225,7 +243,11 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
         ShapeRecord::RoundCylinder(h, r, border) => positive("round cylinder", &[*h, *r, *border]),
         ShapeRecord::RoundCone(h, r, border) => positive("round cone", &[*h, *r, *border]),
         ShapeRecord::Compound(parts) => {
-            if parts.is_empty() { Err(ShapeError::Size("compound")) } else { Ok(()) }
+            if parts.is_empty() {
+                Err(ShapeError::Size("compound"))
+            } else {
+                Ok(())
+            }
         }
     }
 }
@@ -247,7 +269,8 @@ mod tests {
 
     #[test]
     fn every_shape_keeps_its_name_through_its_record() {
-        let hull: Vec<_> = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(convert::vector).to_vec();
+        let hull: Vec<_> =
+            [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(convert::vector).to_vec();
         let shapes = [
             SharedShape::ball(0.5),
             SharedShape::cuboid(0.5, 1.0, 2.0),

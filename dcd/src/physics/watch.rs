@@ -124,7 +124,9 @@ impl EventHandler for ContactWatch {
             normal: Vector::ZERO,
             speed: 0.0,
         };
-        if touch.began && let (Some(a), Some(b)) = (colliders.get(first), colliders.get(second)) {
+        if touch.began
+            && let (Some(a), Some(b)) = (colliders.get(first), colliders.get(second))
+        {
             touch.point = (a.translation() + b.translation()) * 0.5;
             if let Some((manifold, contact)) = pair.and_then(ContactPair::find_deepest_contact) {
                 let on = manifold.subshape_pos1().map_or(*a.position(), |sub| *a.position() * sub);

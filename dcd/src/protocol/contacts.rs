@@ -76,11 +76,7 @@ impl ContactLedger {
     /// The bodies that touch this one now, in id order.
     pub fn touching(&self, body: BodyId) -> impl Iterator<Item = BodyId> {
         self.seen_by.iter().filter(|(_, seen_by)| !seen_by.is_empty()).filter_map(move |(key, _)| {
-            if key.a == body {
-                Some(key.b)
-            } else {
-                (key.b == body).then_some(key.a)
-            }
+            if key.a == body { Some(key.b) } else { (key.b == body).then_some(key.a) }
         })
     }
 }
@@ -97,12 +93,8 @@ mod tests {
     use crate::space::Tick;
 
     fn touch(began: bool) -> Touch {
-        let key = ContactKey {
-            a: BodyId::persistent(1),
-            b: BodyId::persistent(2),
-            collider_a: 0,
-            collider_b: 0,
-        };
+        let key =
+            ContactKey { a: BodyId::persistent(1), b: BodyId::persistent(2), collider_a: 0, collider_b: 0 };
         Touch { key, began, sensor: false, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 }
     }
 

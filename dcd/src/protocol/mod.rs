@@ -11,9 +11,7 @@ pub use body::{
     BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ExtraMass,
     Groups, MassRecord, Pose, Velocity, WorldPose,
 };
-pub use border::{
-    BorderMessage, ContactForce, ContactKey, RegionEvents, SharedState, Touch, Transfer,
-};
+pub use border::{BorderMessage, ContactForce, ContactKey, RegionEvents, SharedState, Touch, Transfer};
 pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord};

@@ -173,7 +173,7 @@ impl DcdWorld {
     /// A world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
     pub fn from_scene(scene: &Scene, config: WorldConfig) -> Result<Self, WorldError> {
         let mut world = Self::new(config)?;
-        let (bodies, joints) = scene.records(&mut world.host)?;
+        let (bodies, joints) = scene.records(world.host.shapes_mut()).map_err(HostError::from)?;
         world.next_body = bodies.len() as u32;
         world.next_joint = joints.len() as u64;
         world.host.insert(bodies, &joints)?;
@@ -214,7 +214,7 @@ impl DcdWorld {
     ) -> Result<BodyId, WorldError> {
         let id = BodyId::persistent(self.next_body);
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
-        let record = self.host.describe(id, pose, &body, &colliders)?;
+        let record = self.host.shapes_mut().describe(id, pose, &body, &colliders).map_err(HostError::from)?;
         self.host.insert(vec![record], &[])?;
         self.next_body = next;
         Ok(id)

@@ -166,13 +166,7 @@ fn find_changes(region: &Region, partition: &Partition, dt_s: f32, changes: &mut
     changes.sort_unstable_by_key(|change| change.link.id);
 }
 
-fn propose(
-    region: &Region,
-    link: Link,
-    near: Near,
-    owner: usize,
-    changes: &mut Vec<Change>,
-) {
+fn propose(region: &Region, link: Link, near: Near, owner: usize, changes: &mut Vec<Change>) {
     let own = RegionSet::only(region.rank());
     let held = region.slot(link.handle).holders;
     let still_near = RegionSet::from_bits(held.bits() & near.within_hysteresis.bits());
@@ -266,12 +260,7 @@ fn set_user_forces(body: &mut RigidBody, force: [f32; 3], torque: [f32; 3]) {
 }
 
 /// Inserts a replica, or renews one that is here already.
-fn hold(
-    region: &mut Region,
-    body: &BodyRecord,
-    sender: usize,
-    ground: Ground<'_>,
-) -> Result<(), ShapeError> {
+fn hold(region: &mut Region, body: &BodyRecord, sender: usize, ground: Ground<'_>) -> Result<(), ShapeError> {
     match region.handle_of(body.id) {
         Some(handle) if region.slot(handle).role == Role::Owner => return Ok(()),
         Some(_) => {
@@ -306,8 +295,7 @@ fn write_state(region: &mut Region, link: Link, state: &SharedState, sender: usi
     slot.epoch = state.epoch;
     slot.role = Role::Replica { owner: sender };
     slot.asleep_at = state.sleeping.then_some(pose);
-    let (linear, angular) =
-        (convert::vector(state.velocity.linear), convert::vector(state.velocity.angular));
+    let (linear, angular) = (convert::vector(state.velocity.linear), convert::vector(state.velocity.angular));
     let body = &mut region.world_mut().bodies[link.handle];
     let moved_m = (pose.translation - body.translation()).length();
     let turned_rad = 2.0 * pose.rotation.dot(*body.rotation()).abs().min(1.0).acos();

@@ -95,11 +95,11 @@ fn cover_hubs(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError>
 fn tell_states(region: &mut Region) {
     for index in 0..region.shared.len() {
         let link = region.shared[index];
-        let state = region.shared_state(link.handle);
-        let slot = region.slot_mut(link.handle);
-        if state.sleeping && slot.told_asleep {
+        if region.slot(link.handle).told_asleep && region.physics().bodies[link.handle].is_sleeping() {
             continue;
         }
+        let state = region.shared_state(link.handle);
+        let slot = region.slot_mut(link.handle);
         slot.told_asleep = state.sleeping;
         for rank in slot.holders.iter() {
             region.outbox[rank].states.push(state);

@@ -1,0 +1,394 @@
+//! A partitioned world through its public API: what is true of one Rapier world stays true of many.
+
+use dcd::protocol::{Velocity, WorldPose};
+use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
+use dcd::space::{Axis, BodyId, Bounds};
+use rapier3d::prelude::*;
+
+/// Two regions that meet at x = 0.
+fn two_regions() -> WorldConfig {
+    WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() }
+}
+
+fn weightless(mut config: WorldConfig) -> WorldConfig {
+    config.step.gravity = [0.0; 3];
+    config
+}
+
+fn steps(world: &mut DcdWorld, count: usize) {
+    for _ in 0..count {
+        world.step().unwrap();
+        for (id, ..) in world.states().collect::<Vec<_>>() {
+            assert_eq!(world.owners_of(id), 1, "{id} at {}", world.tick());
+        }
+    }
+}
+
+fn ball_at(x: f32, y: f32) -> (RigidBodyBuilder, ColliderBuilder) {
+    (RigidBodyBuilder::dynamic().translation(Vector::new(x, y, 0.0)), ColliderBuilder::ball(0.5))
+}
+
+fn insert_ball(world: &mut DcdWorld, x: f32, y: f32, vx: f32) -> BodyId {
+    let (body, collider) = ball_at(x, y);
+    world.insert(body.linvel(Vector::new(vx, 0.0, 0.0)), collider).unwrap()
+}
+
+fn insert_floor(world: &mut DcdWorld) -> BodyId {
+    let body = RigidBodyBuilder::fixed().translation(Vector::new(0.0, -0.5, 0.0));
+    world.insert(body, ColliderBuilder::cuboid(50.0, 0.5, 50.0)).unwrap()
+}
+
+#[test]
+fn a_body_leaving_a_region_is_owned_by_exactly_one_other() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let ball = insert_ball(&mut world, -3.0, 0.0, 2.0);
+    let first = world.owner_of(ball).unwrap();
+    let mut replicated_before_transfer = false;
+    for _ in 0..240 {
+        steps(&mut world, 1);
+        if world.owner_of(ball) == Some(first) {
+            replicated_before_transfer = world.stats().replicas == 1;
+        }
+    }
+    assert_ne!(world.owner_of(ball), Some(first));
+    assert!(replicated_before_transfer, "the new owner must hold a replica before it takes over");
+    assert_eq!((world.stats().transfers, world.stats().replicas), (1, 0));
+    assert!((world.pose(ball).unwrap().translation[0] - 5.0).abs() < 1e-3);
+}
+
+#[test]
+fn a_body_resting_on_the_border_does_not_change_owner_to_and_fro() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let ball = insert_ball(&mut world, -0.01, 0.0, 0.0);
+    for step in 0..600 {
+        let speed = if step % 20 < 10 { 0.06 } else { -0.06 };
+        world.set_velocity(ball, Velocity { linear: [speed, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
+        steps(&mut world, 1);
+    }
+    assert!(world.stats().transfers <= 1, "{} transfers", world.stats().transfers);
+}
+
+#[test]
+fn a_transferred_body_keeps_everything() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let body = RigidBodyBuilder::dynamic()
+        .translation(Vector::new(-2.0, 0.0, 0.0))
+        .linvel(Vector::new(3.0, 0.0, 0.0))
+        .linear_damping(0.001)
+        .angular_damping(0.5)
+        .gravity_scale(0.5)
+        .dominance_group(2)
+        .locked_axes(LockedAxes::ROTATION_LOCKED_X | LockedAxes::TRANSLATION_LOCKED_Z)
+        .additional_solver_iterations(3)
+        .additional_mass(2.0)
+        .can_sleep(false)
+        .ccd_enabled(true)
+        .user_data(0xdead_beef_0000_0001);
+    let groups = InteractionGroups::new(Group::GROUP_2, Group::GROUP_4, InteractionTestMode::And);
+    let colliders = vec![
+        ColliderBuilder::cuboid(0.25, 0.5, 0.75).friction(0.9).restitution(0.3).density(3.0).user_data(11),
+        ColliderBuilder::ball(0.1).collision_groups(groups).sensor(true).mass(0.25).user_data(12),
+    ];
+    let id = world.insert_at(WorldPose::at([-2.0, 0.0, 0.0]), body, colliders).unwrap();
+    world.update(id, |body| body.add_force(Vector::new(0.5, 0.0, 0.0), true)).unwrap();
+    world.update(id, |body| body.add_torque(Vector::new(0.0, 0.125, 0.0), true)).unwrap();
+    steps(&mut world, 1); // Rapier folds additional mass in at the first step.
+    let before = world.host().record(id).unwrap();
+    let inertia = world.body(id).unwrap().mass_properties().local_mprops;
+    let owner = world.owner_of(id);
+    steps(&mut world, 90);
+    assert_ne!(world.owner_of(id), owner, "the body must have crossed");
+    let after = world.host().record(id).unwrap();
+    assert_eq!(after.traits, before.traits);
+    assert_eq!((after.state.force, after.state.torque), (before.state.force, before.state.torque));
+    assert_eq!(world.body(id).unwrap().mass_properties().local_mprops, inertia);
+    let region = world.regions().iter().find(|region| Some(region.id()) == world.owner_of(id)).unwrap();
+    let body = world.body(id).unwrap();
+    assert_eq!(body.user_data, 0xdead_beef_0000_0001);
+    assert_eq!(body.locked_axes(), LockedAxes::ROTATION_LOCKED_X | LockedAxes::TRANSLATION_LOCKED_Z);
+    let collider = |place: usize| &region.physics().colliders[body.colliders()[place]];
+    assert_eq!((collider(0).friction(), collider(0).restitution()), (0.9, 0.3));
+    assert_eq!((collider(1).collision_groups(), collider(1).is_sensor()), (groups, true));
+    assert_eq!((collider(0).user_data, collider(1).user_data), (11, 12));
+}
+
+#[test]
+fn a_sleeping_body_stays_asleep_when_its_neighbour_is_cut_off_by_a_border() {
+    let mut world = DcdWorld::new(two_regions()).unwrap();
+    insert_floor(&mut world);
+    let left = insert_ball(&mut world, -0.6, 0.5, 0.0);
+    let right = insert_ball(&mut world, 0.6, 0.5, 0.0);
+    steps(&mut world, 120);
+    for ball in [left, right] {
+        assert!(world.body(ball).unwrap().is_sleeping());
+    }
+    assert_eq!(world.stats().replicas, 2);
+    let replicas_asleep = world.regions().iter().flat_map(|region| region.bodies()).all(|(_, _, _, body)| {
+        body.is_fixed() || body.is_sleeping()
+    });
+    assert!(replicas_asleep, "replicas must sleep with their owners");
+}
+
+#[test]
+fn waking_crosses_a_border() {
+    let mut world = DcdWorld::new(two_regions()).unwrap();
+    insert_floor(&mut world);
+    let row: Vec<_> = (-3..=3).map(|i| insert_ball(&mut world, i as f32 * 1.001, 0.5, 0.0)).collect();
+    steps(&mut world, 120);
+    assert!(row.iter().all(|&ball| world.body(ball).unwrap().is_sleeping()));
+    world.set_velocity(row[0], Velocity { linear: [4.0, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
+    steps(&mut world, 60);
+    let far = world.pose(row[6]).unwrap().translation[0];
+    assert!(far > 3.1, "the last ball of the row must have been pushed, it is at {far}");
+}
+
+#[test]
+fn bodies_that_touch_across_a_border_feel_each_other_once() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let bouncy = |builder: ColliderBuilder| {
+        builder.restitution(1.0).friction(0.0).active_events(ActiveEvents::COLLISION_EVENTS)
+    };
+    let mut balls = Vec::new();
+    for (x, vx) in [(-2.0, 2.0), (2.0, -2.0)] {
+        let (body, collider) = ball_at(x, 0.0);
+        balls.push(world.insert(body.linvel(Vector::new(vx, 0.0, 0.0)), bouncy(collider)).unwrap());
+    }
+    let (mut began, mut ended) = (Vec::new(), Vec::new());
+    for _ in 0..120 {
+        world.step().unwrap();
+        for touch in &world.events().touches {
+            if touch.began { began.push(*touch) } else { ended.push(*touch) }
+        }
+    }
+    assert_eq!((began.len(), ended.len()), (1, 1));
+    assert_eq!((began[0].key.a, began[0].key.b), (balls[0], balls[1]));
+    assert!((began[0].speed - 4.0).abs() < 0.05, "approach speed {}", began[0].speed);
+    assert!(began[0].point[0].abs() < 0.1 && began[0].normal[0] > 0.99);
+    for (ball, vx) in [(balls[0], -2.0), (balls[1], 2.0)] {
+        let speed = world.velocity(ball).unwrap().linear[0];
+        assert!((speed - vx).abs() < 0.05, "{ball} moves at {speed}, not {vx}");
+    }
+}
+
+#[test]
+fn a_stack_across_a_border_stands() {
+    let mut world = DcdWorld::new(WorldConfig {
+        partitioning: Partitioning::Cuts(vec![(Axis::Y, 2.0)]),
+        ..WorldConfig::default()
+    })
+    .unwrap();
+    insert_floor(&mut world);
+    let boxes: Vec<_> = (0..4)
+        .map(|i| {
+            let body = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.5 + i as f32, 0.0));
+            world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap()
+        })
+        .collect();
+    steps(&mut world, 300);
+    for (i, &id) in boxes.iter().enumerate() {
+        let y = world.pose(id).unwrap().translation[1];
+        assert!((y - (0.5 + i as f64)).abs() < 0.05, "box {i} is at {y}");
+    }
+}
+
+#[test]
+fn an_assembly_is_owned_and_moved_whole() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let links: Vec<_> = (0..5)
+        .map(|i| {
+            let body = RigidBodyBuilder::dynamic()
+                .translation(Vector::new(-6.0 + i as f32, 0.0, 0.0))
+                .linvel(Vector::new(3.0, 0.0, 0.0));
+            world.insert(body, ColliderBuilder::ball(0.25)).unwrap()
+        })
+        .collect();
+    for pair in links.windows(2) {
+        let joint = SphericalJointBuilder::new()
+            .local_anchor1(Vector::new(0.5, 0.0, 0.0))
+            .local_anchor2(Vector::new(-0.5, 0.0, 0.0));
+        world.insert_joint(pair[0], pair[1], joint).unwrap();
+    }
+    let first = world.owner_of(links[0]);
+    for _ in 0..200 {
+        steps(&mut world, 1);
+        let owner = world.owner_of(links[0]);
+        assert!(links.iter().all(|&link| world.owner_of(link) == owner), "torn apart at {}", world.tick());
+    }
+    assert_ne!(world.owner_of(links[0]), first);
+    for pair in links.windows(2) {
+        let [a, b] = [pair[0], pair[1]].map(|id| world.pose(id).unwrap().translation[0]);
+        assert!((b - a - 1.0).abs() < 1e-3, "joint stretched to {}", b - a);
+    }
+}
+
+#[test]
+fn tying_two_bodies_of_different_regions_brings_them_together() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let a = insert_ball(&mut world, -3.0, 0.0, 0.0);
+    let b = insert_ball(&mut world, 4.0, 0.0, 0.0);
+    assert_ne!(world.owner_of(a), world.owner_of(b));
+    let rope = RopeJointBuilder::new(7.0);
+    let joint = world.insert_joint(a, b, rope).unwrap();
+    assert_eq!(world.owner_of(a), world.owner_of(b));
+    steps(&mut world, 10);
+    world.remove_joint(joint).unwrap();
+    assert!(matches!(world.remove_joint(joint), Err(WorldError::NoJoint(_))));
+    steps(&mut world, 10);
+}
+
+#[test]
+fn immovable_geometry_is_one_object_in_all_regions() {
+    let mut world = DcdWorld::new(WorldConfig {
+        partitioning: Partitioning::Regions(8),
+        ..WorldConfig::default()
+    })
+    .unwrap();
+    let floor = insert_floor(&mut world);
+    let shapes: Vec<_> = world
+        .regions()
+        .iter()
+        .filter_map(|region| {
+            let body = &region.physics().bodies[region.handle_of(floor)?];
+            Some(std::sync::Arc::as_ptr(&region.physics().colliders[body.colliders()[0]].shared_shape().0))
+        })
+        .collect();
+    assert_eq!(shapes.len(), 8, "the floor touches every region's cell");
+    assert!(shapes.iter().all(|shape| std::ptr::addr_eq(*shape, shapes[0])));
+}
+
+#[test]
+fn a_body_larger_than_its_region_finds_its_ground_and_carries_others() {
+    let mut world = DcdWorld::new(WorldConfig {
+        bounds: Bounds::around([0.0; 3], [20.0; 3]),
+        partitioning: Partitioning::Cuts(vec![(Axis::X, -8.0), (Axis::X, 0.0), (Axis::X, 8.0)]),
+        ..WorldConfig::default()
+    })
+    .unwrap();
+    let posts = [-18.0f32, 18.0];
+    for x in posts {
+        let body = RigidBodyBuilder::fixed().translation(Vector::new(x, 0.5, 0.0));
+        world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 5.0)).unwrap();
+    }
+    let slab = world
+        .insert(
+            RigidBodyBuilder::dynamic().translation(Vector::new(-1.0, 1.3, 0.0)),
+            ColliderBuilder::cuboid(20.0, 0.25, 5.0),
+        )
+        .unwrap();
+    let pebble = insert_ball(&mut world, 16.0, 2.2, 0.0);
+    steps(&mut world, 300);
+    let (slab_y, pebble_y) =
+        (world.pose(slab).unwrap().translation[1], world.pose(pebble).unwrap().translation[1]);
+    assert!((slab_y - 1.25).abs() < 0.05, "the slab lies at {slab_y}");
+    assert!((pebble_y - 2.0).abs() < 0.05, "the pebble lies at {pebble_y}");
+}
+
+#[test]
+fn a_projectile_crosses_several_regions_in_one_step() {
+    let cuts = (-9..=9).map(|i| (Axis::X, f64::from(i))).collect();
+    let mut world = DcdWorld::new(weightless(WorldConfig {
+        partitioning: Partitioning::Cuts(cuts),
+        ..WorldConfig::default()
+    }))
+    .unwrap();
+    let shot = insert_ball(&mut world, -12.0, 0.0, 300.0);
+    steps(&mut world, 6);
+    let x = world.pose(shot).unwrap().translation[0];
+    assert!((x - (-12.0 + 300.0 * 6.0 / 60.0)).abs() < 1e-2, "at {x}");
+}
+
+#[test]
+fn bits_do_not_depend_on_the_number_of_threads() {
+    let run = |threads| {
+        let mut world = DcdWorld::new(WorldConfig {
+            partitioning: Partitioning::Regions(8),
+            bounds: Bounds::around([0.0, 4.0, 0.0], [6.0, 4.0, 6.0]),
+            threads,
+            ..WorldConfig::default()
+        })
+        .unwrap();
+        insert_floor(&mut world);
+        for i in 0..200 {
+            let (x, y, z) = ((i * 7 % 11) as f32 - 5.0, 1.0 + (i / 20) as f32 * 1.2, (i * 5 % 13) as f32 - 6.0);
+            let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, y, z));
+            world.insert(body, ColliderBuilder::cuboid(0.5, 0.4, 0.3)).unwrap();
+        }
+        for _ in 0..200 {
+            world.step().unwrap();
+        }
+        (world.state_hash(), world.stats().transfers)
+    };
+    let one = run(1);
+    assert!(one.1 > 20, "only {} transfers: the test needs traffic", one.1);
+    assert_eq!(one, run(2));
+    assert_eq!(one, run(4));
+}
+
+#[test]
+fn rays_find_the_nearest_body_of_any_region_and_no_replica() {
+    let mut world = DcdWorld::new(two_regions()).unwrap();
+    insert_floor(&mut world);
+    let near = insert_ball(&mut world, 0.4, 0.5, 0.0);
+    let far = insert_ball(&mut world, 6.0, 0.5, 0.0);
+    world.step().unwrap();
+    let hit = world.cast_ray([-10.0, 0.5, 0.0], [2.0, 0.0, 0.0], 100.0).unwrap();
+    assert_eq!(hit.body, near);
+    assert!((hit.distance_m - 9.9).abs() < 1e-2 && hit.normal[0] < -0.99, "{hit:?}");
+    world.remove(near).unwrap();
+    world.step().unwrap();
+    assert_eq!(world.cast_ray([-10.0, 0.5, 0.0], [1.0, 0.0, 0.0], 100.0).unwrap().body, far);
+    assert_eq!(world.cast_ray([-10.0, 0.5, 0.0], [1.0, 0.0, 0.0], 5.0), None);
+    assert_eq!(world.cast_ray([0.0, 0.5, 0.0], [0.0, 0.0, 0.0], 5.0), None);
+}
+
+#[test]
+fn a_teleported_body_changes_region_at_once_and_keeps_its_epoch_growing() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let ball = insert_ball(&mut world, -10.0, 0.0, 0.0);
+    let first = world.owner_of(ball);
+    world.set_pose(ball, WorldPose::at([10.0, 1.0, 0.0])).unwrap();
+    assert_ne!(world.owner_of(ball), first);
+    steps(&mut world, 5);
+    assert_eq!(world.pose(ball).unwrap().translation, [10.0, 1.0, 0.0]);
+}
+
+#[test]
+fn bodies_100_km_from_the_origin_keep_millimetres() {
+    let mut config = weightless(two_regions());
+    config.bounds = Bounds::around([99_000.0, -98_765.0, 0.0], [300.0; 3]);
+    config.partitioning = Partitioning::Regions(8);
+    let mut world = DcdWorld::new(config).unwrap();
+    let pose = WorldPose::at([99_000.123_456, -98_765.432_1, 5.0]);
+    let body = RigidBodyBuilder::dynamic().linvel(Vector::new(0.06, 0.0, 0.0));
+    let id = world.insert_at(pose, body.can_sleep(false), vec![ColliderBuilder::ball(0.5)]).unwrap();
+    steps(&mut world, 60);
+    let at = world.pose(id).unwrap().translation;
+    assert!((at[0] - 99_000.183_456).abs() < 1e-3 && (at[1] + 98_765.432_1).abs() < 1e-3, "{at:?}");
+}
+
+#[test]
+fn bad_input_is_refused_with_cause_and_remedy() {
+    let mut world = DcdWorld::new(two_regions()).unwrap();
+    let (body, collider) = ball_at(0.0, 0.0);
+    let nan = WorldPose::at([f64::NAN, 0.0, 0.0]);
+    let error = world.insert_at(nan, body.clone(), vec![collider.clone()]).unwrap_err().to_string();
+    assert!(error.contains("not finite") && error.contains("check"), "{error}");
+    let error = world.insert(body, ColliderBuilder::ball(-1.0)).unwrap_err().to_string();
+    assert!(error.contains("ball") && error.contains("positive"), "{error}");
+    let ghost = BodyId::persistent(77);
+    assert!(matches!(world.remove(ghost), Err(WorldError::NoBody(id)) if id == ghost));
+    assert!(world.set_pose(ghost, WorldPose::default()).is_err());
+    assert!(world.insert_joint(ghost, ghost, SphericalJointBuilder::new()).is_err());
+    for regions in [0, 65] {
+        let config =
+            WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::default() };
+        let error = DcdWorld::new(config).err().unwrap().to_string();
+        assert!(error.contains("1 to 64"), "{error}");
+    }
+    let mut config = WorldConfig::default();
+    config.step.dt_s = 0.0;
+    assert!(DcdWorld::new(config).err().unwrap().to_string().contains("dt_s"));
+    // Nothing was lost by being refused: the next body gets the first id.
+    let (body, collider) = ball_at(0.0, 0.0);
+    assert_eq!(world.insert(body, collider).unwrap(), BodyId::persistent(0));
+}

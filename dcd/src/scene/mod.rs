@@ -1,1 +1,16 @@
-//! scene
+//! Scenes: what a world holds at its first tick. Written once, used by tests, benchmarks, the command line and the demo.
+//!
+//! A scene comes from the [`library`] (`tower`, `pile`, `gas` …, with parameters) or from a TOML file (its format stands in
+//! `dcd/scenes/README.md`). Body `i` of its list becomes [`BodyId::persistent(i)`](crate::space::BodyId::persistent).
+
+mod dice;
+mod error;
+mod file;
+mod library;
+mod model;
+mod params;
+
+pub use error::SceneError;
+pub use library::{SceneInfo, library};
+pub use model::{AvatarHint, Scene, SceneBody, SceneJoint};
+pub use params::{ParamInfo, ParamKind, Params};

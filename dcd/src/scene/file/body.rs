@@ -1,0 +1,162 @@
+//! The tables `[[body]]` and `[[grid]]`.
+
+use rapier3d::prelude::*;
+use serde::Deserialize;
+
+use super::collider::ColliderDef;
+use super::numbers::{Finite, NonNegative, Place, Positive, Quaternion, rotation, vector};
+use super::source::Fault;
+use crate::scene::SceneBody;
+use crate::scene::dice::Dice;
+use crate::scene::model::world_pose;
+use crate::space::Axis;
+
+/// Most bodies of one grid.
+const MOST: u64 = 2_000_000;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BodyDef {
+    pub(super) name: Option<String>,
+    #[serde(default)]
+    kind: Kind,
+    #[serde(default)]
+    position: Place,
+    rotation: Option<Quaternion>,
+    euler_deg: Option<[Finite; 3]>,
+    velocity: Option<[Finite; 3]>,
+    spin: Option<[Finite; 3]>,
+    linear_damping: Option<NonNegative>,
+    angular_damping: Option<NonNegative>,
+    gravity_scale: Option<Finite>,
+    #[serde(default)]
+    lock_position: Vec<Axis>,
+    #[serde(default)]
+    lock_rotation: Vec<Axis>,
+    dominance: Option<i8>,
+    ccd: Option<bool>,
+    soft_ccd: Option<NonNegative>,
+    fast_rotation: Option<bool>,
+    gyroscopic: Option<bool>,
+    can_sleep: Option<bool>,
+    sleeping: Option<bool>,
+    enabled: Option<bool>,
+    extra_mass: Option<Positive>,
+    extra_solver_iterations: Option<u16>,
+    extra_pgs_iterations: Option<u16>,
+    user_data: Option<u64>,
+    #[serde(default)]
+    collider: Vec<ColliderDef>,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Kind {
+    #[default]
+    Dynamic,
+    Fixed,
+    KinematicPosition,
+    KinematicVelocity,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GridDef {
+    count: [u32; 3],
+    spacing: Place,
+    jitter: Option<NonNegative>,
+    #[serde(default)]
+    seed: u64,
+    body: BodyDef,
+}
+
+impl BodyDef {
+    pub(super) fn build(&self) -> Result<SceneBody, Fault> {
+        let turn = rotation(self.rotation, self.euler_deg)?;
+        let colliders = self.collider.iter().map(ColliderDef::build).collect::<Result<Vec<_>, _>>()?;
+        let mass_kg: f32 = colliders.iter().map(|collider| collider.build().mass()).sum();
+        if self.kind == Kind::Dynamic && self.extra_mass.is_none() && (mass_kg <= 0.0 || !mass_kg.is_finite())
+        {
+            return Err(Fault::new(
+                "a dynamic body has no mass",
+                "give it a [[body.collider]] with a density or mass, or an extra_mass",
+            ));
+        }
+        Ok(SceneBody { pose: world_pose(self.position.0, turn), body: self.builder(), colliders })
+    }
+
+    fn builder(&self) -> RigidBodyBuilder {
+        let mut body = RigidBodyBuilder::new(match self.kind {
+            Kind::Dynamic => RigidBodyType::Dynamic,
+            Kind::Fixed => RigidBodyType::Fixed,
+            Kind::KinematicPosition => RigidBodyType::KinematicPositionBased,
+            Kind::KinematicVelocity => RigidBodyType::KinematicVelocityBased,
+        });
+        let mut locks = LockedAxes::empty();
+        for axis in &self.lock_position {
+            locks |= LockedAxes::from_bits_truncate(LockedAxes::TRANSLATION_LOCKED_X.bits() << axis.index());
+        }
+        for axis in &self.lock_rotation {
+            locks |= LockedAxes::from_bits_truncate(LockedAxes::ROTATION_LOCKED_X.bits() << axis.index());
+        }
+        body = body.locked_axes(locks);
+        if let Some(mass) = self.extra_mass {
+            body = body.additional_mass(mass.0);
+        }
+        set(&mut body.linvel, self.velocity.map(vector));
+        set(&mut body.angvel, self.spin.map(vector));
+        set(&mut body.linear_damping, self.linear_damping.map(|v| v.0));
+        set(&mut body.angular_damping, self.angular_damping.map(|v| v.0));
+        set(&mut body.gravity_scale, self.gravity_scale.map(|v| v.0));
+        set(&mut body.dominance_group, self.dominance);
+        set(&mut body.ccd_enabled, self.ccd);
+        set(&mut body.soft_ccd_prediction, self.soft_ccd.map(|v| v.0));
+        set(&mut body.allow_fast_rotation, self.fast_rotation);
+        set(&mut body.gyroscopic_forces_enabled, self.gyroscopic);
+        set(&mut body.can_sleep, self.can_sleep);
+        set(&mut body.sleeping, self.sleeping);
+        set(&mut body.enabled, self.enabled);
+        set(&mut body.additional_solver_iterations, self.extra_solver_iterations.map(usize::from));
+        set(&mut body.additional_pgs_iterations, self.extra_pgs_iterations.map(usize::from));
+        set(&mut body.user_data, self.user_data.map(u128::from));
+        body
+    }
+}
+
+impl GridDef {
+    /// Hands out the copies, x fastest, then y, then z; with a name they are `name[0]`, `name[1]` ….
+    pub(super) fn build(
+        &self,
+        mut push: impl FnMut(Option<&str>, SceneBody) -> Result<(), Fault>,
+    ) -> Result<(), Fault> {
+        let [nx, ny, nz] = self.count.map(u64::from);
+        let total = nx.saturating_mul(ny).saturating_mul(nz);
+        if !(1..=MOST).contains(&total) {
+            return Err(Fault::new(
+                format!("a grid of count = {:?} has {total} bodies", self.count),
+                format!("make it 1 to {MOST} bodies"),
+            ));
+        }
+        // Built once: copies share their shapes.
+        let model = self.body.build()?;
+        let jitter = self.jitter.map_or(0.0, |jitter| jitter.0);
+        let mut dice = Dice::new(self.seed);
+        for i in 0..total {
+            let cell = [i % nx, i / nx % ny, i / (nx * ny)];
+            let shift = dice.in_cube(jitter);
+            let mut copy = model.clone();
+            for axis in 0..3 {
+                copy.pose.translation[axis] +=
+                    cell[axis] as f64 * self.spacing.0[axis] + f64::from(shift[axis]);
+            }
+            push(self.body.name.as_ref().map(|name| format!("{name}[{i}]")).as_deref(), copy)?;
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn set<T>(field: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *field = value;
+    }
+}

@@ -1,0 +1,122 @@
+//! Numbers of scene files that are checked while they are read, so that an error names the very line.
+
+use rapier3d::prelude::{Rotation, Vector};
+use serde::Deserialize;
+
+macro_rules! checked {
+    ($(#[$doc:meta])* $name:ident, $accepts:expr, $what:literal) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Deserialize)]
+        #[serde(try_from = "f64")]
+        pub(super) struct $name(pub(super) f32);
+
+        impl TryFrom<f64> for $name {
+            type Error = String;
+
+            fn try_from(value: f64) -> Result<Self, String> {
+                let accepts: fn(f32) -> bool = $accepts;
+                let narrow = value as f32;
+                if narrow.is_finite() && accepts(narrow) {
+                    Ok(Self(narrow))
+                } else {
+                    Err(format!(concat!("{} is not ", $what), value))
+                }
+            }
+        }
+    };
+}
+
+checked!(
+    /// Any number but infinity and not-a-number.
+    Finite,
+    |_| true,
+    "a finite number"
+);
+checked!(
+    /// At least zero.
+    NonNegative,
+    |value| value >= 0.0,
+    "a finite number of at least 0"
+);
+checked!(
+    /// Above zero.
+    Positive,
+    |value| value > 0.0,
+    "a finite number above 0"
+);
+
+/// A place or a step in world space, metres.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(try_from = "[f64; 3]")]
+pub(super) struct Place(pub(super) [f64; 3]);
+
+impl TryFrom<[f64; 3]> for Place {
+    type Error = String;
+
+    fn try_from(values: [f64; 3]) -> Result<Self, String> {
+        // Half of what f32 holds, so that no region overflows.
+        match values.iter().find(|v| !v.is_finite() || v.abs() >= 1e18) {
+            None => Ok(Self(values)),
+            Some(value) => Err(format!("{value} is not a finite number of metres below 1e18")),
+        }
+    }
+}
+
+/// A unit quaternion x, y, z, w.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(try_from = "[f32; 4]")]
+pub(super) struct Quaternion(pub(super) Rotation);
+
+impl TryFrom<[f32; 4]> for Quaternion {
+    type Error = String;
+
+    fn try_from(values: [f32; 4]) -> Result<Self, String> {
+        let length = values.iter().map(|v| v * v).sum::<f32>().sqrt();
+        if (length - 1.0).abs() < 1e-2 {
+            Ok(Self(Rotation::from_array(values).normalize()))
+        } else {
+            Err(format!(
+                "{values:?} is not a unit quaternion x, y, z, w (its length is {length}); divide by its length, or write euler_deg"
+            ))
+        }
+    }
+}
+
+/// A direction, made a unit vector.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(try_from = "[f32; 3]")]
+pub(super) struct Direction(pub(super) Vector);
+
+impl TryFrom<[f32; 3]> for Direction {
+    type Error = String;
+
+    fn try_from(values: [f32; 3]) -> Result<Self, String> {
+        Vector::from(values)
+            .try_normalize()
+            .map(Self)
+            .ok_or_else(|| format!("{values:?} is not a direction; write a finite vector that is not zero"))
+    }
+}
+
+/// The vector of three checked numbers.
+pub(super) fn vector(values: [Finite; 3]) -> Vector {
+    Vector::from(values.map(|value| value.0))
+}
+
+/// The rotation of a quaternion or of turns about the fixed x, then y, then z axis, of which one at most is given.
+pub(super) fn rotation(
+    quaternion: Option<Quaternion>,
+    euler_deg: Option<[Finite; 3]>,
+) -> Result<Rotation, super::Fault> {
+    match (quaternion, euler_deg) {
+        (None, None) => Ok(Rotation::IDENTITY),
+        (Some(quaternion), None) => Ok(quaternion.0),
+        (None, Some(degrees)) => {
+            let [x, y, z] = degrees.map(|v| v.0.to_radians());
+            Ok(Rotation::from_rotation_z(z) * Rotation::from_rotation_y(y) * Rotation::from_rotation_x(x))
+        }
+        (Some(_), Some(_)) => {
+            Err(super::Fault::new("both `rotation` and `euler_deg` are given", "write one of them"))
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! The tables `[world]`, `[avatar]` and `[library]`.
+
+use std::collections::BTreeMap;
+
+use rapier3d::prelude::Rotation;
+use serde::Deserialize;
+
+use super::numbers::{Finite, Place, Positive, Quaternion};
+use super::source::Fault;
+use crate::scene::model::world_pose;
+use crate::scene::{AvatarHint, Params, Scene, SceneBody};
+use crate::space::{Axis, Bounds, MAX_REGIONS};
+
+/// Room around the bodies when the file gives no bounds.
+const MARGIN_M: f64 = 1.0;
+
+/// Settings; what is not given comes from the library scene, or is the default.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WorldDef {
+    name: Option<String>,
+    gravity: Option<[Finite; 3]>,
+    dt: Option<Positive>,
+    bounds: Option<BoundsDef>,
+    solver_iterations: Option<usize>,
+    regions: Option<usize>,
+    #[serde(default)]
+    cuts: Vec<CutDef>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BoundsDef {
+    min: Place,
+    max: Place,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CutDef {
+    axis: Axis,
+    at: Finite,
+}
+
+/// Where an avatar starts and drives.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AvatarDef {
+    position: Place,
+    rotation: Option<Quaternion>,
+    half_size: Option<[Positive; 3]>,
+    mass: Option<Positive>,
+    drive: Option<[Finite; 3]>,
+}
+
+/// The library scene that the file starts from.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LibraryDef {
+    scene: String,
+    #[serde(default)]
+    params: BTreeMap<String, toml::Value>,
+}
+
+impl WorldDef {
+    /// Changes what the file gives. The first `inherited` bodies are the library's, whose bounds stand.
+    pub(super) fn apply(&self, scene: &mut Scene, inherited: Option<usize>) -> Result<(), Fault> {
+        if let Some(name) = &self.name {
+            scene.name.clone_from(name);
+        }
+        if let Some(gravity) = self.gravity {
+            scene.gravity = gravity.map(|v| v.0);
+        }
+        if let Some(dt) = self.dt {
+            if dt.0 > 1.0 {
+                return Err(Fault::new(
+                    format!("[world] dt = {} is more than a second a step", dt.0),
+                    "give seconds a step, for example dt = 0.0166667",
+                ));
+            }
+            scene.dt_s = dt.0;
+        }
+        scene.solver_iterations =
+            within("solver_iterations", self.solver_iterations, 1_000)?.unwrap_or(scene.solver_iterations);
+        scene.regions = within("regions", self.regions, MAX_REGIONS)?.or(scene.regions);
+        if !self.cuts.is_empty() {
+            scene.cuts = self.cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();
+        }
+        scene.bounds = match (&self.bounds, inherited) {
+            (Some(bounds), _) => bounds.build()?,
+            (None, Some(inherited)) => grown(scene.bounds, &scene.bodies[inherited..]),
+            (None, None) => match scene.tight_bounds() {
+                Some(bounds) => bounds.grown(MARGIN_M),
+                None => {
+                    return Err(Fault::new(
+                        "the world has no finite body to take its bounds from",
+                        "add a [[body]], or give bounds = { min = [..], max = [..] } in [world]",
+                    ));
+                }
+            },
+        };
+        Ok(())
+    }
+}
+
+/// The library's bounds and what the file added to its bodies.
+fn grown(bounds: Bounds, added: &[SceneBody]) -> Bounds {
+    added
+        .iter()
+        .filter(|body| body.body.body_type != rapier3d::prelude::RigidBodyType::Fixed)
+        .map(|body| body.bounds().grown(MARGIN_M))
+        .filter(Bounds::is_finite)
+        .fold(bounds, |all, body| all.union(&body))
+}
+
+impl BoundsDef {
+    fn build(&self) -> Result<Bounds, Fault> {
+        let (min, max) = (self.min.0, self.max.0);
+        if (0..3).all(|i| min[i] < max[i]) {
+            Ok(Bounds::new(min, max))
+        } else {
+            Err(Fault::new(
+                format!("[world] bounds from {min:?} to {max:?} hold nothing"),
+                "make every number of min smaller than that of max",
+            ))
+        }
+    }
+}
+
+impl AvatarDef {
+    pub(super) fn build(&self) -> AvatarHint {
+        let rotation = self.rotation.map_or(Rotation::IDENTITY, |turn| turn.0);
+        AvatarHint {
+            pose: world_pose(self.position.0, rotation),
+            half_size_m: self.half_size.map_or([0.5; 3], |half| half.map(|v| v.0)),
+            mass_kg: self.mass.map_or(10.0, |mass| mass.0),
+            drive_m_s: self.drive.map_or([0.0; 3], |drive| drive.map(|v| v.0)),
+        }
+    }
+}
+
+impl LibraryDef {
+    /// The library scene with the file's parameters, changed by those given from outside.
+    pub(super) fn start(&self, outside: &Params) -> Result<Scene, Fault> {
+        let mut params = Params::new();
+        for (name, value) in &self.params {
+            match value {
+                toml::Value::Integer(value) => params.set(name, value),
+                toml::Value::Float(value) => params.set(name, value),
+                toml::Value::String(value) => params.set(name, value),
+                other => {
+                    return Err(Fault::new(
+                        format!("[library.params] {name} = {other} is not a number"),
+                        "write a number",
+                    ));
+                }
+            };
+        }
+        for (name, value) in outside.iter() {
+            params.set(name, value);
+        }
+        Scene::named(&self.scene, &params).map_err(|error| Fault::Scene(Box::new(error)))
+    }
+}
+
+fn within(name: &str, value: Option<usize>, most: usize) -> Result<Option<usize>, Fault> {
+    match value {
+        Some(value) if !(1..=most).contains(&value) => Err(Fault::new(
+            format!("[world] {name} = {value} is out of range"),
+            format!("give a whole number from 1 to {most}"),
+        )),
+        value => Ok(value),
+    }
+}

@@ -1,0 +1,82 @@
+//! The library: named scenes with parameters, all deterministic.
+
+mod chain;
+mod drops;
+mod floating;
+mod stacks;
+
+use super::error::nearest;
+use super::params::{ParamKind, Values};
+use super::{ParamInfo, Params, Scene, SceneError};
+
+/// A scene of the library, for help texts.
+pub struct SceneInfo {
+    /// As it is asked for.
+    pub name: &'static str,
+    /// One line.
+    pub summary: &'static str,
+    /// What can be changed.
+    pub params: &'static [ParamInfo],
+    build: fn(&Values) -> Result<Scene, SceneError>,
+}
+
+static LIBRARY: [SceneInfo; 9] = [
+    stacks::TOWER,
+    stacks::PYRAMID,
+    stacks::WALL,
+    stacks::PILE,
+    drops::HEAP,
+    drops::TERRAIN,
+    floating::GAS,
+    floating::DVE,
+    chain::CHAIN,
+];
+
+/// All scenes of the library.
+pub fn library() -> &'static [SceneInfo] {
+    &LIBRARY
+}
+
+/// Builds a scene of the library.
+pub(super) fn build(name: &str, params: &Params) -> Result<Scene, SceneError> {
+    let Some(info) = LIBRARY.iter().find(|info| info.name == name) else {
+        let names = || LIBRARY.iter().map(|info| info.name);
+        return Err(SceneError::UnknownScene {
+            name: name.to_owned(),
+            nearest: nearest(name, names()),
+            known: names().collect::<Vec<_>>().join(", "),
+        });
+    };
+    (info.build)(&Values::parse(info.name, info.params, params)?)
+}
+
+/// Most bodies of a scene: what fits the memory of a large machine, not a limit of the engine.
+const MOST: u64 = 2_000_000;
+
+/// Parameter: number of bodies.
+const fn count(
+    name: &'static str,
+    default: &'static str,
+    least: u64,
+    most: u64,
+    what: &'static str,
+) -> ParamInfo {
+    ParamInfo { name, default, kind: ParamKind::Count(least, most), unit: "", what }
+}
+
+/// Parameter: a decimal number.
+const fn number(
+    name: &'static str,
+    default: &'static str,
+    [least, most]: [f64; 2],
+    unit: &'static str,
+    what: &'static str,
+) -> ParamInfo {
+    ParamInfo { name, default, kind: ParamKind::Number(least, most), unit, what }
+}
+
+/// Parameter: the seed.
+const SEED: ParamInfo = count("seed", "1", 0, u64::MAX, "source of all random numbers");
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,211 @@
+//! Every scene of the library, run in a bare Rapier world.
+
+use rapier3d::prelude::*;
+
+use super::*;
+
+/// A second set of parameters of every scene, small enough for tests.
+fn small(name: &str) -> Params {
+    let params = Params::new();
+    match name {
+        "tower" => params.with("n", 5).with("top_mass_ratio", 3),
+        "pyramid" => params.with("base", 6).with("gap", 0),
+        "wall" => params.with("width", 4).with("height", 4),
+        "pile" => params.with("n", 120).with("gap", 1),
+        "heap" => params.with("n", 60).with("seed", 2),
+        "terrain" => params.with("n", 60).with("seed", 2),
+        "gas" => params.with("n", 60).with("seed", 2).with("fill", 0.1),
+        "dve" => params.with("n", 60).with("seed", 2).with("coverage", 0.04),
+        "chain" => params.with("links", 8).with("bob_mass_ratio", 10).with("offset", 2),
+        _ => panic!("give `{name}` a second set of parameters"),
+    }
+}
+
+fn scene(name: &str) -> Scene {
+    build(name, &small(name)).unwrap()
+}
+
+/// Of bodies that are not tied to each other: the ends of links meet in their joint.
+fn deepest_overlap_m(world: &PhysicsWorld) -> f32 {
+    let tied = |pair: &&ContactPair| {
+        let bodies = [pair.collider1, pair.collider2].map(|c| world.colliders[c].parent().unwrap());
+        world
+            .impulse_joints()
+            .any(|(_, joint)| bodies.contains(&joint.body1()) && bodies.contains(&joint.body2()))
+    };
+    world
+        .contact_pairs()
+        .filter(|pair| !tied(pair))
+        .flat_map(|pair| pair.manifolds())
+        .flat_map(|manifold| &manifold.points)
+        .map(|point| -point.dist)
+        .fold(0.0, f32::max)
+}
+
+fn stepped(world: &mut PhysicsWorld, steps: usize) {
+    for _ in 0..steps {
+        world.step();
+    }
+    assert!(world.quarantine().is_empty(), "{:?}", world.quarantine().bodies());
+}
+
+fn dynamic(world: &PhysicsWorld) -> impl Iterator<Item = &RigidBody> {
+    world.rigid_bodies().map(|(_, body)| body).filter(|body| body.is_dynamic())
+}
+
+fn furthest_moved_m(scene: &Scene, world: &PhysicsWorld) -> f32 {
+    let starts = scene.bodies.iter().map(|body| Vector::from(body.pose.translation.map(|v| v as f32)));
+    world
+        .rigid_bodies()
+        .zip(starts)
+        .map(|((_, body), start)| body.translation().distance(start))
+        .fold(0.0, f32::max)
+}
+
+fn energy(world: &PhysicsWorld) -> f32 {
+    dynamic(world).map(RigidBody::kinetic_energy).sum()
+}
+
+/// Moving bodies of the largest group in which all touch.
+fn largest_island(world: &PhysicsWorld) -> usize {
+    let mut open: Vec<_> =
+        world.rigid_bodies().filter(|(_, body)| body.is_dynamic()).map(|(h, _)| h).collect();
+    let parent = |collider: ColliderHandle| world.colliders[collider].parent().unwrap();
+    let mut largest = 0;
+    while let Some(first) = open.pop() {
+        let (mut next, mut size) = (vec![first], 0);
+        while let Some(body) = next.pop() {
+            size += 1;
+            for collider in world.bodies[body].colliders() {
+                for pair in world.contact_pairs_with(*collider).filter(|pair| pair.has_any_active_contact()) {
+                    for other in [parent(pair.collider1), parent(pair.collider2)] {
+                        if let Some(found) = open.iter().position(|body| *body == other) {
+                            next.push(open.swap_remove(found));
+                        }
+                    }
+                }
+            }
+        }
+        largest = largest.max(size);
+    }
+    largest
+}
+
+#[test]
+fn every_scene_builds_with_defaults_and_with_other_parameters() {
+    for info in library() {
+        for params in [Params::new(), small(info.name)] {
+            let scene = build(info.name, &params).unwrap();
+            assert_eq!(scene.name, info.name);
+            assert!(scene.bodies.iter().all(|body| body.pose.is_valid()), "{}", info.name);
+            assert!(scene.bodies.iter().all(|body| body.body.position == Pose::IDENTITY), "{}", info.name);
+            assert!(scene.joints.iter().all(|j| j.a.max(j.b) < scene.bodies.len()), "{}", info.name);
+            assert!(scene.bounds.is_finite(), "{}", info.name);
+            let starts = scene.bodies.iter().filter(|body| body.body.body_type == RigidBodyType::Dynamic);
+            for body in starts {
+                let at = body.pose.translation;
+                assert!(scene.bounds.contains(&crate::space::Bounds::new(at, at)), "{}: {at:?}", info.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn equal_parameters_give_equal_scenes() {
+    for info in library() {
+        let places = |scene: Scene| scene.bodies.into_iter().map(|b| (b.pose, b.body)).collect::<Vec<_>>();
+        assert_eq!(places(scene(info.name)), places(scene(info.name)), "{}", info.name);
+    }
+}
+
+#[test]
+fn nothing_overlaps_at_the_start() {
+    for info in library() {
+        let mut world = scene(info.name).bare_world();
+        world.detect_collisions(&(), &());
+        let overlap_m = deepest_overlap_m(&world);
+        assert!(overlap_m < 1e-3, "{}: {overlap_m} m", info.name);
+    }
+}
+
+#[test]
+fn what_stands_still_stands_after_two_seconds() {
+    for name in ["tower", "pyramid", "wall", "pile"] {
+        let scene = scene(name);
+        let mut world = scene.bare_world();
+        stepped(&mut world, 120);
+        let moved_m = furthest_moved_m(&scene, &world);
+        assert!(moved_m < 0.1, "{name}: {moved_m} m");
+    }
+}
+
+#[test]
+fn a_pile_comes_to_rest() {
+    let mut world = scene("pile").bare_world();
+    stepped(&mut world, 240);
+    let awake = dynamic(&world).filter(|body| !body.is_sleeping() && body.linvel().length() > 0.05).count();
+    assert_eq!(awake, 0);
+}
+
+#[test]
+fn a_heap_stays_in_its_pit_and_becomes_one() {
+    let scene = scene("heap");
+    let mut world = scene.bare_world();
+    stepped(&mut world, 240);
+    for body in dynamic(&world) {
+        let at = body.translation();
+        assert!(at.y > 0.0 && at.x.abs().max(at.z.abs()) < scene.bounds.max[0] as f32, "{at}");
+        assert!(body.linvel().length() < 2.0);
+    }
+    let share = largest_island(&world) as f32 / dynamic(&world).count() as f32;
+    assert!(share > 0.9, "the largest island has {share} of the boxes");
+}
+
+#[test]
+fn rain_stays_on_the_terrain() {
+    let scene = scene("terrain");
+    let mut world = scene.bare_world();
+    stepped(&mut world, 300);
+    for body in dynamic(&world) {
+        let at = body.translation();
+        assert!(at.y > -2.5 && at.x.abs().max(at.z.abs()) < scene.bounds.max[0] as f32, "{at}");
+    }
+}
+
+#[test]
+fn a_gas_keeps_its_energy_and_its_box() {
+    for name in ["gas", "dve"] {
+        let scene = scene(name);
+        let mut world = scene.bare_world();
+        world.step();
+        let before = energy(&world);
+        stepped(&mut world, 300);
+        let ratio = energy(&world) / before;
+        assert!((0.7..1.3).contains(&ratio), "{name}: energy grew by {ratio}");
+        let half = scene.bounds.max[0] as f32;
+        assert!(dynamic(&world).all(|body| body.translation().abs().max_element() < half + 0.1), "{name}");
+    }
+}
+
+#[test]
+fn a_chain_hangs_together_and_swings() {
+    let scene = scene("chain");
+    let mut world = scene.bare_world();
+    stepped(&mut world, 60);
+    let bob = dynamic(&world).last().unwrap().translation();
+    let reach_m = 8.0 * 0.5 + 0.3;
+    assert!((bob.length() - reach_m).abs() < 0.1 * reach_m, "bob at {bob}");
+    assert!(bob.x < 1.5, "bob at {bob} has not swung");
+}
+
+#[test]
+fn an_unknown_scene_names_the_nearest_and_all() {
+    let error = build("piel", &Params::new()).unwrap_err().to_string();
+    assert!(error.contains("did you mean `pile`?") && error.contains("tower, pyramid, wall"), "{error}");
+}
+
+#[test]
+fn a_chain_cannot_start_further_out_than_it_is_long() {
+    let error = build("chain", &Params::new().with("links", 4).with("offset", 3)).unwrap_err().to_string();
+    assert!(error.contains("`offset=3` is not at most the chain's length, 2 m"), "{error}");
+}

@@ -1,0 +1,227 @@
+//! A scene: bodies, joints and settings of a world before its first tick.
+
+use std::path::Path;
+
+use rapier3d::prelude::*;
+
+use super::{Params, SceneError, file, library};
+use crate::protocol::WorldPose;
+use crate::space::{Axis, Bounds};
+
+/// What a world holds at its first tick, and how it is to be stepped.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// For titles and results.
+    pub name: String,
+    /// m/s².
+    pub gravity: [f32; 3],
+    /// Seconds a step.
+    pub dt_s: f32,
+    /// The box that is divided into regions; bodies may leave it.
+    pub bounds: Bounds,
+    /// Body `i` becomes `BodyId::persistent(i)`.
+    pub bodies: Vec<SceneBody>,
+    /// In order of insertion.
+    pub joints: Vec<SceneJoint>,
+    /// Rapier's iterations a step.
+    pub solver_iterations: usize,
+    /// How many regions suit the scene, when it says so.
+    pub regions: Option<usize>,
+    /// Where to cut first, when the scene says so: an axis and metres on it, each cut dividing all regions it meets.
+    pub cuts: Vec<(Axis, f64)>,
+    /// Where a client's avatar starts, when the scene says so.
+    pub avatar: Option<AvatarHint>,
+}
+
+/// A body and its colliders. The builder's own position is zero: `pose`, in f64, places the body.
+#[derive(Clone, Debug)]
+pub struct SceneBody {
+    /// Where the body starts.
+    pub pose: WorldPose,
+    /// Everything else of the body.
+    pub body: RigidBodyBuilder,
+    /// In order of insertion.
+    pub colliders: Vec<ColliderBuilder>,
+}
+
+/// An impulse joint between two bodies of the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneJoint {
+    /// Index of the first body.
+    pub a: usize,
+    /// Index of the second body.
+    pub b: usize,
+    /// Frames, limits, motors.
+    pub joint: GenericJoint,
+}
+
+/// A box that a client may drive through the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AvatarHint {
+    /// Where it starts.
+    pub pose: WorldPose,
+    /// Half edges of its box, metres.
+    pub half_size_m: [f32; 3],
+    /// Kilograms.
+    pub mass_kg: f32,
+    /// The velocity it tries to keep, m/s.
+    pub drive_m_s: [f32; 3],
+}
+
+impl Scene {
+    /// A scene of the [`library`](super::library()).
+    pub fn named(name: &str, params: &Params) -> Result<Self, SceneError> {
+        library::build(name, params)
+    }
+
+    /// A scene file. Parameters are those of the library scene that the file starts from, if it does.
+    pub fn load(path: impl AsRef<Path>, params: &Params) -> Result<Self, SceneError> {
+        file::load(path.as_ref(), params)
+    }
+
+    /// A file if the text ends in `.toml` or such a file exists, else a scene of the library.
+    pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
+        let path = Path::new(name_or_path);
+        if path.extension().is_some_and(|extension| extension == "toml") || path.is_file() {
+            Self::load(path, params)
+        } else {
+            Self::named(name_or_path, params)
+        }
+    }
+
+    /// One plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a
+    /// partitioned run is compared with. Positions are rounded to f32.
+    pub fn bare_world(&self) -> PhysicsWorld {
+        let mut world = PhysicsWorld { gravity: Vector::from(self.gravity), ..PhysicsWorld::new() };
+        world.integration_parameters.dt = self.dt_s;
+        world.integration_parameters.num_solver_iterations = self.solver_iterations;
+        let handles: Vec<_> = self
+            .bodies
+            .iter()
+            .map(|SceneBody { pose, body, colliders }| {
+                let handle = world.insert_body(body.clone().pose(bare_pose(pose)));
+                for collider in colliders {
+                    world.insert_collider(collider.clone(), Some(handle));
+                }
+                handle
+            })
+            .collect();
+        for &SceneJoint { a, b, joint } in &self.joints {
+            world.insert_impulse_joint(handles[a], handles[b], joint);
+        }
+        world
+    }
+
+    /// A world without bodies, to be filled: Earth's gravity, 60 steps a second, Rapier's 4 iterations.
+    pub(crate) fn empty(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            gravity: [0.0, -9.81, 0.0],
+            dt_s: 1.0 / 60.0,
+            bounds: Bounds::around([0.0; 3], [0.0; 3]),
+            bodies: Vec::new(),
+            joints: Vec::new(),
+            solver_iterations: 4,
+            regions: None,
+            cuts: Vec::new(),
+            avatar: None,
+        }
+    }
+
+    /// Adds a body with one collider and gives its index.
+    pub(crate) fn push(
+        &mut self,
+        pose: WorldPose,
+        body: RigidBodyBuilder,
+        collider: ColliderBuilder,
+    ) -> usize {
+        self.bodies.push(SceneBody { pose, body, colliders: vec![collider] });
+        self.bodies.len() - 1
+    }
+
+    /// Adds a fixed box.
+    pub(crate) fn push_fixed_box(&mut self, centre: [f64; 3], half: [f32; 3], material: &ColliderBuilder) {
+        let collider =
+            ColliderBuilder { shape: SharedShape::cuboid(half[0], half[1], half[2]), ..material.clone() };
+        self.push(WorldPose::at(centre), RigidBodyBuilder::fixed(), collider);
+    }
+
+    /// The box around all bodies that can move, or around all finite ones if none can.
+    pub(crate) fn tight_bounds(&self) -> Option<Bounds> {
+        let around = |bodies: &mut dyn Iterator<Item = &SceneBody>| {
+            bodies.map(SceneBody::bounds).filter(Bounds::is_finite).reduce(|a, b| a.union(&b))
+        };
+        around(&mut self.bodies.iter().filter(|body| body.body.body_type != RigidBodyType::Fixed))
+            .or_else(|| around(&mut self.bodies.iter()))
+    }
+}
+
+impl SceneBody {
+    /// The box around its colliders where it starts; its place alone without colliders, infinite for a half-space.
+    pub fn bounds(&self) -> Bounds {
+        let turn = Pose::from_rotation(rotation(&self.pose));
+        let at = self.pose.translation;
+        self.colliders
+            .iter()
+            .map(|collider| {
+                let aabb = collider.shape.compute_aabb(&(turn * collider.position));
+                Bounds::new(
+                    std::array::from_fn(|i| at[i] + f64::from(aabb.mins[i])),
+                    std::array::from_fn(|i| at[i] + f64::from(aabb.maxs[i])),
+                )
+            })
+            .reduce(|a, b| a.union(&b))
+            .unwrap_or(Bounds::new(at, at))
+    }
+}
+
+/// A pose rounded to f32.
+pub(crate) fn bare_pose(pose: &WorldPose) -> Pose {
+    Pose::from_parts(Vector::from(pose.translation.map(|v| v as f32)), rotation(pose))
+}
+
+/// An f32 place and turn as a pose of the world.
+pub(crate) fn world_pose(translation: [f64; 3], rotation: Rotation) -> WorldPose {
+    WorldPose { translation, rotation: rotation.to_array() }
+}
+
+fn rotation(pose: &WorldPose) -> Rotation {
+    Rotation::from_array(pose.rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bare_world_has_the_bodies_in_order_and_the_settings() {
+        let mut scene = Scene::empty("two");
+        scene.dt_s = 0.01;
+        scene.solver_iterations = 7;
+        for x in [1.0, 5.0] {
+            scene.push(WorldPose::at([x, 0.0, 0.0]), RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5));
+        }
+        scene.joints.push(SceneJoint { a: 0, b: 1, joint: RopeJointBuilder::new(4.0).into() });
+        let world = scene.bare_world();
+        let xs: Vec<_> = world.rigid_bodies().map(|(_, body)| body.translation().x).collect();
+        assert_eq!(xs, [1.0, 5.0]);
+        assert_eq!(world.integration_parameters.dt, 0.01);
+        assert_eq!(world.integration_parameters.num_solver_iterations, 7);
+        assert_eq!(world.impulse_joints().count(), 1);
+    }
+
+    #[test]
+    fn bounds_are_around_what_can_move_and_keep_millimetres_far_out() {
+        let mut scene = Scene::empty("far");
+        scene.push_fixed_box([0.0; 3], [9.0; 3], &ColliderBuilder::ball(1.0));
+        let turn = Rotation::from_rotation_z(std::f32::consts::FRAC_PI_2);
+        scene.push(
+            world_pose([1e7 + 0.001, 0.0, 0.0], turn),
+            RigidBodyBuilder::dynamic(),
+            ColliderBuilder::cuboid(1.0, 2.0, 3.0),
+        );
+        let bounds = scene.tight_bounds().unwrap();
+        assert!((bounds.max[0] - (1e7 + 2.001)).abs() < 1e-4, "{bounds:?}");
+        assert!((bounds.max[1] - 1.0).abs() < 1e-4, "{bounds:?}");
+    }
+}

@@ -123,9 +123,11 @@ fn a_sleeping_body_stays_asleep_when_its_neighbour_is_cut_off_by_a_border() {
         assert!(world.body(ball).unwrap().is_sleeping());
     }
     assert_eq!(world.stats().replicas, 2);
-    let replicas_asleep = world.regions().iter().flat_map(|region| region.bodies()).all(|(_, _, _, body)| {
-        body.is_fixed() || body.is_sleeping()
-    });
+    let replicas_asleep = world
+        .regions()
+        .iter()
+        .flat_map(|region| region.bodies())
+        .all(|(_, _, _, body)| body.is_fixed() || body.is_sleeping());
     assert!(replicas_asleep, "replicas must sleep with their owners");
 }
 
@@ -238,11 +240,9 @@ fn tying_two_bodies_of_different_regions_brings_them_together() {
 
 #[test]
 fn immovable_geometry_is_one_object_in_all_regions() {
-    let mut world = DcdWorld::new(WorldConfig {
-        partitioning: Partitioning::Regions(8),
-        ..WorldConfig::default()
-    })
-    .unwrap();
+    let mut world =
+        DcdWorld::new(WorldConfig { partitioning: Partitioning::Regions(8), ..WorldConfig::default() })
+            .unwrap();
     let floor = insert_floor(&mut world);
     let shapes: Vec<_> = world
         .regions()
@@ -309,7 +309,8 @@ fn bits_do_not_depend_on_the_number_of_threads() {
         .unwrap();
         insert_floor(&mut world);
         for i in 0..200 {
-            let (x, y, z) = ((i * 7 % 11) as f32 - 5.0, 1.0 + (i / 20) as f32 * 1.2, (i * 5 % 13) as f32 - 6.0);
+            let (x, y, z) =
+                ((i * 7 % 11) as f32 - 5.0, 1.0 + (i / 20) as f32 * 1.2, (i * 5 % 13) as f32 - 6.0);
             let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, y, z));
             world.insert(body, ColliderBuilder::cuboid(0.5, 0.4, 0.3)).unwrap();
         }
@@ -380,8 +381,7 @@ fn bad_input_is_refused_with_cause_and_remedy() {
     assert!(world.set_pose(ghost, WorldPose::default()).is_err());
     assert!(world.insert_joint(ghost, ghost, SphericalJointBuilder::new()).is_err());
     for regions in [0, 65] {
-        let config =
-            WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::default() };
+        let config = WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::default() };
         let error = DcdWorld::new(config).err().unwrap().to_string();
         assert!(error.contains("1 to 64"), "{error}");
     }

@@ -9,6 +9,7 @@ mod file;
 mod library;
 mod model;
 mod params;
+mod records;
 
 pub use error::SceneError;
 pub use library::{SceneInfo, library};

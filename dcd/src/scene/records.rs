@@ -1,0 +1,31 @@
+//! A scene as it travels.
+
+use super::Scene;
+use crate::physics::{ShapeError, ShapeLibrary};
+use crate::protocol::{BodyRecord, JointRecord};
+use crate::space::{BodyId, JointId};
+
+impl Scene {
+    /// The scene's bodies and joints by id; their shapes are added to `shapes`.
+    pub fn records(
+        &self,
+        shapes: &mut ShapeLibrary,
+    ) -> Result<(Vec<BodyRecord>, Vec<JointRecord>), ShapeError> {
+        let id = |index: usize| BodyId::persistent(index as u32);
+        let bodies = self
+            .bodies
+            .iter()
+            .enumerate()
+            .map(|(index, body)| shapes.describe(id(index), body.pose, &body.body, &body.colliders))
+            .collect::<Result<_, _>>()?;
+        let joints = self
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(index, joint)| {
+                crate::physics::joint_record(JointId(index as u64), id(joint.a), id(joint.b), &joint.joint)
+            })
+            .collect();
+        Ok((bodies, joints))
+    }
+}

@@ -12,12 +12,12 @@ use super::partition::Partition;
 use super::region::{Region, Role};
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
-use super::{convert, joints, record};
+use super::{convert, joints};
 use crate::protocol::{
     BodyKind, BodyRecord, BorderMessage, JointRecord, RegionEvents, ShapeHash, ShapeRecord, Velocity,
     WorldPose,
 };
-use crate::space::{BodyId, Bounds, Epoch, JointId, RegionId, RegionSet, Tick};
+use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 
 /// How a world is stepped.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,10 +136,7 @@ impl RegionHost {
     }
 
     /// Takes on one more region, empty but for what is immovable in it.
-    ///
-    /// # Panics
-    /// When it is no leaf or hosted here already.
-    pub fn add_region(&mut self, id: RegionId) -> Result<(), HostError> {
+    fn add_region(&mut self, id: RegionId) -> Result<(), HostError> {
         let rank = self.partition.rank_of(id).expect("a region is a leaf of the tree");
         assert!(self.place_of[rank].is_none(), "{id} is hosted here already");
         let part = self.partition.tree().part(id);
@@ -154,20 +151,12 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Gives a region up, and returns the bodies it owned and the joints among them.
-    pub fn remove_region(&mut self, id: RegionId) -> (Vec<BodyRecord>, Vec<JointRecord>) {
-        let Some(place) = self.partition.rank_of(id).and_then(|rank| self.place_of[rank]) else {
-            return (Vec::new(), Vec::new());
-        };
-        let region = self.regions.remove(place);
-        let bodies: Vec<_> = region
-            .bodies()
-            .filter(|(_, role, ..)| *role == Role::Owner)
-            .map(|(_, _, handle, _)| region.body_record(handle))
-            .collect();
-        let joints = region.joint_records().collect();
-        self.index();
-        (bodies, joints)
+    /// Gives a region up, with all that it holds.
+    fn remove_region(&mut self, id: RegionId) {
+        if let Some(place) = self.partition.rank_of(id).and_then(|rank| self.place_of[rank]) {
+            self.regions.remove(place);
+            self.index();
+        }
     }
 
     /// Adds a shape that came as a record; its parts first.
@@ -185,42 +174,77 @@ impl RegionHost {
         &mut self.shapes
     }
 
-    /// Puts bodies and the joints among them into the regions where they belong: each assembly into the region of its
-    /// centre, replicas into the regions whose halo it touches, immovable bodies wherever they reach. Every process that
-    /// is given the same bodies decides alike. Nothing is inserted when anything is refused.
+    /// Puts bodies and the joints among them into the regions where they belong, as far as these are computed here: an
+    /// assembly into the region of its lowest body, an immovable body wherever it reaches. When every region is computed
+    /// here, replicas are in place at once; else an exchange after [`RegionHost::announce`] or the next step brings them.
+    /// Nothing is inserted when anything is refused.
     pub fn insert(&mut self, mut bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
         bodies.sort_by_key(|body| body.id);
         self.check(&bodies, joints)?;
-        for body in &bodies {
-            if body.traits.kind != BodyKind::Fixed {
-                self.partition.widen_halo(reach_of_record(body, &self.shapes)?);
-            }
-        }
-        let homes = self.homes(&bodies, joints)?;
-        for (body, (owner, holders)) in bodies.into_iter().zip(homes) {
-            if body.traits.kind == BodyKind::Fixed {
-                let id = body.id;
-                self.statics.add(body, &self.shapes)?;
-                for region in &mut self.regions {
-                    self.statics.insert_near(id, region, &self.shapes)?;
-                }
-            } else {
-                self.insert_movable(&body, owner, holders)?;
-            }
-        }
-        for joint in joints {
-            for region in &mut self.regions {
-                let movable = [joint.a, joint.b].into_iter().any(|id| {
-                    let role = region.handle_of(id).and_then(|handle| region.role_of(handle));
-                    role.is_some_and(|(_, role)| role != Role::Immovable)
-                });
-                if movable {
-                    self.statics.ensure(region, joint, &self.shapes)?;
-                    region.insert_joint(joint);
-                }
-            }
+        let owners = self.owners(&bodies, joints);
+        self.insert_placed(bodies, &owners, joints)?;
+        if self.regions.len() == self.partition.len() {
+            self.announce();
+            self.exchange()?;
         }
         Ok(())
+    }
+
+    /// Computes these regions from now on and no other, as when membership changes. Kept regions keep their bodies;
+    /// `placed` bodies (with their regions, which may be elsewhere) supersede what is held of them; `dropped` ones go.
+    /// All forget who holds replicas, so everything shared must be announced again by the exchange that follows:
+    /// [`RegionHost::announce`], [`RegionHost::exchange`], [`RegionHost::drop_unconfirmed`].
+    pub fn rebuild(
+        &mut self,
+        hosted: &[RegionId],
+        placed: Vec<(RegionId, BodyRecord)>,
+        joints: &[JointRecord],
+        dropped: &[BodyId],
+    ) -> Result<(), HostError> {
+        for region in self.regions.iter().map(Region::id).collect::<Vec<_>>() {
+            if !hosted.contains(&region) {
+                self.remove_region(region);
+            }
+        }
+        for id in placed.iter().map(|(_, body)| body.id).chain(dropped.iter().copied()) {
+            for region in &mut self.regions {
+                region.remove(id);
+            }
+            self.directory.remove(id);
+        }
+        for region in &mut self.regions {
+            region.forget_holders();
+        }
+        for &id in hosted {
+            if !self.regions.iter().any(|region| region.id() == id) {
+                self.add_region(id)?;
+            }
+        }
+        let mut placed = placed;
+        placed.sort_by_key(|(_, body)| body.id);
+        let owners: Vec<_> =
+            placed.iter().map(|(region, _)| self.partition.rank_of(*region).unwrap_or(usize::MAX)).collect();
+        let bodies = placed.into_iter().map(|(_, body)| body).collect();
+        self.insert_placed(bodies, &owners, joints)
+    }
+
+    /// Says which regions must hold what was inserted since the last step; the exchange carries it.
+    pub fn announce(&mut self) {
+        let (partition, tick, settings) = (&self.partition, self.tick, self.settings);
+        on_all(&self.pool, &mut self.regions, |region| {
+            settings.coupling.announce(region, partition, tick, settings.dt_s);
+        });
+    }
+
+    /// Lets go of replicas that no owner has announced since [`RegionHost::rebuild`].
+    pub fn drop_unconfirmed(&mut self) {
+        for region in &mut self.regions {
+            for link in region.replicas.clone() {
+                if !region.slot(link.handle).confirmed {
+                    region.remove(link.id);
+                }
+            }
+        }
     }
 
     /// Takes a body out of every region. Returns whether any held it.
@@ -306,7 +330,8 @@ impl RegionHost {
         let Some(record) = self.record(id) else { return Ok(false) };
         let joints: Vec<_> = self.joints_of(id).collect();
         let moved = BodyRecord { state: crate::protocol::BodyState { pose, ..record.state }, ..record };
-        if joints.is_empty() && self.place(&moved, None)? != self.present_place(id) {
+        let owner = self.partition.rank_at(pose.translation);
+        if joints.is_empty() && owner != self.present_place(id).0 {
             self.remove(id);
             self.insert(vec![moved], &[])?;
             return Ok(true);
@@ -558,61 +583,65 @@ impl RegionHost {
         self.statics.body(id).is_some() || self.regions.iter().any(|region| region.handle_of(id).is_some())
     }
 
-    /// Rank of the owner and the other holders of each body; bodies tied by joints get the same.
-    fn homes(
-        &self,
-        bodies: &[BodyRecord],
-        joints: &[JointRecord],
-    ) -> Result<Vec<(usize, RegionSet)>, HostError> {
+    /// Rank of the owner of each body: assemblies go whole, to the region of their lowest body.
+    fn owners(&self, bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<usize> {
         let movable = |id: &BodyId| {
-            let place = bodies.binary_search_by_key(id, |body| body.id).ok()?;
-            (bodies[place].traits.kind != BodyKind::Fixed).then_some(place)
+            let place = bodies.binary_search_by_key(id, |body| body.id);
+            place.is_ok_and(|place| bodies[place].traits.kind != BodyKind::Fixed)
         };
         let mut groups = Groups::default();
         for joint in joints {
-            if movable(&joint.a).is_some() && movable(&joint.b).is_some() {
+            if movable(&joint.a) && movable(&joint.b) {
                 groups.join(joint.a, joint.b);
             }
         }
-        let mut assemblies: BTreeMap<BodyId, Vec<usize>> = BTreeMap::new();
-        for (place, body) in bodies.iter().enumerate() {
-            assemblies.entry(groups.root(body.id)).or_default().push(place);
-        }
-        let mut homes = vec![(0, RegionSet::EMPTY); bodies.len()];
-        for members in assemblies.values() {
-            let mut centre = [0.0; 3];
-            for &member in members {
-                let at = bodies[member].state.pose.translation;
-                centre = std::array::from_fn(|i| centre[i] + at[i] / members.len() as f64);
-            }
-            let mut holders = RegionSet::EMPTY;
-            for &member in members {
-                holders = holders.union(self.place(&bodies[member], Some(centre))?.1);
-            }
-            let owner = self.partition.rank_at(centre);
-            for &member in members {
-                homes[member] = (owner, holders.without(RegionSet::only(owner)));
-            }
-        }
-        Ok(homes)
+        bodies
+            .iter()
+            .map(|body| {
+                let root = groups.root(body.id);
+                let lead = bodies.binary_search_by_key(&root, |body| body.id).map_or(body, |at| &bodies[at]);
+                self.partition.rank_at(lead.state.pose.translation)
+            })
+            .collect()
     }
 
-    /// Rank of the owner and the other holders of a body at its recorded pose.
-    fn place(&self, body: &BodyRecord, centre: Option<[f64; 3]>) -> Result<(usize, RegionSet), HostError> {
-        let owner = self.partition.rank_at(centre.unwrap_or(body.state.pose.translation));
-        if body.traits.kind == BodyKind::Fixed {
-            return Ok((owner, RegionSet::EMPTY));
+    /// Immovable bodies first, then the others, in id order; `owners` are ranks.
+    fn insert_placed(
+        &mut self,
+        bodies: Vec<BodyRecord>,
+        owners: &[usize],
+        joints: &[JointRecord],
+    ) -> Result<(), HostError> {
+        for body in bodies.iter().filter(|body| body.traits.kind == BodyKind::Fixed) {
+            self.statics.add(body.clone(), &self.shapes)?;
+            for region in &mut self.regions {
+                self.statics.insert_near(body.id, region, &self.shapes)?;
+            }
         }
-        let reach_m = reach_of_record(body, &self.shapes)?;
-        let bounds = if reach_m > super::partition::HUB_REACH_M {
-            record::bounds_of(body, &self.shapes)?
-        } else {
-            Bounds::around(body.state.pose.translation, [f64::from(reach_m); 3])
-        };
-        let speed = convert::vector(body.state.velocity.linear).length();
-        let travel_m = f64::from(speed * self.settings.dt_s);
-        let near = self.partition.touching(&bounds.grown(self.partition.halo_m() + travel_m));
-        Ok((owner, near.without(RegionSet::only(owner))))
+        for (body, &owner) in bodies.iter().zip(owners) {
+            if body.traits.kind == BodyKind::Fixed {
+                continue;
+            }
+            self.partition.widen_halo(reach_of_record(body, &self.shapes)?);
+            let Some(&Some(place)) = self.place_of.get(owner) else { continue };
+            let region = &mut self.regions[place];
+            let handle = region.insert(body, Role::Owner, RegionSet::EMPTY, &self.shapes)?;
+            self.statics.cover(region, handle, &self.shapes)?;
+            self.directory.set(body.id, Home { rank: owner, handle });
+        }
+        for joint in joints {
+            for region in &mut self.regions {
+                let movable = [joint.a, joint.b].into_iter().any(|id| {
+                    let role = region.handle_of(id).and_then(|handle| region.role_of(handle));
+                    role.is_some_and(|(_, role)| role != Role::Immovable)
+                });
+                if movable {
+                    self.statics.ensure(region, joint, &self.shapes)?;
+                    region.insert_joint(joint);
+                }
+            }
+        }
+        Ok(())
     }
 
     /// The movable bodies that joints tie to this one, with it, and the joints of all of them.
@@ -641,34 +670,6 @@ impl RegionHost {
             Some((region, handle)) => (region.rank(), region.slot(handle).holders),
             None => (usize::MAX, RegionSet::EMPTY),
         }
-    }
-
-    fn insert_movable(
-        &mut self,
-        body: &BodyRecord,
-        owner: usize,
-        holders: RegionSet,
-    ) -> Result<(), HostError> {
-        for region in &mut self.regions {
-            let (role, others) = if region.rank() == owner {
-                (Role::Owner, holders)
-            } else if holders.contains(region.rank()) {
-                (Role::Replica { owner }, RegionSet::EMPTY)
-            } else {
-                continue;
-            };
-            let handle = region.insert(body, role, others, &self.shapes)?;
-            self.statics.cover(region, handle, &self.shapes)?;
-            if role == Role::Owner {
-                self.directory.set(body.id, Home { rank: owner, handle });
-            }
-        }
-        Ok(())
-    }
-
-    /// Raises the epoch of an owned body, as when it is restored after its owner's death.
-    pub fn epoch_of(&self, id: BodyId) -> Option<Epoch> {
-        self.owned(id).map(|(region, handle)| region.slot(handle).epoch)
     }
 }
 

@@ -52,6 +52,8 @@ pub(super) struct Slot {
     pub told_asleep: bool,
     /// Replica: where the owner's copy fell asleep.
     pub asleep_at: Option<Pose>,
+    /// Replica: whether its owner has announced it since membership changed last.
+    pub confirmed: bool,
 }
 
 /// A body by name and by Rapier's handle.
@@ -89,9 +91,13 @@ pub struct Region {
     pub(super) events: RegionEvents,
     /// One message a region of the world, by rank.
     pub(super) outbox: Vec<BorderMessage>,
+    /// Bodies inserted here as its own whose neighbourhood no exchange has seen yet.
+    pub(super) fresh: Vec<Link>,
     /// Bodies that became this region's own in the last exchange.
     pub(super) arrived: Vec<Link>,
     /// Scratch of the coupling, kept for its memory.
+    pub(super) looked_at: Vec<RigidBodyHandle>,
+    /// The same.
     pub(super) changes: Vec<super::coupling::Change>,
 }
 
@@ -126,7 +132,9 @@ impl Region {
                 .iter()
                 .map(|&to| BorderMessage { from: id, to, ..BorderMessage::default() })
                 .collect(),
+            fresh: Vec::new(),
             arrived: Vec::new(),
+            looked_at: Vec::new(),
             changes: Vec::new(),
         }
     }
@@ -243,11 +251,16 @@ impl Region {
             joints: Vec::new(),
             assembly: None,
             told_asleep: body.state.sleeping,
+            confirmed: true,
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
         self.by_id.insert(body.id, handle);
-        self.list(Link { id: body.id, handle });
+        let link = Link { id: body.id, handle };
+        self.list(link);
+        if role == Role::Owner {
+            self.fresh.push(link);
+        }
         Ok(handle)
     }
 
@@ -345,6 +358,25 @@ impl Region {
         let link = Link { id: slot.id, handle };
         self.unlist(link.id);
         self.list(link);
+    }
+
+    /// Membership changed: who holds replicas of this region's bodies, and whether its own replicas are still right, must
+    /// be told again.
+    pub(super) fn forget_holders(&mut self) {
+        self.shared.clear();
+        self.fresh.clear();
+        for (&id, &handle) in &self.by_id {
+            let index = handle.into_raw_parts().0 as usize;
+            let slot = self.slots[index].as_mut().expect("every body of a region has a slot");
+            match slot.role {
+                Role::Owner => {
+                    slot.holders = RegionSet::EMPTY;
+                    self.fresh.push(Link { id, handle });
+                }
+                Role::Replica { .. } => slot.confirmed = false,
+                Role::Immovable => {}
+            }
+        }
     }
 
     /// Reads the traits anew after a user changed the body in place.

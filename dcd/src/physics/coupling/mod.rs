@@ -36,6 +36,13 @@ impl Coupling {
         }
     }
 
+    /// Fills `region.outbox` with what neighbours must hold of the bodies inserted since the last step.
+    pub(super) fn announce(self, region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
+        match self {
+            Self::Owner => owner::announce(region, partition, tick, dt_s),
+        }
+    }
+
     /// Fills `region.outbox` after a step.
     pub(super) fn gather(self, region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
         match self {

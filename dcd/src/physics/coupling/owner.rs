@@ -20,20 +20,58 @@ const DEAD_BAND_RAD_S: f32 = 0.1;
 /// A sleeping replica is left alone unless its owner says something that differs by more than this.
 const WAKE_M_S: f32 = 0.05;
 
+/// Says which regions must hold the bodies inserted since the last step.
+pub(super) fn announce(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
+    clear_outbox(region, tick);
+    region.update_assemblies();
+    let fresh = std::mem::take(&mut region.fresh);
+    let here = fresh.iter().filter(|link| region.handle_of(link.id) == Some(link.handle));
+    let handles: Vec<_> = here.map(|link| link.handle).collect();
+    tell_changes(region, partition, dt_s, handles.into_iter());
+}
+
 /// Says how owned bodies moved, and to whom they must go.
 pub(super) fn gather(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
+    if partition.len() == 1 {
+        region.fresh.clear();
+        return;
+    }
+    clear_outbox(region, tick);
+    region.update_assemblies();
+    tell_states(region);
+    tell_wakes(region);
+    // A body inserted asleep is not among the awake.
+    let mut looked_at = std::mem::take(&mut region.looked_at);
+    looked_at.clear();
+    looked_at.extend(
+        region
+            .fresh
+            .iter()
+            .filter(|link| region.handle_of(link.id) == Some(link.handle))
+            .map(|link| link.handle),
+    );
+    region.fresh.clear();
+    looked_at.extend(region.physics().islands.active_bodies());
+    tell_changes(region, partition, dt_s, looked_at.iter().copied());
+    region.looked_at = looked_at;
+}
+
+fn clear_outbox(region: &mut Region, tick: Tick) {
     for message in &mut region.outbox {
         message.clear();
         message.tick = tick;
     }
-    if partition.len() == 1 {
-        return;
-    }
-    region.update_assemblies();
-    tell_states(region);
-    tell_wakes(region);
+}
+
+/// Says of each of these bodies, as far as it is owned here, what is new about its holders and its owner.
+fn tell_changes(
+    region: &mut Region,
+    partition: &Partition,
+    dt_s: f32,
+    handles: impl Iterator<Item = RigidBodyHandle>,
+) {
     let mut changes = std::mem::take(&mut region.changes);
-    find_changes(region, partition, dt_s, &mut changes);
+    find_changes(region, partition, dt_s, handles, &mut changes);
     for change in changes.drain(..) {
         tell_change(region, &change);
     }
@@ -123,19 +161,25 @@ fn tell_wakes(region: &mut Region) {
     }
 }
 
-/// Looks at every awake body and at every assembly with an awake member; `changes` come out in id order.
-fn find_changes(region: &Region, partition: &Partition, dt_s: f32, changes: &mut Vec<Change>) {
+/// Looks at these bodies and at every assembly with one of them; `changes` come out in id order, each body once.
+fn find_changes(
+    region: &Region,
+    partition: &Partition,
+    dt_s: f32,
+    handles: impl Iterator<Item = RigidBodyHandle>,
+    changes: &mut Vec<Change>,
+) {
     let world = region.physics();
     let inner = Inner::of(region, partition);
-    let mut awake_assemblies = Vec::new();
-    for handle in world.islands.active_bodies() {
+    let mut assemblies = Vec::new();
+    for handle in handles {
         let body = &world.bodies[handle];
         let slot = region.slot(handle);
         if slot.role != Role::Owner {
             continue;
         }
         if let Some(assembly) = slot.assembly {
-            awake_assemblies.push(assembly);
+            assemblies.push(assembly);
             continue;
         }
         let reach_m = slot.reach_m + body.linvel().length() * dt_s;
@@ -147,23 +191,23 @@ fn find_changes(region: &Region, partition: &Partition, dt_s: f32, changes: &mut
         let link = Link { id: slot.id, handle };
         propose(region, link, near, new_owner(region, partition, centre), changes);
     }
-    awake_assemblies.sort_unstable();
-    awake_assemblies.dedup();
-    for index in awake_assemblies {
+    assemblies.sort_unstable();
+    assemblies.dedup();
+    for index in assemblies {
         let members = &region.assemblies[index as usize].members;
-        let mut near = Near::default();
-        let mut centre = [0.0; 3];
-        for link in members {
-            near = near.union(Near::of(region, partition, link.handle, dt_s));
-            let com = convert::world_point(region.anchor(), world.bodies[link.handle].center_of_mass());
-            centre = std::array::from_fn(|i| centre[i] + com[i] / members.len() as f64);
-        }
+        let near = members
+            .iter()
+            .fold(Near::default(), |near, link| near.union(Near::of(region, partition, link.handle, dt_s)));
+        // The lowest member leads: where it goes, all go.
+        let lead = &world.bodies[members[0].handle];
+        let centre = convert::world_point(region.anchor(), lead.center_of_mass());
         let owner = new_owner(region, partition, centre);
         for &link in members {
             propose(region, link, near, owner, changes);
         }
     }
     changes.sort_unstable_by_key(|change| change.link.id);
+    changes.dedup_by_key(|change| change.link.id);
 }
 
 fn propose(region: &Region, link: Link, near: Near, owner: usize, changes: &mut Vec<Change>) {
@@ -238,38 +282,46 @@ fn take_over(
     );
     region.set_role(handle, Role::Owner, holders, body.epoch);
     region.arrived.push(Link { id: body.id, handle });
-    let pose = convert::region_from_world(region.anchor(), &body.state.pose);
-    let state = &body.state;
-    let rigid_body = &mut region.world_mut().bodies[handle];
-    rigid_body.set_position(pose, false);
-    rigid_body.set_linvel(convert::vector(state.velocity.linear), false);
-    rigid_body.set_angvel(convert::vector(state.velocity.angular), false);
-    set_user_forces(rigid_body, state.force, state.torque);
-    rigid_body.activation_mut().time_since_can_sleep = state.still_s;
-    if !state.sleeping && rigid_body.is_sleeping() {
-        region.world_mut().wake_up(handle, true);
-    }
+    write_whole(region, handle, body);
     Ok(())
-}
-
-fn set_user_forces(body: &mut RigidBody, force: [f32; 3], torque: [f32; 3]) {
-    body.reset_forces(false);
-    body.reset_torques(false);
-    body.add_force(convert::vector(force), false);
-    body.add_torque(convert::vector(torque), false);
 }
 
 /// Inserts a replica, or renews one that is here already.
 fn hold(region: &mut Region, body: &BodyRecord, sender: usize, ground: Ground<'_>) -> Result<(), ShapeError> {
-    match region.handle_of(body.id) {
-        Some(handle) if region.slot(handle).role == Role::Owner => return Ok(()),
-        Some(_) => {
-            region.remove(body.id);
+    let role = Role::Replica { owner: sender };
+    if let Some(handle) = region.handle_of(body.id) {
+        let slot = region.slot(handle);
+        if slot.role == Role::Owner {
+            return Ok(());
         }
-        None => {}
+        if slot.traits == body.traits && slot.epoch <= body.epoch {
+            region.set_role(handle, role, RegionSet::EMPTY, body.epoch);
+            region.slot_mut(handle).confirmed = true;
+            write_whole(region, handle, body);
+            return Ok(());
+        }
+        region.remove(body.id);
     }
-    let handle = region.insert(body, Role::Replica { owner: sender }, RegionSet::EMPTY, ground.shapes)?;
+    let handle = region.insert(body, role, RegionSet::EMPTY, ground.shapes)?;
     ground.statics.cover(region, handle, ground.shapes)
+}
+
+/// Makes a copy that is here already equal to the record.
+fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) {
+    let state = &body.state;
+    let pose = convert::region_from_world(region.anchor(), &state.pose);
+    let rigid_body = &mut region.world_mut().bodies[handle];
+    rigid_body.set_position(pose, false);
+    rigid_body.set_linvel(convert::vector(state.velocity.linear), false);
+    rigid_body.set_angvel(convert::vector(state.velocity.angular), false);
+    rigid_body.reset_forces(false);
+    rigid_body.reset_torques(false);
+    rigid_body.add_force(convert::vector(state.force), false);
+    rigid_body.add_torque(convert::vector(state.torque), false);
+    rigid_body.activation_mut().time_since_can_sleep = state.still_s;
+    if !state.sleeping && rigid_body.is_sleeping() {
+        region.world_mut().wake_up(handle, true);
+    }
 }
 
 /// Walks both lists, which are in id order, side by side: no look-up a body.

@@ -336,13 +336,21 @@ impl RegionHost {
             self.insert(vec![moved], &[])?;
             return Ok(true);
         }
+        Ok(self.move_copies(id, pose))
+    }
+
+    /// Puts every copy held here elsewhere; the next exchange hands the body over, if it left its region. Returns whether
+    /// any region here holds it.
+    pub fn move_copies(&mut self, id: BodyId, pose: WorldPose) -> bool {
+        let mut held = false;
         for region in &mut self.regions {
             if let Some(handle) = region.handle_of(id) {
                 let pose = convert::region_from_world(region.anchor(), &pose);
                 region.world_mut().bodies[handle].set_position(pose, true);
+                held = true;
             }
         }
-        Ok(true)
+        held
     }
 
     /// The first half of a (micro-)step: every region steps and says what its neighbours must know.
@@ -509,12 +517,17 @@ impl RegionHost {
 
     /// Every movable body owned here in id order, with its region.
     pub fn states(&self) -> impl Iterator<Item = (BodyId, RegionId, WorldPose, Velocity)> {
-        self.directory.homes().filter_map(|(id, home)| {
-            let region = &self.regions[self.place_of[home.rank]?];
-            let body = &region.physics().bodies[home.handle];
-            let pose = convert::world_from_region(region.anchor(), body.position());
-            Some((id, region.id(), pose, convert::velocity_of(body)))
+        self.owned_bodies().map(|(id, region, handle)| {
+            let body = &region.physics().bodies[handle];
+            (id, region.id(), region.world_pose(handle), convert::velocity_of(body))
         })
+    }
+
+    /// Every movable body owned here in id order, with its region and Rapier's handle there.
+    pub fn owned_bodies(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
+        self.directory
+            .homes()
+            .filter_map(|(id, home)| Some((id, &self.regions[self.place_of[home.rank]?], home.handle)))
     }
 
     /// How many movable bodies are owned here.

@@ -323,7 +323,7 @@ impl Region {
     }
 
     /// A body held here, whole.
-    pub(super) fn body_record(&self, handle: RigidBodyHandle) -> BodyRecord {
+    pub fn body_record(&self, handle: RigidBodyHandle) -> BodyRecord {
         let slot = self.slot(handle);
         BodyRecord {
             id: slot.id,
@@ -333,11 +333,18 @@ impl Region {
         }
     }
 
-    pub(super) fn body_state(&self, handle: RigidBodyHandle) -> BodyState {
+    /// The epoch of a body held here.
+    pub fn epoch_of(&self, handle: RigidBodyHandle) -> Epoch {
+        self.slot(handle).epoch
+    }
+
+    /// What a step changes of a body held here, in world space.
+    pub fn body_state(&self, handle: RigidBodyHandle) -> BodyState {
         record::state_of(&self.world.bodies[handle], self.anchor)
     }
 
-    pub(super) fn shared_state(&self, handle: RigidBodyHandle) -> SharedState {
+    /// What the owner of a body says of it.
+    pub fn shared_state(&self, handle: RigidBodyHandle) -> SharedState {
         let (slot, body) = (self.slot(handle), &self.world.bodies[handle]);
         SharedState {
             id: slot.id,

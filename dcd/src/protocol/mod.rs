@@ -2,10 +2,13 @@
 
 mod body;
 mod border;
+mod codec;
 mod contacts;
 mod hash;
 mod joint;
+mod messages;
 mod shape;
+mod validate;
 
 pub use body::{
     BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ExtraMass,
@@ -14,5 +17,15 @@ pub use body::{
 pub use border::{BorderMessage, ContactForce, ContactKey, RegionEvents, SharedState, Touch, Transfer};
 pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
+pub use codec::{
+    CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, decode, decode_value,
+    encode, encode_value, encoded_len, pack_states, split,
+};
 pub use joint::{JointLimit, JointMotor, JointRecord};
+pub use messages::{
+    BodyCheckpoint, Border, Chunk, Claim, Dispatch, Done, Drive, EnvironmentProperties, FromClient, Hello,
+    Lane, Member, Message, Ping, Placed, Pong, Refusal, Report, Role, SyncProtocol, TickStats, ToClient,
+    ToNode, ToServer, View, ViewNumber, WorldOp,
+};
 pub use shape::{ShapeHash, ShapeRecord};
+pub use validate::{Check, Invalid, MAX_COLLIDERS, WORLD_REACH_M};

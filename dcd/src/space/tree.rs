@@ -113,6 +113,22 @@ impl DistributionTree {
         Ok(tree)
     }
 
+    /// Whether a tree from elsewhere keeps the rules that every call here relies on: its inner vertices hang together, each
+    /// is cut inside its cell, and it stays within the limits of trees.
+    pub fn is_sound(&self) -> bool {
+        self.bounds.is_finite()
+            && self.limits.largest_depth <= 30
+            && self.limits.most_leaves <= MAX_REGIONS
+            && self.cuts.len() < MAX_REGIONS
+            // Depth first: arithmetic on ids of deeper vertices would overflow.
+            && self.cuts.keys().all(|vertex| vertex.0 < (1 << 30) - 1)
+            && self.cuts.iter().all(|(&vertex, &(axis, at))| {
+                let cell = self.cell(vertex);
+                (vertex.0 == 0 || self.cuts.contains_key(&parent(vertex)))
+                    && (cell.min[axis.index()] < at && at < cell.max[axis.index()])
+            })
+    }
+
     /// The box that subdivision works on. Bodies may leave it: the outer cells reach to infinity.
     pub fn bounds(&self) -> Bounds {
         self.bounds

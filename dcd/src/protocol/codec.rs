@@ -1,0 +1,277 @@
+//! Bytes from messages and back: the only place that knows bincode's settings (`=2.0.1`, RUSTSEC-2025-0141). Bytes come
+//! from strangers: the length is checked first, a claimed length never allocates more than [`MAX_MESSAGE_BYTES`], all
+//! bytes must be consumed, and every value must pass [`Check`].
+
+use bincode::{
+    Decode, Encode,
+    config::{Configuration, Limit, LittleEndian, Varint},
+    enc::{EncoderImpl, write::SizeWriter},
+    error::{DecodeError, EncodeError},
+};
+
+use super::{Check, Chunk, Invalid, Message, ToClient};
+use crate::protocol::SharedState;
+use crate::space::{ClientId, Tick};
+
+/// Grows with every change of the message set; peers of unequal versions refuse each other.
+pub const VERSION: u32 = 1;
+
+/// The largest message. A single shape (a height field of 2,000 × 2,000) is what needs most.
+pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
+
+/// What one chunk of a world aims at: small enough not to hold up other traffic of its link.
+pub const CHUNK_BYTES: usize = 256 << 10;
+
+/// The largest datagram: below the smallest path MTU in common use, with QUIC's own overhead.
+pub const DATAGRAM_BYTES: usize = 1_100;
+
+const CONFIG: Configuration<LittleEndian, Varint, Limit<MAX_MESSAGE_BYTES>> =
+    bincode::config::standard().with_limit::<MAX_MESSAGE_BYTES>();
+
+/// Why bytes are not a message.
+#[derive(Debug, thiserror::Error)]
+pub enum CodecError {
+    /// Refused by length alone.
+    #[error(
+        "a message of {0} bytes is over the limit of {MAX_MESSAGE_BYTES}: the peer is not a dcd of this version"
+    )]
+    TooLong(usize),
+    /// Not in the format.
+    #[error(
+        "not a dcd message ({0}): the peer is broken or of another version; install the same dcd on both"
+    )]
+    Malformed(#[from] DecodeError),
+    /// More bytes than the message has.
+    #[error(
+        "{0} bytes follow the message: the peer is broken or of another version; install the same dcd on both"
+    )]
+    Trailing(usize),
+    /// Well-formed, with a value that must not be.
+    #[error("refused a message: {0}")]
+    Invalid(#[from] Invalid),
+}
+
+/// The bytes of a message.
+///
+/// # Panics
+/// When the message is longer than [`MAX_MESSAGE_BYTES`]: senders split what may grow with [`chunks`] and [`pack_states`].
+pub fn encode(message: &Message) -> Vec<u8> {
+    let bytes = bincode::encode_to_vec(message, CONFIG).expect("plain values in memory encode");
+    assert!(bytes.len() <= MAX_MESSAGE_BYTES, "a message of {} bytes was not split", bytes.len());
+    bytes
+}
+
+/// The message of the bytes.
+pub fn decode(bytes: &[u8]) -> Result<Message, CodecError> {
+    if bytes.len() > MAX_MESSAGE_BYTES {
+        return Err(CodecError::TooLong(bytes.len()));
+    }
+    let (message, read): (Message, usize) = bincode::decode_from_slice(bytes, CONFIG)?;
+    if read != bytes.len() {
+        return Err(CodecError::Trailing(bytes.len() - read));
+    }
+    message.check()?;
+    Ok(message)
+}
+
+/// Any value of the protocol as bytes, for files and tests of our own; [`encode`] is for the wire.
+pub fn encode_value<T: Encode>(value: &T) -> Vec<u8> {
+    bincode::encode_to_vec(value, CONFIG).expect("plain values in memory encode")
+}
+
+/// The value of [`encode_value`]'s bytes.
+pub fn decode_value<T: Decode<()> + Check>(bytes: &[u8]) -> Result<T, CodecError> {
+    if bytes.len() > MAX_MESSAGE_BYTES {
+        return Err(CodecError::TooLong(bytes.len()));
+    }
+    let (value, read): (T, usize) = bincode::decode_from_slice(bytes, CONFIG)?;
+    if read != bytes.len() {
+        return Err(CodecError::Trailing(bytes.len() - read));
+    }
+    value.check()?;
+    Ok(value)
+}
+
+/// How many bytes a value takes.
+pub fn encoded_len<T: Encode>(value: &T) -> usize {
+    let measure = || -> Result<usize, EncodeError> {
+        let mut encoder = EncoderImpl::new(SizeWriter::default(), CONFIG);
+        value.encode(&mut encoder)?;
+        Ok(encoder.into_writer().bytes_written)
+    };
+    measure().expect("plain values in memory encode")
+}
+
+/// Items in order, in parts of at most `limit` encoded bytes; an item longer than that is a part of its own.
+pub fn split<T: Encode>(items: impl IntoIterator<Item = T>, limit: usize) -> Vec<Vec<T>> {
+    let mut parts: Vec<Vec<T>> = Vec::new();
+    let mut room = 0;
+    for item in items {
+        let len = encoded_len(&item);
+        match parts.last_mut() {
+            Some(part) if len <= room => part.push(item),
+            _ => {
+                parts.push(vec![item]);
+                room = limit;
+            }
+        }
+        room = room.saturating_sub(len);
+    }
+    parts
+}
+
+/// A list of any length as chunks of a world.
+pub fn chunks<T: Encode>(items: impl IntoIterator<Item = T>, chunk: fn(Vec<T>) -> Chunk) -> Vec<Chunk> {
+    split(items, CHUNK_BYTES).into_iter().map(chunk).collect()
+}
+
+/// States for a client as messages that each fit a datagram.
+pub fn pack_states(
+    client: ClientId,
+    tick: Tick,
+    states: impl IntoIterator<Item = SharedState>,
+) -> Vec<Message> {
+    // The envelope: three tags, client id, tick and length, each at its longest.
+    const ENVELOPE_BYTES: usize = 3 + 5 + 9 + 9;
+    split(states, DATAGRAM_BYTES - ENVELOPE_BYTES)
+        .into_iter()
+        .map(|states| Message::ToClient(client, ToClient::States { tick, states }))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::protocol::{
+        Border, Dispatch, FromClient, Ping, ToNode, Velocity, ViewNumber, WorldOp, WorldPose,
+    };
+    use crate::space::{BodyId, Epoch};
+
+    fn state(index: u32) -> SharedState {
+        SharedState {
+            id: BodyId::avatar(ClientId(7), index),
+            epoch: Epoch(u32::MAX),
+            pose: WorldPose::at([1e6, -2.0, 0.125]),
+            velocity: Velocity { linear: [1.0, f32::MIN_POSITIVE, -0.0], angular: [0.0; 3] },
+            sleeping: false,
+        }
+    }
+
+    fn sample() -> Message {
+        let drive = crate::protocol::Drive {
+            body: BodyId::avatar(ClientId(3), 1),
+            logical_time: 9,
+            velocity: Velocity::default(),
+            pose: Some(WorldPose::default()),
+        };
+        let ops = vec![WorldOp::Remove(BodyId::persistent(4)), WorldOp::Drive(drive)];
+        Message::Dispatch(Dispatch { view: ViewNumber(2), tick: Tick(300), ops })
+    }
+
+    #[test]
+    fn a_message_comes_back_equal_and_has_the_length_that_was_foretold() {
+        let bytes = encode(&sample());
+        assert_eq!(decode(&bytes).unwrap(), sample());
+        assert_eq!(encoded_len(&sample()), bytes.len());
+    }
+
+    #[test]
+    fn every_truncation_and_every_extra_byte_is_refused() {
+        let bytes = encode(&sample());
+        for end in 0..bytes.len() {
+            assert!(decode(&bytes[..end]).is_err(), "{end} of {} bytes", bytes.len());
+        }
+        let longer = [bytes, vec![0]].concat();
+        assert!(matches!(decode(&longer), Err(CodecError::Trailing(1))));
+        assert!(matches!(decode(&vec![0; MAX_MESSAGE_BYTES + 1]), Err(CodecError::TooLong(_))));
+    }
+
+    #[test]
+    fn a_claim_of_four_gigabytes_is_refused_before_allocation() {
+        // Wherever a length may stand, claim 2^32 - 1 and then 2^63 items: with an allocation this test would abort.
+        let empty_border =
+            Message::Border(Border { view: ViewNumber(1), tick: Tick(1), round: 0, messages: vec![] });
+        for bytes in [encode(&empty_border), encode(&sample())] {
+            for at in 0..bytes.len() {
+                for claim in [&[252, 255, 255, 255, 255][..], &[253, 0, 0, 0, 0, 0, 0, 0, 128]] {
+                    let forged = [&bytes[..at], claim, &bytes[at + 1..]].concat();
+                    let _ = decode(&forged);
+                }
+            }
+        }
+        let forged = [&encode(&empty_border)[..4], &[252, 255, 255, 255, 255]].concat();
+        assert!(matches!(decode(&forged), Err(CodecError::Malformed(DecodeError::LimitExceeded))));
+    }
+
+    #[test]
+    fn a_value_that_breaks_a_rule_is_refused_by_the_name_of_its_field() {
+        let with = |change: fn(&mut SharedState)| {
+            let mut state = state(0);
+            change(&mut state);
+            let message =
+                Message::ToClient(ClientId(1), ToClient::States { tick: Tick(1), states: vec![state] });
+            decode(&encode(&message)).unwrap_err().to_string()
+        };
+        assert!(with(|s| s.pose.translation[1] = f64::NAN).contains("pose.translation"));
+        assert!(with(|s| s.pose.rotation = [0.0; 4]).contains("pose.rotation must be a unit quaternion"));
+        assert!(with(|s| s.velocity.angular[2] = f32::INFINITY).contains("velocity"));
+        let nobody = Message::FromClient(ClientId(0), FromClient::Leave);
+        assert!(decode(&encode(&nobody)).unwrap_err().to_string().contains("client"));
+    }
+
+    #[test]
+    fn packed_states_fit_datagrams_and_lose_nothing() {
+        let states: Vec<_> = (0..500).map(|i| state(u32::MAX - i)).collect();
+        let mut unpacked = Vec::new();
+        for message in pack_states(ClientId(u32::MAX), Tick(u64::MAX), states.clone()) {
+            let bytes = encode(&message);
+            assert!(bytes.len() <= DATAGRAM_BYTES, "{} bytes", bytes.len());
+            let Ok(Message::ToClient(_, ToClient::States { states, .. })) = decode(&bytes) else { panic!() };
+            unpacked.extend(states);
+        }
+        assert_eq!(unpacked, states);
+    }
+
+    #[test]
+    fn an_item_longer_than_a_part_stands_alone() {
+        let items = vec![vec![0_u8; 10], vec![0; 200], vec![0; 10], vec![0; 10]];
+        let sizes: Vec<_> = split(items, 100).iter().map(Vec::len).collect();
+        assert_eq!(sizes, [1, 1, 2]);
+    }
+
+    proptest! {
+        #[test]
+        fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+            let _ = decode(&bytes);
+        }
+
+        #[test]
+        fn changed_bytes_never_panic(at in 0_usize..4096, to in any::<u8>()) {
+            let world = crate::protocol::EnvironmentProperties {
+                world: 1,
+                gravity: [0.0, -9.81, 0.0],
+                dt_s: 1.0 / 60.0,
+                solver_iterations: 4,
+                tree: crate::space::DistributionTree::halved(
+                    crate::space::Bounds::new([0.0; 3], [8.0; 3]), 4).unwrap(),
+                halo_m: None,
+                coupling: "owner".into(),
+                exchanges: 1,
+                avatar_speed_limit: 10.0,
+                protocol: crate::protocol::SyncProtocol::Synchronised,
+                extension: vec![],
+            };
+            let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });
+            for message in [sample(), welcome, Message::Ping(Ping { sent_us: 5 })] {
+                let mut bytes = encode(&message);
+                let at = at % bytes.len();
+                bytes[at] = to;
+                if let Ok(message) = decode(&bytes) {
+                    prop_assert_eq!(encode(&decode(&encode(&message)).unwrap()), encode(&message));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,398 @@
+//! What must hold of values from strangers beyond their format: finite numbers, unit quaternions, indices in range, ids
+//! that agree. "Parse, don't validate": [`decode`](super::decode) never returns a message that fails [`Check`].
+
+use super::*;
+use crate::space::Bounds;
+
+/// Farther out than this nothing of a world can be, in metres.
+pub const WORLD_REACH_M: f64 = 1e9;
+
+/// Most colliders of one body.
+pub const MAX_COLLIDERS: usize = 4_096;
+
+/// The field that broke a rule, and the rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field} must be {rule}")]
+pub struct Invalid {
+    /// Which field.
+    pub field: &'static str,
+    /// What it must be.
+    pub rule: &'static str,
+}
+
+/// Whether a value keeps the rules of the protocol.
+pub trait Check {
+    /// The first broken rule.
+    fn check(&self) -> Result<(), Invalid>;
+}
+
+fn must(holds: bool, field: &'static str, rule: &'static str) -> Result<(), Invalid> {
+    if holds { Ok(()) } else { Err(Invalid { field, rule }) }
+}
+
+fn finite(values: &[f32], field: &'static str) -> Result<(), Invalid> {
+    must(values.iter().all(|v| v.is_finite()), field, "finite")
+}
+
+fn not_negative(values: &[f32], field: &'static str) -> Result<(), Invalid> {
+    must(values.iter().all(|v| v.is_finite() && *v >= 0.0), field, "finite and not negative")
+}
+
+/// Limits may be infinite, but never NaN.
+fn numbers(values: &[f32], field: &'static str) -> Result<(), Invalid> {
+    must(values.iter().all(|v| !v.is_nan()), field, "numbers")
+}
+
+fn unit(rotation: &[f32; 4], field: &'static str) -> Result<(), Invalid> {
+    let norm2: f32 = rotation.iter().map(|v| v * v).sum();
+    must((norm2 - 1.0).abs() < 2e-3, field, "a unit quaternion")
+}
+
+fn all<T: Check>(values: &[T]) -> Result<(), Invalid> {
+    values.iter().try_for_each(Check::check)
+}
+
+fn ascending<T, K: Ord>(values: &[T], key: impl Fn(&T) -> K, field: &'static str) -> Result<(), Invalid> {
+    must(values.windows(2).all(|pair| key(&pair[0]) < key(&pair[1])), field, "in ascending order, each once")
+}
+
+impl Check for WorldPose {
+    fn check(&self) -> Result<(), Invalid> {
+        must(
+            self.translation.iter().all(|v| v.abs() <= WORLD_REACH_M),
+            "pose.translation",
+            "finite and within 1e9 m",
+        )?;
+        unit(&self.rotation, "pose.rotation")
+    }
+}
+
+impl Check for Pose {
+    fn check(&self) -> Result<(), Invalid> {
+        finite(&self.translation, "local pose.translation")?;
+        unit(&self.rotation, "local pose.rotation")
+    }
+}
+
+impl Check for Velocity {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.is_finite(), "velocity", "finite")
+    }
+}
+
+impl Check for BodyState {
+    fn check(&self) -> Result<(), Invalid> {
+        self.pose.check()?;
+        self.velocity.check()?;
+        finite(&self.force, "force")?;
+        finite(&self.torque, "torque")?;
+        numbers(&[self.still_s], "still_s")
+    }
+}
+
+impl Check for SharedState {
+    fn check(&self) -> Result<(), Invalid> {
+        self.pose.check()?;
+        self.velocity.check()
+    }
+}
+
+impl Check for MassRecord {
+    fn check(&self) -> Result<(), Invalid> {
+        finite(&self.local_com, "mass.local_com")?;
+        not_negative(&[self.inv_mass], "mass.inv_mass")?;
+        not_negative(&self.inv_principal_inertia, "mass.inv_principal_inertia")?;
+        unit(&self.principal_frame, "mass.principal_frame")
+    }
+}
+
+impl Check for ColliderRecord {
+    fn check(&self) -> Result<(), Invalid> {
+        self.pose.check()?;
+        match &self.mass {
+            ColliderMass::Density(value) | ColliderMass::Mass(value) => {
+                not_negative(&[*value], "collider.mass")?
+            }
+            ColliderMass::Properties(record) => record.check()?,
+        }
+        not_negative(&[self.friction], "collider.friction")?;
+        not_negative(&[self.restitution], "collider.restitution")?;
+        numbers(&[self.force_event_threshold_n], "collider.force_event_threshold_n")?;
+        not_negative(&[self.contact_skin_m], "collider.contact_skin_m")
+    }
+}
+
+impl Check for BodyTraits {
+    fn check(&self) -> Result<(), Invalid> {
+        finite(&[self.linear_damping, self.angular_damping], "damping")?;
+        finite(&[self.gravity_scale, self.soft_ccd_m], "gravity_scale, soft_ccd_m")?;
+        numbers(&[self.sleep_linear_threshold, self.sleep_angular_threshold, self.sleep_after_s], "sleep")?;
+        match &self.extra_mass {
+            Some(ExtraMass::Mass(value)) => not_negative(&[*value], "extra_mass")?,
+            Some(ExtraMass::Properties(record)) => record.check()?,
+            None => {}
+        }
+        // Solvers loop this often: a stranger must not stall a region with one body.
+        must(self.extra_solver_iterations <= 1_000, "extra_solver_iterations", "at most 1000")?;
+        must(self.extra_pgs_iterations <= 1_000, "extra_pgs_iterations", "at most 1000")?;
+        must(self.colliders.len() <= MAX_COLLIDERS, "colliders", "at most 4096")?;
+        all(&self.colliders)
+    }
+}
+
+impl Check for BodyRecord {
+    fn check(&self) -> Result<(), Invalid> {
+        self.state.check()?;
+        self.traits.check()
+    }
+}
+
+impl Check for Placed {
+    fn check(&self) -> Result<(), Invalid> {
+        self.body.check()
+    }
+}
+
+impl Check for BodyCheckpoint {
+    fn check(&self) -> Result<(), Invalid> {
+        self.state.check()
+    }
+}
+
+impl Check for JointRecord {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.a != self.b, "joint.a, joint.b", "two different bodies")?;
+        self.frame_a.check()?;
+        self.frame_b.check()?;
+        for limit in &self.limits {
+            numbers(&[limit.min, limit.max], "joint.limit")?;
+            finite(&[limit.impulse], "joint.limit.impulse")?;
+        }
+        for motor in &self.motors {
+            finite(&[motor.target_vel, motor.target_pos, motor.impulse], "joint.motor")?;
+            numbers(&[motor.stiffness, motor.damping, motor.max_force], "joint.motor")?;
+        }
+        numbers(&self.softness, "joint.softness")
+    }
+}
+
+impl Check for ShapeRecord {
+    fn check(&self) -> Result<(), Invalid> {
+        let points = |points: &[[f32; 3]], field| finite(points.as_flattened(), field);
+        let indices = |ids: &[u32], len: usize, field| {
+            must(ids.iter().all(|&i| (i as usize) < len), field, "indices of the shape's own vertices")
+        };
+        match self {
+            Self::Ball(radius) => not_negative(&[*radius], "ball"),
+            Self::Cuboid(half) => not_negative(half, "cuboid"),
+            Self::Capsule(a, b, radius) => {
+                points(&[*a, *b], "capsule")?;
+                not_negative(&[*radius], "capsule")
+            }
+            Self::Cylinder(a, b) | Self::Cone(a, b) => not_negative(&[*a, *b], "cylinder or cone"),
+            Self::Segment(ends) => points(ends, "segment"),
+            Self::Triangle(corners) => points(corners, "triangle"),
+            Self::HalfSpace(normal) => {
+                let norm2: f32 = normal.iter().map(|v| v * v).sum();
+                must((norm2 - 1.0).abs() < 2e-3, "half-space.normal", "of unit length")
+            }
+            Self::ConvexPolyhedron(vertices, triangles) | Self::TriMesh(vertices, triangles, _) => {
+                must(!vertices.is_empty() && !triangles.is_empty(), "mesh", "not empty")?;
+                points(vertices, "mesh.vertices")?;
+                indices(triangles.as_flattened(), vertices.len(), "mesh.triangles")
+            }
+            Self::Polyline(vertices, edges) => {
+                must(!vertices.is_empty() && !edges.is_empty(), "polyline", "not empty")?;
+                points(vertices, "polyline.vertices")?;
+                indices(edges.as_flattened(), vertices.len(), "polyline.edges")
+            }
+            Self::HeightField(heights, rows, columns, scale, _) => {
+                finite(heights, "height field.heights")?;
+                finite(scale, "height field.scale")?;
+                must(*rows >= 2 && *columns >= 2, "height field", "at least 2 × 2")?;
+                let count = u64::from(*rows) * u64::from(*columns);
+                must(heights.len() as u64 == count, "height field.heights", "rows × columns")
+            }
+            Self::RoundCuboid(half, border) => {
+                not_negative(half, "round cuboid")?;
+                not_negative(&[*border], "round cuboid")
+            }
+            Self::RoundCylinder(a, b, border) | Self::RoundCone(a, b, border) => {
+                not_negative(&[*a, *b, *border], "round cylinder or cone")
+            }
+            Self::Compound(parts) => {
+                must(!parts.is_empty(), "compound", "not empty")?;
+                parts.iter().try_for_each(|(pose, _)| pose.check())
+            }
+        }
+    }
+}
+
+impl Check for BorderMessage {
+    fn check(&self) -> Result<(), Invalid> {
+        ascending(&self.states, |state| state.id, "border.states")?;
+        all(&self.states)?;
+        self.replicas.iter().try_for_each(Check::check)?;
+        all(&self.joints)?;
+        self.transfers.iter().try_for_each(|transfer| transfer.body.check())
+    }
+}
+
+impl Check for RegionEvents {
+    fn check(&self) -> Result<(), Invalid> {
+        all(&self.touches)?;
+        all(&self.forces)
+    }
+}
+
+impl Check for Touch {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.point.iter().all(|v| v.is_finite()), "touch.point", "finite")?;
+        finite(&self.normal, "touch.normal")?;
+        finite(&[self.speed], "touch.speed")
+    }
+}
+
+impl Check for ContactForce {
+    fn check(&self) -> Result<(), Invalid> {
+        finite(&self.force_n, "force.force_n")?;
+        finite(&[self.magnitude_n], "force.magnitude_n")
+    }
+}
+
+impl Check for EnvironmentProperties {
+    fn check(&self) -> Result<(), Invalid> {
+        finite(&self.gravity, "world.gravity")?;
+        must(self.dt_s.is_finite() && self.dt_s > 0.0, "world.dt_s", "finite and positive")?;
+        must(self.solver_iterations <= 1_000, "world.solver_iterations", "at most 1000")?;
+        must((1..=64).contains(&self.exchanges), "world.exchanges", "1 to 64")?;
+        must(self.halo_m.is_none_or(|v| v.is_finite() && v >= 0.0), "world.halo_m", "finite, not negative")?;
+        not_negative(&[self.avatar_speed_limit], "world.avatar_speed_limit")?;
+        let Bounds { min, max } = self.tree.bounds();
+        must(min.iter().chain(&max).all(|v| v.abs() <= WORLD_REACH_M), "world.bounds", "within 1e9 m")?;
+        must(self.tree.is_sound(), "world.tree", "connected, cut inside its cells and within its limits")
+    }
+}
+
+impl Check for View {
+    fn check(&self) -> Result<(), Invalid> {
+        ascending(&self.members, |member| member.node, "view.members")?;
+        let is_member = |node| self.members.iter().any(|member| member.node == node);
+        must(is_member(self.leader), "view.leader", "a member")?;
+        must(self.allocation.values().all(|&node| is_member(node)), "view.allocation", "to members")
+    }
+}
+
+impl Check for Chunk {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Shapes(shapes) => all(shapes),
+            Self::Bodies(bodies) => all(bodies),
+            Self::Placed(bodies) => all(bodies),
+            Self::Joints(joints) => all(joints),
+        }
+    }
+}
+
+impl Check for Drive {
+    fn check(&self) -> Result<(), Invalid> {
+        self.velocity.check()?;
+        self.pose.map_or(Ok(()), |pose| pose.check())
+    }
+}
+
+impl Check for WorldOp {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Insert { body, shapes, joints } => {
+                body.check()?;
+                all(shapes)?;
+                all(joints)
+            }
+            Self::Remove(_) | Self::RemoveJoint(_) => Ok(()),
+            Self::Drive(drive) => drive.check(),
+        }
+    }
+}
+
+impl Check for Dispatch {
+    fn check(&self) -> Result<(), Invalid> {
+        all(&self.ops)
+    }
+}
+
+impl Check for ToNode {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Welcome { world, .. } => world.check(),
+            Self::Chunk(chunk) => chunk.check(),
+            Self::Finish { dispatch, .. } => dispatch.as_ref().map_or(Ok(()), Check::check),
+            Self::Adopt { view, .. } => view.check(),
+            Self::Apply { ops, .. } => all(ops),
+            Self::WorldEnd | Self::Settle { .. } | Self::Fetch { .. } | Self::Shutdown { .. } => Ok(()),
+        }
+    }
+}
+
+impl Check for ToServer {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Settling { dispatch, .. } => dispatch.as_ref().map_or(Ok(()), Check::check),
+            Self::Survey { claims, .. } => ascending(claims, |claim| claim.id, "survey.claims"),
+            Self::Found { bodies, .. } | Self::Removed { bodies, .. } => all(bodies),
+            Self::Checkpoint { bodies, .. } => all(bodies),
+            Self::Loaded | Self::LinkLost { .. } | Self::Leave => Ok(()),
+        }
+    }
+}
+
+impl Check for FromClient {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Drive(drive) => drive.check(),
+            Self::Spawn { body, shapes } => {
+                body.check()?;
+                all(shapes)
+            }
+            Self::Despawn(_) | Self::Leave => Ok(()),
+        }
+    }
+}
+
+impl Check for ToClient {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Welcome { world, .. } => world.check(),
+            Self::Chunk(chunk) => chunk.check(),
+            Self::Inserted { body, shapes } => {
+                body.check()?;
+                all(shapes)
+            }
+            Self::States { states, .. } => all(states),
+            Self::Contacts { touches, forces, .. } => {
+                all(touches)?;
+                all(forces)
+            }
+            Self::WorldEnd | Self::LeaderIs { .. } | Self::Removed(_) | Self::Rejected { .. } => Ok(()),
+        }
+    }
+}
+
+impl Check for Message {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::ToNode(message) => message.check(),
+            Self::ToServer(message) => message.check(),
+            Self::Dispatch(dispatch) => dispatch.check(),
+            Self::Done(done) => all(&done.events),
+            Self::Report(report) => all(&report.states),
+            Self::Border(border) => all(&border.messages),
+            Self::FromClient(client, message) => {
+                must(client.0 != 0, "client", "a client's id, from 1")?;
+                message.check()
+            }
+            Self::ToClient(_, message) => message.check(),
+            Self::Hello(_) | Self::Ping(_) | Self::Pong(_) => Ok(()),
+        }
+    }
+}

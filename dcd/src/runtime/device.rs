@@ -1,0 +1,299 @@
+//! The physics of a node: carries out what its state machine asks for, on the regions that the node computes.
+
+use std::collections::BTreeSet;
+use std::time::Instant;
+
+use rapier3d::prelude::*;
+use tracing::warn;
+
+use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
+use crate::physics::{Coupling, HostError, Partition, RegionHost, StepSettings};
+use crate::protocol::{
+    BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties, RegionEvents,
+    SharedState, StateHasher, TickStats, WorldOp,
+};
+use crate::space::BodyId;
+
+/// Why the physics cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    /// The server uses a coupling that is not known here.
+    #[error("the server asks for coupling `{0}`, which this dcd does not know: install the same version on both")]
+    Coupling(String),
+    /// Bodies, shapes or threads.
+    #[error(transparent)]
+    Host(#[from] HostError),
+}
+
+/// The regions of one node and what has been told of them.
+pub struct PhysicsDevice {
+    threads: usize,
+    host: Option<RegionHost>,
+    rebuilding: bool,
+    round: u32,
+    transfers_told: u64,
+    compute_us: u32,
+    report: Sampler,
+    checkpoint: Sampler,
+}
+
+impl PhysicsDevice {
+    /// Physics without a world; `threads` regions are stepped at a time.
+    pub fn new(threads: usize) -> Self {
+        Self {
+            threads,
+            host: None,
+            rebuilding: false,
+            round: 0,
+            transfers_told: 0,
+            compute_us: 0,
+            report: Sampler::default(),
+            checkpoint: Sampler::default(),
+        }
+    }
+
+    /// The regions computed here, once there is a world.
+    pub fn host(&self) -> Option<&RegionHost> {
+        self.host.as_ref()
+    }
+
+    /// Carries out one command. `None` when the command has no answer.
+    ///
+    /// # Panics
+    /// When a command comes before [`PhysicsCommand::World`]: the state machine never does that.
+    pub fn run(&mut self, command: PhysicsCommand) -> Result<Option<PhysicsEvent>, DeviceError> {
+        let start = Instant::now();
+        let event = match command {
+            PhysicsCommand::World(world) => {
+                self.host = Some(host_of(&world, self.threads)?);
+                None
+            }
+            PhysicsCommand::Load(chunk) => {
+                self.load(chunk)?;
+                None
+            }
+            PhysicsCommand::Rebuild { tick, regions, placed, joints, drop } => {
+                let host = self.world();
+                let placed = placed.into_iter().map(|placed| (placed.region, placed.body)).collect();
+                host.rebuild(&regions, placed, &joints, &drop)?;
+                host.set_tick(tick);
+                host.announce();
+                self.rebuilding = true;
+                Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() })
+            }
+            PhysicsCommand::Step { tick, ops } => {
+                let host = self.world();
+                assert_eq!(tick, host.tick().next(), "ticks are computed in order");
+                let removed = apply(host, ops);
+                host.compute();
+                (self.rebuilding, self.round) = (false, 0);
+                self.compute_us = 0;
+                Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed })
+            }
+            PhysicsCommand::Accept { incoming, report, checkpoint, .. } => {
+                Some(self.accept(incoming, report, checkpoint)?)
+            }
+            PhysicsCommand::Survey => Some(PhysicsEvent::Surveyed(self.claims())),
+            PhysicsCommand::Fetch(ids) => {
+                let host = self.world();
+                Some(PhysicsEvent::Found(ids.into_iter().filter_map(|id| host.record(id)).collect()))
+            }
+        };
+        self.compute_us = self.compute_us.saturating_add(start.elapsed().as_micros() as u32);
+        Ok(event)
+    }
+
+    fn world(&mut self) -> &mut RegionHost {
+        self.host.as_mut().expect("a world comes before commands")
+    }
+
+    fn load(&mut self, chunk: Chunk) -> Result<(), DeviceError> {
+        let host = self.world();
+        match chunk {
+            Chunk::Shapes(shapes) => {
+                for shape in shapes {
+                    host.shapes_mut().add(shape).map_err(HostError::from)?;
+                }
+            }
+            Chunk::Bodies(bodies) => host.insert(bodies, &[])?,
+            Chunk::Placed(_) | Chunk::Joints(_) => {
+                unreachable!("placed bodies and joints come with a rebuild")
+            }
+        }
+        Ok(())
+    }
+
+    fn outgoing(&mut self) -> Vec<BorderMessage> {
+        self.world().outgoing().cloned().collect()
+    }
+
+    fn accept(
+        &mut self,
+        incoming: Vec<BorderMessage>,
+        report: Sampling,
+        checkpoint: Sampling,
+    ) -> Result<PhysicsEvent, DeviceError> {
+        let rebuilding = self.rebuilding;
+        let host = self.world();
+        for message in incoming {
+            host.accept(message);
+        }
+        host.exchange()?;
+        if rebuilding {
+            host.drop_unconfirmed();
+        } else {
+            let rounds = host.settings().exchanges as u32;
+            self.round += 1;
+            if self.round < rounds {
+                self.world().compute();
+                return Ok(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() });
+            }
+            self.world().end_tick();
+        }
+        self.rebuilding = false;
+        Ok(self.settled(report, checkpoint))
+    }
+
+    fn settled(&mut self, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
+        let host = self.host.as_mut().expect("a world comes before commands");
+        let events = host.events().filter_map(of_avatars).collect();
+        host.clear_events();
+        let report: Vec<SharedState> = self
+            .report
+            .sample(host, report)
+            .into_iter()
+            .filter_map(|id| host.owned(id).map(|(region, handle)| region.shared_state(handle)))
+            .collect();
+        let full = checkpoint == Sampling::All;
+        let checkpoint: Vec<BodyCheckpoint> = self
+            .checkpoint
+            .sample(host, checkpoint)
+            .into_iter()
+            .filter_map(|id| {
+                let (region, handle) = host.owned(id)?;
+                Some(BodyCheckpoint { id, epoch: region.epoch_of(handle), state: region.body_state(handle) })
+            })
+            .collect();
+        let transfers = host.transfers();
+        let stats = TickStats {
+            bodies: host.owned_count() as u32,
+            replicas: host.regions().iter().map(|region| region.replica_count() as u32).sum(),
+            contacts: host.regions().iter().map(|region| contact_pairs(region.physics())).sum(),
+            transfers: (transfers - self.transfers_told) as u32,
+            compute_us: self.compute_us,
+            state_hash: full.then(|| hash_of(host)),
+        };
+        self.transfers_told = transfers;
+        PhysicsEvent::Settled { stats, events, report, checkpoint }
+    }
+
+    fn claims(&mut self) -> Vec<Claim> {
+        self.world()
+            .owned_bodies()
+            .map(|(id, region, handle)| Claim { id, epoch: region.epoch_of(handle), region: region.id() })
+            .collect()
+    }
+}
+
+fn host_of(world: &EnvironmentProperties, threads: usize) -> Result<RegionHost, DeviceError> {
+    let coupling = Coupling::ALL
+        .into_iter()
+        .find(|coupling| coupling.name() == world.coupling)
+        .ok_or_else(|| DeviceError::Coupling(world.coupling.clone()))?;
+    let settings = StepSettings {
+        gravity: world.gravity,
+        dt_s: world.dt_s,
+        solver_iterations: world.solver_iterations as usize,
+        coupling,
+        exchanges: world.exchanges as usize,
+    };
+    let partition = Partition::new(world.tree.clone(), world.halo_m);
+    Ok(RegionHost::new(partition, settings, threads, &[])?)
+}
+
+/// Applies what happens from outside before a tick; every member does so with what it holds. Returns the owned bodies
+/// that disappeared, as they were. What cannot be done is refused by all alike, so it only leaves a word in the log.
+fn apply(host: &mut RegionHost, ops: Vec<WorldOp>) -> Vec<BodyRecord> {
+    let mut removed = Vec::new();
+    for op in ops {
+        match op {
+            WorldOp::Insert { body, shapes, joints } => {
+                let id = body.id;
+                let known = shapes.into_iter().try_for_each(|shape| host.shapes_mut().add(shape).map(|_| ()));
+                let inserted = known.map_err(HostError::from).and_then(|()| host.insert(vec![body], &joints));
+                if let Err(error) = inserted {
+                    warn!(%id, %error, "a body is not inserted");
+                }
+            }
+            WorldOp::Remove(id) => {
+                removed.extend(host.owned(id).map(|(region, handle)| region.body_record(handle)));
+                host.remove(id);
+            }
+            WorldOp::RemoveJoint(id) => {
+                host.remove_joint(id);
+            }
+            WorldOp::Drive(drive) => steer(host, &drive),
+        }
+    }
+    removed
+}
+
+fn steer(host: &mut RegionHost, drive: &Drive) {
+    if let Some(pose) = drive.pose {
+        host.move_copies(drive.body, pose);
+    }
+    host.update(drive.body, |body| {
+        body.set_linvel(Vector::from_array(drive.velocity.linear), true);
+        body.set_angvel(Vector::from_array(drive.velocity.angular), true);
+    });
+}
+
+/// What a region saw of avatars: nobody else is told of contacts over the network.
+fn of_avatars(events: &RegionEvents) -> Option<RegionEvents> {
+    let avatar = |a: BodyId, b: BodyId| a.client().is_some() || b.client().is_some();
+    let touches: Vec<_> =
+        events.touches.iter().filter(|touch| avatar(touch.key.a, touch.key.b)).copied().collect();
+    let forces: Vec<_> =
+        events.forces.iter().filter(|force| avatar(force.key.a, force.key.b)).copied().collect();
+    let some = !touches.is_empty() || !forces.is_empty();
+    some.then(|| RegionEvents { touches, forces, ..events.clone() })
+}
+
+/// Pairs near enough to touch; counting those that do would visit every pair.
+fn contact_pairs(world: &PhysicsWorld) -> u32 {
+    world.narrow_phase.contact_graph().raw_graph().edges.len() as u32
+}
+
+fn hash_of(host: &RegionHost) -> u64 {
+    let mut hasher = StateHasher::default();
+    for (id, _, pose, velocity) in host.states() {
+        hasher.add(id, &pose, &velocity);
+    }
+    hasher.finish()
+}
+
+/// Remembers who was awake at the last sample, so that falling asleep is told once.
+#[derive(Default)]
+struct Sampler {
+    awake: BTreeSet<BodyId>,
+
+}
+
+impl Sampler {
+    fn sample(&mut self, host: &RegionHost, sampling: Sampling) -> BTreeSet<BodyId> {
+        match sampling {
+            Sampling::Nothing => BTreeSet::new(),
+            Sampling::All => host.owned_bodies().map(|(id, ..)| id).collect(),
+            Sampling::Moved => {
+
+                let awake: BTreeSet<_> = host
+                    .owned_bodies()
+                    .filter(|(_, region, handle)| !region.physics().bodies[*handle].is_sleeping())
+                    .map(|(id, ..)| id)
+                    .collect();
+                let before = std::mem::replace(&mut self.awake, awake.clone());
+                awake.union(&before).copied().collect()
+            }
+        }
+    }
+}

@@ -1,1 +1,43 @@
-//! cluster
+//! The cluster as state machines without socket, clock or thread: each is fed with (now, event) and asked for outputs. The
+//! runtime gives them links and physics; the simulator gives them a virtual clock and a stand-in. `now` is the time since
+//! the process began, from a clock that never goes back.
+//!
+//! A group computes in lockstep. [`Server`] keeps the record and decides membership; [`Node`] computes regions through a
+//! physics *device* ([`PhysicsCommand`], [`PhysicsEvent`]); one node contains the [`Leader`]; [`Client`] hosts avatars.
+//!
+//! **A tick.** Leader: `Dispatch(t)` → each node: `Step` → border messages to every other member → all arrived: `Accept` →
+//! `Done(t)` to the leader → the next.
+//!
+//! **A view change** (start, join, leave and death alike; a death during one begins the next):
+//! `Settle` (start nothing new; answer with the newest dispatch) → `Finish` (complete that tick with the survivors'
+//! messages alone; answer with all owned bodies) → `Fetch` (bodies that nobody owns, and those that move to another
+//! node) → `Adopt` (build and drop; one border exchange; `Done` of the view's own tick to the new leader, who goes on).
+
+mod client;
+mod device;
+mod leader;
+mod node;
+mod ping;
+mod record;
+mod server;
+
+use crate::space::{ClientId, NodeId};
+
+pub use client::{BodyView, Client, ClientEvent, ClientOutput};
+pub use device::{PhysicsCommand, PhysicsEvent, Sampling};
+pub use leader::Leader;
+pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
+pub use ping::{Pinger, RoundTrip, ping_interval_s};
+pub use record::{Life, Record};
+pub use server::{MAX_AVATARS, Server, ServerConfig, ServerEvent, ServerOutput};
+
+/// The other end of a link, as its certificate names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Peer {
+    /// The one server.
+    Server,
+    /// A node.
+    Node(NodeId),
+    /// A client.
+    Client(ClientId),
+}

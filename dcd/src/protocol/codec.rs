@@ -261,6 +261,7 @@ mod tests {
                 exchanges: 1,
                 avatar_speed_limit: 10.0,
                 protocol: crate::protocol::SyncProtocol::Synchronised,
+                pace: crate::protocol::Pace::RealTime,
                 extension: vec![],
             };
             let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });

@@ -117,6 +117,8 @@ pub struct EnvironmentProperties {
     pub avatar_speed_limit: f32,
     /// How ticks are kept in step.
     pub protocol: SyncProtocol,
+    /// How fast ticks follow one another.
+    pub pace: Pace,
     /// The application's own.
     pub extension: Vec<u8>,
 }
@@ -126,6 +128,15 @@ pub struct EnvironmentProperties {
 pub enum SyncProtocol {
     /// The leader dispatches each tick and waits for all members.
     Synchronised,
+}
+
+/// How fast ticks follow one another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub enum Pace {
+    /// One every `dt_s` of real time; a late tick is not made up for by more than one.
+    RealTime,
+    /// As soon as all members are ready.
+    Unpaced,
 }
 
 /// A node of a group.

@@ -24,8 +24,8 @@ pub use codec::{
 pub use joint::{JointLimit, JointMotor, JointRecord};
 pub use messages::{
     BodyCheckpoint, Border, Chunk, Claim, Dispatch, Done, Drive, EnvironmentProperties, FromClient, Hello,
-    Lane, Member, Message, Ping, Placed, Pong, Refusal, Report, Role, SyncProtocol, TickStats, ToClient,
-    ToNode, ToServer, View, ViewNumber, WorldOp,
+    Lane, Member, Message, Pace, Ping, Placed, Pong, Refusal, Report, Role, SyncProtocol, TickStats,
+    ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 pub use shape::{ShapeHash, ShapeRecord};
 pub use validate::{Check, Invalid, MAX_COLLIDERS, WORLD_REACH_M};

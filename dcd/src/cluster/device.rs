@@ -1,0 +1,95 @@
+//! Physics as the node machine sees it: a device that is given one command at a time and answers with an event.
+
+use crate::protocol::{
+    BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, JointRecord, Placed,
+    RegionEvents, SharedState, TickStats, WorldOp,
+};
+use crate::space::{BodyId, RegionId, Tick};
+
+/// Which bodies a sample lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// None.
+    Nothing,
+    /// Owned bodies that moved, fell asleep, or came here since the last sample of this kind.
+    Moved,
+    /// All owned bodies.
+    All,
+}
+
+/// What the node asks of its physics. [`PhysicsCommand::World`] and [`PhysicsCommand::Load`] have no answer; every other
+/// command is given only after the last one was answered.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PhysicsCommand {
+    /// The world to come; before anything else.
+    World(EnvironmentProperties),
+    /// Keep these: shapes, or immovable bodies that each region is to hold as far as it touches them. May repeat.
+    Load(Chunk),
+    /// Compute these regions from now on, and no other. Kept regions keep their bodies; all forget which regions hold
+    /// replicas, and treat their own replicas as stale until the exchange that follows has confirmed them. Bodies of regions
+    /// that are not kept are let go of. The answer, [`PhysicsEvent::Computed`], announces every replica that others need.
+    Rebuild {
+        /// The last completed tick.
+        tick: Tick,
+        /// In id order.
+        regions: Vec<RegionId>,
+        /// Bodies that found a new owner, here or elsewhere, in id order; they supersede what is held of them.
+        placed: Vec<Placed>,
+        /// Joints of these bodies.
+        joints: Vec<JointRecord>,
+        /// Bodies not to be held any more, unless announced.
+        drop: Vec<BodyId>,
+    },
+    /// Apply the operations and compute one tick (its first round); answered by [`PhysicsEvent::Computed`].
+    Step {
+        /// Which tick.
+        tick: Tick,
+        /// In order.
+        ops: Vec<WorldOp>,
+    },
+    /// All border messages of the round are there, in order of (from, to). Answered by [`PhysicsEvent::Computed`] when the
+    /// coupling has a further round, else by [`PhysicsEvent::Settled`].
+    Accept {
+        /// Which tick.
+        tick: Tick,
+        /// Which round.
+        round: u32,
+        /// Messages to regions of this node, from its own regions too.
+        incoming: Vec<BorderMessage>,
+        /// What [`PhysicsEvent::Settled`] lists for clients.
+        report: Sampling,
+        /// What it lists for the server.
+        checkpoint: Sampling,
+    },
+    /// Answered by [`PhysicsEvent::Surveyed`].
+    Survey,
+    /// Answered by [`PhysicsEvent::Found`].
+    Fetch(Vec<BodyId>),
+}
+
+/// What physics answers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PhysicsEvent {
+    /// To [`PhysicsCommand::Rebuild`], [`PhysicsCommand::Step`], or [`PhysicsCommand::Accept`] with a round to come.
+    Computed {
+        /// Messages to all regions, one's own included; empty ones may be left out.
+        outgoing: Vec<BorderMessage>,
+        /// Owned bodies that an operation removed, as they were.
+        removed: Vec<BodyRecord>,
+    },
+    /// To the last [`PhysicsCommand::Accept`] of a tick.
+    Settled {
+        /// What the tick cost.
+        stats: TickStats,
+        /// What the regions saw.
+        events: Vec<RegionEvents>,
+        /// For clients, as sampled, in id order.
+        report: Vec<SharedState>,
+        /// For the server, as sampled, in id order.
+        checkpoint: Vec<BodyCheckpoint>,
+    },
+    /// Every owned body, in id order.
+    Surveyed(Vec<Claim>),
+    /// Those of the asked-for bodies that are held, owned or replica, at the epoch of their owner, in id order.
+    Found(Vec<BodyRecord>),
+}

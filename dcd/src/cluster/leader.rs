@@ -1,0 +1,264 @@
+//! The part of a node that is active while it leads: opens each tick when all members are done, takes clients' wishes in,
+//! and passes contacts and states on to clients (thesis 3.3.8, 4.3.2.10).
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use super::Peer;
+use crate::protocol::{
+    ContactForce, ContactKey, Dispatch, Done, Drive, EnvironmentProperties, Pace, Refusal, RegionEvents,
+    Report, SharedState, TickStats, ToClient, Touch, View, ViewNumber, WorldOp,
+};
+use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
+
+/// Resting bodies told again with each batch of states, so that a client that missed their last move hears of it.
+const REMINDERS: usize = 16;
+
+/// State of a leadership: it begins and ends with a view.
+#[derive(Clone, Debug)]
+pub struct Leader {
+    view: ViewNumber,
+    members: BTreeSet<NodeId>,
+    dt: Duration,
+    pace: Pace,
+    speed_limit: f32,
+    /// The last dispatched tick; that of the view before the first.
+    tick: Tick,
+    done: BTreeMap<NodeId, TickStats>,
+    events: BTreeMap<RegionId, RegionEvents>,
+    next_due: Duration,
+    ops: Vec<WorldOp>,
+    drives: BTreeMap<BodyId, Drive>,
+    /// Avatars in the world and the logical time of their newest wish.
+    avatars: BTreeMap<BodyId, Option<u64>>,
+    latest: BTreeMap<BodyId, (SharedState, Tick)>,
+    moved: BTreeSet<BodyId>,
+    reminded: BodyId,
+    touching: BTreeMap<ContactKey, BTreeSet<RegionId>>,
+    clients: BTreeMap<ClientId, Peer>,
+    messages: Vec<(ClientId, ToClient)>,
+}
+
+impl Leader {
+    /// Leads this view from `now` on.
+    pub fn new(now: Duration, view: &View, world: &EnvironmentProperties) -> Self {
+        let participants =
+            view.members.iter().filter_map(|member| Some((member.client?, Peer::Node(member.node))));
+        Self {
+            view: view.number,
+            members: view.members.iter().map(|member| member.node).collect(),
+            dt: Duration::from_secs_f32(world.dt_s),
+            pace: world.pace,
+            speed_limit: world.avatar_speed_limit,
+            tick: view.tick,
+            done: BTreeMap::new(),
+            events: BTreeMap::new(),
+            next_due: now,
+            ops: Vec::new(),
+            drives: BTreeMap::new(),
+            avatars: BTreeMap::new(),
+            latest: BTreeMap::new(),
+            moved: BTreeSet::new(),
+            reminded: BodyId::default(),
+            touching: BTreeMap::new(),
+            clients: participants.collect(),
+            messages: Vec::new(),
+        }
+    }
+
+    /// The view it leads.
+    pub fn view(&self) -> ViewNumber {
+        self.view
+    }
+
+    /// The server's operations for the next tick.
+    pub fn apply(&mut self, ops: Vec<WorldOp>) {
+        self.ops.extend(ops);
+    }
+
+    /// A client is linked directly; it is told of every body at once.
+    pub fn admit(&mut self, client: ClientId) {
+        self.clients.insert(client, Peer::Client(client));
+        let states = self.latest.values().map(|&(state, _)| state).collect();
+        self.messages.push((client, ToClient::States { tick: self.tick, states }));
+    }
+
+    /// A client's direct link is gone.
+    pub fn dismiss(&mut self, client: ClientId) {
+        if self.clients.get(&client) == Some(&Peer::Client(client)) {
+            self.clients.remove(&client);
+        }
+    }
+
+    /// Over which link a client is reached.
+    pub fn route(&self, client: ClientId) -> Option<Peer> {
+        self.clients.get(&client).copied()
+    }
+
+    /// A client's wish to move an avatar: its own, within the speed limit, newer than the last one.
+    pub fn drive(&mut self, client: ClientId, drive: Drive) -> Result<(), Refusal> {
+        if drive.body.client() != Some(client) {
+            return Err(Refusal::NotYours);
+        }
+        let last = self.avatars.get_mut(&drive.body).ok_or(Refusal::Unknown)?;
+        let speed2: f32 = drive.velocity.linear.iter().map(|v| v * v).sum();
+        if speed2 > self.speed_limit * self.speed_limit {
+            return Err(Refusal::TooFast);
+        }
+        if last.is_some_and(|last| drive.logical_time <= last) {
+            return Err(Refusal::Late);
+        }
+        *last = Some(drive.logical_time);
+        self.drives.insert(drive.body, drive);
+        Ok(())
+    }
+
+    /// A member reached the barrier.
+    pub fn done(&mut self, from: NodeId, done: Done) {
+        if done.tick != self.tick || !self.members.contains(&from) {
+            return;
+        }
+        self.done.insert(from, done.stats);
+        self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
+        if self.is_complete() {
+            self.forward_contacts();
+            self.forward_states();
+        }
+    }
+
+    /// Bodies that moved in one member's regions.
+    pub fn report(&mut self, report: Report) {
+        for state in report.states {
+            let known = self.latest.get(&state.id);
+            if known.is_none_or(|(old, tick)| (old.epoch, *tick) <= (state.epoch, report.tick)) {
+                self.latest.insert(state.id, (state, report.tick));
+                self.moved.insert(state.id);
+                if state.id.client().is_some() {
+                    self.avatars.entry(state.id).or_default();
+                }
+            }
+        }
+    }
+
+    /// When the next tick may be dispatched, if all members are ready for it.
+    pub fn timeout(&self) -> Option<Duration> {
+        self.is_complete().then_some(self.next_due)
+    }
+
+    /// The next tick, if all members are ready and its time has come.
+    pub fn dispatch(&mut self, now: Duration) -> Option<Dispatch> {
+        if !self.is_complete() || now < self.next_due {
+            return None;
+        }
+        self.next_due = match self.pace {
+            Pace::Unpaced => now,
+            Pace::RealTime => (self.next_due + self.dt).max(now),
+        };
+        self.tick = self.tick.next();
+        self.done.clear();
+        let mut ops = std::mem::take(&mut self.ops);
+        for op in &ops {
+            match op {
+                WorldOp::Insert { body, .. } if body.id.client().is_some() => {
+                    self.avatars.entry(body.id).or_default();
+                }
+                WorldOp::Remove(id) => self.forget(*id),
+                _ => {}
+            }
+        }
+        ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
+        Some(Dispatch { view: self.view, tick: self.tick, ops })
+    }
+
+    /// Messages for clients since the last call.
+    pub fn take_messages(&mut self) -> Vec<(ClientId, ToClient)> {
+        std::mem::take(&mut self.messages)
+    }
+
+    /// What the last tick cost each member that is done with it.
+    pub fn stats(&self) -> &BTreeMap<NodeId, TickStats> {
+        &self.done
+    }
+
+    fn is_complete(&self) -> bool {
+        self.done.len() == self.members.len()
+    }
+
+    fn forget(&mut self, id: BodyId) {
+        self.avatars.remove(&id);
+        self.drives.remove(&id);
+        self.latest.remove(&id);
+        self.moved.remove(&id);
+        self.touching.retain(|key, _| key.a != id && key.b != id);
+    }
+
+    /// A pair that two regions hold is seen by both: it begins with the first and ends with the last of them.
+    fn forward_contacts(&mut self) {
+        let mut touches: BTreeMap<ClientId, Vec<Touch>> = BTreeMap::new();
+        let mut forces: BTreeMap<ClientId, Vec<ContactForce>> = BTreeMap::new();
+        let mut pressed = BTreeSet::new();
+        for (region, events) in std::mem::take(&mut self.events) {
+            for touch in events.touches {
+                let regions = self.touching.entry(touch.key).or_default();
+                let before = regions.is_empty();
+                if touch.began {
+                    regions.insert(region)
+                } else {
+                    regions.remove(&region)
+                };
+                let after = regions.is_empty();
+                if after {
+                    self.touching.remove(&touch.key);
+                }
+                if before != after {
+                    for client in hosts(touch.key) {
+                        touches.entry(client).or_default().push(touch);
+                    }
+                }
+            }
+            for force in events.forces {
+                if pressed.insert(force.key) {
+                    for client in hosts(force.key) {
+                        forces.entry(client).or_default().push(force);
+                    }
+                }
+            }
+        }
+        let concerned: BTreeSet<_> = touches.keys().chain(forces.keys()).copied().collect();
+        for client in concerned.into_iter().filter(|client| self.clients.contains_key(client)) {
+            let message = ToClient::Contacts {
+                tick: self.tick,
+                touches: touches.remove(&client).unwrap_or_default(),
+                forces: forces.remove(&client).unwrap_or_default(),
+            };
+            self.messages.push((client, message));
+        }
+    }
+
+    fn forward_states(&mut self) {
+        if self.moved.is_empty() || self.clients.is_empty() {
+            self.moved.clear();
+            return;
+        }
+        let reminders: Vec<_> = self
+            .latest
+            .range(self.reminded..)
+            .skip(1)
+            .map(|(&id, _)| id)
+            .filter(|id| !self.moved.contains(id))
+            .take(REMINDERS)
+            .collect();
+        self.reminded = reminders.last().copied().unwrap_or_default();
+        self.moved.extend(reminders);
+        let states: Vec<_> =
+            std::mem::take(&mut self.moved).iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
+        for &client in self.clients.keys() {
+            self.messages.push((client, ToClient::States { tick: self.tick, states: states.clone() }));
+        }
+    }
+}
+
+/// The clients whose avatars touch, each once.
+fn hosts(key: ContactKey) -> BTreeSet<ClientId> {
+    key.a.client().into_iter().chain(key.b.client()).collect()
+}

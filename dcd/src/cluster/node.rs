@@ -1,0 +1,324 @@
+//! A process that computes regions: takes part in the group's lockstep and view changes, and leads the group if the server
+//! says so. The physics is a device behind [`PhysicsCommand`] and [`PhysicsEvent`].
+
+mod clients;
+mod lockstep;
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use super::{Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
+use crate::protocol::{
+    Border, BorderMessage, Dispatch, EnvironmentProperties, FromClient, Hello, JointRecord, Member, Message,
+    Placed, Role, ToClient, ToServer, VERSION, View, ViewNumber,
+};
+use crate::space::{BodyId, ClientId, NodeId, Tick};
+
+/// Early border messages kept from one member: in lockstep none can be farther ahead.
+const EARLY_BORDERS: usize = 4;
+
+/// What a node is told at its start.
+#[derive(Clone, Debug)]
+pub struct NodeConfig {
+    /// Its name, as on its certificate.
+    pub id: NodeId,
+    /// Where others reach it.
+    pub address: SocketAddr,
+    /// The client in the same process, if any.
+    pub client: Option<ClientId>,
+    /// Ticks between reports of moved bodies to the leader.
+    pub report_every: u64,
+    /// Ticks between checkpoints of moved bodies to the server; at most 0.5 s worth.
+    pub checkpoint_every: u64,
+}
+
+/// What happens to a node.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NodeEvent {
+    /// A link is up.
+    Connected(Peer),
+    /// A link is gone, or could not be made.
+    Disconnected(Peer),
+    /// A decoded message.
+    Message {
+        /// Over which link.
+        from: Peer,
+        /// What it says.
+        message: Message,
+    },
+    /// The physics has done what it was asked.
+    Physics(PhysicsEvent),
+    /// The client in the same process speaks to the leader.
+    Client(FromClient),
+    /// The user wants the node to go; it ends with [`NodeOutput::Stopped`].
+    Leave,
+}
+
+/// What a node wants done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NodeOutput {
+    /// Send this; wait with it while the link is being made.
+    Send {
+        /// Over which link.
+        to: Peer,
+        /// What.
+        message: Message,
+    },
+    /// Make a link to this member, and answer with [`NodeEvent::Connected`] or [`NodeEvent::Disconnected`].
+    Connect(Member),
+    /// Close the link to a former member.
+    Disconnect(NodeId),
+    /// Give the physics this.
+    Physics(PhysicsCommand),
+    /// The leader speaks to the client in the same process.
+    Client(ToClient),
+    /// A tick is complete here.
+    Settled(Tick),
+    /// The end; for people.
+    Stopped(String),
+}
+
+/// What was dropped, and why.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NodeCounters {
+    /// Of an earlier view or tick.
+    pub stale: u64,
+    /// From somebody who may not say that.
+    pub refused: u64,
+    /// Early border messages beyond the bound.
+    pub overflow: u64,
+    /// Clients' wishes that the leader refused.
+    pub rejected: u64,
+}
+
+/// The state machine.
+#[derive(Clone, Debug)]
+pub struct Node {
+    config: NodeConfig,
+    world: Option<EnvironmentProperties>,
+    view: Option<View>,
+    /// Members whose border messages are waited for; not this node.
+    others: BTreeSet<NodeId>,
+    tick: Tick,
+    phase: Phase,
+    /// The physics owes an answer; for a view change: for which.
+    busy: bool,
+    asked: Option<ViewNumber>,
+    dispatch: Option<Dispatch>,
+    change: Option<Change>,
+    placed: Vec<Placed>,
+    joints: Vec<JointRecord>,
+    early: BTreeMap<NodeId, VecDeque<Border>>,
+    leader: Option<Leader>,
+    links: BTreeSet<Peer>,
+    pinger: Pinger,
+    counters: NodeCounters,
+    stopped: bool,
+    outputs: VecDeque<NodeOutput>,
+}
+
+#[derive(Clone, Debug)]
+enum Phase {
+    Resting,
+    /// The physics computes a round, or takes the messages of one in.
+    Computing(Tick, u32),
+    /// Waiting for border messages; those for this node's regions so far.
+    Exchanging(Tick, u32, BTreeMap<NodeId, Vec<BorderMessage>>),
+}
+
+/// A view change as far as it has come here.
+#[derive(Clone, Debug)]
+struct Change {
+    view: ViewNumber,
+    finish: Option<Option<Dispatch>>,
+    surveyed: bool,
+    fetch: Option<Vec<BodyId>>,
+    adopt: Option<(View, Vec<BodyId>)>,
+}
+
+impl Change {
+    fn to(view: ViewNumber) -> Self {
+        Self { view, finish: None, surveyed: false, fetch: None, adopt: None }
+    }
+}
+
+impl Node {
+    /// A node without links. The first event is [`NodeEvent::Connected`] with [`Peer::Server`].
+    pub fn new(config: NodeConfig) -> Self {
+        assert!(config.report_every > 0 && config.checkpoint_every > 0, "samples are at least a tick apart");
+        Self {
+            config,
+            world: None,
+            view: None,
+            others: BTreeSet::new(),
+            tick: Tick(0),
+            phase: Phase::Resting,
+            busy: false,
+            asked: None,
+            dispatch: None,
+            change: None,
+            placed: Vec::new(),
+            joints: Vec::new(),
+            early: BTreeMap::new(),
+            leader: None,
+            links: BTreeSet::new(),
+            pinger: Pinger::default(),
+            counters: NodeCounters::default(),
+            stopped: false,
+            outputs: VecDeque::new(),
+        }
+    }
+
+    /// Takes an event in; [`Node::poll_output`] tells what follows from it.
+    pub fn handle(&mut self, now: Duration, event: NodeEvent) {
+        if self.stopped {
+            return;
+        }
+        match event {
+            NodeEvent::Connected(peer) => self.connected(now, peer),
+            NodeEvent::Disconnected(peer) => self.disconnected(peer),
+            NodeEvent::Message { from, message } => self.message(now, from, message),
+            NodeEvent::Physics(event) => self.physics(event),
+            NodeEvent::Client(message) => self.own_client(message),
+            NodeEvent::Leave => self.send_server(ToServer::Leave),
+        }
+        if !self.stopped {
+            self.progress(now);
+        }
+    }
+
+    /// To be called at [`Node::poll_timeout`].
+    pub fn handle_timeout(&mut self, now: Duration) {
+        if self.stopped {
+            return;
+        }
+        for (to, message) in self.pinger.due(now) {
+            self.send(to, message);
+        }
+        self.progress(now);
+    }
+
+    /// When [`Node::handle_timeout`] is next due; ask again after every event.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        if self.stopped {
+            return None;
+        }
+        let dispatch = match (&self.leader, &self.change) {
+            (Some(leader), None) => leader.timeout(),
+            _ => None,
+        };
+        dispatch.into_iter().chain(self.pinger.timeout()).min()
+    }
+
+    /// The next thing to do, until there is none.
+    pub fn poll_output(&mut self) -> Option<NodeOutput> {
+        self.outputs.pop_front()
+    }
+
+    /// The last completed tick.
+    pub fn tick(&self) -> Tick {
+        self.tick
+    }
+
+    /// The present membership.
+    pub fn view(&self) -> Option<&View> {
+        self.view.as_ref()
+    }
+
+    /// The leadership, while this node leads.
+    pub fn leader(&self) -> Option<&Leader> {
+        self.leader.as_ref()
+    }
+
+    /// What was dropped.
+    pub fn counters(&self) -> NodeCounters {
+        self.counters
+    }
+
+    /// Round trips to peers.
+    pub fn pinger(&self) -> &Pinger {
+        &self.pinger
+    }
+
+    fn number(&self) -> ViewNumber {
+        self.view.as_ref().map_or(ViewNumber::default(), |view| view.number)
+    }
+
+    fn send(&mut self, to: Peer, message: Message) {
+        self.outputs.push_back(NodeOutput::Send { to, message });
+    }
+
+    fn send_server(&mut self, message: ToServer) {
+        self.send(Peer::Server, Message::ToServer(message));
+    }
+
+    fn connected(&mut self, now: Duration, peer: Peer) {
+        self.links.insert(peer);
+        match peer {
+            Peer::Server => {
+                let role = Role::Node { address: self.config.address, client: self.config.client };
+                self.send(peer, Message::Hello(Hello { version: VERSION, role }));
+            }
+            Peer::Node(_) => self.pinger.add(now, peer),
+            Peer::Client(client) => {
+                if let Some(leader) = &mut self.leader {
+                    leader.admit(client);
+                }
+            }
+        }
+    }
+
+    fn disconnected(&mut self, peer: Peer) {
+        self.links.remove(&peer);
+        self.pinger.remove(peer);
+        match peer {
+            Peer::Server => self.stop("the server is gone: start it again and let the node join anew".into()),
+            // Only the server decides that a member is dead; until then its messages are waited for.
+            Peer::Node(node) if self.others.contains(&node) => {
+                self.send_server(ToServer::LinkLost { view: self.number(), node });
+            }
+            Peer::Node(_) => {}
+            Peer::Client(client) => {
+                if let Some(leader) = &mut self.leader {
+                    leader.dismiss(client);
+                }
+            }
+        }
+    }
+
+    fn stop(&mut self, reason: String) {
+        self.stopped = true;
+        self.leader = None;
+        self.outputs.push_back(NodeOutput::Stopped(reason));
+    }
+
+    fn message(&mut self, now: Duration, from: Peer, message: Message) {
+        match (from, message) {
+            (Peer::Server, Message::ToNode(message)) => self.hear_server(message),
+            (Peer::Node(node), Message::Dispatch(dispatch)) => self.dispatched(node, dispatch),
+            (Peer::Node(node), Message::Border(border)) => self.keep_early(node, border),
+            // Nobody can be done with a view before its leader has begun it: the leader's border message is waited for.
+            (Peer::Node(node), Message::Done(done)) => match &mut self.leader {
+                Some(leader) if done.view == leader.view() => leader.done(node, done),
+                _ => self.counters.stale += 1,
+            },
+            (Peer::Node(_), Message::Report(report)) => match &mut self.leader {
+                Some(leader) if report.view == leader.view() => leader.report(report),
+                _ => self.counters.stale += 1,
+            },
+            (_, Message::FromClient(client, message)) => self.hear_client(from, client, message),
+            (Peer::Node(node), Message::ToClient(client, message)) => {
+                let leads = self.view.as_ref().is_some_and(|view| view.leader == node);
+                if leads && self.config.client == Some(client) {
+                    self.outputs.push_back(NodeOutput::Client(message));
+                } else {
+                    self.counters.refused += 1;
+                }
+            }
+            (_, Message::Ping(ping)) => self.send(from, Pinger::answer(now, ping)),
+            (_, Message::Pong(pong)) => self.pinger.pong(now, from, pong),
+            _ => self.counters.refused += 1,
+        }
+    }
+}

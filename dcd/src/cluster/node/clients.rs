@@ -1,0 +1,74 @@
+//! What passes through a node between clients, leader and server.
+
+use super::{Node, NodeOutput};
+use crate::cluster::Peer;
+use crate::protocol::{FromClient, Message, ToClient, pack_states};
+use crate::space::ClientId;
+
+impl Node {
+    /// The client in this process speaks: no message is formed while this node leads.
+    pub(super) fn own_client(&mut self, message: FromClient) {
+        let Some(client) = self.config.client else { return };
+        let leader = self.view.as_ref().map(|view| view.leader);
+        match leader {
+            Some(leader) if leader == self.config.id => self.lead_client(client, message),
+            Some(leader) => self.send(Peer::Node(leader), Message::FromClient(client, message)),
+            None => self.send(Peer::Server, Message::FromClient(client, message)),
+        }
+    }
+
+    /// A client speaks over its own link, or over that of the node in its process.
+    pub(super) fn hear_client(&mut self, from: Peer, client: ClientId, message: FromClient) {
+        let speaks_for = match from {
+            Peer::Client(linked) => linked == client,
+            Peer::Node(node) => self.view.as_ref().is_some_and(|view| {
+                view.members.iter().any(|member| member.node == node && member.client == Some(client))
+            }),
+            Peer::Server => false,
+        };
+        if speaks_for {
+            self.lead_client(client, message);
+        } else {
+            self.counters.refused += 1;
+        }
+    }
+
+    fn lead_client(&mut self, client: ClientId, message: FromClient) {
+        match (&mut self.leader, message) {
+            (Some(leader), FromClient::Drive(drive)) => {
+                if let Err(reason) = leader.drive(client, drive) {
+                    self.counters.rejected += 1;
+                    self.tell_client(client, ToClient::Rejected { body: Some(drive.body), reason });
+                }
+            }
+            // What lasts is put on record before it happens.
+            (_, message @ (FromClient::Spawn { .. } | FromClient::Despawn(_) | FromClient::Leave)) => {
+                self.send(Peer::Server, Message::FromClient(client, message));
+            }
+            (None, FromClient::Drive(_)) => self.counters.stale += 1,
+        }
+    }
+
+    /// Gives clients what the leader has for them.
+    pub(super) fn flush_leader(&mut self) {
+        let messages = self.leader.as_mut().map(|leader| leader.take_messages()).unwrap_or_default();
+        for (client, message) in messages {
+            self.tell_client(client, message);
+        }
+    }
+
+    fn tell_client(&mut self, client: ClientId, message: ToClient) {
+        let Some(route) = self.leader.as_ref().and_then(|leader| leader.route(client)) else { return };
+        match (route, message) {
+            (Peer::Node(node), message) if node == self.config.id => {
+                self.outputs.push_back(NodeOutput::Client(message));
+            }
+            (route, ToClient::States { tick, states }) => {
+                for message in pack_states(client, tick, states) {
+                    self.send(route, message);
+                }
+            }
+            (route, message) => self.send(route, Message::ToClient(client, message)),
+        }
+    }
+}

@@ -1,0 +1,330 @@
+//! Ticks and view changes of a node. Every event leads to [`Node::progress`], which does whatever the state now allows.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::{Change, Node, NodeOutput, Phase};
+use crate::cluster::{Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling};
+use crate::protocol::{
+    BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, Message, RegionEvents, Report,
+    ToNode, ToServer, View, WorldOp, split,
+};
+use crate::space::{BodyId, NodeId, Tick};
+
+impl Node {
+    pub(super) fn hear_server(&mut self, message: ToNode) {
+        let present = self.number();
+        match message {
+            ToNode::Welcome { world, .. } => {
+                self.order(PhysicsCommand::World(world.clone()));
+                self.world = Some(world);
+            }
+            ToNode::Chunk(Chunk::Placed(placed)) => self.placed.extend(placed),
+            ToNode::Chunk(Chunk::Joints(joints)) => self.joints.extend(joints),
+            ToNode::Chunk(chunk) => self.order(PhysicsCommand::Load(chunk)),
+            ToNode::WorldEnd => self.send_server(ToServer::Loaded),
+            ToNode::Settle { view } => {
+                if view > present && self.change.as_ref().is_none_or(|change| change.view < view) {
+                    self.change = Some(Change::to(view));
+                    self.send_server(ToServer::Settling { view, dispatch: self.dispatch.clone() });
+                }
+            }
+            ToNode::Finish { view, dispatch, survivors } => {
+                if let Some(change) = self.change.as_mut().filter(|change| change.view == view) {
+                    change.finish = Some(dispatch);
+                    self.others.retain(|node| survivors.contains(node));
+                    if let Phase::Exchanging(_, _, arrived) = &mut self.phase {
+                        arrived.retain(|node, _| survivors.contains(node));
+                    }
+                }
+            }
+            ToNode::Fetch { view, bodies } => {
+                if let Some(change) = self.change.as_mut().filter(|change| change.view == view) {
+                    change.fetch = Some(bodies);
+                }
+            }
+            ToNode::Adopt { view, drop } => {
+                if view.number > present {
+                    let change = self.change.get_or_insert_with(|| Change::to(view.number));
+                    change.adopt = Some((view, drop));
+                }
+            }
+            ToNode::Apply { view, ops } => match &mut self.leader {
+                Some(leader) if leader.view() == view => leader.apply(ops),
+                _ => self.counters.stale += 1,
+            },
+            ToNode::Shutdown { reason } => self.stop(reason),
+        }
+    }
+
+    pub(super) fn dispatched(&mut self, from: NodeId, dispatch: Dispatch) {
+        let leads =
+            self.view.as_ref().is_some_and(|view| view.leader == from && view.number == dispatch.view);
+        let next = self.dispatch.as_ref().map_or(self.tick, |newest| newest.tick).next();
+        // Once it has answered `Settle`, a node starts only what `Finish` tells it to.
+        if leads && dispatch.tick == next && self.change.is_none() {
+            self.dispatch = Some(dispatch);
+        } else {
+            self.counters.stale += 1;
+        }
+    }
+
+    /// Keeps a border message until its round is reached here; old ones are dropped.
+    pub(super) fn keep_early(&mut self, from: NodeId, border: Border) {
+        let next_round = match self.phase {
+            Phase::Resting => (self.tick.next(), 0),
+            Phase::Computing(tick, round) | Phase::Exchanging(tick, round, _) => (tick, round),
+        };
+        if (border.view, (border.tick, border.round)) < (self.number(), next_round) {
+            self.counters.stale += 1;
+            return;
+        }
+        let queue = self.early.entry(from).or_default();
+        queue.push_back(border);
+        if queue.len() > super::EARLY_BORDERS {
+            queue.pop_front();
+            self.counters.overflow += 1;
+        }
+    }
+
+    pub(super) fn physics(&mut self, event: PhysicsEvent) {
+        assert!(self.busy, "the physics answered without being asked");
+        self.busy = false;
+        match event {
+            PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
+            PhysicsEvent::Settled { stats, events, report, checkpoint } => {
+                let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
+                self.phase = Phase::Resting;
+                self.tick = tick;
+                let view = self.number();
+                if !checkpoint.is_empty() {
+                    self.send_server(ToServer::Checkpoint { view, tick, bodies: checkpoint });
+                }
+                if !report.is_empty() {
+                    self.tell_leader(Message::Report(Report { view, tick, states: report }));
+                }
+                let events = events.into_iter().filter_map(of_avatars).collect();
+                self.tell_leader(Message::Done(Done { view, tick, stats, events }));
+                self.outputs.push_back(NodeOutput::Settled(tick));
+            }
+            PhysicsEvent::Surveyed(claims) => {
+                if let Some(change) = &self.change
+                    && self.asked == Some(change.view)
+                {
+                    let (view, tick) = (change.view, self.tick);
+                    self.send_server(ToServer::Survey { view, tick, claims });
+                }
+            }
+            PhysicsEvent::Found(bodies) => {
+                if let Some(change) = &self.change
+                    && self.asked == Some(change.view)
+                {
+                    let view = change.view;
+                    for bodies in split(bodies, CHUNK_BYTES) {
+                        self.send_server(ToServer::Found { view, bodies, last: false });
+                    }
+                    self.send_server(ToServer::Found { view, bodies: Vec::new(), last: true });
+                }
+            }
+        }
+    }
+
+    /// Does what can be done: one command to the physics at most, and the leader's next tick.
+    pub(super) fn progress(&mut self, now: Duration) {
+        if self.change.is_none()
+            && let Some(dispatch) = self.leader.as_mut().and_then(|leader| leader.dispatch(now))
+        {
+            for &node in &self.others {
+                let message = Message::Dispatch(dispatch.clone());
+                self.outputs.push_back(NodeOutput::Send { to: Peer::Node(node), message });
+            }
+            self.dispatch = Some(dispatch);
+        }
+        self.flush_leader();
+        if self.busy {
+            return;
+        }
+        match self.phase {
+            Phase::Exchanging(..) => self.accept(),
+            Phase::Resting => self.begin(now),
+            Phase::Computing(..) => unreachable!("the physics is idle"),
+        }
+    }
+
+    /// Starts whatever comes next after a completed tick.
+    fn begin(&mut self, now: Duration) {
+        let next = self.tick.next();
+        let Some(change) = &mut self.change else {
+            if let Some(Dispatch { tick, ops, .. }) =
+                self.dispatch.as_ref().filter(|newest| newest.tick == next)
+            {
+                let (tick, ops) = (*tick, ops.clone());
+                self.step(tick, ops);
+            }
+            return;
+        };
+        if let Some((view, drop)) = change.adopt.take() {
+            self.adopt(now, view, drop);
+        } else if let Some(finish) = &change.finish {
+            if let Some(dispatch) = finish.clone().filter(|newest| newest.tick == next) {
+                self.step(dispatch.tick, dispatch.ops);
+            } else if !change.surveyed {
+                change.surveyed = true;
+                self.asked = Some(change.view);
+                self.ask(PhysicsCommand::Survey);
+            } else if let Some(bodies) = change.fetch.take() {
+                self.asked = Some(change.view);
+                self.ask(PhysicsCommand::Fetch(bodies));
+            }
+        }
+    }
+
+    fn step(&mut self, tick: Tick, ops: Vec<WorldOp>) {
+        assert_eq!(tick, self.tick.next(), "ticks follow one another");
+        self.phase = Phase::Computing(tick, 0);
+        self.ask(PhysicsCommand::Step { tick, ops });
+    }
+
+    fn adopt(&mut self, now: Duration, view: View, drop: Vec<BodyId>) {
+        let me = self.config.id;
+        assert!(view.number > self.number(), "views follow one another");
+        let former = std::mem::take(&mut self.others);
+        self.others = view.members.iter().map(|member| member.node).filter(|&node| node != me).collect();
+        for member in view.members.iter().filter(|member| member.node != me) {
+            // The earlier member dials the later one, so that each pair has one link (thesis 4.3.2.10).
+            if me < member.node && !self.links.contains(&Peer::Node(member.node)) {
+                self.outputs.push_back(NodeOutput::Connect(member.clone()));
+            }
+        }
+        let gone = former.into_iter().filter(|node| !self.others.contains(node));
+        self.outputs.extend(gone.map(NodeOutput::Disconnect));
+        self.early.retain(|_, queue| {
+            queue.retain(|border| border.view >= view.number);
+            !queue.is_empty()
+        });
+        self.leader =
+            self.world.as_ref().filter(|_| view.leader == me).map(|world| Leader::new(now, &view, world));
+        for peer in &self.links {
+            if let (Peer::Client(client), Some(leader)) = (peer, &mut self.leader) {
+                leader.admit(*client);
+            }
+        }
+        self.tick = view.tick;
+        self.dispatch = None;
+        self.change = None;
+        self.phase = Phase::Computing(view.tick, 0);
+        let regions =
+            view.allocation.iter().filter(|&(_, &node)| node == me).map(|(&region, _)| region).collect();
+        let mut placed = std::mem::take(&mut self.placed);
+        placed.sort_by_key(|placed| placed.body.id);
+        let joints = std::mem::take(&mut self.joints);
+        self.ask(PhysicsCommand::Rebuild { tick: view.tick, regions, placed, joints, drop });
+        self.view = Some(view);
+    }
+
+    /// Sends what the regions have to say, and waits for what the others' have.
+    fn exchange(&mut self, outgoing: Vec<BorderMessage>, removed: Vec<BodyRecord>) {
+        let view = self.view.as_ref().expect("only members compute");
+        let number = view.number;
+        let (tick, round) = match self.phase {
+            Phase::Computing(tick, round) => (tick, round),
+            _ => panic!("no round is being computed"),
+        };
+        let me = self.config.id;
+        let mut by_node: BTreeMap<NodeId, Vec<BorderMessage>> =
+            self.others.iter().map(|&node| (node, Vec::new())).collect();
+        by_node.insert(me, Vec::new());
+        for message in outgoing {
+            // Messages to regions of the dead end here: the survey finds what they carried.
+            if let Some(messages) = view.allocation.get(&message.to).and_then(|node| by_node.get_mut(node)) {
+                messages.push(message);
+            }
+        }
+        let mut arrived = BTreeMap::new();
+        for (node, messages) in by_node {
+            if node == me {
+                arrived.insert(me, messages);
+            } else {
+                let border = Border { view: number, tick, round, messages };
+                self.send(Peer::Node(node), Message::Border(border));
+            }
+        }
+        self.phase = Phase::Exchanging(tick, round, arrived);
+        if !removed.is_empty() {
+            self.send_server(ToServer::Removed { view: number, tick, bodies: removed });
+        }
+    }
+
+    /// Hands the round to the physics once every other member has spoken.
+    fn accept(&mut self) {
+        let number = self.number();
+        let Phase::Exchanging(tick, round, arrived) = &mut self.phase else { return };
+        let (tick, round) = (*tick, *round);
+        for node in &self.others {
+            let Some(queue) = self.early.get_mut(node) else { continue };
+            let is_due = |border: &Border| (border.view, border.tick, border.round) == (number, tick, round);
+            if let Some(at) = queue.iter().position(is_due)
+                && let Some(border) = queue.remove(at)
+            {
+                arrived.insert(*node, border.messages);
+            }
+        }
+        if !self.others.iter().all(|node| arrived.contains_key(node)) {
+            return;
+        }
+        let view = self.view.as_ref().expect("only members exchange");
+        let me = self.config.id;
+        let mut incoming: Vec<BorderMessage> = Vec::new();
+        for (node, messages) in std::mem::take(arrived) {
+            for message in messages {
+                let between = |region, owner| view.allocation.get(&region) == Some(&owner);
+                if between(message.from, node) && between(message.to, me) && message.tick == tick {
+                    incoming.push(message);
+                } else {
+                    self.counters.refused += 1;
+                }
+            }
+        }
+        incoming.sort_by_key(|message| (message.from, message.to));
+        // The first exchange of a view brings leader and server up to date with everything.
+        let sample = |every| match tick {
+            tick if tick == view.tick => Sampling::All,
+            tick if tick.0.is_multiple_of(every) => Sampling::Moved,
+            _ => Sampling::Nothing,
+        };
+        let (report, checkpoint) = (sample(self.config.report_every), sample(self.config.checkpoint_every));
+        self.phase = Phase::Computing(tick, round + 1);
+        self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint });
+    }
+
+    fn tell_leader(&mut self, message: Message) {
+        let Some(view) = &self.view else { return };
+        if view.leader != self.config.id {
+            let to = Peer::Node(view.leader);
+            return self.send(to, message);
+        }
+        let leader = self.leader.as_mut().expect("the leader leads");
+        match message {
+            Message::Done(done) => leader.done(self.config.id, done),
+            Message::Report(report) => leader.report(report),
+            _ => unreachable!("members only report to their leader"),
+        }
+    }
+
+    fn order(&mut self, command: PhysicsCommand) {
+        self.outputs.push_back(NodeOutput::Physics(command));
+    }
+
+    fn ask(&mut self, command: PhysicsCommand) {
+        assert!(!self.busy, "the physics does one thing at a time");
+        self.busy = true;
+        self.order(command);
+    }
+}
+
+/// What clients may want to hear: contacts of avatars.
+fn of_avatars(mut events: RegionEvents) -> Option<RegionEvents> {
+    events.touches.retain(|touch| touch.key.a.client().or(touch.key.b.client()).is_some());
+    events.forces.retain(|force| force.key.a.client().or(force.key.b.client()).is_some());
+    (!events.touches.is_empty() || !events.forces.is_empty()).then_some(events)
+}

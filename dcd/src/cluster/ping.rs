@@ -1,0 +1,145 @@
+//! Round trips to peers (thesis 3.3.9, 4.3.1.5): pinged the more rarely the farther they are, averaged over the last few.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use super::Peer;
+use crate::protocol::{Message, Ping, Pong};
+
+/// Round trips kept for the average.
+const KEPT: usize = 16;
+
+/// Seconds between pings: `interval(t) = Imin + (Imax − Imin)·(t − tmin)/(tmax − tmin)`, kept within [Imin, Imax] (thesis
+/// 4.3.1.5). Delays in milliseconds, intervals in seconds.
+pub fn ping_interval_s(delay_ms: f64, delays_ms: [f64; 2], intervals_s: [f64; 2]) -> f64 {
+    let share = (delay_ms - delays_ms[0]) / (delays_ms[1] - delays_ms[0]);
+    (intervals_s[0] + (intervals_s[1] - intervals_s[0]) * share).clamp(intervals_s[0], intervals_s[1])
+}
+
+/// What four time stamps tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RoundTrip {
+    /// Time on the way, both ways together, microseconds.
+    pub delay_us: u64,
+    /// The peer's clock minus ours, microseconds; off by at most half the delay.
+    pub offset_us: i64,
+}
+
+#[derive(Clone, Debug)]
+struct Entry {
+    next: Duration,
+    trips: VecDeque<RoundTrip>,
+}
+
+/// Pings every linked peer on a schedule of its own.
+#[derive(Clone, Debug, Default)]
+pub struct Pinger {
+    peers: BTreeMap<Peer, Entry>,
+}
+
+impl Pinger {
+    /// A link is up: ping it at once.
+    pub fn add(&mut self, now: Duration, peer: Peer) {
+        self.peers.insert(peer, Entry { next: now, trips: VecDeque::new() });
+    }
+
+    /// The link is gone.
+    pub fn remove(&mut self, peer: Peer) {
+        self.peers.remove(&peer);
+    }
+
+    /// When the next ping is due.
+    pub fn timeout(&self) -> Option<Duration> {
+        self.peers.values().map(|entry| entry.next).min()
+    }
+
+    /// Pings that are due, in order of peers.
+    pub fn due(&mut self, now: Duration) -> Vec<(Peer, Message)> {
+        let mut pings = Vec::new();
+        for (&peer, entry) in self.peers.iter_mut().filter(|(_, entry)| entry.next <= now) {
+            // 10 ms to 1 s of delay give 5 to 500 s: the thesis's example.
+            let delay_ms = average_us(&entry.trips).map_or(0.0, |us| us / 1e3);
+            let interval_s = ping_interval_s(delay_ms, [10.0, 1_000.0], [5.0, 500.0]);
+            entry.next = now + Duration::from_secs_f64(interval_s);
+            pings.push((peer, Message::Ping(Ping { sent_us: micros(now) })));
+        }
+        pings
+    }
+
+    /// The answer to a ping.
+    pub fn answer(now: Duration, ping: Ping) -> Message {
+        Message::Pong(Pong { sent_us: ping.sent_us, received_us: micros(now), answered_us: micros(now) })
+    }
+
+    /// Takes an answer in; one with impossible times is ignored.
+    pub fn pong(&mut self, now: Duration, from: Peer, pong: Pong) {
+        let (Some(entry), Some(trip)) = (self.peers.get_mut(&from), round_trip(pong, micros(now))) else {
+            return;
+        };
+        entry.trips.push_back(trip);
+        if entry.trips.len() > KEPT {
+            entry.trips.pop_front();
+        }
+    }
+
+    /// Average delay of the last round trips to a peer, microseconds.
+    pub fn delay_us(&self, peer: Peer) -> Option<f64> {
+        average_us(&self.peers.get(&peer)?.trips)
+    }
+
+    /// The peer's clock minus ours by the quickest of the last round trips, microseconds.
+    pub fn offset_us(&self, peer: Peer) -> Option<i64> {
+        self.peers.get(&peer)?.trips.iter().min_by_key(|trip| trip.delay_us).map(|trip| trip.offset_us)
+    }
+}
+
+fn round_trip(pong: Pong, now_us: u64) -> Option<RoundTrip> {
+    let whole = now_us.checked_sub(pong.sent_us)?;
+    let delay_us = whole.checked_sub(pong.answered_us.checked_sub(pong.received_us)?)?;
+    let outward = i128::from(pong.received_us) - i128::from(pong.sent_us);
+    let homeward = i128::from(pong.answered_us) - i128::from(now_us);
+    Some(RoundTrip { delay_us, offset_us: i64::try_from((outward + homeward) / 2).ok()? })
+}
+
+fn average_us(trips: &VecDeque<RoundTrip>) -> Option<f64> {
+    (!trips.is_empty())
+        .then(|| trips.iter().map(|trip| trip.delay_us as f64).sum::<f64>() / trips.len() as f64)
+}
+
+fn micros(time: Duration) -> u64 {
+    time.as_micros() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::NodeId;
+
+    #[test]
+    fn the_interval_is_the_thesis_example_and_stays_between_its_ends() {
+        let interval = |delay| ping_interval_s(delay, [10.0, 1_000.0], [5.0, 500.0]);
+        assert_eq!([interval(25.0), interval(0.0), interval(5_000.0)], [12.5, 5.0, 500.0]);
+    }
+
+    #[test]
+    fn four_time_stamps_give_delay_and_offset() {
+        let mut pinger = Pinger::default();
+        let peer = Peer::Node(NodeId(2));
+        pinger.add(Duration::ZERO, peer);
+        assert_eq!(pinger.due(Duration::ZERO).len(), 1);
+        assert!(pinger.due(Duration::from_secs(1)).is_empty());
+        // 10 ms each way, the peer's clock 1 s ahead, 5 ms until it answers.
+        let pong = Pong { sent_us: 0, received_us: 1_010_000, answered_us: 1_015_000 };
+        pinger.pong(Duration::from_millis(25), peer, pong);
+        assert_eq!((pinger.delay_us(peer), pinger.offset_us(peer)), (Some(20_000.0), Some(1_000_000)));
+    }
+
+    #[test]
+    fn a_pong_from_the_future_is_ignored() {
+        let mut pinger = Pinger::default();
+        let peer = Peer::Server;
+        pinger.add(Duration::ZERO, peer);
+        pinger.pong(Duration::ZERO, peer, Pong { sent_us: 9, received_us: u64::MAX, answered_us: 0 });
+        assert_eq!(pinger.delay_us(peer), None);
+    }
+}

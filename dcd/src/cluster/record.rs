@@ -1,0 +1,229 @@
+//! The server's record of the world: every body as last known, so that nothing is lost with a node (thesis 3.3.5).
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::protocol::{
+    BodyCheckpoint, BodyKind, BodyRecord, Chunk, JointRecord, Placed, ShapeHash, ShapeRecord, chunks,
+};
+use crate::space::{BodyId, ClientId, DistributionTree, Epoch, JointId, RegionId, Tick};
+
+/// Where a recorded body stands with the nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Life {
+    /// No node has been told of it.
+    Waiting,
+    /// Owned by a region of some node.
+    Live,
+    /// The nodes have been told to remove it and have not confirmed yet.
+    Removing {
+        /// Kept on record for its client's return.
+        park: bool,
+        /// The client is back already.
+        back: bool,
+    },
+    /// An avatar whose client is away.
+    Parked,
+}
+
+#[derive(Clone, Debug)]
+struct Entry {
+    body: BodyRecord,
+    tick: Tick,
+    life: Life,
+}
+
+/// Bodies, shapes and joints of a world, in id order.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    bodies: BTreeMap<BodyId, Entry>,
+    shapes: BTreeMap<ShapeHash, ShapeRecord>,
+    joints: BTreeMap<JointId, JointRecord>,
+}
+
+impl Record {
+    /// A record of a world that no node knows yet.
+    pub fn new(bodies: Vec<BodyRecord>, shapes: Vec<ShapeRecord>, joints: Vec<JointRecord>) -> Self {
+        let mut record = Self::default();
+        for body in bodies {
+            record.insert(body);
+        }
+        record.learn(shapes);
+        record.joints = joints.into_iter().map(|joint| (joint.id, joint)).collect();
+        record
+    }
+
+    /// A new body, waiting for a node.
+    pub(super) fn insert(&mut self, body: BodyRecord) {
+        self.bodies.insert(body.id, Entry { body, tick: Tick(0), life: Life::Waiting });
+    }
+
+    /// Forgets a body and its joints.
+    pub(super) fn remove(&mut self, id: BodyId) {
+        self.bodies.remove(&id);
+        self.joints.retain(|_, joint| joint.a != id && joint.b != id);
+    }
+
+    /// Records shapes and returns those that are new.
+    pub(super) fn learn(&mut self, shapes: Vec<ShapeRecord>) -> Vec<ShapeRecord> {
+        let mut new = Vec::new();
+        for shape in shapes {
+            let hash = shape.hash();
+            if self.shapes.insert(hash, shape.clone()).is_none() {
+                new.push(shape);
+            }
+        }
+        new
+    }
+
+    /// Whether every shape that the body's colliders name is on record or among these.
+    pub(super) fn knows_shapes_of(&self, body: &BodyRecord, others: &[ShapeRecord]) -> bool {
+        let others: BTreeSet<_> = others.iter().map(ShapeRecord::hash).collect();
+        body.traits
+            .colliders
+            .iter()
+            .all(|collider| self.shapes.contains_key(&collider.shape) || others.contains(&collider.shape))
+    }
+
+    /// A body as last known.
+    pub fn body(&self, id: BodyId) -> Option<&BodyRecord> {
+        self.bodies.get(&id).map(|entry| &entry.body)
+    }
+
+    /// Where a body stands.
+    pub fn life(&self, id: BodyId) -> Option<Life> {
+        self.bodies.get(&id).map(|entry| entry.life)
+    }
+
+    /// Bodies in the world, as last known: live ones and those on their way.
+    pub fn present(&self) -> impl Iterator<Item = &BodyRecord> {
+        self.bodies
+            .values()
+            .filter(|entry| matches!(entry.life, Life::Live | Life::Waiting))
+            .map(|entry| &entry.body)
+    }
+
+    /// Ids of all recorded bodies and where they stand.
+    pub fn lives(&self) -> impl Iterator<Item = (BodyId, Life)> {
+        self.bodies.iter().map(|(&id, entry)| (id, entry.life))
+    }
+
+    /// The recorded bodies of one client.
+    pub fn avatars(&self, client: ClientId) -> Vec<(BodyId, Life)> {
+        let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
+        self.bodies.range(range).map(|(&id, entry)| (id, entry.life)).collect()
+    }
+
+    pub(super) fn set_life(&mut self, id: BodyId, life: Life) {
+        if let Some(entry) = self.bodies.get_mut(&id) {
+            entry.life = life;
+        }
+    }
+
+    pub(super) fn body_mut(&mut self, id: BodyId) -> Option<&mut BodyRecord> {
+        self.bodies.get_mut(&id).map(|entry| &mut entry.body)
+    }
+
+    /// Takes a checkpoint in, unless something newer is known: (epoch, tick) decides.
+    pub(super) fn checkpoint(&mut self, tick: Tick, checkpoint: &BodyCheckpoint) {
+        if let Some(entry) = self.bodies.get_mut(&checkpoint.id)
+            && (entry.body.epoch, entry.tick) <= (checkpoint.epoch, tick)
+        {
+            entry.body.state = checkpoint.state;
+            entry.body.epoch = checkpoint.epoch;
+            entry.tick = tick;
+        }
+    }
+
+    /// The same with a whole body.
+    pub(super) fn freshen(&mut self, tick: Tick, body: BodyRecord) {
+        if let Some(entry) = self.bodies.get_mut(&body.id)
+            && (entry.body.epoch, entry.tick) <= (body.epoch, tick)
+        {
+            entry.body = body;
+            entry.tick = tick;
+        }
+    }
+
+    /// Raises the epoch of a body that nodes know, so that nothing said of it so far can overwrite what follows.
+    /// `claimed` is the epoch at which a node owned it last, if one says so.
+    pub(super) fn renew(&mut self, id: BodyId, claimed: Option<Epoch>) {
+        if let Some(entry) = self.bodies.get_mut(&id)
+            && (entry.life != Life::Waiting || claimed.is_some())
+        {
+            entry.body.epoch =
+                claimed.map_or(entry.body.epoch, |claimed| claimed.max(entry.body.epoch)).next();
+        }
+    }
+
+    /// Shapes as chunks, each before the compounds that name it, without those of `known`, which it is added to.
+    pub(super) fn shape_chunks(&self, known: &mut BTreeSet<ShapeHash>) -> Vec<Chunk> {
+        let mut new: Vec<_> = self.shapes.iter().filter(|(hash, _)| !known.contains(hash)).collect();
+        new.sort_by_key(|(_, shape)| shape.parts().next().is_some());
+        known.extend(new.iter().map(|(hash, _)| **hash));
+        chunks(new.into_iter().map(|(_, shape)| shape.clone()), Chunk::Shapes)
+    }
+
+    /// Immovable bodies as chunks, without those of `known`, which it is added to.
+    pub(super) fn scenery_chunks(&self, known: &mut BTreeSet<BodyId>) -> Vec<Chunk> {
+        let new: Vec<_> = self
+            .present()
+            .filter(|body| body.traits.kind == BodyKind::Fixed && !known.contains(&body.id))
+            .cloned()
+            .collect();
+        known.extend(new.iter().map(|body| body.id));
+        chunks(new, Chunk::Bodies)
+    }
+
+    /// Joints of any of these bodies as chunks.
+    pub(super) fn joint_chunks(&self, of: impl Fn(BodyId) -> bool) -> Vec<Chunk> {
+        chunks(self.joints.values().filter(|joint| of(joint.a) || of(joint.b)).cloned(), Chunk::Joints)
+    }
+
+    /// The region that each of these ownerless bodies belongs to: assemblies go whole, to where their lowest body is.
+    pub(super) fn place(&self, tree: &DistributionTree, ids: &BTreeSet<BodyId>) -> Vec<Placed> {
+        let movable =
+            |id| self.bodies.get(&id).is_some_and(|entry| entry.body.traits.kind != BodyKind::Fixed);
+        let mut parent: BTreeMap<BodyId, BodyId> = ids.iter().map(|&id| (id, id)).collect();
+        for joint in self.joints.values() {
+            let known = parent.contains_key(&joint.a) && parent.contains_key(&joint.b);
+            if known && movable(joint.a) && movable(joint.b) {
+                let (a, b) = (root(&mut parent, joint.a), root(&mut parent, joint.b));
+                parent.insert(a.max(b), a.min(b));
+            }
+        }
+        ids.iter()
+            .filter_map(|&id| {
+                let first = self.body(root(&mut parent, id))?;
+                Some(Placed {
+                    region: tree.leaf_at(first.state.pose.translation),
+                    body: self.body(id)?.clone(),
+                })
+            })
+            .collect()
+    }
+
+    /// Movable bodies in each region, for allocation by load.
+    pub(super) fn loads(&self, tree: &DistributionTree) -> BTreeMap<RegionId, f64> {
+        let mut loads: BTreeMap<RegionId, f64> = tree.leaves().map(|leaf| (leaf, 0.0)).collect();
+        for body in self.present().filter(|body| body.traits.kind != BodyKind::Fixed) {
+            *loads.entry(tree.leaf_at(body.state.pose.translation)).or_default() += 1.0;
+        }
+        loads
+    }
+}
+
+fn root(parent: &mut BTreeMap<BodyId, BodyId>, id: BodyId) -> BodyId {
+    let above = parent[&id];
+    if above == id {
+        return id;
+    }
+    let top = {
+        let mut top = above;
+        while parent[&top] != top {
+            top = parent[&top];
+        }
+        top
+    };
+    parent.insert(id, top);
+    top
+}

@@ -1,0 +1,271 @@
+//! A stand-in for the physics: bodies fly straight and bounce off the world's bounds, are replicated in a halo, and change
+//! owner by position, in the same border messages as the real ones.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
+use crate::protocol::{
+    BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, EnvironmentProperties, Placed,
+    Replica, SharedState, TickStats, Transfer, WorldOp,
+};
+use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
+
+/// How far beyond its box a region holds replicas, metres.
+const HALO_M: f64 = 1.0;
+
+#[derive(Clone, Debug)]
+struct Owned {
+    body: BodyRecord,
+    /// Regions that hold a replica.
+    holders: BTreeSet<RegionId>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Region {
+    owned: BTreeMap<BodyId, Owned>,
+    replicas: BTreeMap<BodyId, BodyRecord>,
+}
+
+/// The regions of one node.
+#[derive(Clone, Debug, Default)]
+pub struct StandIn {
+    world: Option<EnvironmentProperties>,
+    regions: BTreeMap<RegionId, Region>,
+    reported: BTreeMap<BodyId, BodyState>,
+    checkpointed: BTreeMap<BodyId, BodyState>,
+}
+
+impl StandIn {
+    /// Executes a command; `None` for those without an answer.
+    pub fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
+        match command {
+            PhysicsCommand::World(world) => {
+                self.world = Some(world);
+                None
+            }
+            PhysicsCommand::Load(_) => None,
+            PhysicsCommand::Rebuild { tick, regions, placed, drop, .. } => {
+                self.rebuild(&regions, placed, &drop);
+                Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() })
+            }
+            PhysicsCommand::Step { tick, ops } => {
+                let mut removed = Vec::new();
+                ops.into_iter().for_each(|op| self.apply(op, &mut removed));
+                self.fly();
+                Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed })
+            }
+            PhysicsCommand::Accept { incoming, report, checkpoint, .. } => {
+                incoming.into_iter().for_each(|message| self.hear(message));
+                Some(self.settled(report, checkpoint))
+            }
+            PhysicsCommand::Survey => Some(PhysicsEvent::Surveyed(self.claims())),
+            PhysicsCommand::Fetch(ids) => {
+                Some(PhysicsEvent::Found(ids.into_iter().filter_map(|id| self.find(id)).collect()))
+            }
+        }
+    }
+
+    /// Every owned body, in id order.
+    pub fn claims(&self) -> Vec<Claim> {
+        let of = |(&region, content): (&RegionId, &Region)| {
+            let claim = move |(&id, owned): (&BodyId, &Owned)| Claim { id, epoch: owned.body.epoch, region };
+            content.owned.iter().map(claim).collect::<Vec<_>>()
+        };
+        let mut claims: Vec<_> = self.regions.iter().flat_map(of).collect();
+        claims.sort_by_key(|claim| claim.id);
+        claims
+    }
+
+    /// Every replica and the epoch of its owner as known here.
+    pub fn replicas(&self) -> impl Iterator<Item = (BodyId, Epoch)> {
+        self.regions.values().flat_map(|region| region.replicas.values().map(|body| (body.id, body.epoch)))
+    }
+
+    /// The state of an owned body.
+    pub fn state(&self, id: BodyId) -> Option<BodyState> {
+        self.regions.values().find_map(|region| region.owned.get(&id)).map(|owned| owned.body.state)
+    }
+
+    fn world(&self) -> &EnvironmentProperties {
+        self.world.as_ref().expect("the world comes first")
+    }
+
+    fn find(&self, id: BodyId) -> Option<BodyRecord> {
+        let owned = self.regions.values().find_map(|region| region.owned.get(&id)).map(|owned| &owned.body);
+        let replica = || self.regions.values().filter_map(|region| region.replicas.get(&id));
+        owned.or_else(|| replica().max_by_key(|body| body.epoch)).cloned()
+    }
+
+    fn rebuild(&mut self, regions: &[RegionId], placed: Vec<Placed>, drop: &[BodyId]) {
+        self.regions.retain(|region, _| regions.contains(region));
+        for &region in regions {
+            self.regions.entry(region).or_default();
+        }
+        for region in self.regions.values_mut() {
+            region.replicas.clear();
+            for id in drop.iter().chain(placed.iter().map(|placed| &placed.body.id)) {
+                region.owned.remove(id);
+            }
+            region.owned.values_mut().for_each(|owned| owned.holders.clear());
+        }
+        for Placed { region, body } in placed {
+            if let Some(region) = self.regions.get_mut(&region) {
+                region.owned.insert(body.id, Owned { body, holders: BTreeSet::new() });
+            }
+        }
+    }
+
+    fn apply(&mut self, op: WorldOp, removed: &mut Vec<BodyRecord>) {
+        match op {
+            WorldOp::Insert { body, .. } => {
+                let region = self.world().tree.leaf_at(body.state.pose.translation);
+                if let Some(region) = self.regions.get_mut(&region) {
+                    let before = region.owned.insert(body.id, Owned { body, holders: BTreeSet::new() });
+                    assert!(before.is_none(), "a body is inserted once");
+                }
+            }
+            WorldOp::Remove(id) => {
+                for region in self.regions.values_mut() {
+                    removed.extend(region.owned.remove(&id).map(|owned| owned.body));
+                    region.replicas.remove(&id);
+                }
+            }
+            WorldOp::RemoveJoint(_) => {}
+            WorldOp::Drive(drive) => {
+                let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&drive.body));
+                if let Some(owned) = owner {
+                    owned.body.state.velocity = drive.velocity;
+                    owned.body.state.pose = drive.pose.unwrap_or(owned.body.state.pose);
+                }
+            }
+        }
+    }
+
+    fn fly(&mut self) {
+        let (dt_s, bounds) = (f64::from(self.world().dt_s), self.world().tree.bounds());
+        for owned in self.regions.values_mut().flat_map(|region| region.owned.values_mut()) {
+            let state = &mut owned.body.state;
+            for i in 0..3 {
+                state.pose.translation[i] += f64::from(state.velocity.linear[i]) * dt_s;
+                let place = state.pose.translation[i];
+                if place < bounds.min[i] || place > bounds.max[i] {
+                    state.pose.translation[i] = place.clamp(bounds.min[i], bounds.max[i]);
+                    state.velocity.linear[i] = -state.velocity.linear[i];
+                }
+            }
+        }
+    }
+
+    /// What every region has to say, and the transfers that follow from where bodies are: to where a replica is already.
+    fn speak(&mut self, tick: Tick) -> Vec<BorderMessage> {
+        let tree = self.world().tree.clone();
+        let mut messages: BTreeMap<(RegionId, RegionId), BorderMessage> = BTreeMap::new();
+        for (&from, region) in &mut self.regions {
+            let mut to = |to, say: &mut dyn FnMut(&mut BorderMessage)| {
+                let empty = || BorderMessage { from, to, tick, ..BorderMessage::default() };
+                say(messages.entry((from, to)).or_insert_with(empty));
+            };
+            let mut left = Vec::new();
+            for (&id, Owned { body, holders }) in &mut region.owned {
+                if body.traits.kind == BodyKind::Fixed {
+                    continue;
+                }
+                let place = body.state.pose.translation;
+                let mut wanted: BTreeSet<_> =
+                    tree.leaves_touching(&Bounds::around(place, [HALO_M; 3])).into_iter().collect();
+                wanted.remove(&from);
+                for &gone in holders.difference(&wanted) {
+                    to(gone, &mut |message| message.drops.push(id));
+                }
+                for &new in wanted.difference(holders) {
+                    to(new, &mut |message| message.replicas.push(Replica { body: body.clone() }));
+                }
+                let target = tree.leaf_at(place);
+                let leaves = target != from && holders.contains(&target);
+                if leaves {
+                    body.epoch = body.epoch.next();
+                }
+                for &kept in holders.intersection(&wanted).filter(|&&kept| !leaves || kept != target) {
+                    to(kept, &mut |message| message.states.push(shared(body)));
+                }
+                *holders = wanted;
+                if leaves {
+                    let mut set = RegionSet::EMPTY;
+                    for (rank, leaf) in tree.leaves().enumerate() {
+                        if leaf != target && (leaf == from || holders.contains(&leaf)) {
+                            set.insert(rank);
+                        }
+                    }
+                    let transfer = Transfer { body: body.clone(), holders: set.bits() };
+                    to(target, &mut |message| message.transfers.push(transfer.clone()));
+                    left.push(id);
+                }
+            }
+            for id in left {
+                region.replicas.extend(region.owned.remove(&id).map(|owned| (id, owned.body)));
+            }
+        }
+        messages.into_values().collect()
+    }
+
+    fn hear(&mut self, message: BorderMessage) {
+        let tree = self.world().tree.clone();
+        let region = self.regions.get_mut(&message.to).expect("messages go to regions of this node");
+        region.replicas.extend(message.replicas.into_iter().map(|replica| (replica.body.id, replica.body)));
+        for state in message.states {
+            if let Some(body) = region.replicas.get_mut(&state.id) {
+                assert!(body.epoch <= state.epoch, "no state goes back in time");
+                body.epoch = state.epoch;
+                body.state.pose = state.pose;
+                body.state.velocity = state.velocity;
+            }
+        }
+        for id in message.drops {
+            region.replicas.remove(&id);
+        }
+        for Transfer { body, holders } in message.transfers {
+            region.replicas.remove(&body.id);
+            let held = RegionSet::from_bits(holders);
+            let holders =
+                tree.leaves().enumerate().filter(|(rank, _)| held.contains(*rank)).map(|(_, leaf)| leaf);
+            region.owned.insert(body.id, Owned { body, holders: holders.collect() });
+        }
+    }
+
+    fn settled(&mut self, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
+        let owned: BTreeMap<_, _> = self
+            .regions
+            .values()
+            .flat_map(|region| region.owned.values().map(|owned| (owned.body.id, &owned.body)))
+            .collect();
+        let stats = TickStats {
+            bodies: owned.len() as u32,
+            replicas: self.regions.values().map(|region| region.replicas.len() as u32).sum(),
+            ..TickStats::default()
+        };
+        let report = sample(report, &owned, &mut self.reported).map(shared).collect();
+        let checkpoint = sample(checkpoint, &owned, &mut self.checkpointed)
+            .map(|body| BodyCheckpoint { id: body.id, epoch: body.epoch, state: body.state })
+            .collect();
+        PhysicsEvent::Settled { stats, events: Vec::new(), report, checkpoint }
+    }
+}
+
+fn shared(body: &BodyRecord) -> SharedState {
+    let BodyState { pose, velocity, sleeping, .. } = body.state;
+    SharedState { id: body.id, epoch: body.epoch, pose, velocity, sleeping }
+}
+
+fn sample<'a>(
+    sampling: Sampling,
+    owned: &BTreeMap<BodyId, &'a BodyRecord>,
+    last: &mut BTreeMap<BodyId, BodyState>,
+) -> impl Iterator<Item = &'a BodyRecord> + use<'a> {
+    let mut chosen = Vec::new();
+    if sampling != Sampling::Nothing {
+        let moved = |body: &BodyRecord| last.get(&body.id) != Some(&body.state);
+        chosen.extend(owned.values().filter(|body| sampling == Sampling::All || moved(body)).copied());
+        *last = owned.iter().map(|(&id, body)| (id, body.state)).collect();
+    }
+    chosen.into_iter()
+}

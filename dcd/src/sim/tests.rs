@@ -1,0 +1,277 @@
+//! The cluster against its faults.
+
+use super::*;
+use crate::cluster::{ClientEvent, ClientOutput, Peer};
+use crate::protocol::{Refusal, Velocity};
+use crate::space::{BodyId, ClientId, NodeId, Tick};
+
+fn config(seed: u64, nodes: u32) -> SimConfig {
+    SimConfig { seed, nodes, regions: 8, bodies: 40, delay_us: 2_000 }
+}
+
+fn running(seed: u64, nodes: u32) -> Sim {
+    let mut sim = Sim::new(config(seed, nodes));
+    sim.run_to(Tick(5)).unwrap();
+    sim
+}
+
+#[test]
+fn a_calm_run_keeps_every_body_and_checks_every_tick() {
+    let mut sim = running(1, 3);
+    sim.run_to(Tick(300)).unwrap();
+    assert!(sim.checker().checked() >= 300, "{} ticks checked", sim.checker().checked());
+    assert!(sim.states().len() == 40);
+    assert!(sim.nodes().all(|node| node.counters() == Default::default()), "a calm network drops nothing");
+}
+
+#[test]
+fn a_calm_run_gives_the_same_states_for_any_number_of_nodes() {
+    let states = |nodes| {
+        let mut sim = running(2, nodes);
+        sim.run_until(|sim| sim.nodes().all(|node| node.tick() == Tick(200))).unwrap();
+        sim.states()
+    };
+    let alone = states(1);
+    assert_eq!(alone.len(), 40);
+    assert_eq!(alone, states(2));
+    assert_eq!(alone, states(4));
+}
+
+#[test]
+fn a_seed_always_gives_the_same_run() {
+    let run = || {
+        let mut sim = running(3, 3);
+        sim.run_events(500).unwrap();
+        sim.crash(Peer::Node(NodeId(2)));
+        sim.run_to(Tick(90)).unwrap();
+        (sim.now(), sim.checker().checked(), sim.states())
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn the_checker_finds_a_dropped_transfer() {
+    let mut sim = running(4, 2);
+    sim.drop_transfers(1);
+    assert!(matches!(sim.run_to(Tick(300)), Err(Violation::Lost { .. })));
+}
+
+#[test]
+fn a_node_killed_at_any_event_loses_and_doubles_nothing() {
+    for seed in 0..200 {
+        let mut random = Random::new(seed);
+        let nodes = 2 + random.below(3) as u32;
+        let mut sim = Sim::new(config(seed, nodes));
+        if random.below(8) > 0 {
+            sim.run_to(Tick(1 + random.below(20))).unwrap();
+        }
+        sim.run_events(random.below(400)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        let before = sim.server().view().map(|view| view.members.len()).unwrap_or_default();
+        sim.crash(Peer::Node(NodeId(1 + random.below(nodes.into()) as u32)));
+        if before < nodes as usize {
+            // The world waits for as many nodes as it was to begin with.
+            sim.start_node();
+        }
+        let target = Tick(sim.tick().0 + 40);
+        sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        assert_eq!(sim.states().len(), 40, "seed {seed}");
+    }
+}
+
+#[test]
+fn all_nodes_but_one_may_be_killed_one_soon_after_the_other() {
+    for seed in 0..100 {
+        let mut random = Random::new(1_000 + seed);
+        let mut sim = running(seed, 4);
+        let spared = NodeId(1 + random.below(4) as u32);
+        for node in (1..=4).map(NodeId).filter(|&node| node != spared) {
+            sim.run_events(random.below(120)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+            sim.crash(Peer::Node(node));
+        }
+        let target = Tick(sim.nodes().map(|node| node.tick().0).max().unwrap() + 30);
+        sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        assert_eq!(sim.states().len(), 40, "seed {seed}");
+    }
+}
+
+#[test]
+fn the_world_waits_on_record_while_no_node_is_there() {
+    let mut sim = running(5, 2);
+    let tick = sim.tick();
+    sim.crash(Peer::Node(NodeId(1)));
+    sim.crash(Peer::Node(NodeId(2)));
+    sim.run_until(|sim| sim.server().view().is_none()).unwrap();
+    sim.start_node();
+    sim.run_to(Tick(tick.0 + 60)).unwrap();
+    assert_eq!(sim.states().len(), 40);
+}
+
+#[test]
+fn a_state_recovered_from_a_checkpoint_is_at_most_half_a_second_old() {
+    for seed in 0..20 {
+        let mut sim = running(seed, 2);
+        sim.run_to(Tick(60)).unwrap();
+        let before = sim.states();
+        sim.crash(Peer::Node(NodeId(1)));
+        sim.run_until(|sim| sim.server().view().is_some_and(|view| view.members.len() == 1)).unwrap();
+        sim.run_until(|sim| sim.states().len() == 40).unwrap();
+        for (id, state) in sim.states() {
+            let then = before[&id].pose.translation;
+            let gap_m = (0..3).map(|i| (state.pose.translation[i] - then[i]).abs()).fold(0.0, f64::max);
+            assert!(gap_m <= 12.0 * 0.5, "seed {seed}: {id} jumped by {gap_m} m");
+        }
+    }
+}
+
+#[test]
+fn a_late_node_takes_regions_over_and_nothing_jumps() {
+    for seed in 0..30 {
+        let mut sim = running(seed, 2);
+        let mut calm = running(seed, 2);
+        let late = sim.start_node();
+        sim.run_until(|sim| sim.server().view().is_some_and(|view| view.members.len() == 3)).unwrap();
+        sim.run_until(|sim| sim.nodes().all(|node| node.tick() == Tick(120))).unwrap();
+        calm.run_until(|sim| sim.nodes().all(|node| node.tick() == Tick(120))).unwrap();
+        assert!(sim.server().view().unwrap().allocation.values().any(|&node| node == late));
+        assert_eq!(sim.states(), calm.states(), "seed {seed}: the hand-over is exact");
+    }
+}
+
+#[test]
+fn a_node_that_leaves_hands_its_regions_over_exactly() {
+    for seed in 0..30 {
+        let mut sim = running(seed, 3);
+        let mut calm = running(seed, 3);
+        sim.leave(NodeId(1 + (seed % 3) as u32));
+        sim.run_until(|sim| sim.nodes().count() == 2).unwrap();
+        sim.run_until(|sim| sim.nodes().all(|node| node.tick() == Tick(120))).unwrap();
+        calm.run_until(|sim| sim.nodes().all(|node| node.tick() == Tick(120))).unwrap();
+        assert_eq!(sim.states(), calm.states(), "seed {seed}");
+    }
+}
+
+#[test]
+fn the_last_node_that_leaves_gives_the_world_back_to_the_record() {
+    let mut sim = running(6, 1);
+    sim.leave(NodeId(1));
+    sim.run_until(|sim| sim.nodes().count() == 0).unwrap();
+    assert!(sim.server().view().is_none());
+    let at_rest = sim.server().record().present().count();
+    sim.start_node();
+    sim.run_until(|sim| !sim.states().is_empty()).unwrap();
+    assert_eq!((at_rest, sim.states().len()), (40, 40));
+}
+
+fn avatar(client: ClientId) -> BodyId {
+    BodyId::avatar(client, 0)
+}
+
+/// A client with an avatar that has been driven somewhere.
+fn playing(seed: u64) -> (Sim, ClientId) {
+    let mut sim = running(seed, 3);
+    let client = sim.start_client(None);
+    sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
+    assert_eq!(sim.client(client).bodies().count(), 40);
+    sim.wish(
+        client,
+        ClientEvent::Spawn { body: sim_body(avatar(client), [1.0, 4.0, 4.0]), shapes: Vec::new() },
+    );
+    sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
+    let velocity = Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] };
+    sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+    sim.run_until(|sim| sim.states().get(&avatar(client)).is_some_and(|s| s.pose.translation[0] > 9.0))
+        .unwrap();
+    (sim, client)
+}
+
+#[test]
+fn a_client_sees_its_avatar_go_where_it_drives_it() {
+    let (mut sim, client) = playing(7);
+    let seen_x = |sim: &Sim| sim.client(client).body(avatar(client)).unwrap().body.state.pose.translation[0];
+    sim.run_until(|sim| seen_x(sim) > 9.0).unwrap();
+    assert!((seen_x(&sim) - sim.states()[&avatar(client)].pose.translation[0]).abs() < 2.0);
+}
+
+#[test]
+fn an_avatar_returns_with_its_client_where_it_was() {
+    for seed in 0..30 {
+        let (mut sim, client) = playing(seed);
+        // Stop it first, so that "where it was" is a place.
+        sim.wish(
+            client,
+            ClientEvent::Drive { body: avatar(client), velocity: Velocity::default(), pose: None },
+        );
+        sim.run_until(|sim| sim.states()[&avatar(client)].velocity == Velocity::default()).unwrap();
+        let parked = sim.states()[&avatar(client)].pose;
+        sim.crash(Peer::Client(client));
+        sim.run_until(|sim| !sim.states().contains_key(&avatar(client))).unwrap();
+        if seed % 3 == 0 {
+            sim.crash(Peer::Node(NodeId(1)));
+        }
+        sim.run_events(seed * 10).unwrap();
+        sim.start_client(Some(client));
+        sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
+        assert_eq!(sim.states()[&avatar(client)].pose, parked, "seed {seed}");
+        sim.run_until(|sim| sim.client(client).body(avatar(client)).is_some()).unwrap();
+    }
+}
+
+#[test]
+fn a_client_that_rejoins_while_its_avatar_is_being_removed_gets_it_back_once() {
+    for seed in 0..60 {
+        let (mut sim, client) = playing(seed);
+        sim.crash(Peer::Client(client));
+        sim.run_events(seed).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        sim.start_client(Some(client));
+        let tick = sim.tick();
+        sim.run_to(Tick(tick.0 + 30)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        assert!(sim.states().contains_key(&avatar(client)), "seed {seed}");
+        assert_eq!(sim.states().len(), 41, "seed {seed}");
+    }
+}
+
+#[test]
+fn a_client_goes_on_with_the_new_leader_when_its_leader_is_killed() {
+    for seed in 0..40 {
+        let (mut sim, client) = playing(seed);
+        let old = sim.client(client).leader().unwrap();
+        sim.run_events(seed * 3).unwrap();
+        sim.crash(Peer::Node(old));
+        let velocity = Velocity { linear: [0.0, 3.5, 0.0], angular: [0.0; 3] };
+        sim.run_until(|sim| sim.client(client).leader() != Some(old)).unwrap();
+        sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+        let driven = |sim: &Sim| {
+            sim.client(client).body(avatar(client)).is_some_and(|view| view.body.state.velocity == velocity)
+        };
+        sim.run_until(driven).unwrap();
+    }
+}
+
+#[test]
+fn wishes_against_the_rules_are_refused_with_the_reason() {
+    let (mut sim, client) = playing(8);
+    let other = sim.start_client(None);
+    sim.run_until(|sim| sim.client(other).is_joined() && sim.client(other).leader().is_some()).unwrap();
+    let fast = Velocity { linear: [21.0, 0.0, 0.0], angular: [0.0; 3] };
+    let drive = |body, velocity| ClientEvent::Drive { body, velocity, pose: None };
+    let refusal_of = |sim: &mut Sim, who, wish| {
+        let known = sim.told().len();
+        sim.wish(who, wish);
+        let find = |sim: &Sim| {
+            sim.told()[known..].iter().find_map(|(told, output)| match output {
+                ClientOutput::Rejected { reason, .. } if *told == who => Some(*reason),
+                _ => None,
+            })
+        };
+        sim.run_until(|sim| find(sim).is_some()).unwrap();
+        find(sim).unwrap()
+    };
+    let again = ClientEvent::Spawn { body: sim_body(avatar(client), [1.0; 3]), shapes: Vec::new() };
+    let foreign = ClientEvent::Spawn { body: sim_body(BodyId::persistent(99), [1.0; 3]), shapes: Vec::new() };
+    assert_eq!(refusal_of(&mut sim, client, drive(avatar(client), fast)), Refusal::TooFast);
+    assert_eq!(refusal_of(&mut sim, other, drive(avatar(client), Velocity::default())), Refusal::NotYours);
+    assert_eq!(refusal_of(&mut sim, other, drive(avatar(other), Velocity::default())), Refusal::Unknown);
+    assert_eq!(refusal_of(&mut sim, client, again), Refusal::Exists);
+    assert_eq!(refusal_of(&mut sim, other, foreign), Refusal::NotYours);
+    assert_eq!(refusal_of(&mut sim, other, ClientEvent::Despawn(avatar(client))), Refusal::NotYours);
+}

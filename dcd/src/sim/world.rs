@@ -1,0 +1,422 @@
+//! A simulated cluster: processes, their links, and the loop that runs them.
+
+use std::collections::BTreeMap;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::network::{Arrival, Network};
+use super::{Checker, Random, StandIn, Violation};
+use crate::cluster::{
+    Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsEvent, Record,
+    Server, ServerConfig, ServerEvent, ServerOutput,
+};
+use crate::protocol::{
+    BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Message, Pace, SyncProtocol,
+    ToClient, Velocity, WorldPose, decode, encode,
+};
+use crate::space::{BodyId, Bounds, ClientId, DistributionTree, Epoch, NodeId, Tick};
+
+/// What a run is made of.
+#[derive(Clone, Debug)]
+pub struct SimConfig {
+    /// Of everything random.
+    pub seed: u64,
+    /// Nodes at the start.
+    pub nodes: u32,
+    /// Regions of the world.
+    pub regions: usize,
+    /// Persistent bodies.
+    pub bodies: u32,
+    /// Longest delay of a message, microseconds; the shortest is a tenth of it.
+    pub delay_us: u64,
+}
+
+#[derive(Clone, Debug)]
+struct NodeProcess {
+    machine: Node,
+    physics: StandIn,
+}
+
+/// A running cluster.
+#[derive(Clone, Debug)]
+pub struct Sim {
+    config: SimConfig,
+    now: Duration,
+    random: Random,
+    network: Network,
+    server: Server,
+    nodes: BTreeMap<NodeId, NodeProcess>,
+    clients: BTreeMap<ClientId, Client>,
+    checker: Checker,
+    violation: Option<Violation>,
+    events: u64,
+    /// Bugs to plant: transfers still to be dropped.
+    drop_transfers: u32,
+    /// What clients were told, for tests.
+    told: Vec<(ClientId, ClientOutput)>,
+}
+
+impl Sim {
+    /// A server with a world, and its nodes about to join.
+    pub fn new(config: SimConfig) -> Self {
+        let mut random = Random::new(config.seed);
+        let bodies: Vec<_> =
+            (0..config.bodies).map(|i| drifting(BodyId::persistent(i), &mut random)).collect();
+        let checker = Checker::new(bodies.iter().map(|body| body.id));
+        let server_config =
+            ServerConfig { world: sim_world(config.regions), min_nodes: config.nodes as usize };
+        let server = Server::new(server_config, Record::new(bodies, Vec::new(), Vec::new()));
+        let mut sim = Self {
+            now: Duration::ZERO,
+            random,
+            network: Network::default(),
+            server,
+            nodes: BTreeMap::new(),
+            clients: BTreeMap::new(),
+            checker,
+            violation: None,
+            events: 0,
+            drop_transfers: 0,
+            told: Vec::new(),
+            config,
+        };
+        for _ in 0..sim.config.nodes {
+            sim.start_node();
+        }
+        sim
+    }
+
+    /// A further node joins.
+    pub fn start_node(&mut self) -> NodeId {
+        let id = self.server.new_node_id();
+        let machine = Node::new(NodeConfig {
+            id,
+            address: SocketAddr::from((Ipv4Addr::LOCALHOST, id.0 as u16)),
+            client: None,
+            report_every: 3,
+            checkpoint_every: 6,
+        });
+        self.nodes.insert(id, NodeProcess { machine, physics: StandIn::default() });
+        let time = self.later();
+        self.network.connect(time, Peer::Node(id), Peer::Server);
+        id
+    }
+
+    /// A client joins; with an id, one that was there before.
+    pub fn start_client(&mut self, again: Option<ClientId>) -> ClientId {
+        let id = again.unwrap_or_else(|| self.server.new_client_id());
+        self.clients.insert(id, Client::new(id, None));
+        let time = self.later();
+        self.network.connect(time, Peer::Client(id), Peer::Server);
+        id
+    }
+
+    /// A process is gone from one instant to the next.
+    pub fn crash(&mut self, peer: Peer) {
+        match peer {
+            Peer::Node(node) => drop(self.nodes.remove(&node)),
+            Peer::Client(client) => drop(self.clients.remove(&client)),
+            Peer::Server => panic!("the first cut does not survive the loss of its server"),
+        }
+        self.network.crash(self.now, peer, &mut self.random);
+    }
+
+    /// A node is asked to leave.
+    pub fn leave(&mut self, node: NodeId) {
+        self.node_event(node, NodeEvent::Leave);
+    }
+
+    /// A user's wish.
+    pub fn wish(&mut self, client: ClientId, wish: ClientEvent) {
+        self.client_event(client, wish);
+    }
+
+    /// Plants a bug: the next transfers between nodes are lost.
+    pub fn drop_transfers(&mut self, count: u32) {
+        self.drop_transfers = count;
+    }
+
+    /// Runs events until the condition holds; `Err` on a violation of the invariant.
+    ///
+    /// # Panics
+    /// When it does not hold after 60 simulated seconds: the cluster is stuck.
+    pub fn run_until(&mut self, mut holds: impl FnMut(&Self) -> bool) -> Result<(), Violation> {
+        let deadline = self.now + Duration::from_secs(60);
+        while !holds(self) {
+            assert!(self.now < deadline, "stuck at {:?} of seed {}", self.now, self.config.seed);
+            self.step();
+            if let Some(violation) = self.violation.take() {
+                return Err(violation);
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs until every node of the present view has completed this tick.
+    pub fn run_to(&mut self, tick: Tick) -> Result<(), Violation> {
+        self.run_until(|sim| !sim.server.is_changing() && sim.server.view().is_some() && sim.tick() >= tick)
+    }
+
+    /// Runs this many events.
+    pub fn run_events(&mut self, count: u64) -> Result<(), Violation> {
+        let target = self.events + count;
+        self.run_until(|sim| sim.events >= target)
+    }
+
+    /// The last tick that all members have completed.
+    pub fn tick(&self) -> Tick {
+        let members = self.server.view().into_iter().flat_map(|view| &view.members);
+        let ticks = members.map(|m| self.nodes.get(&m.node).map_or(Tick(0), |node| node.machine.tick()));
+        ticks.min().unwrap_or_default()
+    }
+
+    /// The simulated time.
+    pub fn now(&self) -> Duration {
+        self.now
+    }
+
+    /// The server.
+    pub fn server(&self) -> &Server {
+        &self.server
+    }
+
+    /// A live client.
+    pub fn client(&self, id: ClientId) -> &Client {
+        &self.clients[&id]
+    }
+
+    /// Live nodes in id order.
+    pub fn nodes(&self) -> impl Iterator<Item = &Node> {
+        self.nodes.values().map(|node| &node.machine)
+    }
+
+    /// The checker.
+    pub fn checker(&self) -> &Checker {
+        &self.checker
+    }
+
+    /// What clients were told.
+    pub fn told(&self) -> &[(ClientId, ClientOutput)] {
+        &self.told
+    }
+
+    /// The states of all owned bodies.
+    pub fn states(&self) -> BTreeMap<BodyId, BodyState> {
+        let claims = |node: &NodeProcess| node.physics.claims();
+        self.nodes
+            .values()
+            .flat_map(|node| {
+                claims(node).into_iter().filter_map(|claim| Some((claim.id, node.physics.state(claim.id)?)))
+            })
+            .collect()
+    }
+
+    fn later(&mut self) -> Duration {
+        let least = self.config.delay_us / 10;
+        self.now + Duration::from_micros(least + self.random.below(self.config.delay_us - least + 1))
+    }
+
+    /// The next arrival or timer.
+    fn step(&mut self) {
+        self.events += 1;
+        let timer =
+            self.nodes.iter().filter_map(|(&id, node)| Some((node.machine.poll_timeout()?, id))).min();
+        match (self.network.next_time(), timer) {
+            (arrival, Some((time, node))) if arrival.is_none_or(|arrival| time < arrival) => {
+                self.now = self.now.max(time);
+                if let Some(process) = self.nodes.get_mut(&node) {
+                    process.machine.handle_timeout(self.now);
+                }
+                self.drain_node(node);
+            }
+            (Some(_), _) => {
+                let Some((time, to, arrival)) = self.network.pop() else { return };
+                self.now = self.now.max(time);
+                self.arrive(to, arrival);
+            }
+            (None, _) => self.now += Duration::from_millis(100),
+        }
+    }
+
+    fn arrive(&mut self, to: Peer, arrival: Arrival) {
+        let open = |bytes: Vec<u8>| decode(&bytes).expect("our own messages are valid");
+        match to {
+            Peer::Server => {
+                match arrival {
+                    Arrival::Disconnected(peer) => self.server.handle(ServerEvent::Disconnected(peer)),
+                    Arrival::Frame(from, bytes) => {
+                        self.server.handle(ServerEvent::Message { from, message: open(bytes) });
+                    }
+                    Arrival::Connected(_) | Arrival::Physics(_) => {}
+                }
+                self.drain_server();
+            }
+            Peer::Node(node) => {
+                let event = match arrival {
+                    Arrival::Connected(peer) => NodeEvent::Connected(peer),
+                    Arrival::Disconnected(peer) => NodeEvent::Disconnected(peer),
+                    Arrival::Frame(from, bytes) => NodeEvent::Message { from, message: open(bytes) },
+                    Arrival::Physics(event) => NodeEvent::Physics(event),
+                };
+                self.node_event(node, event);
+            }
+            Peer::Client(client) => {
+                let event = match arrival {
+                    Arrival::Connected(peer) => ClientEvent::Connected(peer),
+                    Arrival::Disconnected(peer) => ClientEvent::Disconnected(peer),
+                    Arrival::Frame(from, bytes) => ClientEvent::Message { from, message: open(bytes) },
+                    Arrival::Physics(_) => return,
+                };
+                self.client_event(client, event);
+            }
+        }
+    }
+
+    fn node_event(&mut self, node: NodeId, event: NodeEvent) {
+        if let Some(process) = self.nodes.get_mut(&node) {
+            process.machine.handle(self.now, event);
+            self.drain_node(node);
+        }
+    }
+
+    fn client_event(&mut self, id: ClientId, event: ClientEvent) {
+        let Some(client) = self.clients.get_mut(&id) else { return };
+        client.handle(event);
+        while let Some(output) = self.clients.get_mut(&id).and_then(Client::poll_output) {
+            match output {
+                ClientOutput::Send { to, message } => self.send(Peer::Client(id), to, message),
+                ClientOutput::Connect(member) => self.dial(Peer::Client(id), member.node),
+                ClientOutput::Disconnect(node) => {
+                    self.network.close(self.now, Peer::Client(id), Peer::Node(node))
+                }
+                other => self.told.push((id, other)),
+            }
+        }
+    }
+
+    fn dial(&mut self, from: Peer, node: NodeId) {
+        let time = self.later();
+        if self.nodes.contains_key(&node) {
+            self.network.connect(time, from, Peer::Node(node));
+        } else {
+            self.network.refuse(time, from, Peer::Node(node));
+        }
+    }
+
+    fn send(&mut self, from: Peer, to: Peer, mut message: Message) {
+        if let Message::Border(border) = &mut message {
+            for transfers in border.messages.iter_mut().map(|message| &mut message.transfers) {
+                while self.drop_transfers > 0 && transfers.pop().is_some() {
+                    self.drop_transfers -= 1;
+                }
+            }
+        }
+        let bytes = encode(&message);
+        if let Message::ToClient(_, ToClient::States { .. }) = message {
+            assert!(bytes.len() <= crate::protocol::DATAGRAM_BYTES, "a datagram of {} bytes", bytes.len());
+        }
+        let time = self.later();
+        self.network.send(time, from, to, message.lane(), bytes);
+    }
+
+    fn drain_server(&mut self) {
+        while let Some(output) = self.server.poll_output() {
+            match output {
+                ServerOutput::Send { to, message } => self.send(Peer::Server, to, message),
+                ServerOutput::Close(peer) => self.network.close(self.now, Peer::Server, peer),
+                ServerOutput::Began(_) | ServerOutput::Held(_) => {}
+            }
+        }
+    }
+
+    fn drain_node(&mut self, id: NodeId) {
+        while let Some(process) = self.nodes.get_mut(&id) {
+            let Some(output) = process.machine.poll_output() else { return };
+            match output {
+                NodeOutput::Send { to, message } => self.send(Peer::Node(id), to, message),
+                NodeOutput::Connect(member) => self.dial(Peer::Node(id), member.node),
+                NodeOutput::Disconnect(node) => {
+                    self.network.close(self.now, Peer::Node(id), Peer::Node(node))
+                }
+                NodeOutput::Physics(command) => {
+                    let answer: Option<PhysicsEvent> = process.physics.execute(command);
+                    if let Some(event) = answer {
+                        let time = self.later();
+                        self.network.physics(time, id, event);
+                    }
+                }
+                NodeOutput::Settled(tick) => {
+                    let view = process.machine.view().expect("only members complete ticks");
+                    let checked = self.checker.settled(id, view, tick, &process.physics);
+                    self.violation = self.violation.take().or(checked.err());
+                }
+                NodeOutput::Client(_) => {}
+                NodeOutput::Stopped(_) => {
+                    self.nodes.remove(&id);
+                    self.network.crash(self.now, Peer::Node(id), &mut self.random);
+                }
+            }
+        }
+    }
+}
+
+/// A world of 16 × 8 × 8 m in this many regions, without gravity.
+pub fn sim_world(regions: usize) -> EnvironmentProperties {
+    let bounds = Bounds::new([0.0; 3], [16.0, 8.0, 8.0]);
+    EnvironmentProperties {
+        world: 1,
+        gravity: [0.0; 3],
+        dt_s: 1.0 / 60.0,
+        solver_iterations: 4,
+        tree: DistributionTree::halved(bounds, regions).expect("a small number of regions"),
+        halo_m: Some(1.0),
+        coupling: "owner".into(),
+        exchanges: 1,
+        avatar_speed_limit: 20.0,
+        protocol: SyncProtocol::Synchronised,
+        pace: Pace::RealTime,
+        extension: Vec::new(),
+    }
+}
+
+/// A body without colliders at rest: all that the stand-in needs.
+pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
+    let traits = BodyTraits {
+        kind: BodyKind::Dynamic,
+        enabled: true,
+        linear_damping: 0.0,
+        angular_damping: 0.0,
+        gravity_scale: 1.0,
+        locked_axes: 0,
+        dominance: 0,
+        ccd: false,
+        soft_ccd_m: 0.0,
+        fast_rotation: false,
+        gyroscopic: false,
+        extra_solver_iterations: 0,
+        extra_pgs_iterations: 0,
+        sleep_linear_threshold: 0.4,
+        sleep_angular_threshold: 0.5,
+        sleep_after_s: 2.0,
+        extra_mass: None,
+        colliders: Vec::new(),
+        user_data: 0,
+    };
+    let state = BodyState {
+        pose: WorldPose::at(translation),
+        velocity: Velocity::default(),
+        force: [0.0; 3],
+        torque: [0.0; 3],
+        sleeping: false,
+        still_s: 0.0,
+    };
+    BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
+}
+
+fn drifting(id: BodyId, random: &mut Random) -> BodyRecord {
+    let mut body = sim_body(id, [random.unit() * 16.0, random.unit() * 8.0, random.unit() * 8.0]);
+    // Up to 12 m/s: each body crosses several regions in a second or two.
+    body.state.velocity.linear = std::array::from_fn(|_| (random.unit() * 24.0 - 12.0) as f32);
+    body
+}

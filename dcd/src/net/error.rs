@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::{PeerName, Role};
+use super::{MAX_DATAGRAM_BYTES, PeerName, Role};
 
 /// Why an authority, an identity, a join or a connection is not to be had.
 #[derive(Debug, thiserror::Error)]
@@ -96,6 +96,38 @@ pub enum NetError {
     /// The runtime's threads cannot be started.
     #[error("cannot start the network threads: {0}; raise the limit of threads or of open files")]
     Threads(io::Error),
+}
+
+/// Why something is not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SendError {
+    /// No such connection, or none any more.
+    #[error("the peer is not connected; wait for its Connected event or dial it again")]
+    NotConnected,
+    /// The peer reads too slowly.
+    #[error(
+        "{waiting_bytes} bytes wait for a slow peer, the limit is {limit_bytes}; send less, later, or close it"
+    )]
+    Full {
+        /// What waits.
+        waiting_bytes: usize,
+        /// What may wait.
+        limit_bytes: usize,
+    },
+    /// The frame is longer than peers accept from our role.
+    #[error("a frame of {bytes} bytes, peers accept {limit_bytes}; split it")]
+    FrameTooLong {
+        /// What it has.
+        bytes: usize,
+        /// What it may have.
+        limit_bytes: usize,
+    },
+    /// The datagram does not fit into a packet.
+    #[error("a datagram of {bytes} bytes, {max} fit into a packet; split it", max = MAX_DATAGRAM_BYTES)]
+    DatagramTooLong {
+        /// What it has.
+        bytes: usize,
+    },
 }
 
 /// Why a text is not a token, or not the one that is needed.

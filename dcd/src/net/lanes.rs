@@ -78,10 +78,10 @@ impl LaneSender {
         if self.waiting.len() == 1 {
             // The stream may keep this waker; the lane's task then polls again with its own.
             let context = &mut Context::from_waker(Waker::noop());
-            self.flush(context, queued).map_err(|_| SendFailure::Broken)?;
-        }
-        if let (false, Some(task)) = (self.waiting.is_empty(), &self.task) {
-            task.wake_by_ref();
+            let flushed = self.flush(context, queued).map_err(|_| SendFailure::Broken)?;
+            if let (Poll::Pending, Some(task)) = (flushed, &self.task) {
+                task.wake_by_ref();
+            }
         }
         Ok(())
     }

@@ -7,6 +7,7 @@
 
 mod authority;
 mod base32;
+mod calls;
 mod endpoint;
 mod error;
 mod events;
@@ -26,8 +27,8 @@ mod token;
 mod verify;
 
 pub use authority::Authority;
-pub use endpoint::{Net, NetConfig, SendError};
-pub use error::{JoinRefusal, NetError, TokenError};
+pub use endpoint::{Net, NetConfig};
+pub use error::{JoinRefusal, NetError, SendError, TokenError};
 pub use events::{CloseCause, NetEvent, NetEvents, PeerKey};
 pub use identity::Identity;
 pub use join::join;

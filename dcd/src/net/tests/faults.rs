@@ -75,6 +75,50 @@ fn an_anonymous_peer_that_does_not_join_is_closed() {
 }
 
 #[test]
+fn peers_of_another_version_are_told_both() {
+    let server = Server::start();
+    let identity = server.join(Role::Node);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    for (greeting, reason) in [([0, 77, 0, 0, 0], "version 1, the other 77"), ([9, 1, 0, 0, 0], "greeting")] {
+        let closed = runtime.block_on(async {
+            let endpoint = quinn::Endpoint::client(anywhere()).unwrap();
+            let crypto = crate::net::verify::dialling(&identity).unwrap();
+            let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
+            let config = quinn::ClientConfig::new(Arc::new(crypto));
+            let connection =
+                endpoint.connect_with(config, server.addr(), "server.dcd").unwrap().await.unwrap();
+            let mut stream = connection.open_uni().await.unwrap();
+            stream.write_all(&greeting).await.unwrap();
+            tokio::time::timeout(PATIENCE, connection.closed()).await.unwrap()
+        });
+        assert!(closed.to_string().contains(reason), "{closed}");
+    }
+    assert!(server.process.events.try_recv().is_err(), "the role's loop hears nothing of it");
+}
+
+#[test]
+fn under_load_callers_prove_their_address_first_and_get_in_all_the_same() {
+    let server = Server::with_limits(Limits { handshakes_before_retry: 0, ..Limits::default() });
+    let node = server.process(Role::Node);
+    node.connect_to(&server.process);
+}
+
+#[test]
+fn handshakes_beyond_the_limit_are_not_answered() {
+    let server = Server::with_limits(Limits { handshakes: 1, ..Limits::default() });
+    let token = server.token(Role::Node);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let idle = runtime.block_on(async {
+        let (endpoint, connecting) = anonymous(server.addr(), token.fingerprint, PATIENCE).unwrap();
+        (endpoint, connecting.await.unwrap())
+    });
+    let error = join(server.addr(), &token, None, Duration::from_millis(300)).unwrap_err();
+    assert!(matches!(error, NetError::Unreachable { .. }), "{error}");
+    drop((idle, runtime));
+    join(server.addr(), &token, None, PATIENCE).unwrap();
+}
+
+#[test]
 fn a_node_does_not_talk_to_anonymous_peers_at_all() {
     let server = Server::start();
     let node = server.process(Role::Node);

@@ -1,1 +1,42 @@
-//! net
+//! Byte frames between processes over QUIC, with an authority of our own, join tokens and mutual TLS.
+//!
+//! A server makes its own [`Authority`] on first start. The authority mints a [`Token`]; a new process trades it for an
+//! [`Identity`] with [`join`]; with an identity it starts its [`Net`] and dials others, each side proving its name.
+//! Frames are opaque here: this module knows neither messages nor physics. The interface is synchronous, with a small
+//! tokio runtime inside, so that a role's loop is a plain thread that reads [`NetEvents`].
+
+mod authority;
+mod base32;
+mod calls;
+mod endpoint;
+mod error;
+mod events;
+mod fields;
+mod files;
+mod identity;
+mod join;
+mod lanes;
+mod ledger;
+mod limits;
+mod peer;
+mod role;
+mod stats;
+#[cfg(test)]
+mod tests;
+mod token;
+mod verify;
+
+pub use authority::Authority;
+pub use endpoint::{Net, NetConfig};
+pub use error::{JoinRefusal, NetError, SendError, TokenError};
+pub use events::{CloseCause, NetEvent, NetEvents, PeerKey};
+pub use identity::Identity;
+pub use join::join;
+pub use lanes::Lane;
+pub use limits::{Limits, MAX_DATAGRAM_BYTES};
+pub use role::{PeerName, Role};
+pub use stats::{NetTotals, PeerStats};
+pub use token::{ResumeKey, Token};
+
+/// The version of everything that dcd processes say to one another. Processes of unlike versions refuse each other.
+pub const PROTOCOL_VERSION: u32 = 1;

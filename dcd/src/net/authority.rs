@@ -1,0 +1,217 @@
+//! The server's certificate authority: mints tokens, redeems them for certificates.
+
+use std::fs::OpenOptions;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use rcgen::{
+    BasicConstraints, CertificateParams, CertificateSigningRequestParams, DistinguishedName, DnType,
+    ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose, PublicKeyData,
+};
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, CertificateSigningRequestDer, PrivatePkcs8KeyDer};
+
+use super::files::{at, open_private, replace_private};
+use super::join::{Admission, JoinRequest};
+use super::ledger::Ledger;
+use super::token::{NONCE_BYTES, Secret, unix_seconds};
+use super::verify::{fingerprint, random};
+use super::{Identity, JoinRefusal, NetError, PeerName, ResumeKey, Role, Token};
+
+/// The root of trust of one world, kept in the server's data folder: who holds its key decides who takes part.
+///
+/// Any process that may read the folder can mint tokens while the server runs; only the server redeems them.
+pub struct Authority {
+    folder: PathBuf,
+    issuer: Issuer<'static, KeyPair>,
+    certificate: CertificateDer<'static>,
+    fingerprint: [u8; 32],
+    secret: Secret,
+    certificate_life: Duration,
+    ledger: Mutex<Option<Ledger>>,
+}
+
+/// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
+const CERTIFICATE_LIFE: Duration = Duration::from_secs(24 * 3600);
+/// Clocks of machines may differ by this much before a fresh certificate seems not yet valid.
+const CLOCK_SKEW: Duration = Duration::from_secs(600);
+/// The server's own certificate is made anew at each start. Whoever steals its key has the folder and so the
+/// authority's key; a short life would only stop servers that run long.
+const SERVER_CERTIFICATE_LIFE: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
+
+impl Authority {
+    /// The authority of the folder, made on first use.
+    pub fn load_or_create(folder: &Path) -> Result<Self, NetError> {
+        std::fs::create_dir_all(folder).map_err(at(folder))?;
+        // A server and `dcd token` may both come first.
+        let lock_path = folder.join("authority.lock");
+        let lock = open_private(&lock_path, OpenOptions::new().create(true).append(true))?;
+        lock.lock().map_err(at(&lock_path))?;
+        let path = folder.join("authority.pem");
+        if !path.try_exists().map_err(at(&path))? {
+            replace_private(&path, new_authority()?.as_bytes())?;
+        }
+        Self::load(folder, &path)
+    }
+
+    fn load(folder: &Path, path: &Path) -> Result<Self, NetError> {
+        let damaged = |what: &str| NetError::Damaged { path: path.to_owned(), what: what.to_owned() };
+        let pem = std::fs::read(path).map_err(at(path))?;
+        let key_der = PrivatePkcs8KeyDer::from_pem_slice(&pem).map_err(|_| damaged("no private key"))?;
+        let key = KeyPair::try_from(&key_der).map_err(|error| damaged(&error.to_string()))?;
+        let certificate = CertificateDer::from_pem_slice(&pem).map_err(|_| damaged("no certificate"))?;
+        let issuer =
+            Issuer::from_ca_cert_der(&certificate, key).map_err(|error| damaged(&error.to_string()))?;
+        // Derived, not a file of its own: who has the key may issue certificates anyway, and one file cannot
+        // contradict itself.
+        let secret =
+            blake3::derive_key("dcd 2026 seal of join tokens and resume keys", key_der.secret_pkcs8_der());
+        Ok(Self {
+            folder: folder.to_owned(),
+            issuer,
+            fingerprint: fingerprint(&certificate),
+            certificate,
+            secret: Secret(secret),
+            certificate_life: CERTIFICATE_LIFE,
+            ledger: Mutex::new(None),
+        })
+    }
+
+    /// Certificates last this long instead of a day.
+    pub fn with_certificate_life(mut self, life: Duration) -> Self {
+        self.certificate_life = life;
+        self
+    }
+
+    /// Mints a token that lets one process join as `role` until `now + valid_for`.
+    pub fn issue_token(&self, role: Role, valid_for: Duration, now: SystemTime) -> Result<Token, NetError> {
+        if role == Role::Server {
+            return Err(NetError::ServerToken);
+        }
+        let nonce: [u8; NONCE_BYTES] = random()?;
+        Ok(Token::mint(&self.secret, role, nonce, now + valid_for, self.fingerprint))
+    }
+
+    /// The server's own identity, made anew at each start.
+    pub fn server_identity(&self) -> Result<Identity, NetError> {
+        let key = KeyPair::generate().map_err(tls)?;
+        let certificate =
+            self.issue(PeerName::Server, &key, SystemTime::now(), SERVER_CERTIFICATE_LIFE).map_err(tls)?;
+        Ok(Identity {
+            who: PeerName::Server,
+            key: PrivatePkcs8KeyDer::from(key.serialize_der()),
+            certificate,
+            authority: self.certificate.clone(),
+            resume: None,
+        })
+    }
+
+    /// Takes the folder for this server, or says that another one has it.
+    pub(super) fn open_ledger(&self) -> Result<(), NetError> {
+        self.ledger(SystemTime::now()).map(|_| ())
+    }
+
+    /// Redeems a token. When this returns `Ok`, the token is spent, durably.
+    pub(super) fn admit(&self, request: &JoinRequest, now: SystemTime) -> Result<Admission, JoinRefusal> {
+        let token: Token = request.token.parse().map_err(JoinRefusal::BadToken)?;
+        if !token.is_sealed_by(&self.secret) {
+            return Err(JoinRefusal::OtherAuthority);
+        }
+        let now_s = unix_seconds(now);
+        if token.expires_unix_s < now_s {
+            return Err(JoinRefusal::Expired);
+        }
+        let resumed = request.resume.as_deref().map(|key| self.resumed(key, token.role)).transpose()?;
+        // The key must be good before the token is spent.
+        let csr = CertificateSigningRequestDer::from(request.csr.as_slice());
+        let csr = CertificateSigningRequestParams::from_der(&csr)
+            .map_err(|_| JoinRefusal::Malformed("its certificate request"))?;
+        let failed = |error: &dyn std::fmt::Display| JoinRefusal::Server(error.to_string());
+
+        let mut ledger = self.ledger(now).map_err(|error| failed(&error))?;
+        let ledger = ledger.as_mut().expect("ledger() opens it");
+        if ledger.is_used(&token.nonce) {
+            return Err(JoinRefusal::Used);
+        }
+        let who = ledger
+            .record(token.nonce, token.expires_unix_s, token.role, resumed, now_s)
+            .map_err(|error| failed(&error))?;
+        // Only the key is taken from the request: names are ours to give.
+        let certificate =
+            self.issue(who, &csr.public_key, now, self.certificate_life).map_err(|error| failed(&error))?;
+        Ok(Admission {
+            who,
+            certificate: certificate.to_vec(),
+            authority: self.certificate.to_vec(),
+            resume: ResumeKey::mint(&self.secret, who).to_string(),
+        })
+    }
+
+    /// A certificate with the names and key of another one, as if issued `then`.
+    #[cfg(test)]
+    pub(super) fn renewed(&self, identity: &Identity, then: SystemTime) -> CertificateDer<'static> {
+        let key = KeyPair::try_from(&identity.key).unwrap();
+        self.issue(identity.who, &key, then, self.certificate_life).unwrap()
+    }
+
+    fn resumed(&self, key: &str, role: Role) -> Result<PeerName, JoinRefusal> {
+        let key: ResumeKey = key.parse().map_err(|_| JoinRefusal::BadResumeKey)?;
+        if !key.is_sealed_by(&self.secret) {
+            return Err(JoinRefusal::BadResumeKey);
+        }
+        if key.who.role() != role {
+            return Err(JoinRefusal::WrongRole { token: role, resume: key.who.role() });
+        }
+        Ok(key.who)
+    }
+
+    fn ledger(&self, now: SystemTime) -> Result<MutexGuard<'_, Option<Ledger>>, NetError> {
+        let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
+        if ledger.is_none() {
+            *ledger = Some(Ledger::open(&self.folder, unix_seconds(now))?);
+        }
+        Ok(ledger)
+    }
+
+    fn issue(
+        &self,
+        who: PeerName,
+        key: &impl PublicKeyData,
+        now: SystemTime,
+        life: Duration,
+    ) -> Result<CertificateDer<'static>, rcgen::Error> {
+        let mut params = CertificateParams::new(who.dns_names())?;
+        params.distinguished_name = named(&who.to_string());
+        let epoch = rcgen::date_time_ymd(1970, 1, 1);
+        let now = now.duration_since(UNIX_EPOCH).unwrap_or_default();
+        params.not_before = epoch + now.saturating_sub(CLOCK_SKEW);
+        params.not_after = epoch + now + life + CLOCK_SKEW;
+        params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
+        // Everyone dials and is dialled.
+        params.extended_key_usages =
+            vec![ExtendedKeyUsagePurpose::ServerAuth, ExtendedKeyUsagePurpose::ClientAuth];
+        Ok(params.signed_by(key, &self.issuer)?.der().clone())
+    }
+}
+
+/// The text of a new `authority.pem`: key and self-signed certificate.
+fn new_authority() -> Result<String, NetError> {
+    let key = KeyPair::generate().map_err(tls)?;
+    let mut params = CertificateParams::default();
+    params.distinguished_name = named("dcd authority");
+    params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
+    params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::DigitalSignature];
+    let certificate = params.self_signed(&key).map_err(tls)?;
+    Ok(key.serialize_pem() + &certificate.pem())
+}
+
+fn named(name: &str) -> DistinguishedName {
+    let mut distinguished_name = DistinguishedName::new();
+    distinguished_name.push(DnType::CommonName, name);
+    distinguished_name
+}
+
+fn tls(error: rcgen::Error) -> NetError {
+    NetError::Tls(error.to_string())
+}

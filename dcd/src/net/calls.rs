@@ -1,0 +1,188 @@
+//! Calls that come in and calls that go out: from the first packet until the connection ends.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard, mpsc};
+
+use quinn::{ClientConfig, Connection, Endpoint, Incoming};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+use super::events::Delivery;
+use super::join::{answer, explain};
+use super::peer::{CODE_REFUSED, GreetError, Lanes, Peer, greet};
+use super::verify::names_of_peer;
+use super::{Authority, CloseCause, Limits, NetError, NetEvent, NetTotals, PeerKey, PeerName, PeerStats};
+
+/// What callers and tasks share.
+pub(super) struct Shared {
+    pub(super) local_addr: SocketAddr,
+    pub(super) endpoint: Endpoint,
+    pub(super) dial: ClientConfig,
+    pub(super) who: PeerName,
+    pub(super) authority: Option<Arc<Authority>>,
+    pub(super) limits: Limits,
+    /// Taken by each proven peer that dialled us, until its `Closed` event is read.
+    pub(super) connection_slots: Arc<Semaphore>,
+    /// Taken by each handshake or join under way.
+    pub(super) handshake_slots: Arc<Semaphore>,
+    pub(super) peers: RwLock<BTreeMap<PeerKey, Arc<Peer>>>,
+    pub(super) next_key: AtomicU64,
+    pub(super) totals: Mutex<NetTotals>,
+    /// `None` once it is shut down, so that readers of events see the end.
+    pub(super) events: Mutex<Option<mpsc::Sender<Delivery>>>,
+}
+
+impl Shared {
+    pub(super) fn new_key(&self) -> PeerKey {
+        PeerKey(self.next_key.fetch_add(1, Ordering::Relaxed))
+    }
+
+    pub(super) fn peer(&self, key: PeerKey) -> Option<Arc<Peer>> {
+        self.peers.read().unwrap_or_else(PoisonError::into_inner).get(&key).cloned()
+    }
+
+    pub(super) fn peers_mut(&self) -> RwLockWriteGuard<'_, BTreeMap<PeerKey, Arc<Peer>>> {
+        self.peers.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn totals(&self) -> MutexGuard<'_, NetTotals> {
+        self.totals.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn events(&self) -> Option<mpsc::Sender<Delivery>> {
+        self.events.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// Takes calls, as many at a time as there is room for.
+pub(super) async fn accept(shared: Arc<Shared>) {
+    while let Some(incoming) = shared.endpoint.accept().await {
+        let under_way = shared.limits.handshakes - shared.handshake_slots.available_permits();
+        if under_way >= shared.limits.handshakes_before_retry && incoming.may_retry() {
+            // The address is forged or the caller calls again; either way we keep nothing of it.
+            let _ = incoming.retry();
+            continue;
+        }
+        match shared.handshake_slots.clone().try_acquire_owned() {
+            Ok(slot) => {
+                tokio::spawn(receive(shared.clone(), incoming, slot));
+            }
+            Err(_) => {
+                shared.totals().handshakes_refused += 1;
+                incoming.ignore();
+            }
+        }
+    }
+}
+
+/// Serves one caller: a proven peer for as long as it stays, an anonymous one for one join.
+async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaphorePermit) {
+    let timeout = shared.limits.handshake_timeout;
+    let addr = incoming.remote_address();
+    let connected = tokio::time::timeout(timeout, async { incoming.accept()?.await }).await;
+    let connection = match connected {
+        Ok(Ok(connection)) => connection,
+        Ok(Err(error)) => {
+            tracing::debug!(%addr, "handshake failed: {error}");
+            shared.totals().handshakes_refused += 1;
+            return;
+        }
+        Err(_) => {
+            shared.totals().handshakes_refused += 1;
+            return;
+        }
+    };
+    let Some(who) = names_of_peer(connection.peer_identity()) else {
+        let let_in = match shared.authority.clone() {
+            Some(authority) => answer(&connection, authority, &shared.limits).await,
+            None => false,
+        };
+        let mut totals = shared.totals();
+        if let_in {
+            totals.joins_granted += 1
+        } else {
+            totals.joins_refused += 1
+        }
+        return;
+    };
+    let Ok(slot) = shared.connection_slots.clone().try_acquire_owned() else {
+        shared.totals().handshakes_refused += 1;
+        connection.close(CODE_REFUSED, b"there is no room for more peers; try again later");
+        return;
+    };
+    match tokio::time::timeout(timeout, greet(&connection)).await {
+        Ok(Ok(lanes)) => {
+            drop(handshake);
+            carry(&shared, shared.new_key(), who, connection, lanes, Some(slot)).await;
+        }
+        Ok(Err(_)) | Err(_) => {
+            tracing::debug!(%addr, %who, "no greeting");
+            shared.totals().handshakes_refused += 1;
+            connection.close(CODE_REFUSED, b"no greeting in time");
+        }
+    }
+}
+
+pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addr: SocketAddr, expected: PeerName) {
+    let timeout = shared.limits.handshake_timeout;
+    let greeted = tokio::time::timeout(timeout, call(&shared, addr, expected)).await;
+    match greeted.unwrap_or(Err(NetError::Unreachable { addr, waited: timeout })) {
+        Ok((who, connection, lanes)) => carry(&shared, key, who, connection, lanes, None).await,
+        Err(error) => {
+            if let Some(events) = shared.events() {
+                let _ = events
+                    .send(Delivery { event: NetEvent::ConnectFailed { peer: key, error }, share: None });
+            }
+        }
+    }
+}
+
+async fn call(
+    shared: &Shared,
+    addr: SocketAddr,
+    expected: PeerName,
+) -> Result<(PeerName, Connection, Lanes), NetError> {
+    let failed = |error| explain(addr, expected, shared.limits.idle_timeout, error);
+    let name = &expected.dns_names()[0];
+    let connection = shared
+        .endpoint
+        .connect_with(shared.dial.clone(), addr, name)
+        .map_err(|error| NetError::Broken { addr, detail: error.to_string() })?
+        .await
+        .map_err(failed)?;
+    let who = names_of_peer(connection.peer_identity()).filter(|who| who.answers_to(expected));
+    let Some(who) = who else {
+        connection.close(CODE_REFUSED, b"your certificate has another name");
+        return Err(NetError::WrongPeer { addr, expected, detail: "its names are others".to_owned() });
+    };
+    match greet(&connection).await {
+        Ok(lanes) => Ok((who, connection, lanes)),
+        Err(GreetError::Lost(error)) => Err(failed(error)),
+        Err(GreetError::Refused(reason)) => Err(NetError::Refused { addr, reason }),
+    }
+}
+
+/// A connection's life between its `Connected` and its `Closed`.
+async fn carry(
+    shared: &Arc<Shared>,
+    key: PeerKey,
+    who: PeerName,
+    connection: Connection,
+    lanes: Lanes,
+    slot: Option<OwnedSemaphorePermit>,
+) {
+    let Some(events) = shared.events() else { return };
+    let addr = connection.remote_address();
+    let (peer, receivers) = Peer::new(key, who, connection, lanes, &shared.limits);
+    shared.peers_mut().insert(key, peer.clone());
+    let _ = events.send(Delivery { event: NetEvent::Connected { peer: key, who, addr }, share: None });
+    let (cause, reason) = peer.run(receivers, &events).await;
+    shared.peers_mut().remove(&key);
+    let mut totals = shared.totals();
+    let last = PeerStats { bytes_waiting: 0, rtt: Default::default(), ..peer.stats() };
+    totals.traffic.add(&last);
+    totals.violations += u64::from(cause == CloseCause::Violation);
+    drop(totals);
+    let _ = events.send(Delivery { event: NetEvent::Closed { peer: key, who, cause, reason }, share: slot });
+}

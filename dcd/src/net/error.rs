@@ -1,0 +1,204 @@
+//! What can go wrong, each with its cause and remedy.
+
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::{MAX_DATAGRAM_BYTES, PeerName, Role};
+
+/// Why an authority, an identity, a join or a connection is not to be had.
+#[derive(Debug, thiserror::Error)]
+pub enum NetError {
+    /// A file or folder.
+    #[error("cannot use {}: {source}; check that it exists and that this user may read and write it", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file whose content is not what it should be.
+    #[error("{} is damaged or of another program ({what}); restore it from a copy or remove it and join anew", path.display())]
+    Damaged {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// Two servers on one data folder.
+    #[error("another server is running with the data folder {}; stop it or choose another folder", path.display())]
+    FolderTaken {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The text of a token.
+    #[error(transparent)]
+    Token(#[from] TokenError),
+    /// Two processes on one port.
+    #[error("{addr} is in use by another process; stop it, choose another port, or port 0 for any free one")]
+    PortTaken {
+        /// The address.
+        addr: SocketAddr,
+    },
+    /// The address cannot be listened on.
+    #[error("cannot listen on {addr}: {source}; choose an address of this machine")]
+    Bind {
+        /// The address.
+        addr: SocketAddr,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Nobody answers.
+    #[error("no answer from {addr} within {} ms; check that it is running, the address, and that UDP passes", waited.as_millis())]
+    Unreachable {
+        /// Who was called.
+        addr: SocketAddr,
+        /// For how long.
+        waited: Duration,
+    },
+    /// Whoever answers is not who was asked for.
+    #[error(
+        "{addr} does not prove to be {expected}: {detail}; check the address, and take a token or certificate of that server"
+    )]
+    WrongPeer {
+        /// Who was called.
+        addr: SocketAddr,
+        /// Who should have answered.
+        expected: PeerName,
+        /// What TLS said.
+        detail: String,
+    },
+    /// The server does not let us in.
+    #[error("{addr} refuses: {reason}")]
+    Refused {
+        /// Who was called.
+        addr: SocketAddr,
+        /// Its words, with cause and remedy.
+        reason: String,
+    },
+    /// The connection broke before it was of use.
+    #[error("the connection to {addr} failed: {detail}; try again, and see the log of the other side")]
+    Broken {
+        /// Who was called.
+        addr: SocketAddr,
+        /// What QUIC said.
+        detail: String,
+    },
+    /// Keys or certificates that the library refuses.
+    #[error("TLS cannot be set up ({0}); if it is a certificate's age, join anew with a fresh token")]
+    Tls(String),
+    /// A token for a server: servers own the authority and never join.
+    #[error(
+        "a server needs no token: it runs on the folder of its authority; mint for node, client or participant"
+    )]
+    ServerToken,
+    /// The runtime's threads cannot be started.
+    #[error("cannot start the network threads: {0}; raise the limit of threads or of open files")]
+    Threads(io::Error),
+}
+
+/// Why something is not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SendError {
+    /// No such connection, or none any more.
+    #[error("the peer is not connected; wait for its Connected event or dial it again")]
+    NotConnected,
+    /// The peer reads too slowly.
+    #[error(
+        "{waiting_bytes} bytes wait for a slow peer, the limit is {limit_bytes}; send less, later, or close it"
+    )]
+    Full {
+        /// What waits.
+        waiting_bytes: usize,
+        /// What may wait.
+        limit_bytes: usize,
+    },
+    /// The frame is longer than peers accept from our role.
+    #[error("a frame of {bytes} bytes, peers accept {limit_bytes}; split it")]
+    FrameTooLong {
+        /// What it has.
+        bytes: usize,
+        /// What it may have.
+        limit_bytes: usize,
+    },
+    /// The datagram does not fit into a packet.
+    #[error("a datagram of {bytes} bytes, {max} fit into a packet; split it", max = MAX_DATAGRAM_BYTES)]
+    DatagramTooLong {
+        /// What it has.
+        bytes: usize,
+    },
+}
+
+/// Why a text is not a token, or not the one that is needed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TokenError {
+    /// Not a token at all.
+    #[error(
+        "this is no dcd token: {0}; copy the whole line that `dcd token` printed, which begins with dcd1-"
+    )]
+    Malformed(&'static str),
+    /// A token with an error in it.
+    #[error(
+        "the token is mistyped or cut off: its checksum is wrong; copy the whole line that `dcd token` printed"
+    )]
+    Mistyped,
+    /// A token for something else.
+    #[error("the token is for a {found}, a {wanted} was to join; mint one with `dcd token --role {wanted}`")]
+    WrongRole {
+        /// What it is for.
+        found: Role,
+        /// What it should be for.
+        wanted: Role,
+    },
+}
+
+/// Why a server does not let a process join. Its text travels to the joiner.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum JoinRefusal {
+    /// Unlike programs.
+    #[error(
+        "this server speaks protocol version {server}, the joiner speaks {joiner}; run the same dcd version on both"
+    )]
+    Version {
+        /// Ours.
+        server: u32,
+        /// Theirs.
+        joiner: u32,
+    },
+    /// Not a request.
+    #[error("the join request cannot be read ({0}); run the same dcd version on both sides")]
+    Malformed(&'static str),
+    /// The text in the request is not a token.
+    #[error("{0}")]
+    BadToken(TokenError),
+    /// Minted elsewhere, or forged.
+    #[error(
+        "the token was not minted by this server's authority; mint one with `dcd token` on its data folder"
+    )]
+    OtherAuthority,
+    /// Too late.
+    #[error("the token has expired; mint a new one with `dcd token`")]
+    Expired,
+    /// A second time.
+    #[error(
+        "the token has been used already, and each lets one process in once; mint a new one with `dcd token`"
+    )]
+    Used,
+    /// A resume key for something else.
+    #[error(
+        "the token is for a {token}, the resume key is of a {resume}; mint a token with `dcd token --role {resume}`"
+    )]
+    WrongRole {
+        /// What the token is for.
+        token: Role,
+        /// What the joiner was before.
+        resume: Role,
+    },
+    /// A resume key of another authority, or forged.
+    #[error("the resume key is not of this server's authority; join without it to be given new ids")]
+    BadResumeKey,
+    /// Something failed on our side.
+    #[error("the server could not record the join ({0}); see its log and its disk")]
+    Server(String),
+}

@@ -1,0 +1,36 @@
+//! Reads fields off the front of bytes that may be anything.
+
+/// What is left to read. A `None` says that the bytes end too early.
+pub(super) struct Fields<'a>(pub(super) &'a [u8]);
+
+impl<'a> Fields<'a> {
+    /// The next `N` bytes.
+    pub(super) fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (head, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*head)
+    }
+
+    /// The next bytes, as many as the length of two bytes before them says.
+    pub(super) fn take_counted(&mut self) -> Option<&'a [u8]> {
+        let length = u16::from_be_bytes(self.take()?);
+        let (head, rest) = self.0.split_at_checked(usize::from(length))?;
+        self.0 = rest;
+        Some(head)
+    }
+
+    /// `None` when something is left.
+    pub(super) fn end(&self) -> Option<()> {
+        self.0.is_empty().then_some(())
+    }
+}
+
+/// Writes what [`Fields::take_counted`] reads.
+///
+/// # Panics
+/// When `field` is longer than 65,535 bytes: certificates and tokens of ours are far shorter.
+pub(super) fn put_counted(bytes: &mut Vec<u8>, field: &[u8]) {
+    let length = u16::try_from(field.len()).expect("fields of joins are short");
+    bytes.extend(length.to_be_bytes());
+    bytes.extend(field);
+}

@@ -1,0 +1,60 @@
+//! Files that hold secrets: readable by their owner only, replaced as a whole or not at all.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::Path;
+
+use super::NetError;
+
+/// Turns the system's error into one that names the file.
+pub(super) fn at(path: &Path) -> impl FnOnce(io::Error) -> NetError + '_ {
+    |source| NetError::File { path: path.to_owned(), source }
+}
+
+/// Opens with mode 0600 on systems that know it.
+pub(super) fn open_private(path: &Path, options: &mut OpenOptions) -> Result<File, NetError> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt;
+        options.mode(0o600);
+    }
+    options.open(path).map_err(at(path))
+}
+
+/// Writes a private file so that after a crash it holds the old or the new content, never a part.
+pub(super) fn replace_private(path: &Path, content: &[u8]) -> Result<(), NetError> {
+    let draft = path.with_extension("draft");
+    // A draft left by a crash may have other permissions; it is made anew.
+    match fs::remove_file(&draft) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(at(&draft)(error)),
+        _ => {}
+    }
+    let mut file = open_private(&draft, OpenOptions::new().write(true).create_new(true))?;
+    file.write_all(content).and_then(|()| file.sync_all()).map_err(at(&draft))?;
+    fs::rename(&draft, path).map_err(at(path))?;
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        // The rename itself is durable only when the folder is.
+        #[cfg(unix)]
+        File::open(folder).and_then(|folder| folder.sync_all()).map_err(at(folder))?;
+        #[cfg(not(unix))]
+        let _ = folder;
+    }
+    Ok(())
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn a_replaced_file_is_for_its_owner_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("secret.pem");
+        fs::write(&path, "old").unwrap();
+        replace_private(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+    }
+}

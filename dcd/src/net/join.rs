@@ -1,0 +1,272 @@
+//! How a process without a name gets one: it trades a token for a certificate.
+
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+use quinn::crypto::rustls::QuicClientConfig;
+use quinn::{Connection, ConnectionError, Endpoint};
+use rcgen::{CertificateParams, KeyPair};
+use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
+
+use super::fields::{Fields, put_counted};
+use super::peer::{CODE_DONE, CODE_VIOLATION};
+use super::verify::joining;
+use super::{
+    Authority, Identity, JoinRefusal, Limits, NetError, PROTOCOL_VERSION, PeerName, ResumeKey, Role, Token,
+};
+use crate::space::{ClientId, NodeId};
+
+/// Trades a token for an identity at the server on `server`, waiting no longer than `timeout`. With the resume key of an
+/// earlier identity the ids are the same again.
+///
+/// # Panics
+/// Inside a tokio runtime: this call blocks.
+pub fn join(
+    server: SocketAddr,
+    token: &Token,
+    resume: Option<&ResumeKey>,
+    timeout: Duration,
+) -> Result<Identity, NetError> {
+    let key = KeyPair::generate().map_err(tls)?;
+    let csr = CertificateParams::default().serialize_request(&key).map_err(tls)?;
+    let request = JoinRequest {
+        token: token.to_string(),
+        csr: csr.der().to_vec(),
+        resume: resume.map(ResumeKey::to_string),
+    };
+    let request = request.encode(PROTOCOL_VERSION);
+    let reply = exchange(server, token.fingerprint, &request, timeout)?;
+    let broken = |detail: &str| NetError::Broken { addr: server, detail: detail.to_owned() };
+    let admission = match decode_reply(&reply).ok_or_else(|| broken("its answer cannot be read"))? {
+        Ok(admission) => admission,
+        Err(reason) => return Err(NetError::Refused { addr: server, reason }),
+    };
+    Ok(Identity {
+        who: admission.who,
+        key: PrivatePkcs8KeyDer::from(key.serialize_der()),
+        certificate: CertificateDer::from(admission.certificate),
+        authority: CertificateDer::from(admission.authority),
+        resume: Some(admission.resume.parse()?),
+    })
+}
+
+/// What a joiner says.
+pub(super) struct JoinRequest {
+    pub(super) token: String,
+    pub(super) csr: Vec<u8>,
+    pub(super) resume: Option<String>,
+}
+
+/// What it gets.
+pub(super) struct Admission {
+    pub(super) who: PeerName,
+    pub(super) certificate: Vec<u8>,
+    pub(super) authority: Vec<u8>,
+    pub(super) resume: String,
+}
+
+/// Requests and answers are short; longer ones are cut off.
+const MESSAGE_LIMIT_BYTES: usize = 16 << 10;
+/// So that a request is known as one whatever its version.
+const MAGIC: [u8; 4] = *b"join";
+
+impl JoinRequest {
+    pub(super) fn encode(&self, version: u32) -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(version.to_be_bytes());
+        put_counted(&mut bytes, self.token.as_bytes());
+        put_counted(&mut bytes, &self.csr);
+        put_counted(&mut bytes, self.resume.as_deref().unwrap_or_default().as_bytes());
+        bytes
+    }
+
+    /// The version comes first: what follows it may differ between versions.
+    pub(super) fn decode(bytes: &[u8]) -> Result<Self, JoinRefusal> {
+        let mut fields = Fields(bytes);
+        if fields.take() != Some(MAGIC) {
+            return Err(JoinRefusal::Malformed("its beginning"));
+        }
+        let joiner = u32::from_be_bytes(fields.take().ok_or(JoinRefusal::Malformed("its version"))?);
+        if joiner != PROTOCOL_VERSION {
+            return Err(JoinRefusal::Version { server: PROTOCOL_VERSION, joiner });
+        }
+        let mut read = || {
+            let token = String::from_utf8(fields.take_counted()?.to_vec()).ok()?;
+            let csr = fields.take_counted()?.to_vec();
+            let resume = String::from_utf8(fields.take_counted()?.to_vec()).ok()?;
+            fields.end()?;
+            Some(Self { token, csr, resume: Some(resume).filter(|key| !key.is_empty()) })
+        };
+        read().ok_or(JoinRefusal::Malformed("its fields"))
+    }
+}
+
+fn encode_reply(answer: &Result<Admission, JoinRefusal>) -> Vec<u8> {
+    match answer {
+        Err(refusal) => [&[0], refusal.to_string().as_bytes()].concat(),
+        Ok(admission) => {
+            let mut bytes = vec![1, admission.who.role().code()];
+            bytes.extend(admission.who.node().unwrap_or_default().0.to_be_bytes());
+            bytes.extend(admission.who.client().unwrap_or_default().0.to_be_bytes());
+            put_counted(&mut bytes, &admission.certificate);
+            put_counted(&mut bytes, &admission.authority);
+            put_counted(&mut bytes, admission.resume.as_bytes());
+            bytes
+        }
+    }
+}
+
+fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, String>> {
+    let mut fields = Fields(bytes);
+    match fields.take()? {
+        [0] => Some(Err(String::from_utf8_lossy(fields.0).into_owned())),
+        [1] => {
+            let role = Role::from_code(fields.take::<1>()?[0])?;
+            let node = Some(u32::from_be_bytes(fields.take()?)).filter(|id| *id > 0).map(NodeId);
+            let client = Some(u32::from_be_bytes(fields.take()?)).filter(|id| *id > 0).map(ClientId);
+            let who = PeerName::from_parts(role, node, client)?;
+            let certificate = fields.take_counted()?.to_vec();
+            let authority = fields.take_counted()?.to_vec();
+            let resume = String::from_utf8(fields.take_counted()?.to_vec()).ok()?;
+            fields.end()?;
+            Some(Ok(Admission { who, certificate, authority, resume }))
+        }
+        _ => None,
+    }
+}
+
+/// Dials without a name, says `request`, returns the answer.
+pub(super) fn exchange(
+    server: SocketAddr,
+    fingerprint: [u8; 32],
+    request: &[u8],
+    timeout: Duration,
+) -> Result<Vec<u8>, NetError> {
+    let runtime =
+        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(NetError::Threads)?;
+    runtime.block_on(async {
+        let (endpoint, dialling) = anonymous(server, fingerprint, timeout)?;
+        let unreachable = |_| NetError::Unreachable { addr: server, waited: timeout };
+        let answer = tokio::time::timeout(timeout, async {
+            let failed = |error| explain(server, PeerName::Server, timeout, error);
+            let connection = dialling.await.map_err(failed)?;
+            ask(&connection, request).await.map_err(failed)
+        });
+        let answer = answer.await.map_err(unreachable)?;
+        endpoint.close(CODE_DONE, b"joined");
+        let _ = tokio::time::timeout(Duration::from_millis(200), endpoint.wait_idle()).await;
+        answer
+    })
+}
+
+/// An endpoint without a certificate, and its connection to a server.
+pub(super) fn anonymous(
+    server: SocketAddr,
+    fingerprint: [u8; 32],
+    timeout: Duration,
+) -> Result<(Endpoint, quinn::Connecting), NetError> {
+    let local = match server {
+        SocketAddr::V4(_) => SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)),
+        SocketAddr::V6(_) => SocketAddr::from((Ipv6Addr::UNSPECIFIED, 0)),
+    };
+    let endpoint = Endpoint::client(local).map_err(|source| NetError::Bind { addr: local, source })?;
+    let crypto = QuicClientConfig::try_from(joining(fingerprint)?)
+        .map_err(|error| NetError::Tls(error.to_string()))?;
+    let mut config = quinn::ClientConfig::new(Arc::new(crypto));
+    config.transport_config(Limits { idle_timeout: timeout, ..Limits::default() }.transport(0));
+    let name = &PeerName::Server.dns_names()[0];
+    let connecting = endpoint
+        .connect_with(config, server, name)
+        .map_err(|error| NetError::Broken { addr: server, detail: error.to_string() })?;
+    Ok((endpoint, connecting))
+}
+
+async fn ask(connection: &Connection, request: &[u8]) -> Result<Vec<u8>, ConnectionError> {
+    let (mut send, mut receive) = connection.open_bi().await?;
+    let sent = send.write_all(request).await.is_ok() && send.finish().is_ok();
+    match receive.read_to_end(MESSAGE_LIMIT_BYTES).await {
+        Ok(answer) if sent => Ok(answer),
+        _ => {
+            connection.close(CODE_VIOLATION, b"no answer to a join request");
+            Err(connection.closed().await)
+        }
+    }
+}
+
+/// The server's side: reads one request, answers it, and nothing else. Returns whether the peer was let in.
+pub(super) async fn answer(connection: &Connection, authority: Arc<Authority>, limits: &Limits) -> bool {
+    let deadline = tokio::time::Instant::now() + limits.handshake_timeout;
+    let request = async {
+        tokio::select! {
+            streams = connection.accept_bi() => streams.ok(),
+            _ = connection.accept_uni() => None,
+            _ = connection.read_datagram() => None,
+        }
+    };
+    let request = async {
+        let (send, mut receive) = request.await?;
+        Some((send, receive.read_to_end(MESSAGE_LIMIT_BYTES).await.ok()?))
+    };
+    let Ok(Some((mut send, request))) = tokio::time::timeout_at(deadline, request).await else {
+        connection.close(
+            CODE_VIOLATION,
+            b"a peer without a certificate may only ask to join, with `dcd token`'s text",
+        );
+        return false;
+    };
+    // Signing and writing to disk would hold up all connections.
+    let answer = tokio::task::spawn_blocking(move || {
+        authority.admit(&JoinRequest::decode(&request)?, SystemTime::now())
+    });
+    let answer = answer.await.unwrap_or_else(|error| Err(JoinRefusal::Server(error.to_string())));
+    match &answer {
+        Ok(admission) => tracing::info!(who = %admission.who, addr = %connection.remote_address(), "joined"),
+        Err(refusal) => tracing::warn!(addr = %connection.remote_address(), "join refused: {refusal}"),
+    }
+    if send.write_all(&encode_reply(&answer)).await.is_ok() && send.finish().is_ok() {
+        // The joiner closes when it has read the answer.
+        let _ = tokio::time::timeout_at(deadline, connection.closed()).await;
+    }
+    connection.close(CODE_DONE, b"answered");
+    answer.is_ok()
+}
+
+/// Why a connection that we dialled came to nothing.
+pub(super) fn explain(
+    addr: SocketAddr,
+    expected: PeerName,
+    waited: Duration,
+    error: ConnectionError,
+) -> NetError {
+    let is_tls = |code: quinn::TransportErrorCode| (0x100..0x200).contains(&u64::from(code));
+    match error {
+        ConnectionError::TimedOut => NetError::Unreachable { addr, waited },
+        ConnectionError::TransportError(error) if is_tls(error.code) => {
+            NetError::WrongPeer { addr, expected, detail: error.reason }
+        }
+        ConnectionError::ConnectionClosed(close) if is_tls(close.error_code) => NetError::Refused {
+            addr,
+            reason: format!(
+                "it does not accept our certificate ({}); join anew with a fresh token of its server",
+                close.error_code
+            ),
+        },
+        ConnectionError::ConnectionClosed(close)
+            if close.error_code == quinn::TransportErrorCode::CONNECTION_REFUSED =>
+        {
+            NetError::Refused {
+                addr,
+                reason: "it has no room for more connections; try again later".to_owned(),
+            }
+        }
+        ConnectionError::ApplicationClosed(close) => {
+            NetError::Refused { addr, reason: String::from_utf8_lossy(&close.reason).into_owned() }
+        }
+        error => NetError::Broken { addr, detail: error.to_string() },
+    }
+}
+
+fn tls(error: rcgen::Error) -> NetError {
+    NetError::Tls(error.to_string())
+}

@@ -1,0 +1,154 @@
+//! What an authority must not forget: which tokens were used, and which ids are given away.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::Write;
+use std::path::Path;
+
+use super::files::{at, open_private, replace_private};
+use super::token::NONCE_BYTES;
+use super::{NetError, PeerName, Role};
+use crate::space::{ClientId, NodeId};
+
+type Nonce = [u8; NONCE_BYTES];
+
+/// The record of joins: one line of `joins.log` each, on disk before the joiner gets its answer. A server holds the
+/// folder's lock while it has the ledger open; minting tokens needs no ledger.
+pub(super) struct Ledger {
+    log: File,
+    log_path: std::path::PathBuf,
+    /// Nonces of used tokens, each until its token would have expired anyway.
+    used_until_s: BTreeMap<Nonce, u64>,
+    last_node: u32,
+    last_client: u32,
+    _lock: File,
+}
+
+impl Ledger {
+    /// Reads the record back, and forgets tokens that have expired.
+    pub(super) fn open(folder: &Path, now_s: u64) -> Result<Self, NetError> {
+        let lock_path = folder.join("server.lock");
+        let lock = open_private(&lock_path, OpenOptions::new().create(true).append(true))?;
+        lock.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => NetError::FolderTaken { path: folder.to_owned() },
+            TryLockError::Error(source) => at(&lock_path)(source),
+        })?;
+        let log_path = folder.join("joins.log");
+        let content = match fs::read_to_string(&log_path) {
+            Ok(content) => content,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            Err(error) => return Err(at(&log_path)(error)),
+        };
+        let mut used_until_s = BTreeMap::new();
+        let (mut last_node, mut last_client) = (0, 0);
+        // A last line without its end was cut by a crash; its joiner never got an answer.
+        let whole = &content[..content.rfind('\n').map_or(0, |end| end + 1)];
+        for line in whole.lines() {
+            let (nonce, until_s, node, client) = parse_line(line).ok_or_else(|| NetError::Damaged {
+                path: log_path.clone(),
+                what: format!("the line `{line}`"),
+            })?;
+            last_node = last_node.max(node);
+            last_client = last_client.max(client);
+            if until_s >= now_s {
+                used_until_s.insert(nonce, until_s);
+            }
+        }
+        let mut compact = format_line(&[0; NONCE_BYTES], 0, last_node, last_client);
+        for (nonce, until_s) in &used_until_s {
+            compact.push_str(&format_line(nonce, *until_s, 0, 0));
+        }
+        replace_private(&log_path, compact.as_bytes())?;
+        let log = open_private(&log_path, OpenOptions::new().append(true))?;
+        Ok(Self { log, log_path, used_until_s, last_node, last_client, _lock: lock })
+    }
+
+    pub(super) fn is_used(&self, nonce: &Nonce) -> bool {
+        self.used_until_s.contains_key(nonce)
+    }
+
+    /// Marks a token as used and gives ids for `role`, or those of `resumed`. On disk when this returns.
+    pub(super) fn record(
+        &mut self,
+        nonce: Nonce,
+        until_s: u64,
+        role: Role,
+        resumed: Option<PeerName>,
+        now_s: u64,
+    ) -> Result<PeerName, NetError> {
+        let who = resumed.unwrap_or_else(|| {
+            let (node, client) = (NodeId(self.last_node + 1), ClientId(self.last_client + 1));
+            match role {
+                Role::Server => PeerName::Server,
+                Role::Node => PeerName::Node(node),
+                Role::Client => PeerName::Client(client),
+                Role::Participant => PeerName::Participant(node, client),
+            }
+        });
+        let (node, client) = (who.node().unwrap_or_default().0, who.client().unwrap_or_default().0);
+        let line = format_line(&nonce, until_s, node, client);
+        self.log
+            .write_all(line.as_bytes())
+            .and_then(|()| self.log.sync_data())
+            .map_err(at(&self.log_path))?;
+        self.used_until_s.retain(|_, until_s| *until_s >= now_s);
+        self.used_until_s.insert(nonce, until_s);
+        self.last_node = self.last_node.max(node);
+        self.last_client = self.last_client.max(client);
+        Ok(who)
+    }
+}
+
+fn format_line(nonce: &Nonce, until_s: u64, node: u32, client: u32) -> String {
+    format!("{:032x} {until_s} {node} {client}\n", u128::from_be_bytes(*nonce))
+}
+
+fn parse_line(line: &str) -> Option<(Nonce, u64, u32, u32)> {
+    let mut words = line.split(' ');
+    let nonce = u128::from_str_radix(words.next()?, 16).ok()?.to_be_bytes();
+    let (until_s, node) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+    let client = words.next()?.parse().ok()?;
+    words.next().is_none().then_some((nonce, until_s, node, client))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nonces_and_ids_survive_reopening_until_they_expire() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut ledger = Ledger::open(folder.path(), 0).unwrap();
+        let first = ledger.record([1; 16], 100, Role::Node, None, 0).unwrap();
+        let second = ledger.record([2; 16], 200, Role::Participant, None, 0).unwrap();
+        assert_eq!(first, PeerName::Node(NodeId(1)));
+        assert_eq!(second, PeerName::Participant(NodeId(2), ClientId(1)));
+        drop(ledger);
+
+        let mut ledger = Ledger::open(folder.path(), 150).unwrap();
+        assert!(!ledger.is_used(&[1; 16]), "its token has expired, which is reason enough to refuse it");
+        assert!(ledger.is_used(&[2; 16]));
+        let third = ledger.record([3; 16], 300, Role::Node, None, 150).unwrap();
+        assert_eq!(third, PeerName::Node(NodeId(3)));
+    }
+
+    #[test]
+    fn a_line_cut_by_a_crash_is_forgotten_and_a_damaged_one_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("joins.log");
+        fs::write(&path, format!("{}{}", format_line(&[1; 16], 100, 1, 0), "0202")).unwrap();
+        let ledger = Ledger::open(folder.path(), 0).unwrap();
+        assert!(ledger.is_used(&[1; 16]));
+        assert_eq!(ledger.used_until_s.len(), 1);
+        drop(ledger);
+        fs::write(&path, "what is this\n").unwrap();
+        assert!(matches!(Ledger::open(folder.path(), 0), Err(NetError::Damaged { .. })));
+    }
+
+    #[test]
+    fn two_servers_never_share_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let _ledger = Ledger::open(folder.path(), 0).unwrap();
+        assert!(matches!(Ledger::open(folder.path(), 0), Err(NetError::FolderTaken { .. })));
+    }
+}

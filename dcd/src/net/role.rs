@@ -1,0 +1,203 @@
+//! What a process is to the others, and the names that its certificate proves.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::space::{ClientId, NodeId};
+
+/// What a process does in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Role {
+    /// Directory, record and arbiter.
+    Server,
+    /// Computes regions.
+    Node,
+    /// Hosts avatars.
+    Client,
+    /// Node and client in one process (thesis: the usual case).
+    Participant,
+}
+
+impl Role {
+    pub(super) fn code(self) -> u8 {
+        match self {
+            Self::Server => 0,
+            Self::Node => 1,
+            Self::Client => 2,
+            Self::Participant => 3,
+        }
+    }
+
+    pub(super) fn from_code(code: u8) -> Option<Self> {
+        [Self::Server, Self::Node, Self::Client, Self::Participant]
+            .into_iter()
+            .find(|role| role.code() == code)
+    }
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Server => "server",
+            Self::Node => "node",
+            Self::Client => "client",
+            Self::Participant => "participant",
+        })
+    }
+}
+
+impl FromStr for Role {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        [Self::Server, Self::Node, Self::Client, Self::Participant]
+            .into_iter()
+            .find(|role| role.to_string() == text)
+            .ok_or_else(|| format!("`{text}` is no role; say server, node, client or participant"))
+    }
+}
+
+/// A process's proven name: its role and the ids that the server gave it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum PeerName {
+    /// `server.dcd`
+    Server,
+    /// `node-3.dcd`
+    Node(NodeId),
+    /// `client-7.dcd`
+    Client(ClientId),
+    /// `node-3.dcd` and `client-7.dcd`
+    Participant(NodeId, ClientId),
+}
+
+impl PeerName {
+    /// The role that the name implies.
+    pub fn role(self) -> Role {
+        match self {
+            Self::Server => Role::Server,
+            Self::Node(_) => Role::Node,
+            Self::Client(_) => Role::Client,
+            Self::Participant(..) => Role::Participant,
+        }
+    }
+
+    /// The id as a node, if it is one.
+    pub fn node(self) -> Option<NodeId> {
+        match self {
+            Self::Node(node) | Self::Participant(node, _) => Some(node),
+            Self::Server | Self::Client(_) => None,
+        }
+    }
+
+    /// The id as a client, if it is one.
+    pub fn client(self) -> Option<ClientId> {
+        match self {
+            Self::Client(client) | Self::Participant(_, client) => Some(client),
+            Self::Server | Self::Node(_) => None,
+        }
+    }
+
+    /// Whether a process that proved to be `self` is the one that was asked for: a participant answers to its names
+    /// as node and as client too.
+    pub fn answers_to(self, expected: PeerName) -> bool {
+        match expected {
+            Self::Server | Self::Participant(..) => self == expected,
+            Self::Node(node) => self.node() == Some(node),
+            Self::Client(client) => self.client() == Some(client),
+        }
+    }
+
+    /// The name and ids of `role`, when exactly the ids that the role has are there.
+    pub(super) fn from_parts(role: Role, node: Option<NodeId>, client: Option<ClientId>) -> Option<Self> {
+        match (role, node, client) {
+            (Role::Server, None, None) => Some(Self::Server),
+            (Role::Node, Some(node), None) => Some(Self::Node(node)),
+            (Role::Client, None, Some(client)) => Some(Self::Client(client)),
+            (Role::Participant, Some(node), Some(client)) => Some(Self::Participant(node, client)),
+            _ => None,
+        }
+    }
+
+    /// The DNS names of the certificate.
+    pub(super) fn dns_names(self) -> Vec<String> {
+        let mut names = Vec::new();
+        if self == Self::Server {
+            names.push("server.dcd".to_owned());
+        }
+        names.extend(self.node().map(|node| format!("node-{}.dcd", node.0)));
+        names.extend(self.client().map(|client| format!("client-{}.dcd", client.0)));
+        names
+    }
+
+    /// The name of a certificate with exactly these DNS names.
+    pub(super) fn from_dns_names<'a>(names: impl Iterator<Item = &'a str>) -> Option<Self> {
+        let (mut server, mut node, mut client) = (false, None, None);
+        for name in names {
+            let label = name.strip_suffix(".dcd")?;
+            if label == "server" && !server {
+                server = true;
+            } else if let (Some(number), None) = (label.strip_prefix("node-"), node) {
+                node = Some(NodeId(number.parse().ok()?));
+            } else if let (Some(number), None) = (label.strip_prefix("client-"), client) {
+                client = Some(ClientId(number.parse().ok()?));
+            } else {
+                return None;
+            }
+        }
+        let role = match (server, node.is_some(), client.is_some()) {
+            (true, ..) => Role::Server,
+            (false, true, true) => Role::Participant,
+            (false, true, false) => Role::Node,
+            (false, false, _) => Role::Client,
+        };
+        Self::from_parts(role, node, client)
+    }
+}
+
+impl fmt::Display for PeerName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.dns_names().join("+"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAMES: [PeerName; 4] = [
+        PeerName::Server,
+        PeerName::Node(NodeId(3)),
+        PeerName::Client(ClientId(7)),
+        PeerName::Participant(NodeId(3), ClientId(7)),
+    ];
+
+    #[test]
+    fn every_name_survives_its_certificate() {
+        for name in NAMES {
+            assert_eq!(PeerName::from_dns_names(name.dns_names().iter().map(String::as_str)), Some(name));
+        }
+    }
+
+    #[test]
+    fn names_that_mix_or_repeat_roles_are_none() {
+        for names in [
+            vec![],
+            vec!["server.dcd", "node-1.dcd"],
+            vec!["node-1.dcd", "node-2.dcd"],
+            vec!["node-x.dcd"],
+            vec!["node-1.example"],
+            vec!["leader.dcd"],
+        ] {
+            assert_eq!(PeerName::from_dns_names(names.iter().copied()), None, "{names:?}");
+        }
+    }
+
+    #[test]
+    fn a_participant_answers_as_node_and_as_client_but_not_as_another() {
+        let both = NAMES[3];
+        assert!(both.answers_to(PeerName::Node(NodeId(3))));
+        assert!(both.answers_to(PeerName::Client(ClientId(7))));
+        assert!(!both.answers_to(PeerName::Node(NodeId(4))));
+        assert!(!PeerName::Client(ClientId(3)).answers_to(PeerName::Node(NodeId(3))));
+    }
+}

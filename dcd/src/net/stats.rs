@@ -1,0 +1,93 @@
+//! Counters.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// What has passed over one connection. Bytes are those of frames and datagrams, without QUIC's own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PeerStats {
+    /// Bytes received.
+    pub bytes_in: u64,
+    /// Bytes given to send.
+    pub bytes_out: u64,
+    /// Frames received.
+    pub frames_in: u64,
+    /// Frames given to send.
+    pub frames_out: u64,
+    /// Datagrams received.
+    pub datagrams_in: u64,
+    /// Datagrams given to send.
+    pub datagrams_out: u64,
+    /// Datagrams that we dropped: the link was congested, or our own loop was slow to read them.
+    pub datagrams_dropped: u64,
+    /// Bytes that wait because the peer or the link is slow.
+    pub bytes_waiting: u64,
+    /// Smoothed round trip as QUIC sees it. In totals: of the slowest peer.
+    pub rtt: Duration,
+}
+
+/// What has passed over all connections since the start, and who came.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NetTotals {
+    /// Sums over living and closed connections.
+    pub traffic: PeerStats,
+    /// Living connections.
+    pub peers: u64,
+    /// Joins granted.
+    pub joins_granted: u64,
+    /// Joins refused, and anonymous peers that sent anything else.
+    pub joins_refused: u64,
+    /// Handshakes that failed or were turned away.
+    pub handshakes_refused: u64,
+    /// Connections closed because the peer broke a rule.
+    pub violations: u64,
+}
+
+impl PeerStats {
+    pub(super) fn add(&mut self, other: &Self) {
+        self.bytes_in += other.bytes_in;
+        self.bytes_out += other.bytes_out;
+        self.frames_in += other.frames_in;
+        self.frames_out += other.frames_out;
+        self.datagrams_in += other.datagrams_in;
+        self.datagrams_out += other.datagrams_out;
+        self.datagrams_dropped += other.datagrams_dropped;
+        self.bytes_waiting += other.bytes_waiting;
+        self.rtt = self.rtt.max(other.rtt);
+    }
+}
+
+/// The counters that tasks and callers share.
+#[derive(Default)]
+pub(super) struct Counters {
+    pub(super) bytes_in: AtomicU64,
+    pub(super) bytes_out: AtomicU64,
+    pub(super) frames_in: AtomicU64,
+    pub(super) frames_out: AtomicU64,
+    pub(super) datagrams_in: AtomicU64,
+    pub(super) datagrams_out: AtomicU64,
+    pub(super) datagrams_dropped: AtomicU64,
+}
+
+impl Counters {
+    pub(super) fn read(&self, bytes_waiting: usize, rtt: Duration) -> PeerStats {
+        let value = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        PeerStats {
+            bytes_in: value(&self.bytes_in),
+            bytes_out: value(&self.bytes_out),
+            frames_in: value(&self.frames_in),
+            frames_out: value(&self.frames_out),
+            datagrams_in: value(&self.datagrams_in),
+            datagrams_out: value(&self.datagrams_out),
+            datagrams_dropped: value(&self.datagrams_dropped),
+            bytes_waiting: bytes_waiting as u64,
+            rtt,
+        }
+    }
+}
+
+/// Counts one message of `bytes` in a pair of counters.
+pub(super) fn count(messages: &AtomicU64, byte_sum: &AtomicU64, bytes: usize) {
+    messages.fetch_add(1, Ordering::Relaxed);
+    byte_sum.fetch_add(bytes as u64, Ordering::Relaxed);
+}

@@ -1,0 +1,237 @@
+//! Peers that break rules, are slow, or vanish.
+
+use std::time::Instant;
+
+use super::*;
+use crate::net::join::anonymous;
+use crate::space::NodeId;
+
+#[test]
+fn a_killed_peer_is_reported_within_the_idle_time_out() {
+    let server = Server::start();
+    let node = server.process(Role::Node);
+    node.connect_to(&server.process);
+    let start = Instant::now();
+    node.net.vanish();
+    assert_eq!(server.process.closed().0, CloseCause::TimedOut);
+    let waited = start.elapsed();
+    assert!(waited < Duration::from_secs(3), "{waited:?}");
+}
+
+#[test]
+fn a_silent_peer_that_lives_is_kept() {
+    let limits = Limits {
+        idle_timeout: Duration::from_millis(400),
+        keep_alive: Duration::from_millis(50),
+        ..Limits::default()
+    };
+    let server = Server::with_limits(limits.clone());
+    let node = Process::start(server.join(Role::Node), None, limits);
+    let (here, _) = node.connect_to(&server.process);
+    assert!(node.events.recv_timeout(Duration::from_millis(1_200)).is_err(), "nothing happens for long");
+    node.net.send(here, Lane::Admin, b"still here").unwrap();
+    assert_eq!(server.process.frame().1, b"still here");
+}
+
+#[test]
+fn a_frame_longer_than_the_role_may_send_closes_the_connection() {
+    let server = Server::start();
+    let generous = Limits { client_frame_bytes: 1 << 20, ..Limits::default() };
+    let client = Process::start(server.join(Role::Client), None, generous);
+    let (here, _) = client.connect_to(&server.process);
+    client.net.send(here, Lane::Client, vec![0; 64 << 10]).unwrap();
+    assert_eq!(server.process.frame().1.len(), 64 << 10);
+    client.net.send(here, Lane::Client, vec![0; (64 << 10) + 1]).unwrap();
+    let (cause, reason) = server.process.closed();
+    assert_eq!(cause, CloseCause::Violation);
+    assert!(reason.contains("a frame of 65537 bytes on the client lane"), "{reason}");
+    let (cause, told) = client.closed();
+    assert_eq!((cause, told), (CloseCause::ByPeer, reason));
+    assert_eq!(server.process.net.totals().violations, 1);
+}
+
+#[test]
+fn an_anonymous_peer_that_does_not_join_is_closed() {
+    let server = Server::start();
+    let fingerprint = server.token(Role::Node).fingerprint;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    for attempt in 0..2 {
+        let closed = runtime.block_on(async {
+            let (_endpoint, connecting) = anonymous(server.addr(), fingerprint, PATIENCE).unwrap();
+            let connection = connecting.await.unwrap();
+            if attempt == 0 {
+                let mut stream = connection.open_uni().await.unwrap();
+                stream.write_all(b"let me in").await.unwrap();
+                tokio::time::timeout(PATIENCE, connection.closed()).await.unwrap()
+            } else {
+                connection.send_datagram(b"let me in".to_vec().into()).unwrap();
+                tokio::time::timeout(PATIENCE, connection.closed()).await.unwrap()
+            }
+        });
+        assert!(closed.to_string().contains("may only ask to join"), "{closed}");
+    }
+    assert_eq!(server.process.net.totals().joins_refused, 2);
+    assert!(server.process.events.try_recv().is_err(), "the role's loop hears nothing of it");
+}
+
+#[test]
+fn peers_of_another_version_are_told_both() {
+    let server = Server::start();
+    let identity = server.join(Role::Node);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    for (greeting, reason) in [([0, 77, 0, 0, 0], "version 1, the other 77"), ([9, 1, 0, 0, 0], "greeting")] {
+        let closed = runtime.block_on(async {
+            let endpoint = quinn::Endpoint::client(anywhere()).unwrap();
+            let crypto = crate::net::verify::dialling(&identity).unwrap();
+            let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
+            let config = quinn::ClientConfig::new(Arc::new(crypto));
+            let connection =
+                endpoint.connect_with(config, server.addr(), "server.dcd").unwrap().await.unwrap();
+            let mut stream = connection.open_uni().await.unwrap();
+            stream.write_all(&greeting).await.unwrap();
+            tokio::time::timeout(PATIENCE, connection.closed()).await.unwrap()
+        });
+        assert!(closed.to_string().contains(reason), "{closed}");
+    }
+    assert!(server.process.events.try_recv().is_err(), "the role's loop hears nothing of it");
+}
+
+#[test]
+fn under_load_callers_prove_their_address_first_and_get_in_all_the_same() {
+    let server = Server::with_limits(Limits { handshakes_before_retry: 0, ..Limits::default() });
+    let node = server.process(Role::Node);
+    node.connect_to(&server.process);
+}
+
+#[test]
+fn handshakes_beyond_the_limit_are_not_answered() {
+    let server = Server::with_limits(Limits { handshakes: 1, ..Limits::default() });
+    let token = server.token(Role::Node);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let idle = runtime.block_on(async {
+        let (endpoint, connecting) = anonymous(server.addr(), token.fingerprint, PATIENCE).unwrap();
+        (endpoint, connecting.await.unwrap())
+    });
+    let error = join(server.addr(), &token, None, Duration::from_millis(300)).unwrap_err();
+    assert!(matches!(error, NetError::Unreachable { .. }), "{error}");
+    drop((idle, runtime));
+    join(server.addr(), &token, None, PATIENCE).unwrap();
+}
+
+#[test]
+fn a_node_does_not_talk_to_anonymous_peers_at_all() {
+    let server = Server::start();
+    let node = server.process(Role::Node);
+    let error = join(node.net.local_addr(), &server.token(Role::Node), None, PATIENCE).unwrap_err();
+    assert!(matches!(error, NetError::WrongPeer { .. }), "a node is no server: {error}");
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let authority = server.token(Role::Node).fingerprint;
+    let closed = runtime.block_on(async {
+        let (endpoint, _) = anonymous(node.net.local_addr(), authority, PATIENCE).unwrap();
+        let crypto = crate::net::verify::joining(authority).unwrap();
+        let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
+        let config = quinn::ClientConfig::new(Arc::new(crypto));
+        let name = &node.net.who().dns_names()[0];
+        let connection = endpoint.connect_with(config, node.net.local_addr(), name).unwrap().await;
+        match connection {
+            Ok(connection) => tokio::time::timeout(PATIENCE, connection.closed()).await.unwrap(),
+            Err(error) => error,
+        }
+    });
+    assert!(closed.to_string().contains("certificate"), "{closed}");
+    assert!(node.events.try_recv().is_err());
+}
+
+#[test]
+fn whoever_answers_under_another_name_is_not_talked_to() {
+    let server = Server::start();
+    let (one, two) = (server.process(Role::Node), server.process(Role::Node));
+    for expected in [PeerName::Node(NodeId(9)), PeerName::Server] {
+        one.net.connect(two.net.local_addr(), expected);
+        let error = one.refused();
+        assert!(matches!(error, NetError::WrongPeer { .. }), "{error}");
+    }
+}
+
+#[test]
+fn processes_of_two_worlds_do_not_talk() {
+    let (server, foreign) = (Server::start(), Server::start());
+    let stranger = foreign.process(Role::Node);
+    stranger.net.connect(server.addr(), PeerName::Server);
+    let error = stranger.refused();
+    assert!(matches!(error, NetError::WrongPeer { .. }), "{error}");
+}
+
+#[test]
+fn a_slow_reader_costs_its_limit_and_does_not_hold_up_others() {
+    let server = Server::start();
+    let (slow, quick) = (server.process(Role::Client), server.process(Role::Client));
+    let (_, to_slow) = slow.connect_to(&server.process);
+    let (_, to_quick) = quick.connect_to(&server.process);
+    // What the reader's side holds is bounded by its inbox and windows.
+    let frame = vec![5; 60_000];
+    let mut sent = 0u64;
+    let deadline = Instant::now() + PATIENCE;
+    let full = loop {
+        match server.process.net.send(to_slow, Lane::Object, &frame) {
+            Ok(()) => sent += 1,
+            // It may only be that the reader's threads are behind: it has to stay full.
+            Err(error) => {
+                let stats = server.process.net.stats(to_slow).unwrap();
+                assert!(stats.bytes_waiting <= 128 << 10, "{stats:?}");
+                let read = slow.net.totals().traffic.bytes_in;
+                if read + (8 << 20) < 60_000 * sent || read >= 31 << 20 {
+                    break error;
+                }
+                std::thread::yield_now();
+            }
+        }
+        assert!(Instant::now() < deadline, "after {sent} frames");
+    };
+    assert!(matches!(full, SendError::Full { limit_bytes: 65_536, .. }), "{full:?}");
+    server.process.net.send(to_quick, Lane::Object, b"you still hear me").unwrap();
+    assert_eq!(quick.frame().1, b"you still hear me");
+    // Once it reads again, nothing is lost.
+    for _ in 0..sent {
+        assert_eq!(slow.frame().1, frame);
+    }
+    server.process.net.send(to_slow, Lane::Object, b"welcome back").unwrap();
+    assert_eq!(slow.frame().1, b"welcome back");
+}
+
+#[test]
+fn a_port_that_is_taken_is_named() {
+    let server = Server::start();
+    let node = server.join(Role::Node);
+    let taken = server.addr();
+    let config = NetConfig { listen: taken, identity: node, authority: None, limits: Limits::default() };
+    let Err(error @ NetError::PortTaken { .. }) = Net::start(config) else { panic!("it is taken") };
+    assert!(error.to_string().contains(&taken.to_string()), "{error}");
+}
+
+#[test]
+fn a_second_server_on_the_same_folder_is_refused() {
+    let server = Server::start();
+    let authority = Arc::new(Authority::load_or_create(server.folder.path()).unwrap());
+    let config = NetConfig {
+        listen: anywhere(),
+        identity: authority.server_identity().unwrap(),
+        authority: Some(authority),
+        limits: Limits::default(),
+    };
+    assert!(matches!(Net::start(config), Err(NetError::FolderTaken { .. })));
+}
+
+#[test]
+fn an_address_where_nobody_answers_is_named_within_the_time_out() {
+    // A socket of ours that never answers: no other process can take the port meanwhile.
+    let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let addr = silent.local_addr().unwrap();
+    let server = Server::start();
+    let start = Instant::now();
+    let error = join(addr, &server.token(Role::Node), None, Duration::from_millis(700)).unwrap_err();
+    assert!(matches!(error, NetError::Unreachable { .. }) && error.to_string().contains(&addr.to_string()));
+    server.process.net.connect(addr, PeerName::Node(NodeId(1)));
+    assert!(matches!(server.process.refused(), NetError::Unreachable { .. }));
+    assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+}

@@ -1,0 +1,173 @@
+//! Tokens, joins, identities.
+
+use super::*;
+use crate::net::join::{JoinRequest, exchange};
+use crate::space::{ClientId, NodeId};
+
+fn refusal(result: Result<Identity, NetError>) -> String {
+    match result {
+        Err(NetError::Refused { reason, .. }) => reason,
+        other => panic!("expected a refusal, got {other:?}"),
+    }
+}
+
+/// The server's answer to bytes of our own making.
+fn reply(server: &Server, request: &[u8]) -> String {
+    let fingerprint = server.token(Role::Node).fingerprint;
+    let reply = exchange(server.addr(), fingerprint, request, PATIENCE).unwrap();
+    assert_eq!(reply[0], 0, "a refusal");
+    String::from_utf8(reply[1..].to_vec()).unwrap()
+}
+
+#[test]
+fn ids_are_counted_from_one_and_a_participant_gets_one_of_each() {
+    let server = Server::start();
+    assert_eq!(server.join(Role::Node).who(), PeerName::Node(NodeId(1)));
+    assert_eq!(server.join(Role::Client).who(), PeerName::Client(ClientId(1)));
+    let both = server.join(Role::Participant);
+    assert_eq!(
+        (both.role(), both.node(), both.client()),
+        (Role::Participant, Some(NodeId(2)), Some(ClientId(2)))
+    );
+    assert_eq!(server.process.net.totals().joins_granted, 3);
+}
+
+#[test]
+fn a_token_lets_one_process_in_even_when_the_server_starts_again() {
+    let Server { process, authority, folder } = Server::start();
+    let mint = || authority.issue_token(Role::Node, HOUR, SystemTime::now()).unwrap();
+    let (used, unused) = (mint(), mint());
+    join(process.net.local_addr(), &used, None, PATIENCE).unwrap();
+    let again = refusal(join(process.net.local_addr(), &used, None, PATIENCE));
+    assert!(again.contains("used already"), "{again}");
+    assert_eq!(process.net.totals().joins_refused, 1);
+
+    drop((process, authority));
+    let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
+    let identity = authority.server_identity().unwrap();
+    let process = Process::start(identity, Some(authority), Limits::default());
+    let again = refusal(join(process.net.local_addr(), &used, None, PATIENCE));
+    assert!(again.contains("used already"), "{again}");
+    let second = join(process.net.local_addr(), &unused, None, PATIENCE).unwrap();
+    assert_eq!(second.who(), PeerName::Node(NodeId(2)), "ids go on where they were");
+}
+
+#[test]
+fn tokens_are_minted_by_another_process_while_the_server_runs() {
+    let server = Server::start();
+    let other = Authority::load_or_create(server.folder.path()).unwrap();
+    let token = other.issue_token(Role::Client, HOUR, SystemTime::now()).unwrap();
+    join(server.addr(), &token.to_string().parse().unwrap(), None, PATIENCE).unwrap();
+    assert!(matches!(other.issue_token(Role::Server, HOUR, SystemTime::now()), Err(NetError::ServerToken)));
+}
+
+#[test]
+fn an_expired_token_is_refused() {
+    let server = Server::start();
+    let then = SystemTime::now() - 2 * HOUR;
+    let token = server.authority.issue_token(Role::Node, HOUR, then).unwrap();
+    let reason = refusal(join(server.addr(), &token, None, PATIENCE));
+    assert!(reason.contains("expired"), "{reason}");
+}
+
+#[test]
+fn a_joiner_does_not_talk_to_a_server_of_another_authority() {
+    let (server, foreign) = (Server::start(), Server::start());
+    let result = join(server.addr(), &foreign.token(Role::Node), None, PATIENCE);
+    let Err(error @ NetError::WrongPeer { .. }) = result else { panic!("{result:?}") };
+    assert!(error.to_string().contains("not the one that the token names"), "{error}");
+}
+
+#[test]
+fn a_server_refuses_tokens_that_it_did_not_mint() {
+    let (server, foreign) = (Server::start(), Server::start());
+    let fingerprint = server.token(Role::Node).fingerprint;
+    let forged_roots = Token { fingerprint, ..foreign.token(Role::Node) };
+    let forged_role = Token { role: Role::Node, ..server.token(Role::Client) };
+    for token in [forged_roots, forged_role] {
+        let reason = refusal(join(server.addr(), &token, None, PATIENCE));
+        assert!(reason.contains("not minted by this server's authority"), "{reason}");
+    }
+}
+
+#[test]
+fn a_mistyped_token_is_told_from_a_refused_one() {
+    let server = Server::start();
+    let request = JoinRequest { token: "dcd1-aaaaaaaaaaaaaaaa".to_owned(), csr: vec![], resume: None };
+    let reason = reply(&server, &request.encode(PROTOCOL_VERSION));
+    assert!(reason.contains("mistyped"), "{reason}");
+}
+
+#[test]
+fn unlike_versions_are_both_named() {
+    let server = Server::start();
+    let request = JoinRequest { token: String::new(), csr: vec![], resume: None };
+    let reason = reply(&server, &request.encode(77));
+    assert!(reason.contains("version 1,") && reason.contains("speaks 77;"), "{reason}");
+}
+
+#[test]
+fn requests_of_any_bytes_are_refused_and_spend_no_token() {
+    let server = Server::start();
+    let token = server.token(Role::Node);
+    let no_csr = JoinRequest { token: token.to_string(), csr: vec![0; 40], resume: None };
+    let whole = no_csr.encode(PROTOCOL_VERSION);
+    for request in [&b""[..], b"join", b"GET / HTTP/1.1", &whole[..whole.len() - 1], &whole] {
+        assert!(reply(&server, request).contains("cannot be read"));
+    }
+    join(server.addr(), &token, None, PATIENCE).unwrap();
+}
+
+#[test]
+fn a_resume_key_brings_the_same_ids_back() {
+    let server = Server::start();
+    let first = server.join(Role::Participant);
+    server.join(Role::Participant);
+    let resumed = join(server.addr(), &server.token(Role::Participant), first.resume(), PATIENCE).unwrap();
+    assert_eq!(resumed.who(), first.who());
+    assert_eq!(resumed.resume(), first.resume());
+
+    let wrong_role = refusal(join(server.addr(), &server.token(Role::Client), first.resume(), PATIENCE));
+    assert!(wrong_role.contains("--role participant"), "{wrong_role}");
+    let foreign = Server::start().join(Role::Client);
+    let foreign = refusal(join(server.addr(), &server.token(Role::Client), foreign.resume(), PATIENCE));
+    assert!(foreign.contains("not of this server's authority"), "{foreign}");
+    assert_eq!(server.join(Role::Node).node(), Some(NodeId(3)), "a resumed id is not given to another");
+}
+
+#[test]
+fn an_identity_is_saved_for_its_owner_only_and_still_proves_the_name() {
+    let server = Server::start();
+    let identity = server.join(Role::Participant);
+    let path = server.folder.path().join("identity.pem");
+    identity.save(&path).unwrap();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        for path in [&path, &server.folder.path().join("authority.pem")] {
+            assert_eq!(std::fs::metadata(path).unwrap().permissions().mode() & 0o777, 0o600);
+        }
+    }
+    let loaded = Identity::load(&path).unwrap();
+    assert_eq!((loaded.who(), loaded.resume()), (identity.who(), identity.resume()));
+    Process::start(loaded, None, Limits::default()).connect_to(&server.process);
+    std::fs::write(&path, "nonsense").unwrap();
+    assert!(matches!(Identity::load(&path), Err(NetError::Damaged { .. })));
+}
+
+#[test]
+fn an_expired_certificate_proves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let authority = Authority::load_or_create(folder.path()).unwrap();
+    let token = authority.issue_token(Role::Node, HOUR, SystemTime::now()).unwrap();
+    let authority = Arc::new(authority.with_certificate_life(HOUR));
+    let identity = authority.server_identity().unwrap();
+    let server = Process::start(identity, Some(authority.clone()), Limits::default());
+    let mut node = join(server.net.local_addr(), &token, None, PATIENCE).unwrap();
+    // The same name and key, but of the day before yesterday.
+    node.certificate = authority.renewed(&node, SystemTime::now() - 48 * HOUR);
+    let node = Process::start(node, None, Limits::default());
+    node.net.connect(server.net.local_addr(), PeerName::Server);
+    let error = node.refused();
+    assert!(error.to_string().contains("does not accept our certificate"), "{error}");
+}

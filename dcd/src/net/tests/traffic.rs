@@ -1,0 +1,121 @@
+//! Frames and datagrams between proven peers.
+
+use std::time::Instant;
+
+use super::*;
+
+#[test]
+fn frames_arrive_in_order_on_every_lane_and_in_both_directions() {
+    let server = Server::start();
+    let node = server.process(Role::Node);
+    let (here, there) = node.connect_to(&server.process);
+    for number in 0..300u32 {
+        for lane in Lane::ALL {
+            node.net.send(here, lane, number.to_le_bytes()).unwrap();
+            server.process.net.send(there, lane, number.to_be_bytes()).unwrap();
+        }
+    }
+    for (process, from_bytes) in
+        [(&server.process, u32::from_le_bytes as fn([u8; 4]) -> u32), (&node, u32::from_be_bytes)]
+    {
+        let mut expected = [0; 3];
+        for _ in 0..900 {
+            let (lane, bytes) = process.frame();
+            assert_eq!(from_bytes(bytes.try_into().unwrap()), expected[lane.index()]);
+            expected[lane.index()] += 1;
+        }
+        assert_eq!(expected, [300; 3]);
+    }
+    let stats = node.net.stats(here).unwrap();
+    assert_eq!((stats.frames_in, stats.frames_out, stats.bytes_in, stats.bytes_out), (900, 900, 3600, 3600));
+}
+
+#[test]
+fn frames_of_every_size_up_to_the_limit_arrive_whole() {
+    let limits = Limits { frame_bytes: 3 << 20, ..Limits::default() };
+    let server = Server::with_limits(limits.clone());
+    let node = Process::start(server.join(Role::Node), None, limits);
+    let (here, _) = node.connect_to(&server.process);
+    for bytes in [0, 1, 1_200, 65_536, 65_537, 1 << 20, 3 << 20] {
+        let frame: Vec<u8> = (0..bytes).map(|at: usize| (at * 31) as u8).collect();
+        node.net.send(here, Lane::Object, &frame).unwrap();
+        let (lane, received) = server.process.frame();
+        assert_eq!((lane, received.len()), (Lane::Object, bytes));
+        assert!(received == frame);
+    }
+    let too_long = node.net.send(here, Lane::Object, vec![0; (3 << 20) + 1]);
+    assert!(matches!(too_long, Err(SendError::FrameTooLong { .. })));
+}
+
+#[test]
+fn datagrams_arrive_and_longer_ones_are_an_error() {
+    let server = Server::start();
+    let client = server.process(Role::Client);
+    let (here, there) = client.connect_to(&server.process);
+    client.net.send_datagram(here, vec![3; MAX_DATAGRAM_BYTES]).unwrap();
+    let NetEvent::Datagram { peer, bytes } = server.process.next() else { panic!("expected a datagram") };
+    assert_eq!((peer, bytes), (there, vec![3; MAX_DATAGRAM_BYTES]));
+    let too_long = client.net.send_datagram(here, vec![3; MAX_DATAGRAM_BYTES + 1]);
+    assert_eq!(too_long, Err(SendError::DatagramTooLong { bytes: MAX_DATAGRAM_BYTES + 1 }));
+}
+
+#[test]
+fn nodes_and_participants_know_one_another_by_name() {
+    let server = Server::start();
+    let (node, both) = (server.process(Role::Node), server.process(Role::Participant));
+    node.net.connect(both.net.local_addr(), PeerName::Node(both.net.who().node().unwrap()));
+    assert_eq!(node.connected().1, both.net.who());
+    assert_eq!(both.connected().1, node.net.who());
+}
+
+#[test]
+fn closing_delivers_what_was_sent_before() {
+    let server = Server::start();
+    let node = server.process(Role::Node);
+    let (here, _) = node.connect_to(&server.process);
+    for _ in 0..20 {
+        node.net.send(here, Lane::Object, vec![1; 100_000]).unwrap();
+    }
+    node.net.close(here, "leaving");
+    assert_eq!(node.net.send(here, Lane::Object, [0]), Err(SendError::NotConnected));
+    for _ in 0..20 {
+        assert_eq!(server.process.frame().1.len(), 100_000);
+    }
+    assert_eq!(server.process.closed(), (CloseCause::ByPeer, "leaving".to_owned()));
+    assert_eq!(node.closed().0, CloseCause::ByUs);
+    assert_eq!(server.process.net.totals().traffic.frames_in, 20, "counters outlive connections");
+    assert_eq!(server.process.net.totals().peers, 0);
+}
+
+#[test]
+fn shutting_down_tells_peers_and_ends_the_events() {
+    let server = Server::start();
+    let node = server.process(Role::Node);
+    node.connect_to(&server.process);
+    let Process { net, events } = node;
+    net.shutdown();
+    assert_eq!(server.process.closed(), (CloseCause::ByPeer, "shut down".to_owned()));
+    assert!(matches!(events.recv_timeout(PATIENCE), Ok(NetEvent::Closed { cause: CloseCause::ByUs, .. })));
+    assert!(events.recv_timeout(PATIENCE).is_err());
+}
+
+/// Prints figures; run with `--nocapture`. The bound is loose: it catches a delayed flush, not a slow machine.
+#[test]
+fn a_small_frame_goes_to_and_fro_at_once() {
+    let server = Server::start();
+    let node = server.process(Role::Node);
+    let (here, there) = node.connect_to(&server.process);
+    let mut round_trips: Vec<Duration> = Vec::new();
+    for _ in 0..2_000 {
+        let start = Instant::now();
+        node.net.send(here, Lane::Object, [7; 64]).unwrap();
+        server.process.frame();
+        server.process.net.send(there, Lane::Object, [7; 64]).unwrap();
+        node.frame();
+        round_trips.push(start.elapsed());
+    }
+    round_trips.sort();
+    let at = |share: usize| round_trips[round_trips.len() * share / 1000];
+    println!("round trip: median {:?}, 99 % {:?}, 99.9 % {:?}", at(500), at(990), at(999));
+    assert!(at(500) < Duration::from_millis(5), "median {:?}", at(500));
+}

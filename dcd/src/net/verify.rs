@@ -1,0 +1,158 @@
+//! TLS as all dcd processes use it: version 1.3, ring, our own authority, no resumption and no early data.
+
+use std::any::Any;
+use std::sync::Arc;
+
+use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
+use rustls::client::{Resumption, WebPkiServerVerifier};
+use rustls::crypto::{CryptoProvider, WebPkiSupportedAlgorithms, ring};
+use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
+use rustls::server::{NoServerSessionStorage, WebPkiClientVerifier};
+use rustls::version::TLS13;
+use rustls::{ClientConfig, DigitallySignedStruct, RootCertStore, ServerConfig, SignatureScheme};
+
+use super::{Identity, NetError, PeerName};
+
+const ALPN: &[u8] = b"dcd";
+
+/// SHA-256, by which tokens name an authority.
+pub(super) fn fingerprint(certificate: &CertificateDer<'_>) -> [u8; 32] {
+    // rustls has ring's SHA-256 inside its cipher suites; a crate for one call is spared.
+    let suite = ring::cipher_suite::TLS13_AES_128_GCM_SHA256.tls13().expect("it is a suite of TLS 1.3");
+    let hash = suite.common.hash_provider.hash(certificate);
+    hash.as_ref().try_into().expect("SHA-256 has 32 bytes")
+}
+
+/// Bytes that nobody can foresee.
+pub(super) fn random<const N: usize>() -> Result<[u8; N], NetError> {
+    let mut bytes = [0; N];
+    let filled = ring::default_provider().secure_random.fill(&mut bytes);
+    filled.map(|()| bytes).map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))
+}
+
+/// Role and ids that a certificate names; `None` for one that is not of dcd's making.
+pub(super) fn names_of(certificate: &CertificateDer<'_>) -> Option<PeerName> {
+    let certificate = webpki::EndEntityCert::try_from(certificate).ok()?;
+    PeerName::from_dns_names(certificate.valid_dns_names())
+}
+
+/// Whom the other side of a connection has proved to be; `None` for an anonymous one.
+pub(super) fn names_of_peer(peer_identity: Option<Box<dyn Any>>) -> Option<PeerName> {
+    let chain = peer_identity?.downcast::<Vec<CertificateDer<'static>>>().ok()?;
+    names_of(chain.first()?)
+}
+
+/// How to answer: everyone proves its name, except that a server lets anonymous peers in to join.
+pub(super) fn answering(identity: &Identity, anonymous_may_join: bool) -> Result<ServerConfig, NetError> {
+    let roots = Arc::new(roots(&identity.authority)?);
+    let mut clients = WebPkiClientVerifier::builder_with_provider(roots, provider());
+    if anonymous_may_join {
+        clients = clients.allow_unauthenticated();
+    }
+    let clients = clients.build().map_err(tls)?;
+    let mut config = ServerConfig::builder_with_provider(provider())
+        .with_protocol_versions(&[&TLS13])
+        .map_err(tls)?
+        .with_client_cert_verifier(clients)
+        .with_single_cert(identity.chain(), identity.private_key())
+        .map_err(tls)?;
+    config.alpn_protocols = vec![ALPN.to_vec()];
+    // A resumed session would outlive the certificate that it began with.
+    config.session_storage = Arc::new(NoServerSessionStorage {});
+    config.send_tls13_tickets = 0;
+    Ok(config)
+}
+
+/// How to dial with an identity.
+pub(super) fn dialling(identity: &Identity) -> Result<ClientConfig, NetError> {
+    let config = ClientConfig::builder_with_provider(provider())
+        .with_protocol_versions(&[&TLS13])
+        .map_err(tls)?
+        .with_root_certificates(roots(&identity.authority)?)
+        .with_client_auth_cert(identity.chain(), identity.private_key())
+        .map_err(tls)?;
+    Ok(for_dcd(config))
+}
+
+/// How to dial a server without an identity: it must show the authority that the token names.
+pub(super) fn joining(fingerprint: [u8; 32]) -> Result<ClientConfig, NetError> {
+    let verifier = PinnedAuthority { fingerprint, algorithms: provider().signature_verification_algorithms };
+    let config = ClientConfig::builder_with_provider(provider())
+        .with_protocol_versions(&[&TLS13])
+        .map_err(tls)?
+        .dangerous()
+        .with_custom_certificate_verifier(Arc::new(verifier))
+        .with_no_client_auth();
+    Ok(for_dcd(config))
+}
+
+fn for_dcd(mut config: ClientConfig) -> ClientConfig {
+    config.alpn_protocols = vec![ALPN.to_vec()];
+    config.resumption = Resumption::disabled();
+    config
+}
+
+fn provider() -> Arc<CryptoProvider> {
+    Arc::new(ring::default_provider())
+}
+
+fn roots(authority: &CertificateDer<'static>) -> Result<RootCertStore, NetError> {
+    let mut roots = RootCertStore::empty();
+    roots.add(authority.clone()).map_err(tls)?;
+    Ok(roots)
+}
+
+fn tls(error: impl std::fmt::Display) -> NetError {
+    NetError::Tls(error.to_string())
+}
+
+/// Trusts the one authority whose certificate has this fingerprint, and through it the server as usual.
+#[derive(Debug)]
+struct PinnedAuthority {
+    fingerprint: [u8; 32],
+    algorithms: WebPkiSupportedAlgorithms,
+}
+
+impl ServerCertVerifier for PinnedAuthority {
+    fn verify_server_cert(
+        &self,
+        end_entity: &CertificateDer<'_>,
+        intermediates: &[CertificateDer<'_>],
+        server_name: &ServerName<'_>,
+        ocsp_response: &[u8],
+        now: UnixTime,
+    ) -> Result<ServerCertVerified, rustls::Error> {
+        let general = |error: &dyn std::fmt::Display| rustls::Error::General(error.to_string());
+        let authority = intermediates
+            .iter()
+            .find(|certificate| fingerprint(certificate) == self.fingerprint)
+            .ok_or_else(|| general(&"its authority is not the one that the token names"))?;
+        let roots = roots(&authority.clone().into_owned()).map_err(|error| general(&error))?;
+        WebPkiServerVerifier::builder_with_provider(Arc::new(roots), provider())
+            .build()
+            .map_err(|error| general(&error))?
+            .verify_server_cert(end_entity, intermediates, server_name, ocsp_response, now)
+    }
+
+    fn verify_tls12_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signature: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, rustls::Error> {
+        rustls::crypto::verify_tls12_signature(message, certificate, signature, &self.algorithms)
+    }
+
+    fn verify_tls13_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signature: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, rustls::Error> {
+        rustls::crypto::verify_tls13_signature(message, certificate, signature, &self.algorithms)
+    }
+
+    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
+        self.algorithms.supported_schemes()
+    }
+}

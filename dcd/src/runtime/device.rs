@@ -261,7 +261,7 @@ fn of_avatars(events: &RegionEvents) -> Option<RegionEvents> {
 
 /// Pairs near enough to touch; counting those that do would visit every pair.
 fn contact_pairs(world: &PhysicsWorld) -> u32 {
-    world.narrow_phase.contact_graph().raw_graph().edges.len() as u32
+    world.narrow_phase.contact_graph().interactions().count() as u32
 }
 
 fn hash_of(host: &RegionHost) -> u64 {

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
 use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, EnvironmentProperties, Placed,
-    Replica, SharedState, TickStats, Transfer, WorldOp,
+    SharedState, TickStats, Transfer, WorldOp,
 };
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
@@ -178,7 +178,7 @@ impl StandIn {
                     to(gone, &mut |message| message.drops.push(id));
                 }
                 for &new in wanted.difference(holders) {
-                    to(new, &mut |message| message.replicas.push(Replica { body: body.clone() }));
+                    to(new, &mut |message| message.replicas.push(body.clone()));
                 }
                 let target = tree.leaf_at(place);
                 let leaves = target != from && holders.contains(&target);
@@ -211,7 +211,7 @@ impl StandIn {
     fn hear(&mut self, message: BorderMessage) {
         let tree = self.world().tree.clone();
         let region = self.regions.get_mut(&message.to).expect("messages go to regions of this node");
-        region.replicas.extend(message.replicas.into_iter().map(|replica| (replica.body.id, replica.body)));
+        region.replicas.extend(message.replicas.into_iter().map(|replica| (replica.id, replica)));
         for state in message.states {
             if let Some(body) = region.replicas.get_mut(&state.id) {
                 assert!(body.epoch <= state.epoch, "no state goes back in time");

@@ -1,7 +1,25 @@
-//! Joins the parts into things that run: a local world; with `net`, a server, a node and a client.
+//! Joins the parts into things that run: a local world; with `net`, a server, a node, a client and a participant.
 
+#[cfg(feature = "net")]
+mod client;
 mod device;
+#[cfg(feature = "net")]
+mod error;
+#[cfg(feature = "net")]
+mod links;
 mod local;
+#[cfg(feature = "net")]
+mod member;
+#[cfg(feature = "net")]
+mod server;
 
+#[cfg(feature = "net")]
+pub use client::{ClientEvents, ClientWorld, JoinConfig};
 pub use device::{DeviceError, PhysicsDevice};
+#[cfg(feature = "net")]
+pub use error::ProcessError;
 pub use local::{DcdWorld, Partitioning, Stats, WorldConfig, WorldError};
+#[cfg(feature = "net")]
+pub use member::{Member, MemberConfig, NodeSummary};
+#[cfg(feature = "net")]
+pub use server::{ServeConfig, ServerProcess, ServerSummary};

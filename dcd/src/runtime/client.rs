@@ -1,0 +1,227 @@
+//! A client or participant as its user sees it: a world that others compute, with avatars of one's own in it.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use rapier3d::prelude::*;
+
+use std::net::SocketAddr;
+
+use super::{Member, MemberConfig, NodeSummary, ProcessError};
+use crate::cluster::{BodyView, ClientEvent};
+use crate::net::{Identity, Role, Token, join};
+use crate::physics::ShapeLibrary;
+use crate::protocol::{ContactForce, EnvironmentProperties, Refusal, Touch, Velocity, WorldPose};
+use crate::space::{BodyId, ClientId, NodeId, Tick};
+
+/// With what a process enters a served world.
+#[derive(Clone, Debug)]
+pub struct JoinConfig {
+    /// Where the server is.
+    pub server: SocketAddr,
+    /// From `dcd token --role client` (or `participant`, or `node`); used up by joining.
+    pub token: String,
+    /// File that keeps who we are: a later join with it continues with the same avatars.
+    pub identity: Option<PathBuf>,
+    /// How long to wait for the server and the world.
+    pub timeout: Duration,
+    /// Regions that a participant's node steps at a time.
+    pub threads: usize,
+}
+
+impl JoinConfig {
+    /// No identity file, ten seconds, one thread.
+    pub fn new(server: SocketAddr, token: impl Into<String>) -> Self {
+        Self { server, token: token.into(), identity: None, timeout: Duration::from_secs(10), threads: 1 }
+    }
+
+    /// Trades the token for an identity of this role.
+    pub fn join(&self, role: Role) -> Result<Identity, ProcessError> {
+        let token: Token = self.token.trim().parse()?;
+        token.require(role)?;
+        let former = match &self.identity {
+            Some(path) if path.exists() => Some(Identity::load(path)?),
+            _ => None,
+        };
+        let resume = former.as_ref().and_then(Identity::resume);
+        let identity = join(self.server, &token, resume, self.timeout)?;
+        if let Some(path) = &self.identity {
+            identity.save(path)?;
+        }
+        Ok(identity)
+    }
+}
+
+/// What a client heard since it last asked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClientEvents {
+    /// Contacts of own avatars that began or ceased.
+    pub touches: Vec<(Tick, Touch)>,
+    /// Forces on own avatars above their thresholds.
+    pub forces: Vec<(Tick, ContactForce)>,
+    /// Bodies that appeared.
+    pub appeared: Vec<BodyId>,
+    /// Bodies that disappeared.
+    pub disappeared: Vec<BodyId>,
+    /// Wishes that were refused.
+    pub refusals: Vec<(Option<BodyId>, Refusal)>,
+}
+
+/// A world that nodes compute, seen by one of its clients. Its methods do not wait for the network unless they say so.
+pub struct ClientWorld {
+    member: Member,
+    client: ClientId,
+    next_avatar: u32,
+    shapes: ShapeLibrary,
+}
+
+impl ClientWorld {
+    /// Joins as a client, and waits until the whole world has come.
+    pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
+        Self::enter(config, Role::Client)
+    }
+
+    /// Joins as client and node in one process: the process also computes a share of the world.
+    pub fn participate(config: &JoinConfig) -> Result<Self, ProcessError> {
+        Self::enter(config, Role::Participant)
+    }
+
+    fn enter(config: &JoinConfig, role: Role) -> Result<Self, ProcessError> {
+        let start = Instant::now();
+        let identity = config.join(role)?;
+        let client = identity.client().ok_or(ProcessError::Role { has: identity.role(), needs: role })?;
+        let member =
+            Member::start(MemberConfig { threads: config.threads, ..MemberConfig::new(config.server, identity) })?;
+        let left = config.timeout.saturating_sub(start.elapsed());
+        let joined = |state: &super::member::State| {
+            state.end.is_some() || state.client.as_ref().is_some_and(crate::cluster::Client::is_joined)
+        };
+        if !member.shared.wait(left, joined) {
+            return Err(ProcessError::Timeout { server: config.server, waited: config.timeout });
+        }
+        let mut world = Self { member, client, next_avatar: 0, shapes: ShapeLibrary::default() };
+        world.check()?;
+        world.next_avatar = world.own_avatars().last().map_or(0, |id| id.index() + 1);
+        Ok(world)
+    }
+
+    /// Our name.
+    pub fn id(&self) -> ClientId {
+        self.client
+    }
+
+    /// Our name as a node, for a participant.
+    pub fn node(&self) -> Option<NodeId> {
+        self.member.who.node()
+    }
+
+    /// An error once the link to the server is gone or the world has ended.
+    pub fn check(&self) -> Result<(), ProcessError> {
+        let mut state = self.member.shared.lock();
+        match &state.end {
+            None => Ok(()),
+            Some(_) => match state.end.replace(Ok(())) {
+                Some(Err(error)) => Err(error),
+                _ => Err(ProcessError::Stopped),
+            },
+        }
+    }
+
+    /// What the server says of the world.
+    pub fn environment(&self) -> Option<EnvironmentProperties> {
+        self.member.shared.lock().client.as_ref()?.world().cloned()
+    }
+
+    /// Puts an avatar of our own into the world. It appears in [`ClientEvents::appeared`] once it is there; a refusal
+    /// comes in [`ClientEvents::refusals`].
+    pub fn spawn(
+        &mut self,
+        pose: WorldPose,
+        body: &RigidBodyBuilder,
+        colliders: &[ColliderBuilder],
+    ) -> Result<BodyId, ProcessError> {
+        let id = BodyId::avatar(self.client, self.next_avatar);
+        let body = self.shapes.describe(id, pose, body, colliders)?;
+        self.member.wish(ClientEvent::Spawn { body, shapes: self.shapes.records() })?;
+        self.next_avatar += 1;
+        Ok(id)
+    }
+
+    /// Takes an avatar out of the world for good.
+    pub fn despawn(&self, avatar: BodyId) -> Result<(), ProcessError> {
+        self.member.wish(ClientEvent::Despawn(avatar))
+    }
+
+    /// Gives an avatar a velocity, and with `pose` a new place. The newest wish before a tick counts.
+    pub fn drive(
+        &self,
+        avatar: BodyId,
+        velocity: Velocity,
+        pose: Option<WorldPose>,
+    ) -> Result<(), ProcessError> {
+        self.member.wish(ClientEvent::Drive { body: avatar, velocity, pose })
+    }
+
+    /// Our avatars in the world, also those that an earlier stay left behind, in id order.
+    pub fn own_avatars(&self) -> Vec<BodyId> {
+        self.with_bodies(|body| (body.body.id.client() == Some(self.client)).then_some(body.body.id))
+    }
+
+    /// A body as last heard of.
+    pub fn body(&self, id: BodyId) -> Option<BodyView> {
+        self.member.shared.lock().client.as_ref()?.body(id).cloned()
+    }
+
+    /// Looks at every body in id order, as last heard of, and collects what `look` returns.
+    pub fn with_bodies<R>(&self, mut look: impl FnMut(&BodyView) -> Option<R>) -> Vec<R> {
+        let state = self.member.shared.lock();
+        state.client.iter().flat_map(|client| client.bodies()).filter_map(&mut look).collect()
+    }
+
+    /// What happened since the last call.
+    pub fn take_events(&self) -> ClientEvents {
+        let mut state = self.member.shared.lock();
+        let (touches, forces) = match &mut state.client {
+            Some(client) => (client.take_touches().collect(), client.take_forces().collect()),
+            None => Default::default(),
+        };
+        ClientEvents {
+            touches,
+            forces,
+            appeared: std::mem::take(&mut state.appeared),
+            disappeared: std::mem::take(&mut state.disappeared),
+            refusals: std::mem::take(&mut state.refusals),
+        }
+    }
+
+    /// State messages received so far.
+    pub fn updates(&self) -> u64 {
+        self.member.shared.lock().updates
+    }
+
+    /// Waits until another state message has come; says whether one came in time.
+    pub fn wait_update(&self, seen: u64, timeout: Duration) -> bool {
+        self.member.shared.wait(timeout, |state| state.updates > seen || state.end.is_some())
+            && self.updates() > seen
+    }
+
+    /// Waits until the body is known here; says whether it came in time.
+    pub fn wait_body(&self, id: BodyId, timeout: Duration) -> bool {
+        self.member.shared.wait(timeout, |state| {
+            state.end.is_some()
+                || !state.refusals.is_empty()
+                || state.client.as_ref().is_some_and(|client| client.body(id).is_some())
+        }) && self.body(id).is_some()
+    }
+
+    /// What a participant's node did.
+    pub fn summary(&self) -> NodeSummary {
+        self.member.summary()
+    }
+
+    /// Leaves in order: avatars wait at the server for our return.
+    pub fn leave(self) -> Result<NodeSummary, ProcessError> {
+        self.member.leave();
+        self.member.finish()
+    }
+}

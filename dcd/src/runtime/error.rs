@@ -1,0 +1,66 @@
+//! Why a process of a cluster cannot start or go on.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use super::DeviceError;
+use crate::net::{NetError, Role, TokenError};
+use crate::physics::{HostError, ShapeError};
+use crate::protocol::Refusal;
+use crate::space::TreeError;
+
+/// Each message names cause and remedy.
+#[derive(Debug, thiserror::Error)]
+pub enum ProcessError {
+    /// The network.
+    #[error(transparent)]
+    Net(#[from] NetError),
+    /// The token is malformed or for another role.
+    #[error(transparent)]
+    Token(#[from] TokenError),
+    /// The physics.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The regions cannot be as asked.
+    #[error(transparent)]
+    Tree(#[from] TreeError),
+    /// A body or shape of the scene.
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
+    /// A body of the scene.
+    #[error(transparent)]
+    Host(#[from] HostError),
+    /// An identity of another role than the process is to have.
+    #[error("this identity is of a {has}, the process is to be a {needs}: join with a token of that role")]
+    Role {
+        /// What it is.
+        has: Role,
+        /// What it should be.
+        needs: Role,
+    },
+    /// Somebody else ended it.
+    #[error("the link to the server at {server} is gone ({reason}); start the server again and join with a new token")]
+    ServerGone {
+        /// Where it was.
+        server: SocketAddr,
+        /// As the network or the server put it.
+        reason: String,
+    },
+    /// The world did not come in time.
+    #[error("no world from the server at {server} within {waited:?}: it may be waiting for nodes, or be overloaded")]
+    Timeout {
+        /// Where it is.
+        server: SocketAddr,
+        /// How long we waited.
+        waited: Duration,
+    },
+    /// The server or leader said no.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// The process's own thread is gone.
+    #[error("this process has left the world already; join anew")]
+    Stopped,
+    /// The operating system gives no thread.
+    #[error("cannot start a thread: {0}; raise the limit of threads")]
+    Thread(std::io::Error),
+}

@@ -1,0 +1,467 @@
+//! The loop of a process that is a node, a client, or both (a participant, the thesis's normal case): one thread that
+//! feeds links, physics and the user's wishes to the state machines and does what they ask for.
+
+use std::net::SocketAddr;
+use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use tracing::{debug, info};
+
+use super::links::{LinkEvent, Links};
+use super::{PhysicsDevice, ProcessError};
+use crate::cluster::{
+    Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand,
+    PhysicsEvent,
+};
+use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents};
+use crate::protocol::{Message, Refusal};
+use crate::space::{BodyId, NodeId, Tick};
+
+/// How often what could not be sent at once is tried again.
+const RETRY: Duration = Duration::from_millis(2);
+/// Events that may wait for the loop; beyond that the network holds its peers back.
+const QUEUE: usize = 4_096;
+/// Tick times kept for the summary: four hours at 60 a second.
+const TIMES: usize = 1 << 20;
+
+/// What a node, client or participant is started with.
+pub struct MemberConfig {
+    /// Where the server is.
+    pub server: SocketAddr,
+    /// Who the process is; its role decides what it does.
+    pub identity: Identity,
+    /// Where others reach it; port 0 takes any free one.
+    pub listen: SocketAddr,
+    /// The address to give others, if it is not the one listened on.
+    pub advertise: Option<SocketAddr>,
+    /// Regions stepped at a time.
+    pub threads: usize,
+    /// Ticks between reports of moved bodies to clients.
+    pub report_every: u64,
+    /// Ticks between checkpoints to the server.
+    pub checkpoint_every: u64,
+}
+
+impl MemberConfig {
+    /// The usual settings for this identity.
+    pub fn new(server: SocketAddr, identity: Identity) -> Self {
+        Self {
+            server,
+            identity,
+            listen: SocketAddr::new(server.ip().to_canonical(), 0),
+            advertise: None,
+            threads: 1,
+            report_every: 3,
+            checkpoint_every: 12,
+        }
+    }
+}
+
+/// What a node did, for people and for the demo.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NodeSummary {
+    /// Its id.
+    pub node: NodeId,
+    /// The last completed tick.
+    pub tick: Tick,
+    /// Bodies owned at the last tick.
+    pub bodies: u32,
+    /// Regions computed at the last tick.
+    pub regions: usize,
+    /// Bodies that came from other regions.
+    pub transfers: u64,
+    /// Replicas held, summed over all ticks.
+    pub replicas_sum: u64,
+    /// Microseconds of computing of each tick.
+    pub compute_us: Vec<u32>,
+    /// Bytes received and sent.
+    pub bytes: u64,
+    /// Seconds since its start.
+    pub seconds: f64,
+}
+
+/// A running node, client or participant.
+pub struct Member {
+    pub(super) shared: Arc<Shared>,
+    inbox: SyncSender<Input>,
+    thread: Option<JoinHandle<()>>,
+    /// Who the process is.
+    pub who: crate::net::PeerName,
+    /// Where it listens.
+    pub address: SocketAddr,
+}
+
+/// What the loop and its user both see.
+pub(super) struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+pub(super) struct State {
+    pub client: Option<Client>,
+    pub refusals: Vec<(Option<BodyId>, Refusal)>,
+    pub appeared: Vec<BodyId>,
+    pub disappeared: Vec<BodyId>,
+    pub updates: u64,
+    pub summary: NodeSummary,
+    pub end: Option<Result<(), ProcessError>>,
+}
+
+pub(super) enum Input {
+    Net(NetEvent),
+    Client(ClientEvent),
+    Leave,
+}
+
+impl Shared {
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits until the condition holds or the time is up; says which.
+    pub(super) fn wait(&self, timeout: Duration, mut until: impl FnMut(&State) -> bool) -> bool {
+        let (_state, timed_out) = self
+            .changed
+            .wait_timeout_while(self.lock(), timeout, |state| !until(state))
+            .unwrap_or_else(PoisonError::into_inner);
+        !timed_out.timed_out()
+    }
+}
+
+impl Member {
+    /// Starts the process's loop on a thread of its own, and the link to the server.
+    pub fn start(config: MemberConfig) -> Result<Self, ProcessError> {
+        let who = config.identity.who();
+        let net = NetConfig {
+            listen: config.listen,
+            identity: config.identity,
+            authority: None,
+            limits: Limits::default(),
+        };
+        let (net, events) = Net::start(net)?;
+        let address = net.local_addr();
+        let advertised = config.advertise.unwrap_or_else(|| reachable(address, config.server));
+        let client = who.client().map(|client| Client::new(client, who.node()));
+        let node = who.node().map(|id| {
+            Node::new(NodeConfig {
+                id,
+                address: advertised,
+                client: who.client(),
+                report_every: config.report_every,
+                checkpoint_every: config.checkpoint_every,
+            })
+        });
+        let summary = NodeSummary { node: who.node().unwrap_or_default(), ..NodeSummary::default() };
+        let state = State {
+            client,
+            refusals: Vec::new(),
+            appeared: Vec::new(),
+            disappeared: Vec::new(),
+            updates: 0,
+            summary,
+            end: None,
+        };
+        let shared = Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new() });
+        let (inbox, inputs) = mpsc::sync_channel(QUEUE);
+        forward(events, inbox.clone())?;
+        let mut links = Links::new(net);
+        links.dial(Peer::Server, config.server);
+        let mut running = Loop {
+            server: config.server,
+            start: Instant::now(),
+            links,
+            node,
+            device: PhysicsDevice::new(config.threads),
+            shared: shared.clone(),
+            end: None,
+        };
+        let thread = std::thread::Builder::new()
+            .name(format!("dcd-{who:?}"))
+            .spawn(move || running.run(&inputs))
+            .map_err(ProcessError::Thread)?;
+        Ok(Self { shared, inbox, thread: Some(thread), who, address })
+    }
+
+    /// What the node did so far.
+    pub fn summary(&self) -> NodeSummary {
+        self.shared.lock().summary.clone()
+    }
+
+    /// The last tick completed by the node.
+    pub fn tick(&self) -> Tick {
+        self.shared.lock().summary.tick
+    }
+
+    /// Whether the loop has ended.
+    pub fn is_over(&self) -> bool {
+        self.shared.lock().end.is_some()
+    }
+
+    /// Waits for the end of the loop, no longer than `timeout`; says whether it came.
+    pub fn wait_over(&self, timeout: Duration) -> bool {
+        self.shared.wait(timeout, |state| state.end.is_some())
+    }
+
+    /// Asks to go in order: regions are handed over first. [`Member::finish`] waits for it.
+    pub fn leave(&self) {
+        let _ = self.inbox.send(Input::Leave);
+    }
+
+    /// Waits for the end of the loop and says why it ended.
+    pub fn finish(mut self) -> Result<NodeSummary, ProcessError> {
+        self.join();
+        let mut state = self.shared.lock();
+        let summary = state.summary.clone();
+        state.end.take().unwrap_or(Ok(())).map(|()| summary)
+    }
+
+    pub(super) fn wish(&self, event: ClientEvent) -> Result<(), ProcessError> {
+        self.inbox.send(Input::Client(event)).map_err(|_| ProcessError::Stopped)
+    }
+
+    fn join(&mut self) {
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for Member {
+    fn drop(&mut self) {
+        if self.thread.is_some() {
+            self.leave();
+            self.join();
+        }
+    }
+}
+
+/// The address that others can use: one on the interface that leads to the server, if all are listened on.
+fn reachable(bound: SocketAddr, server: SocketAddr) -> SocketAddr {
+    if !bound.ip().is_unspecified() {
+        return bound;
+    }
+    let towards = std::net::UdpSocket::bind(SocketAddr::new(bound.ip(), 0)).and_then(|socket| {
+        socket.connect(server)?;
+        socket.local_addr()
+    });
+    towards.map_or(bound, |local| SocketAddr::new(local.ip(), bound.port()))
+}
+
+/// Network events and user's wishes come through one door.
+pub(super) fn forward<T: From<NetEvent> + Send + 'static>(
+    events: NetEvents,
+    inbox: SyncSender<T>,
+) -> Result<(), ProcessError> {
+    let pump = move || {
+        while let Ok(event) = events.recv() {
+            if inbox.send(event.into()).is_err() {
+                return;
+            }
+        }
+    };
+    std::thread::Builder::new().name("dcd-events".into()).spawn(pump).map_err(ProcessError::Thread)?;
+    Ok(())
+}
+
+impl From<NetEvent> for Input {
+    fn from(event: NetEvent) -> Self {
+        Self::Net(event)
+    }
+}
+
+struct Loop {
+    server: SocketAddr,
+    start: Instant,
+    links: Links,
+    node: Option<Node>,
+    device: PhysicsDevice,
+    shared: Arc<Shared>,
+    end: Option<Result<(), ProcessError>>,
+}
+
+impl Loop {
+    fn run(&mut self, inputs: &mpsc::Receiver<Input>) {
+        while self.end.is_none() {
+            let now = self.start.elapsed();
+            let due = self.node.as_ref().and_then(Node::poll_timeout);
+            let mut wait = due.map_or(Duration::from_millis(500), |due| due.saturating_sub(now));
+            if self.links.flush() {
+                wait = wait.min(RETRY);
+            }
+            match inputs.recv_timeout(wait) {
+                Ok(input) => self.take(input),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            let now = self.start.elapsed();
+            if let Some(node) = &mut self.node
+                && node.poll_timeout().is_some_and(|due| due <= now)
+            {
+                node.handle_timeout(now);
+            }
+            self.pump();
+        }
+        let end = self.end.take().unwrap_or(Ok(()));
+        let mut state = self.shared.lock();
+        state.summary.seconds = self.start.elapsed().as_secs_f64();
+        state.end = Some(end);
+        drop(state);
+        self.shared.changed.notify_all();
+    }
+
+    fn take(&mut self, input: Input) {
+        match input {
+            Input::Net(event) => {
+                for event in self.links.translate(event) {
+                    self.link_event(event);
+                }
+            }
+            Input::Client(event) => self.client(event),
+            Input::Leave => {
+                self.client(ClientEvent::Leave);
+                match &mut self.node {
+                    Some(node) => node.handle(self.start.elapsed(), NodeEvent::Leave),
+                    None => {
+                        self.pump();
+                        self.end = Some(Ok(()));
+                    }
+                }
+            }
+        }
+    }
+
+    fn link_event(&mut self, event: LinkEvent) {
+        let now = self.start.elapsed();
+        match event {
+            LinkEvent::Connected(peer) => {
+                if let Some(node) = &mut self.node {
+                    node.handle(now, NodeEvent::Connected(peer));
+                }
+                if self.node.is_none() || peer == Peer::Server {
+                    self.client(ClientEvent::Connected(peer));
+                }
+            }
+            LinkEvent::Disconnected(peer, reason) => {
+                if peer == Peer::Server {
+                    self.end = Some(Err(ProcessError::ServerGone { server: self.server, reason }));
+                    return;
+                }
+                debug!(?peer, reason, "a link is gone");
+                match &mut self.node {
+                    Some(node) => node.handle(now, NodeEvent::Disconnected(peer)),
+                    None => self.client(ClientEvent::Disconnected(peer)),
+                }
+            }
+            LinkEvent::Message { from, message } => {
+                let to_client = self.node.is_none()
+                    || (from == Peer::Server && matches!(message, Message::ToClient(..)));
+                match &mut self.node {
+                    Some(node) if !to_client => node.handle(now, NodeEvent::Message { from, message }),
+                    _ => self.client(ClientEvent::Message { from, message }),
+                }
+            }
+        }
+    }
+
+    fn client(&mut self, event: ClientEvent) {
+        let mut state = self.shared.lock();
+        if is_update(&event) {
+            state.updates += 1;
+        }
+        if let Some(client) = &mut state.client {
+            client.handle(event);
+        }
+        drop(state);
+        self.shared.changed.notify_all();
+    }
+
+    /// Does what the state machines want done, until they want nothing more.
+    fn pump(&mut self) {
+        while self.end.is_none() {
+            if let Some(output) = self.node.as_mut().and_then(Node::poll_output) {
+                self.node_output(output);
+                continue;
+            }
+            let output = self.shared.lock().client.as_mut().and_then(Client::poll_output);
+            match output {
+                Some(output) => self.client_output(output),
+                None => return,
+            }
+        }
+    }
+
+    fn node_output(&mut self, output: NodeOutput) {
+        match output {
+            NodeOutput::Send { to, message } => self.links.send(to, &message),
+            NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
+            NodeOutput::Disconnect(node) => self.links.close(Peer::Node(node), "no longer a member"),
+            NodeOutput::Physics(command) => self.compute(command),
+            NodeOutput::Client(message) => self.client(ClientEvent::Node(message)),
+            NodeOutput::Settled(tick) => {
+                let bytes = self.links.totals().traffic;
+                let mut state = self.shared.lock();
+                state.summary.tick = tick;
+                state.summary.bytes = bytes.bytes_in + bytes.bytes_out;
+                state.summary.seconds = self.start.elapsed().as_secs_f64();
+                drop(state);
+                self.shared.changed.notify_all();
+            }
+            NodeOutput::Stopped(reason) => {
+                info!(reason, "the node stops");
+                self.end = Some(Ok(()));
+            }
+        }
+    }
+
+    fn compute(&mut self, command: PhysicsCommand) {
+        match self.device.run(command) {
+            Ok(None) => {}
+            Ok(Some(event)) => {
+                if let PhysicsEvent::Settled { stats, .. } = &event {
+                    let summary = &mut self.shared.lock().summary;
+                    summary.bodies = stats.bodies;
+                    summary.regions = self.device.host().map_or(0, |host| host.regions().len());
+                    summary.transfers += u64::from(stats.transfers);
+                    summary.replicas_sum += u64::from(stats.replicas);
+                    if summary.compute_us.len() < TIMES {
+                        summary.compute_us.push(stats.compute_us);
+                    }
+                }
+                if let Some(node) = &mut self.node {
+                    node.handle(self.start.elapsed(), NodeEvent::Physics(event));
+                }
+            }
+            Err(error) => self.end = Some(Err(error.into())),
+        }
+    }
+
+    fn client_output(&mut self, output: ClientOutput) {
+        let mut state = self.shared.lock();
+        match output {
+            ClientOutput::Inserted(id) => state.appeared.push(id),
+            ClientOutput::Removed(id) => state.disappeared.push(id),
+            ClientOutput::Rejected { body, reason } => state.refusals.push((body, reason)),
+            ClientOutput::Joined | ClientOutput::Lost => {}
+            ClientOutput::Send { to, message } => self.links.send(to, &message),
+            ClientOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
+            ClientOutput::Disconnect(node) => self.links.close(Peer::Node(node), "no longer the leader"),
+            ClientOutput::Node(message) => {
+                drop(state);
+                if let Some(node) = &mut self.node {
+                    node.handle(self.start.elapsed(), NodeEvent::Client(message));
+                }
+            }
+        }
+    }
+}
+
+fn is_update(event: &ClientEvent) -> bool {
+    use crate::protocol::ToClient;
+    match event {
+        ClientEvent::Message { message: Message::ToClient(_, ToClient::States { .. }), .. } => true,
+        ClientEvent::Node(ToClient::States { .. }) => true,
+        _ => false,
+    }
+}

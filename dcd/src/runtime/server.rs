@@ -1,0 +1,329 @@
+//! The server as a process: one thread that feeds links to the state machine and does what it asks for.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use tracing::{info, warn};
+
+use super::links::{LinkEvent, Links};
+use super::member::forward;
+use super::{ProcessError, WorldConfig};
+use crate::cluster::{Record, Server, ServerConfig, ServerEvent, ServerOutput};
+use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, Role};
+use crate::physics::{Partition, RegionHost, ShapeLibrary};
+use crate::protocol::{BodyKind, EnvironmentProperties, Pace, StateHasher, SyncProtocol, View};
+use crate::scene::Scene;
+use crate::space::Tick;
+
+/// How often what could not be sent at once is tried again.
+const RETRY: Duration = Duration::from_millis(2);
+/// Events that may wait for the loop; beyond that the network holds its peers back.
+const QUEUE: usize = 4_096;
+
+/// What a server is started with.
+pub struct ServeConfig {
+    /// Where to listen; port 0 takes any free one.
+    pub listen: SocketAddr,
+    /// Folder of the authority: keys, used tokens.
+    pub data: PathBuf,
+    /// How the world is cut and stepped.
+    pub world: WorldConfig,
+    /// Nodes to wait for before the first tick.
+    pub nodes: usize,
+    /// How fast ticks follow one another.
+    pub pace: Pace,
+    /// Stop after this tick.
+    pub last_tick: Option<Tick>,
+    /// The fastest that avatars may be asked to move, m/s.
+    pub avatar_speed_limit: f32,
+}
+
+/// What became of the world, from the server's record.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ServerSummary {
+    /// The last tick that all members completed, as far as known.
+    pub tick: Tick,
+    /// Movable bodies on record.
+    pub bodies: usize,
+    /// Regions of the world.
+    pub regions: usize,
+    /// Members now.
+    pub nodes: usize,
+    /// Membership changes so far.
+    pub views: u64,
+    /// Of the last audit: bodies that no node owned.
+    pub lost: usize,
+    /// Of the last audit: bodies that two nodes owned.
+    pub doubled: usize,
+    /// Hash of all movable bodies in id order, after the last tick of a world that ended by [`ServeConfig::last_tick`].
+    pub state_hash: Option<u64>,
+    /// Bytes received and sent.
+    pub bytes: u64,
+    /// Seconds since the world first began.
+    pub seconds: f64,
+}
+
+/// A running server.
+pub struct ServerProcess {
+    inbox: SyncSender<Input>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+    authority: Arc<Authority>,
+    /// Where it listens.
+    pub address: SocketAddr,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    summary: ServerSummary,
+    view: Option<View>,
+    over: bool,
+}
+
+enum Input {
+    Net(NetEvent),
+    Stop,
+}
+
+impl From<NetEvent> for Input {
+    fn from(event: NetEvent) -> Self {
+        Self::Net(event)
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl ServerProcess {
+    /// Starts a server with this scene on a thread of its own.
+    pub fn start(scene: &Scene, config: ServeConfig) -> Result<Self, ProcessError> {
+        let (environment, record) = world_of(scene, &config)?;
+        let authority = Arc::new(Authority::load_or_create(&config.data)?);
+        let net = NetConfig {
+            listen: config.listen,
+            identity: authority.server_identity()?,
+            authority: Some(authority.clone()),
+            limits: Limits::default(),
+        };
+        let (net, events) = Net::start(net)?;
+        let address = net.local_addr();
+        let (inbox, inputs) = mpsc::sync_channel(QUEUE);
+        forward(events, inbox.clone())?;
+        let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
+        shared.lock().summary.regions = environment.tree.leaf_count();
+        let server = Server::new(ServerConfig { world: environment, min_nodes: config.nodes.max(1) }, record);
+        let running = Loop {
+            links: Some(Links::new(net)),
+            server,
+            shared: shared.clone(),
+            began: None,
+            over: false,
+        };
+        let thread = std::thread::Builder::new()
+            .name("dcd-server".into())
+            .spawn(move || running.run(&inputs))
+            .map_err(ProcessError::Thread)?;
+        Ok(Self { inbox, shared, thread: Some(thread), authority, address })
+    }
+
+    /// A token for one process of this role to join with.
+    pub fn token(&self, role: Role, valid_for: Duration) -> Result<String, ProcessError> {
+        let now = std::time::SystemTime::now();
+        Ok(self.authority.issue_token(role, valid_for, now)?.to_string())
+    }
+
+    /// What became of the world so far.
+    pub fn summary(&self) -> ServerSummary {
+        self.shared.lock().summary.clone()
+    }
+
+    /// The membership, while nodes compute the world.
+    pub fn view(&self) -> Option<View> {
+        self.shared.lock().view.clone()
+    }
+
+    /// Waits until the condition holds for summary and membership, or the time is up; says which.
+    pub fn wait(
+        &self,
+        timeout: Duration,
+        mut until: impl FnMut(&ServerSummary, Option<&View>) -> bool,
+    ) -> bool {
+        let (_state, timed_out) = self
+            .shared
+            .changed
+            .wait_timeout_while(self.shared.lock(), timeout, |state| {
+                !state.over && !until(&state.summary, state.view.as_ref())
+            })
+            .unwrap_or_else(PoisonError::into_inner);
+        !timed_out.timed_out()
+    }
+
+    /// Whether the world has ended.
+    pub fn is_over(&self) -> bool {
+        self.shared.lock().over
+    }
+
+    /// Audits the world, tells everybody that it ends, and waits for it.
+    pub fn stop(mut self) -> ServerSummary {
+        self.end();
+        self.summary()
+    }
+
+    fn end(&mut self) {
+        let _ = self.inbox.send(Input::Stop);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for ServerProcess {
+    fn drop(&mut self) {
+        if self.thread.is_some() {
+            self.end();
+        }
+    }
+}
+
+/// The scene as everybody is told of it. The halo is that of a local world with the same bodies, so that both compute
+/// the same bits.
+fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentProperties, Record), ProcessError> {
+    let mut shapes = ShapeLibrary::default();
+    let (bodies, joints) = scene.records(&mut shapes)?;
+    let tree = config.world.tree()?;
+    let step = config.world.step;
+    let mut host = RegionHost::new(Partition::new(tree.clone(), config.world.halo_m), step, 1, &[])?;
+    for record in shapes.records() {
+        host.shapes_mut().add(record)?;
+    }
+    host.insert(bodies.clone(), &joints)?;
+    let environment = EnvironmentProperties {
+        world: 1,
+        gravity: step.gravity,
+        dt_s: step.dt_s,
+        solver_iterations: step.solver_iterations as u32,
+        tree,
+        halo_m: Some(host.partition().halo_m()),
+        coupling: step.coupling.name().to_owned(),
+        exchanges: step.exchanges as u32,
+        avatar_speed_limit: config.avatar_speed_limit,
+        protocol: SyncProtocol::Synchronised,
+        pace: config.pace,
+        last_tick: config.last_tick,
+        extension: Vec::new(),
+    };
+    Ok((environment, Record::new(bodies, shapes.records(), joints)))
+}
+
+struct Loop {
+    links: Option<Links>,
+    server: Server,
+    shared: Arc<Shared>,
+    began: Option<Instant>,
+    over: bool,
+}
+
+impl Loop {
+    fn run(mut self, inputs: &mpsc::Receiver<Input>) {
+        while !self.over {
+            let Some(links) = &mut self.links else { break };
+            let wait = if links.flush() { RETRY } else { Duration::from_millis(500) };
+            match inputs.recv_timeout(wait) {
+                Ok(Input::Net(event)) => {
+                    for event in links.translate(event) {
+                        match event {
+                            LinkEvent::Connected(_) => {}
+                            LinkEvent::Disconnected(peer, reason) => {
+                                info!(?peer, reason, "a link is gone");
+                                self.server.handle(ServerEvent::Disconnected(peer));
+                            }
+                            LinkEvent::Message { from, message } => {
+                                self.server.handle(ServerEvent::Message { from, message });
+                            }
+                        }
+                    }
+                }
+                Ok(Input::Stop) => self.server.handle(ServerEvent::Stop),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            self.pump();
+            self.publish();
+        }
+        let totals = self.links.take().map(Links::shutdown);
+        self.finish(totals);
+    }
+
+    fn pump(&mut self) {
+        while let Some(output) = self.server.poll_output() {
+            let Some(links) = &mut self.links else { return };
+            match output {
+                ServerOutput::Send { to, message } => links.send(to, &message),
+                ServerOutput::Close(peer) => links.close(peer, "the server ends the link"),
+                ServerOutput::Began(view) => {
+                    self.began.get_or_insert_with(Instant::now);
+                    info!(view = view.number.0, members = view.members.len(), "a view begins");
+                    let mut state = self.shared.lock();
+                    state.summary.views += 1;
+                    state.summary.nodes = view.members.len();
+                    state.view = Some(view);
+                }
+                ServerOutput::Held(tick) => {
+                    warn!(tick = tick.0, "no node is left; the world waits for one");
+                    let mut state = self.shared.lock();
+                    state.summary.nodes = 0;
+                    state.view = None;
+                }
+                ServerOutput::Audited { lost, doubled } => {
+                    let mut state = self.shared.lock();
+                    (state.summary.lost, state.summary.doubled) = (lost.len(), doubled.len());
+                }
+                ServerOutput::Ended => self.over = true,
+            }
+        }
+    }
+
+    fn publish(&mut self) {
+        let mut state = self.shared.lock();
+        state.summary.tick = self.server.tick();
+        state.summary.bodies = movable(&self.server).count();
+        state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
+        if let Some(links) = &self.links {
+            let traffic = links.totals().traffic;
+            state.summary.bytes = traffic.bytes_in + traffic.bytes_out;
+        }
+        drop(state);
+        self.shared.changed.notify_all();
+    }
+
+    fn finish(&mut self, totals: Option<NetTotals>) {
+        let mut hasher = StateHasher::default();
+        for body in movable(&self.server) {
+            hasher.add(body.id, &body.state.pose, &body.state.velocity);
+        }
+        let mut state = self.shared.lock();
+        state.summary.state_hash = Some(hasher.finish());
+        if let Some(totals) = totals {
+            state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
+        }
+        state.over = true;
+        drop(state);
+        self.shared.changed.notify_all();
+    }
+}
+
+fn movable(server: &Server) -> impl Iterator<Item = &crate::protocol::BodyRecord> {
+    server.record().present().filter(|body| body.traits.kind != BodyKind::Fixed)
+}

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::Peer;
+use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
     ContactForce, ContactKey, Dispatch, Done, Drive, EnvironmentProperties, Pace, Refusal, RegionEvents,
     Report, SharedState, TickStats, ToClient, Touch, View, ViewNumber, WorldOp,
@@ -24,6 +24,8 @@ pub struct Leader {
     speed_limit: f32,
     /// The last dispatched tick; that of the view before the first.
     tick: Tick,
+    /// All members have reported what they own.
+    begun: bool,
     done: BTreeMap<NodeId, TickStats>,
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
@@ -51,6 +53,7 @@ impl Leader {
             pace: world.pace,
             speed_limit: world.avatar_speed_limit,
             tick: view.tick,
+            begun: false,
             done: BTreeMap::new(),
             events: BTreeMap::new(),
             next_due: now,
@@ -100,6 +103,14 @@ impl Leader {
         if drive.body.client() != Some(client) {
             return Err(Refusal::NotYours);
         }
+        // Until the first reports are in, a new leader does not know which avatars there are.
+        if !self.begun && !self.avatars.contains_key(&drive.body) {
+            let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
+            if self.avatars.range(range).count() >= MAX_AVATARS {
+                return Err(Refusal::TooMany);
+            }
+            self.avatars.insert(drive.body, None);
+        }
         let last = self.avatars.get_mut(&drive.body).ok_or(Refusal::Unknown)?;
         let speed2: f32 = drive.velocity.linear.iter().map(|v| v * v).sum();
         if speed2 > self.speed_limit * self.speed_limit {
@@ -121,6 +132,7 @@ impl Leader {
         self.done.insert(from, done.stats);
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
         if self.is_complete() {
+            self.begun = true;
             self.forward_contacts();
             self.forward_states();
         }

@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use super::{Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
 use crate::protocol::{
-    Border, BorderMessage, Dispatch, EnvironmentProperties, FromClient, Hello, JointRecord, Member, Message,
-    Placed, Role, ToClient, ToServer, VERSION, View, ViewNumber,
+    Border, BorderMessage, Dispatch, Drive, EnvironmentProperties, FromClient, Hello, JointRecord, Member,
+    Message, Placed, Role, ToClient, ToServer, VERSION, View, ViewNumber,
 };
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
@@ -86,7 +86,7 @@ pub struct NodeCounters {
     pub stale: u64,
     /// From somebody who may not say that.
     pub refused: u64,
-    /// Early border messages beyond the bound.
+    /// Early border messages and wishes beyond their bounds.
     pub overflow: u64,
     /// Clients' wishes that the leader refused.
     pub rejected: u64,
@@ -111,6 +111,7 @@ pub struct Node {
     joints: Vec<JointRecord>,
     early: BTreeMap<NodeId, VecDeque<Border>>,
     leader: Option<Leader>,
+    wishes: Vec<(ClientId, Drive)>,
     links: BTreeSet<Peer>,
     pinger: Pinger,
     counters: NodeCounters,
@@ -162,6 +163,7 @@ impl Node {
             joints: Vec::new(),
             early: BTreeMap::new(),
             leader: None,
+            wishes: Vec::new(),
             links: BTreeSet::new(),
             pinger: Pinger::default(),
             counters: NodeCounters::default(),

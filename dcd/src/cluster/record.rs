@@ -144,15 +144,19 @@ impl Record {
         }
     }
 
-    /// Raises the epoch of a body that nodes know, so that nothing said of it so far can overwrite what follows.
-    /// `claimed` is the epoch at which a node owned it last, if one says so.
-    pub(super) fn renew(&mut self, id: BodyId, claimed: Option<Epoch>) {
-        if let Some(entry) = self.bodies.get_mut(&id)
-            && (entry.life != Life::Waiting || claimed.is_some())
-        {
-            entry.body.epoch =
-                claimed.map_or(entry.body.epoch, |claimed| claimed.max(entry.body.epoch)).next();
-        }
+    /// Raises the epoch of a body that nodes know above every epoch it may have had until `tick`. `claimed` is the epoch at
+    /// which a node owns it, if one says so. Otherwise its owner died, and since the last that is known of it, or since
+    /// the border message that got lost with the owner, it may have been transferred once a tick.
+    pub(super) fn renew(&mut self, id: BodyId, claimed: Option<Epoch>, tick: Tick) {
+        let Some(entry) = self.bodies.get_mut(&id) else { return };
+        entry.body.epoch = match claimed {
+            Some(claimed) => claimed.max(entry.body.epoch).next(),
+            None if entry.life == Life::Waiting => return,
+            None => {
+                let unseen = tick.0.saturating_sub(entry.tick.0) + 2;
+                Epoch(entry.body.epoch.0.saturating_add(unseen.try_into().unwrap_or(u32::MAX)))
+            }
+        };
     }
 
     /// Shapes as chunks, each before the compounds that name it, without those of `known`, which it is added to.

@@ -60,6 +60,8 @@ pub struct Checker {
     expected: BTreeSet<BodyId>,
     snapshots: BTreeMap<(ViewNumber, Tick), Snapshot>,
     epochs: BTreeMap<BodyId, Epoch>,
+    owned: usize,
+    last: Tick,
     checked: u64,
 }
 
@@ -72,6 +74,16 @@ impl Checker {
     /// How many ticks have been checked as a whole.
     pub fn checked(&self) -> u64 {
         self.checked
+    }
+
+    /// The newest tick that has been checked as a whole.
+    pub fn last(&self) -> Tick {
+        self.last
+    }
+
+    /// How many bodies were owned after it.
+    pub fn owned(&self) -> usize {
+        self.owned
     }
 
     /// A member has completed a tick of this view.
@@ -118,6 +130,8 @@ impl Checker {
                 return Err(Violation::WentBack { body, before, after, tick });
             }
         }
+        self.owned = owned.len();
+        self.last = tick;
         self.checked += 1;
         Ok(())
     }

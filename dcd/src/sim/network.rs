@@ -73,6 +73,9 @@ impl Network {
             return;
         }
         for (from, to) in [(a, b), (b, a)] {
+            self.bury(time, from, to);
+        }
+        for (from, to) in [(a, b), (b, a)] {
             for lane in [Lane::Control, Lane::Border, Lane::State] {
                 let last = self.last.entry((from, to, lane)).or_default();
                 *last = time.max(*last);
@@ -81,6 +84,22 @@ impl Network {
             for (lane, bytes) in self.waiting.remove(&(from, to)).unwrap_or_default() {
                 self.deliver(time, from, to, lane, Arrival::Frame(from, bytes));
             }
+        }
+    }
+
+    /// The end of an earlier link between the same two is heard of before its successor, and nothing of it afterwards.
+    fn bury(&mut self, time: Duration, from: Peer, to: Peer) {
+        let mut ended = false;
+        self.queue.retain(|&(due, _), (at, _, arrival)| match arrival {
+            Arrival::Disconnected(of) if *at == to && *of == from && due > time => {
+                ended = true;
+                false
+            }
+            Arrival::Frame(of, _) => *at != to || *of != from || due <= time,
+            _ => true,
+        });
+        if ended {
+            self.push(time, to, Lane::Control, Arrival::Disconnected(from));
         }
     }
 

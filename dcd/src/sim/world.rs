@@ -153,9 +153,9 @@ impl Sim {
         Ok(())
     }
 
-    /// Runs until every node of the present view has completed this tick.
+    /// Runs until this tick has been completed by every node of its view, and checked.
     pub fn run_to(&mut self, tick: Tick) -> Result<(), Violation> {
-        self.run_until(|sim| !sim.server.is_changing() && sim.server.view().is_some() && sim.tick() >= tick)
+        self.run_until(|sim| sim.checker.last() >= tick)
     }
 
     /// Runs this many events.
@@ -164,11 +164,9 @@ impl Sim {
         self.run_until(|sim| sim.events >= target)
     }
 
-    /// The last tick that all members have completed.
+    /// The newest tick that any live node has completed.
     pub fn tick(&self) -> Tick {
-        let members = self.server.view().into_iter().flat_map(|view| &view.members);
-        let ticks = members.map(|m| self.nodes.get(&m.node).map_or(Tick(0), |node| node.machine.tick()));
-        ticks.min().unwrap_or_default()
+        self.nodes().map(Node::tick).max().unwrap_or_default()
     }
 
     /// The simulated time.

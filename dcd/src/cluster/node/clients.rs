@@ -5,6 +5,9 @@ use crate::cluster::Peer;
 use crate::protocol::{FromClient, Message, ToClient, pack_states};
 use crate::space::ClientId;
 
+/// Wishes kept from clients that hear of their new leader before it does.
+const EARLY_WISHES: usize = 1_024;
+
 impl Node {
     /// The client in this process speaks: no message is formed while this node leads.
     pub(super) fn own_client(&mut self, message: FromClient) {
@@ -45,7 +48,20 @@ impl Node {
             (_, message @ (FromClient::Spawn { .. } | FromClient::Despawn(_) | FromClient::Leave)) => {
                 self.send(Peer::Server, Message::FromClient(client, message));
             }
-            (None, FromClient::Drive(_)) => self.counters.stale += 1,
+            // The client may hear of its new leader before the leader does.
+            (None, FromClient::Drive(drive)) if self.wishes.len() < EARLY_WISHES => {
+                self.wishes.push((client, drive));
+            }
+            (None, FromClient::Drive(_)) => self.counters.overflow += 1,
+        }
+    }
+
+    /// A view has begun: what clients wished of this node in advance is done if it leads.
+    pub(super) fn grant_early_wishes(&mut self) {
+        for (client, drive) in std::mem::take(&mut self.wishes) {
+            if self.leader.is_some() {
+                self.lead_client(client, FromClient::Drive(drive));
+            }
         }
     }
 

@@ -220,6 +220,7 @@ impl Node {
         let joints = std::mem::take(&mut self.joints);
         self.ask(PhysicsCommand::Rebuild { tick: view.tick, regions, placed, joints, drop });
         self.view = Some(view);
+        self.grant_early_wishes();
     }
 
     /// Sends what the regions have to say, and waits for what the others' have.

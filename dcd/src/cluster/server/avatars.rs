@@ -96,7 +96,7 @@ impl Server {
     }
 
     fn revive(&mut self, id: BodyId) {
-        self.record.renew(id, None);
+        self.record.renew(id, None, self.tick);
         self.record.set_life(id, Life::Waiting);
         self.introduce(id, Vec::new());
     }

@@ -242,7 +242,7 @@ impl Server {
         } else {
             let mut placed = Vec::new();
             for &id in homeless.iter().chain(moved.keys()) {
-                self.record.renew(id, owners.get(&id).map(|owner| owner.epoch));
+                self.record.renew(id, owners.get(&id).map(|owner| owner.epoch), self.tick);
                 self.record.set_life(id, Life::Live);
             }
             placed.extend(self.record.place(&self.config.world.tree, &homeless));

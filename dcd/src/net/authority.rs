@@ -90,19 +90,26 @@ impl Authority {
             return Err(NetError::ServerToken);
         }
         let nonce: [u8; NONCE_BYTES] = random()?;
-        Ok(Token::mint(&self.secret, role, nonce, now + valid_for, self.fingerprint))
+        Ok(Token::mint(
+            &self.secret,
+            role,
+            nonce,
+            unix_seconds(now).saturating_add(valid_for.as_secs()),
+            self.fingerprint,
+        ))
     }
 
     /// The server's own identity, made anew at each start.
     pub fn server_identity(&self) -> Result<Identity, NetError> {
+        let now = SystemTime::now();
         let key = KeyPair::generate().map_err(tls)?;
-        let certificate =
-            self.issue(PeerName::Server, &key, SystemTime::now(), SERVER_CERTIFICATE_LIFE).map_err(tls)?;
+        let certificate = self.issue(PeerName::Server, &key, now, SERVER_CERTIFICATE_LIFE).map_err(tls)?;
         Ok(Identity {
             who: PeerName::Server,
             key: PrivatePkcs8KeyDer::from(key.serialize_der()),
             certificate,
             authority: self.certificate.clone(),
+            expires_unix_s: unix_seconds(now + SERVER_CERTIFICATE_LIFE),
             resume: None,
         })
     }
@@ -144,6 +151,7 @@ impl Authority {
             who,
             certificate: certificate.to_vec(),
             authority: self.certificate.to_vec(),
+            expires_unix_s: unix_seconds(now + self.certificate_life),
             resume: ResumeKey::mint(&self.secret, who).to_string(),
         })
     }

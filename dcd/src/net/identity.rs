@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer};
@@ -17,6 +18,7 @@ pub struct Identity {
     pub(super) key: PrivatePkcs8KeyDer<'static>,
     pub(super) certificate: CertificateDer<'static>,
     pub(super) authority: CertificateDer<'static>,
+    pub(super) expires_unix_s: u64,
     pub(super) resume: Option<ResumeKey>,
 }
 
@@ -46,9 +48,15 @@ impl Identity {
         self.resume.as_ref()
     }
 
+    /// Until when the certificate proves the name. Connections outlive it; new ones need a fresh identity: join again with
+    /// the resume key.
+    pub fn expires(&self) -> SystemTime {
+        UNIX_EPOCH + Duration::from_secs(self.expires_unix_s)
+    }
+
     /// Writes all of it to one file that only its owner may read.
     pub fn save(&self, path: &Path) -> Result<(), NetError> {
-        let mut text = String::new();
+        let mut text = format!("expires {}\n", self.expires_unix_s);
         if let Some(resume) = &self.resume {
             text.push_str(&format!("resume {resume}\n"));
         }
@@ -64,6 +72,8 @@ impl Identity {
         let damaged = |what: &str| NetError::Damaged { path: path.to_owned(), what: what.to_owned() };
         let resume = text.lines().find_map(|line| line.strip_prefix("resume "));
         let resume = resume.map(str::parse).transpose().map_err(|_| damaged("its resume key"))?;
+        let expires = text.lines().find_map(|line| line.strip_prefix("expires ")?.parse().ok());
+        let expires_unix_s = expires.ok_or_else(|| damaged("no date of expiry"))?;
         let key =
             PrivatePkcs8KeyDer::from_pem_slice(text.as_bytes()).map_err(|_| damaged("no private key"))?;
         let certificates: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(text.as_bytes()).collect();
@@ -71,7 +81,7 @@ impl Identity {
         let [certificate, authority] = <[_; 2]>::try_from(certificates)
             .map_err(|_| damaged("not its own certificate and the authority's"))?;
         let who = names_of(&certificate).ok_or_else(|| damaged("its certificate names no dcd process"))?;
-        Ok(Self { who, key, certificate, authority, resume })
+        Ok(Self { who, key, certificate, authority, expires_unix_s, resume })
     }
 
     pub(super) fn chain(&self) -> Vec<CertificateDer<'static>> {

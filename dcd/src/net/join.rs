@@ -47,6 +47,7 @@ pub fn join(
         key: PrivatePkcs8KeyDer::from(key.serialize_der()),
         certificate: CertificateDer::from(admission.certificate),
         authority: CertificateDer::from(admission.authority),
+        expires_unix_s: admission.expires_unix_s,
         resume: Some(admission.resume.parse()?),
     })
 }
@@ -63,6 +64,7 @@ pub(super) struct Admission {
     pub(super) who: PeerName,
     pub(super) certificate: Vec<u8>,
     pub(super) authority: Vec<u8>,
+    pub(super) expires_unix_s: u64,
     pub(super) resume: String,
 }
 
@@ -109,6 +111,7 @@ fn encode_reply(answer: &Result<Admission, JoinRefusal>) -> Vec<u8> {
             let mut bytes = vec![1, admission.who.role().code()];
             bytes.extend(admission.who.node().unwrap_or_default().0.to_be_bytes());
             bytes.extend(admission.who.client().unwrap_or_default().0.to_be_bytes());
+            bytes.extend(admission.expires_unix_s.to_be_bytes());
             put_counted(&mut bytes, &admission.certificate);
             put_counted(&mut bytes, &admission.authority);
             put_counted(&mut bytes, admission.resume.as_bytes());
@@ -126,11 +129,12 @@ fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, String>> {
             let node = Some(u32::from_be_bytes(fields.take()?)).filter(|id| *id > 0).map(NodeId);
             let client = Some(u32::from_be_bytes(fields.take()?)).filter(|id| *id > 0).map(ClientId);
             let who = PeerName::from_parts(role, node, client)?;
+            let expires_unix_s = u64::from_be_bytes(fields.take()?);
             let certificate = fields.take_counted()?.to_vec();
             let authority = fields.take_counted()?.to_vec();
             let resume = String::from_utf8(fields.take_counted()?.to_vec()).ok()?;
             fields.end()?;
-            Some(Ok(Admission { who, certificate, authority, resume }))
+            Some(Ok(Admission { who, certificate, authority, expires_unix_s, resume }))
         }
         _ => None,
     }

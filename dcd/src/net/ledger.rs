@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::files::{at, open_private, replace_private};
 use super::token::NONCE_BYTES;
@@ -16,7 +16,9 @@ type Nonce = [u8; NONCE_BYTES];
 /// folder's lock while it has the ledger open; minting tokens needs no ledger.
 pub(super) struct Ledger {
     log: File,
-    log_path: std::path::PathBuf,
+    /// Of the whole lines in the log.
+    log_bytes: u64,
+    log_path: PathBuf,
     /// Nonces of used tokens, each until its token would have expired anyway.
     used_until_s: BTreeMap<Nonce, u64>,
     last_node: u32,
@@ -60,7 +62,8 @@ impl Ledger {
         }
         replace_private(&log_path, compact.as_bytes())?;
         let log = open_private(&log_path, OpenOptions::new().append(true))?;
-        Ok(Self { log, log_path, used_until_s, last_node, last_client, _lock: lock })
+        let log_bytes = compact.len() as u64;
+        Ok(Self { log, log_bytes, log_path, used_until_s, last_node, last_client, _lock: lock })
     }
 
     pub(super) fn is_used(&self, nonce: &Nonce) -> bool {
@@ -87,10 +90,13 @@ impl Ledger {
         });
         let (node, client) = (who.node().unwrap_or_default().0, who.client().unwrap_or_default().0);
         let line = format_line(&nonce, until_s, node, client);
-        self.log
-            .write_all(line.as_bytes())
-            .and_then(|()| self.log.sync_data())
-            .map_err(at(&self.log_path))?;
+        if let Err(error) = self.log.write_all(line.as_bytes()).and_then(|()| self.log.sync_data()) {
+            // Half a line, as on a full disk, must not run into the next one. If this fails too, the log is cut when
+            // it is opened again, unless more was written to it; then the damage is named.
+            let _ = self.log.set_len(self.log_bytes);
+            return Err(at(&self.log_path)(error));
+        }
+        self.log_bytes += line.len() as u64;
         self.used_until_s.retain(|_, until_s| *until_s >= now_s);
         self.used_until_s.insert(nonce, until_s);
         self.last_node = self.last_node.max(node);

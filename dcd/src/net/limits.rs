@@ -57,7 +57,10 @@ impl Default for Limits {
 
 /// Data that the peer has not acknowledged, per connection with a server or node.
 const SEND_WINDOW_BYTES: u64 = 8 << 20;
+/// What a server or node may send ahead of our reading.
 const RECEIVE_WINDOW_BYTES: u32 = 4 << 20;
+/// The same for one that has not proved its name yet: a flood of them must not cost much.
+const UNPROVEN_WINDOW_BYTES: u32 = 32 << 10;
 /// Three lanes fit into the connection's window together, so that a stalled one leaves room for the others.
 const STREAM_WINDOW_BYTES: u32 = 5 << 18;
 const DATAGRAM_BUFFER_BYTES: usize = 64 << 10;
@@ -78,6 +81,15 @@ impl Limits {
         if is_client_only(who) { self.client_queue_bytes as u64 } else { SEND_WINDOW_BYTES }
     }
 
+    /// So much may `who` send ahead of our reading.
+    pub(super) fn receive_window_of(&self, who: PeerName) -> VarInt {
+        if is_client_only(who) {
+            u32::try_from(2 * self.client_frame_bytes).map_or(VarInt::MAX, VarInt::from_u32)
+        } else {
+            VarInt::from_u32(RECEIVE_WINDOW_BYTES)
+        }
+    }
+
     /// So much of what `who` sent may wait for the role's loop; then the connection alone is held back.
     pub(super) fn inbox_bytes_of(&self, who: PeerName) -> usize {
         2 * self.frame_bytes_of(who)
@@ -92,7 +104,7 @@ impl Limits {
             .keep_alive_interval(Some(self.keep_alive))
             .max_concurrent_uni_streams(VarInt::from_u32(3))
             .max_concurrent_bidi_streams(VarInt::from(bidirectional_streams))
-            .receive_window(VarInt::from_u32(RECEIVE_WINDOW_BYTES))
+            .receive_window(VarInt::from_u32(UNPROVEN_WINDOW_BYTES))
             .stream_receive_window(VarInt::from_u32(STREAM_WINDOW_BYTES))
             .send_window(SEND_WINDOW_BYTES)
             .datagram_receive_buffer_size(Some(DATAGRAM_BUFFER_BYTES))

@@ -111,6 +111,7 @@ impl Peer {
         limits: &Limits,
     ) -> (Arc<Self>, [RecvStream; 3]) {
         connection.set_send_window(limits.send_window_of(who));
+        connection.set_receive_window(limits.receive_window_of(who));
         let peer = Arc::new(Self {
             key,
             who,

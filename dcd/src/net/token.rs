@@ -54,10 +54,9 @@ impl Token {
         secret: &Secret,
         role: Role,
         nonce: [u8; NONCE_BYTES],
-        expires: SystemTime,
+        expires_unix_s: u64,
         fingerprint: [u8; 32],
     ) -> Self {
-        let expires_unix_s = unix_seconds(expires);
         let mut token = Self { role, nonce, expires_unix_s, fingerprint, seal: [0; SEAL_BYTES] };
         token.seal = secret.seal(b"token", &token.content());
         token
@@ -184,8 +183,7 @@ mod tests {
     const SECRET: Secret = Secret([7; 32]);
 
     fn token() -> Token {
-        let expires = UNIX_EPOCH + Duration::from_secs(1_800_000_000);
-        Token::mint(&SECRET, Role::Node, [5; NONCE_BYTES], expires, [9; 32])
+        Token::mint(&SECRET, Role::Node, [5; NONCE_BYTES], 1_800_000_000, [9; 32])
     }
 
     #[test]

@@ -53,6 +53,18 @@ fn a_token_lets_one_process_in_even_when_the_server_starts_again() {
 }
 
 #[test]
+fn of_many_that_bring_the_same_token_at_once_one_gets_in() {
+    let server = Server::start();
+    let (addr, token) = (server.addr(), server.token(Role::Client));
+    let let_in = std::thread::scope(|scope| {
+        let joins: Vec<_> =
+            (0..6).map(|_| scope.spawn(|| join(addr, &token, None, PATIENCE).is_ok())).collect();
+        joins.into_iter().map(|join| join.join().unwrap()).filter(|let_in| *let_in).count()
+    });
+    assert_eq!(let_in, 1);
+}
+
+#[test]
 fn tokens_are_minted_by_another_process_while_the_server_runs() {
     let server = Server::start();
     let other = Authority::load_or_create(server.folder.path()).unwrap();
@@ -150,6 +162,9 @@ fn an_identity_is_saved_for_its_owner_only_and_still_proves_the_name() {
     }
     let loaded = Identity::load(&path).unwrap();
     assert_eq!((loaded.who(), loaded.resume()), (identity.who(), identity.resume()));
+    assert_eq!(loaded.expires(), identity.expires());
+    let life = identity.expires().duration_since(SystemTime::now()).unwrap();
+    assert!((23 * HOUR..=24 * HOUR).contains(&life), "{life:?}");
     Process::start(loaded, None, Limits::default()).connect_to(&server.process);
     std::fs::write(&path, "nonsense").unwrap();
     assert!(matches!(Identity::load(&path), Err(NetError::Damaged { .. })));

@@ -88,6 +88,24 @@ fn closing_delivers_what_was_sent_before() {
 }
 
 #[test]
+fn what_arrived_before_the_end_is_delivered_to_a_slow_reader_too() {
+    let limits = Limits { frame_bytes: 1 << 20, linger: PATIENCE, ..Limits::default() };
+    let server = Server::with_limits(limits.clone());
+    let node = Process::start(server.join(Role::Node), None, limits);
+    let (here, _) = node.connect_to(&server.process);
+    // The first fills the inbox, so that the second waits in QUIC when the connection ends.
+    for _ in 0..2 {
+        node.net.send(here, Lane::Object, vec![1; 1 << 20]).unwrap();
+    }
+    node.net.close(here, "leaving");
+    assert_eq!(node.closed().0, CloseCause::ByUs);
+    for _ in 0..2 {
+        assert_eq!(server.process.frame().1.len(), 1 << 20);
+    }
+    assert_eq!(server.process.closed().0, CloseCause::ByPeer);
+}
+
+#[test]
 fn shutting_down_tells_peers_and_ends_the_events() {
     let server = Server::start();
     let node = server.process(Role::Node);

@@ -24,6 +24,7 @@ pub struct Leader {
     speed_limit: f32,
     /// The last dispatched tick; that of the view before the first.
     tick: Tick,
+    last_tick: Option<Tick>,
     /// All members have reported what they own.
     begun: bool,
     done: BTreeMap<NodeId, TickStats>,
@@ -53,6 +54,7 @@ impl Leader {
             pace: world.pace,
             speed_limit: world.avatar_speed_limit,
             tick: view.tick,
+            last_tick: world.last_tick,
             begun: false,
             done: BTreeMap::new(),
             events: BTreeMap::new(),
@@ -154,12 +156,12 @@ impl Leader {
 
     /// When the next tick may be dispatched, if all members are ready for it.
     pub fn timeout(&self) -> Option<Duration> {
-        self.is_complete().then_some(self.next_due)
+        (self.is_complete() && self.last_tick != Some(self.tick)).then_some(self.next_due)
     }
 
     /// The next tick, if all members are ready and its time has come.
     pub fn dispatch(&mut self, now: Duration) -> Option<Dispatch> {
-        if !self.is_complete() || now < self.next_due {
+        if self.timeout().is_none_or(|due| now < due) {
             return None;
         }
         self.next_due = match self.pace {

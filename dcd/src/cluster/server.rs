@@ -58,6 +58,15 @@ pub enum ServerOutput {
     Began(View),
     /// Nobody computes the world any more; the record holds it.
     Held(Tick),
+    /// What all members together own, when the world is to end.
+    Audited {
+        /// Bodies of the world that no node owns.
+        lost: Vec<BodyId>,
+        /// Bodies that more than one node owns.
+        doubled: Vec<BodyId>,
+    },
+    /// The world has ended and all have been told.
+    Ended,
 }
 
 #[derive(Clone, Debug)]
@@ -83,6 +92,9 @@ pub struct Server {
     tick: Tick,
     view: Option<View>,
     begun: bool,
+    /// Members that have told all they know of the world's last tick.
+    at_last_tick: BTreeSet<NodeId>,
+    stopping: bool,
     change: Option<Change>,
     stale: u64,
     outputs: VecDeque<ServerOutput>,
@@ -103,6 +115,8 @@ impl Server {
             tick: Tick(0),
             view: None,
             begun: false,
+            at_last_tick: BTreeSet::new(),
+            stopping: false,
             change: None,
             stale: 0,
             outputs: VecDeque::new(),
@@ -158,6 +172,11 @@ impl Server {
     /// The next thing to do, until there is none.
     pub fn poll_output(&mut self) -> Option<ServerOutput> {
         self.outputs.pop_front()
+    }
+
+    /// The newest tick that a member is known to have completed.
+    pub fn tick(&self) -> Tick {
+        self.tick
     }
 
     /// The record of the world.
@@ -263,6 +282,10 @@ impl Server {
                 for checkpoint in &bodies {
                     self.record.checkpoint(tick, checkpoint);
                 }
+                self.tick = self.tick.max(tick);
+                if self.config.world.last_tick == Some(tick) {
+                    self.at_last_tick.insert(node);
+                }
             }
             ToServer::Removed { view, tick, bodies } if Some(view) == present && is_member => {
                 for body in bodies {
@@ -308,7 +331,21 @@ impl Server {
         self.nodes.remove(&node);
     }
 
+    /// The world is to end: a last survey audits it first.
     fn stop(&mut self) {
+        if self.stopping {
+            return;
+        }
+        self.stopping = true;
+        if self.change.is_none() && self.view.is_some() {
+            self.begin_change();
+        } else if self.view.is_none() {
+            self.end();
+        }
+    }
+
+    /// Everybody is told that the world is over.
+    fn end(&mut self) {
         for node in self.nodes.keys().copied().collect::<Vec<_>>() {
             self.dismiss(node, "the server ends the world".into());
         }
@@ -317,5 +354,6 @@ impl Server {
         }
         self.view = None;
         self.change = None;
+        self.outputs.push_back(ServerOutput::Ended);
     }
 }

@@ -262,6 +262,7 @@ mod tests {
                 avatar_speed_limit: 10.0,
                 protocol: crate::protocol::SyncProtocol::Synchronised,
                 pace: crate::protocol::Pace::RealTime,
+                last_tick: None,
                 extension: vec![],
             };
             let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });

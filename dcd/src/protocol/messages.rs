@@ -119,6 +119,8 @@ pub struct EnvironmentProperties {
     pub protocol: SyncProtocol,
     /// How fast ticks follow one another.
     pub pace: Pace,
+    /// The world ends after this tick; `None`: when it is told to.
+    pub last_tick: Option<Tick>,
     /// The application's own.
     pub extension: Vec<u8>,
 }

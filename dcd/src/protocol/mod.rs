@@ -15,12 +15,12 @@ pub use body::{
     Groups, MassRecord, Pose, Velocity, WorldPose,
 };
 pub use border::{BorderMessage, ContactForce, ContactKey, RegionEvents, SharedState, Touch, Transfer};
-pub use contacts::{ContactLedger, WorldEvents};
-pub use hash::StateHasher;
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, decode, decode_value,
     encode, encode_value, encoded_len, pack_states, split,
 };
+pub use contacts::{ContactLedger, WorldEvents};
+pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord};
 pub use messages::{
     BodyCheckpoint, Border, Chunk, Claim, Dispatch, Done, Drive, EnvironmentProperties, FromClient, Hello,

@@ -90,8 +90,10 @@ impl ClientWorld {
         let start = Instant::now();
         let identity = config.join(role)?;
         let client = identity.client().ok_or(ProcessError::Role { has: identity.role(), needs: role })?;
-        let member =
-            Member::start(MemberConfig { threads: config.threads, ..MemberConfig::new(config.server, identity) })?;
+        let member = Member::start(MemberConfig {
+            threads: config.threads,
+            ..MemberConfig::new(config.server, identity)
+        })?;
         let left = config.timeout.saturating_sub(start.elapsed());
         let joined = |state: &super::member::State| {
             state.end.is_some() || state.client.as_ref().is_some_and(crate::cluster::Client::is_joined)

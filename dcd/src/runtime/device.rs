@@ -18,7 +18,9 @@ use crate::space::BodyId;
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
     /// The server uses a coupling that is not known here.
-    #[error("the server asks for coupling `{0}`, which this dcd does not know: install the same version on both")]
+    #[error(
+        "the server asks for coupling `{0}`, which this dcd does not know: install the same version on both"
+    )]
     Coupling(String),
     /// Bodies, shapes or threads.
     #[error(transparent)]
@@ -276,7 +278,6 @@ fn hash_of(host: &RegionHost) -> u64 {
 #[derive(Default)]
 struct Sampler {
     awake: BTreeSet<BodyId>,
-
 }
 
 impl Sampler {
@@ -285,7 +286,6 @@ impl Sampler {
             Sampling::Nothing => BTreeSet::new(),
             Sampling::All => host.owned_bodies().map(|(id, ..)| id).collect(),
             Sampling::Moved => {
-
                 let awake: BTreeSet<_> = host
                     .owned_bodies()
                     .filter(|(_, region, handle)| !region.physics().bodies[*handle].is_sleeping())

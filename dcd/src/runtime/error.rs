@@ -39,7 +39,9 @@ pub enum ProcessError {
         needs: Role,
     },
     /// Somebody else ended it.
-    #[error("the link to the server at {server} is gone ({reason}); start the server again and join with a new token")]
+    #[error(
+        "the link to the server at {server} is gone ({reason}); start the server again and join with a new token"
+    )]
     ServerGone {
         /// Where it was.
         server: SocketAddr,
@@ -47,7 +49,9 @@ pub enum ProcessError {
         reason: String,
     },
     /// The world did not come in time.
-    #[error("no world from the server at {server} within {waited:?}: it may be waiting for nodes, or be overloaded")]
+    #[error(
+        "no world from the server at {server} within {waited:?}: it may be waiting for nodes, or be overloaded"
+    )]
     Timeout {
         /// Where it is.
         server: SocketAddr,

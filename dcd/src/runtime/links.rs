@@ -101,7 +101,8 @@ impl Links {
 
     /// Sends what waits, as far as there is room. Returns whether anything still waits for a link that is up.
     pub(super) fn flush(&mut self) -> bool {
-        let peers: Vec<_> = self.waiting.keys().filter(|peer| self.keys.contains_key(peer)).copied().collect();
+        let peers: Vec<_> =
+            self.waiting.keys().filter(|peer| self.keys.contains_key(peer)).copied().collect();
         let mut left = false;
         for peer in peers {
             let Some(mut waiting) = self.waiting.remove(&peer) else { continue };

@@ -355,8 +355,8 @@ impl Loop {
                 }
             }
             LinkEvent::Message { from, message } => {
-                let to_client = self.node.is_none()
-                    || (from == Peer::Server && matches!(message, Message::ToClient(..)));
+                let to_client =
+                    self.node.is_none() || (from == Peer::Server && matches!(message, Message::ToClient(..)));
                 match &mut self.node {
                     Some(node) if !to_client => node.handle(now, NodeEvent::Message { from, message }),
                     _ => self.client(ClientEvent::Message { from, message }),

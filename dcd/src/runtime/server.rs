@@ -124,13 +124,8 @@ impl ServerProcess {
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         shared.lock().summary.regions = environment.tree.leaf_count();
         let server = Server::new(ServerConfig { world: environment, min_nodes: config.nodes.max(1) }, record);
-        let running = Loop {
-            links: Some(Links::new(net)),
-            server,
-            shared: shared.clone(),
-            began: None,
-            over: false,
-        };
+        let running =
+            Loop { links: Some(Links::new(net)), server, shared: shared.clone(), began: None, over: false };
         let thread = std::thread::Builder::new()
             .name("dcd-server".into())
             .spawn(move || running.run(&inputs))
@@ -277,6 +272,7 @@ impl Loop {
                     info!(view = view.number.0, members = view.members.len(), "a view begins");
                     let mut state = self.shared.lock();
                     state.summary.views += 1;
+                    state.summary.bodies = movable(&self.server).count();
                     state.summary.nodes = view.members.len();
                     state.view = Some(view);
                 }
@@ -298,7 +294,6 @@ impl Loop {
     fn publish(&mut self) {
         let mut state = self.shared.lock();
         state.summary.tick = self.server.tick();
-        state.summary.bodies = movable(&self.server).count();
         state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
         if let Some(links) = &self.links {
             let traffic = links.totals().traffic;
@@ -314,6 +309,7 @@ impl Loop {
             hasher.add(body.id, &body.state.pose, &body.state.velocity);
         }
         let mut state = self.shared.lock();
+        state.summary.bodies = movable(&self.server).count();
         state.summary.state_hash = Some(hasher.finish());
         if let Some(totals) = totals {
             state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;

@@ -323,7 +323,10 @@ impl Sim {
             match output {
                 ServerOutput::Send { to, message } => self.send(Peer::Server, to, message),
                 ServerOutput::Close(peer) => self.network.close(self.now, Peer::Server, peer),
-                ServerOutput::Began(_) | ServerOutput::Held(_) => {}
+                ServerOutput::Began(_)
+                | ServerOutput::Held(_)
+                | ServerOutput::Audited { .. }
+                | ServerOutput::Ended => {}
             }
         }
     }
@@ -374,6 +377,7 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
         avatar_speed_limit: 20.0,
         protocol: SyncProtocol::Synchronised,
         pace: Pace::RealTime,
+        last_tick: None,
         extension: Vec::new(),
     }
 }

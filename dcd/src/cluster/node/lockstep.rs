@@ -97,7 +97,8 @@ impl Node {
                 self.phase = Phase::Resting;
                 self.tick = tick;
                 let view = self.number();
-                if !checkpoint.is_empty() {
+                let is_last = self.world.as_ref().is_some_and(|world| world.last_tick == Some(tick));
+                if !checkpoint.is_empty() || is_last {
                     self.send_server(ToServer::Checkpoint { view, tick, bodies: checkpoint });
                 }
                 if !report.is_empty() {
@@ -287,9 +288,10 @@ impl Node {
             }
         }
         incoming.sort_by_key(|message| (message.from, message.to));
-        // The first exchange of a view brings leader and server up to date with everything.
+        // The first exchange of a view, and the end of a world, bring leader and server up to date with everything.
+        let last = self.world.as_ref().and_then(|world| world.last_tick);
         let sample = |every| match tick {
-            tick if tick == view.tick => Sampling::All,
+            tick if tick == view.tick || Some(tick) == last => Sampling::All,
             tick if tick.0.is_multiple_of(every) => Sampling::Moved,
             _ => Sampling::Nothing,
         };

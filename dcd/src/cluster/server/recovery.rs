@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Life, Server, ServerOutput};
-use crate::protocol::{BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks};
+use crate::protocol::{
+    BodyKind, BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks,
+};
 use crate::space::{Allocation, BodyId, Epoch, NodeId, RegionId, Tick, allocate};
 
 /// A view change under way. A death begins it anew with the next number.
@@ -45,8 +47,12 @@ impl Server {
 
     /// Begins a view change if membership is not as it should be.
     pub(super) fn reconsider(&mut self) {
-        if self.change.is_some() {
+        if self.change.is_some() || self.stopping {
             return;
+        }
+        let is_done = |view: &View| view.members.iter().all(|m| self.at_last_tick.contains(&m.node));
+        if self.view.as_ref().is_some_and(is_done) {
+            return self.stop();
         }
         let idle_leavers: Vec<_> = self
             .nodes
@@ -133,6 +139,9 @@ impl Server {
         if change.surveys.len() < change.survivors.len() {
             return;
         }
+        if self.stopping {
+            return self.audit();
+        }
         let members: Vec<_> = self
             .nodes
             .values()
@@ -177,6 +186,26 @@ impl Server {
             change.plan = Some(Plan { members, allocation, owners, fetching });
         }
         self.conclude();
+    }
+
+    /// Compares what the members own with what is on record; then the world ends.
+    fn audit(&mut self) {
+        let Some(change) = self.change.take() else { return };
+        let mut owners: BTreeMap<BodyId, usize> = BTreeMap::new();
+        for claim in change.surveys.values().flatten() {
+            *owners.entry(claim.id).or_default() += 1;
+        }
+        let of = |id: BodyId| self.record.body(id).map(|body| body.traits.kind);
+        let lost = self
+            .record
+            .lives()
+            .filter(|&(id, life)| life == Life::Live && of(id) != Some(BodyKind::Fixed))
+            .map(|(id, _)| id)
+            .filter(|id| !owners.contains_key(id))
+            .collect();
+        let doubled = owners.iter().filter(|(_, count)| **count > 1).map(|(&id, _)| id).collect();
+        self.outputs.push_back(ServerOutput::Audited { lost, doubled });
+        self.end();
     }
 
     pub(super) fn found(&mut self, node: NodeId, view: ViewNumber, bodies: Vec<BodyRecord>, last: bool) {

@@ -1,0 +1,169 @@
+//! Server, nodes and clients with real QUIC over loopback, each on threads of this process.
+
+use std::time::Duration;
+
+use dcd::net::Role;
+use dcd::protocol::{Pace, Velocity, WorldPose};
+use dcd::runtime::{
+    ClientWorld, DcdWorld, JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess,
+    WorldConfig,
+};
+use dcd::scene::{Params, Scene};
+use dcd::space::Tick;
+use rapier3d::prelude::*;
+
+const LIMIT: Duration = Duration::from_secs(60);
+
+fn serve(scene: &Scene, regions: usize, nodes: usize, pace: Pace, last_tick: Option<u64>) -> (ServerProcess, tempfile::TempDir) {
+    let data = tempfile::tempdir().unwrap();
+    let server = ServerProcess::start(
+        scene,
+        ServeConfig {
+            listen: "127.0.0.1:0".parse().unwrap(),
+            data: data.path().to_owned(),
+            world: WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(scene) },
+            nodes,
+            pace,
+            last_tick: last_tick.map(Tick),
+            avatar_speed_limit: 20.0,
+        },
+    )
+    .unwrap();
+    (server, data)
+}
+
+fn start_node(server: &ServerProcess) -> Member {
+    let token = server.token(Role::Node, LIMIT).unwrap();
+    let identity = JoinConfig::new(server.address, token).join(Role::Node).unwrap();
+    Member::start(MemberConfig::new(server.address, identity)).unwrap()
+}
+
+fn connect(server: &ServerProcess) -> ClientWorld {
+    let token = server.token(Role::Client, LIMIT).unwrap();
+    ClientWorld::connect(&JoinConfig::new(server.address, token)).unwrap()
+}
+
+fn rain() -> Scene {
+    Scene::named("terrain", &Params::new().with("n", 300)).unwrap()
+}
+
+#[test]
+fn a_networked_world_equals_a_local_one_bit_for_bit() {
+    let scene = rain();
+    for (regions, nodes) in [(2, 2), (8, 3)] {
+        let (server, _data) = serve(&scene, regions, nodes, Pace::Unpaced, Some(200));
+        let members: Vec<_> = (0..nodes).map(|_| start_node(&server)).collect();
+        assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
+        let summary = server.stop();
+        let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();
+        assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(200), 0, 0));
+        let config =
+            WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(&scene) };
+        let mut local = DcdWorld::from_scene(&scene, config).unwrap();
+        for _ in 0..200 {
+            local.step().unwrap();
+        }
+        assert!(transfers > 0, "the test needs traffic");
+        assert_eq!(transfers, local.stats().transfers);
+        assert_eq!(summary.state_hash, Some(local.state_hash()), "{regions} regions on {nodes} nodes");
+    }
+}
+
+#[test]
+fn a_client_drives_an_avatar_through_a_served_world_and_continues_after_a_pause() {
+    let scene = Scene::named("pile", &Params::new().with("n", 100)).unwrap();
+    let (server, data) = serve(&scene, 2, 2, Pace::RealTime, None);
+    let members: Vec<_> = (0..2).map(|_| start_node(&server)).collect();
+    let mut config = JoinConfig::new(server.address, server.token(Role::Client, LIMIT).unwrap());
+    config.identity = Some(data.path().join("me"));
+    let mut client = ClientWorld::connect(&config).unwrap();
+    let ball = ColliderBuilder::ball(0.5).active_events(ActiveEvents::COLLISION_EVENTS);
+    let body = RigidBodyBuilder::kinematic_velocity_based();
+    let avatar = client.spawn(WorldPose::at([-12.0, 1.0, 0.75]), &body, &[ball]).unwrap();
+    assert!(client.wait_body(avatar, LIMIT), "{:?}", client.take_events());
+    let east = Velocity { linear: [10.0, 0.0, 0.0], angular: [0.0; 3] };
+    let mut touches = Vec::new();
+    while client.body(avatar).unwrap().body.state.pose.translation[0] < 0.0 {
+        client.drive(avatar, east, None).unwrap();
+        let seen = client.updates();
+        assert!(client.wait_update(seen, LIMIT));
+        let events = client.take_events();
+        assert!(events.refusals.is_empty(), "{:?}", events.refusals);
+        touches.extend(events.touches);
+    }
+    assert!(touches.iter().any(|(_, touch)| touch.began), "the avatar must have run into towers");
+    let too_fast = Velocity { linear: [100.0, 0.0, 0.0], angular: [0.0; 3] };
+    client.drive(avatar, too_fast, None).unwrap();
+    let id = client.id();
+    client.leave().unwrap();
+
+    config.token = server.token(Role::Client, LIMIT).unwrap();
+    let client = ClientWorld::connect(&config).unwrap();
+    assert_eq!(client.id(), id, "who returns keeps the name");
+    assert!(client.wait_body(avatar, LIMIT));
+    let x = client.body(avatar).unwrap().body.state.pose.translation[0];
+    assert!(x > -1.0, "the avatar continues where it was, not at {x}");
+    let summary = server.stop();
+    assert_eq!((summary.lost, summary.doubled), (0, 0));
+    for member in members {
+        member.finish().unwrap();
+    }
+}
+
+#[test]
+fn a_participant_computes_and_plays_in_one_process() {
+    let scene = Scene::named("pile", &Params::new().with("n", 100)).unwrap();
+    let (server, _data) = serve(&scene, 2, 2, Pace::RealTime, None);
+    let node = start_node(&server);
+    let token = server.token(Role::Participant, LIMIT).unwrap();
+    let mut player = ClientWorld::participate(&JoinConfig::new(server.address, token)).unwrap();
+    let body = RigidBodyBuilder::dynamic();
+    let avatar =
+        player.spawn(WorldPose::at([0.0, 30.0, 0.0]), &body, &[ColliderBuilder::ball(0.5)]).unwrap();
+    assert!(player.wait_body(avatar, LIMIT), "{:?}", player.take_events());
+    let start = player.body(avatar).unwrap().body.state.pose.translation[1];
+    while player.body(avatar).unwrap().body.state.pose.translation[1] > start - 1.0 {
+        let seen = player.updates();
+        assert!(player.wait_update(seen, LIMIT));
+    }
+    assert!(player.summary().tick.0 > 10 && player.summary().regions == 1);
+    player.leave().unwrap();
+    // The world goes on with the node that is left.
+    assert!(server.wait(LIMIT, |summary, _| summary.nodes == 1));
+    let before = node.tick();
+    assert!(server.wait(LIMIT, |_, _| node.tick().0 > before.0 + 10));
+    let summary = server.stop();
+    assert_eq!((summary.lost, summary.doubled), (0, 0));
+    assert_eq!(node.finish().unwrap().regions, 2);
+}
+
+#[test]
+fn what_is_wrong_on_entering_is_said() {
+    let scene = Scene::named("tower", &Params::new()).unwrap();
+    let (server, data) = serve(&scene, 1, 1, Pace::RealTime, None);
+    let token = server.token(Role::Node, LIMIT).unwrap();
+    let config = JoinConfig::new(server.address, &token);
+    let error = ClientWorld::connect(&config).err().unwrap().to_string();
+    assert!(error.contains("node") && error.contains("client"), "{error}");
+    config.join(Role::Node).unwrap();
+    let error = config.join(Role::Node).err().unwrap().to_string();
+    assert!(error.contains("used"), "{error}");
+    let error = JoinConfig::new(server.address, "no token").join(Role::Node).err().unwrap().to_string();
+    assert!(error.contains("token"), "{error}");
+    let twice = ServeConfig {
+        listen: server.address,
+        data: data.path().join("other"),
+        world: WorldConfig::for_scene(&scene),
+        nodes: 1,
+        pace: Pace::RealTime,
+        last_tick: None,
+        avatar_speed_limit: 20.0,
+    };
+    let error = ServerProcess::start(&scene, twice).err().unwrap().to_string();
+    assert!(error.contains("port") || error.contains("in use"), "{error}");
+    // Without a node there is a world but nobody computes it: the client is told the scene all the same.
+    let client = connect(&server);
+    assert_eq!(client.with_bodies(|body| Some(body.body.id)).len(), scene.bodies.len());
+    drop(server);
+    assert!(client.wait_update(u64::MAX - 1, LIMIT) || client.check().is_err());
+}

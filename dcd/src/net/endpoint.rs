@@ -52,8 +52,8 @@ impl Net {
             io::ErrorKind::AddrInUse => NetError::PortTaken { addr: listen },
             _ => NetError::Bind { addr: listen, source },
         })?;
-        // One thread leaves the cores to the regions; with two, frames were no faster (measured on two cores: 80 and 65 µs
-        // there and back at full rate, 150 to 250 µs either way at 60 a second).
+        // One thread leaves the cores to the regions. Two gain little (measured on two cores, both ends in one process): there
+        // and back 65 instead of 80 µs at full rate, 150 to 350 µs with either at 100 frames a second.
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .max_blocking_threads(4)

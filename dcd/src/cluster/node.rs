@@ -218,6 +218,11 @@ impl Node {
         self.outputs.pop_front()
     }
 
+    /// Its name.
+    pub fn id(&self) -> NodeId {
+        self.config.id
+    }
+
     /// The last completed tick.
     pub fn tick(&self) -> Tick {
         self.tick

@@ -162,6 +162,65 @@ fn the_last_node_that_leaves_gives_the_world_back_to_the_record() {
     assert_eq!((at_rest, sim.states().len()), (40, 40));
 }
 
+/// Joins, leaves and deaths of nodes and clients in any order, several at a time.
+fn chaos(seed: u64) {
+    let mut random = Random::new(seed);
+    let mut sim = Sim::new(config(seed, 1 + random.below(3) as u32));
+    let mut clients = Vec::new();
+    for _ in 0..12 {
+        sim.run_events(random.below(250)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        let nodes: Vec<_> = sim.nodes().map(|node| node.id()).collect();
+        let node = nodes.get(random.below(4) as usize).copied();
+        match (random.below(6), node) {
+            (0, Some(node)) => sim.crash(Peer::Node(node)),
+            (1, Some(node)) => sim.leave(node),
+            (2, _) if nodes.len() < 4 => drop(sim.start_node()),
+            (3, _) => {
+                let client = sim.start_client(None);
+                clients.push((client, true));
+                let body = sim_body(avatar(client), [random.unit() * 16.0, 4.0, 4.0]);
+                sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+            }
+            (4, _) => {
+                for (client, here) in &mut clients {
+                    if *here {
+                        sim.crash(Peer::Client(*client));
+                    } else {
+                        sim.start_client(Some(*client));
+                    }
+                    *here = !*here;
+                }
+            }
+            _ => {
+                for &(client, _) in clients.iter().filter(|(_, here)| *here) {
+                    let velocity = Velocity { linear: [5.0, -3.0, 1.0], angular: [0.0; 3] };
+                    sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+                }
+            }
+        }
+    }
+    for _ in 0..3 {
+        sim.start_node();
+    }
+    // Long enough for everything under way to be over.
+    let target = Tick(sim.tick().0 + 60);
+    sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+    // A wish sent before the client was linked and welcomed may have been refused; those on record must be there.
+    let present = sim.server().record().present().count();
+    assert_eq!(sim.checker().owned(), present, "seed {seed}");
+}
+
+#[test]
+fn chaos_loses_and_doubles_nothing() {
+    (0..100).for_each(chaos);
+}
+
+#[test]
+#[ignore = "a soak of some minutes: cargo test --release -- --ignored soak"]
+fn soak_of_chaos_loses_and_doubles_nothing() {
+    (1_000..6_000).for_each(chaos);
+}
+
 fn avatar(client: ClientId) -> BodyId {
     BodyId::avatar(client, 0)
 }

@@ -115,7 +115,10 @@ impl Sim {
     /// A process is gone from one instant to the next.
     pub fn crash(&mut self, peer: Peer) {
         match peer {
-            Peer::Node(node) => drop(self.nodes.remove(&node)),
+            Peer::Node(node) => {
+                self.nodes.remove(&node);
+                self.checker.died();
+            }
             Peer::Client(client) => drop(self.clients.remove(&client)),
             Peer::Server => panic!("the first cut does not survive the loss of its server"),
         }
@@ -352,6 +355,7 @@ impl Sim {
                 NodeOutput::Client(_) => {}
                 NodeOutput::Stopped(_) => {
                     self.nodes.remove(&id);
+                    self.checker.died();
                     self.network.crash(self.now, Peer::Node(id), &mut self.random);
                 }
             }

@@ -36,6 +36,8 @@ pub struct SimConfig {
 struct NodeProcess {
     machine: Node,
     physics: StandIn,
+    /// In the same process.
+    client: Option<ClientId>,
 }
 
 /// A running cluster.
@@ -65,7 +67,7 @@ impl Sim {
             (0..config.bodies).map(|i| drifting(BodyId::persistent(i), &mut random)).collect();
         let checker = Checker::new(bodies.iter().map(|body| body.id));
         let server_config =
-            ServerConfig { world: sim_world(config.regions), min_nodes: config.nodes as usize };
+            ServerConfig { world: sim_world(config.regions), min_nodes: config.nodes.max(1) as usize };
         let server = Server::new(server_config, Record::new(bodies, Vec::new(), Vec::new()));
         let mut sim = Self {
             now: Duration::ZERO,
@@ -89,15 +91,24 @@ impl Sim {
 
     /// A further node joins.
     pub fn start_node(&mut self) -> NodeId {
+        self.start_process(None)
+    }
+
+    /// A client and a node in one process join (the thesis's normal participant).
+    pub fn start_participant(&mut self) -> (NodeId, ClientId) {
+        let client = self.server.new_client_id();
+        let node = self.start_process(Some(client));
+        self.clients.insert(client, Client::new(client, Some(node)));
+        let time = self.later();
+        self.network.connect(time, Peer::Client(client), Peer::Server);
+        (node, client)
+    }
+
+    fn start_process(&mut self, client: Option<ClientId>) -> NodeId {
         let id = self.server.new_node_id();
-        let machine = Node::new(NodeConfig {
-            id,
-            address: SocketAddr::from((Ipv4Addr::LOCALHOST, id.0 as u16)),
-            client: None,
-            report_every: 3,
-            checkpoint_every: 6,
-        });
-        self.nodes.insert(id, NodeProcess { machine, physics: StandIn::default() });
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, id.0 as u16));
+        let machine = Node::new(NodeConfig { id, address, client, report_every: 3, checkpoint_every: 6 });
+        self.nodes.insert(id, NodeProcess { machine, physics: StandIn::default(), client });
         let time = self.later();
         self.network.connect(time, Peer::Node(id), Peer::Server);
         id
@@ -116,13 +127,21 @@ impl Sim {
     pub fn crash(&mut self, peer: Peer) {
         match peer {
             Peer::Node(node) => {
-                self.nodes.remove(&node);
+                let client = self.nodes.remove(&node).and_then(|process| process.client);
                 self.checker.died();
+                if let Some(client) = client {
+                    self.crash(Peer::Client(client));
+                }
             }
             Peer::Client(client) => drop(self.clients.remove(&client)),
             Peer::Server => panic!("the first cut does not survive the loss of its server"),
         }
         self.network.crash(self.now, peer, &mut self.random);
+    }
+
+    /// The link between two processes breaks; both live.
+    pub fn cut(&mut self, a: Peer, b: Peer) {
+        self.network.cut(self.now, a, b);
     }
 
     /// A node is asked to leave.
@@ -291,6 +310,12 @@ impl Sim {
                 ClientOutput::Disconnect(node) => {
                     self.network.close(self.now, Peer::Client(id), Peer::Node(node))
                 }
+                ClientOutput::Node(message) => {
+                    let with_client = |(_, process): &(&NodeId, &NodeProcess)| process.client == Some(id);
+                    if let Some((&node, _)) = self.nodes.iter().find(with_client) {
+                        self.node_event(node, NodeEvent::Client(message));
+                    }
+                }
                 other => self.told.push((id, other)),
             }
         }
@@ -352,7 +377,11 @@ impl Sim {
                     let checked = self.checker.settled(id, view, tick, &process.physics);
                     self.violation = self.violation.take().or(checked.err());
                 }
-                NodeOutput::Client(_) => {}
+                NodeOutput::Client(message) => {
+                    if let Some(client) = process.client {
+                        self.client_event(client, ClientEvent::Node(message));
+                    }
+                }
                 NodeOutput::Stopped(_) => {
                     self.nodes.remove(&id);
                     self.checker.died();

@@ -114,7 +114,7 @@ impl DistributionTree {
     }
 
     /// Whether a tree from elsewhere keeps the rules that every call here relies on: its inner vertices hang together, each
-    /// is cut inside its cell, and it stays within the limits of trees.
+    /// is cut inside its part of the world, and it stays within the limits of trees.
     pub fn is_sound(&self) -> bool {
         self.bounds.is_finite()
             && self.limits.largest_depth <= 30
@@ -123,9 +123,9 @@ impl DistributionTree {
             // Depth first: arithmetic on ids of deeper vertices would overflow.
             && self.cuts.keys().all(|vertex| vertex.0 < (1 << 30) - 1)
             && self.cuts.iter().all(|(&vertex, &(axis, at))| {
-                let cell = self.cell(vertex);
+                let part = self.part(vertex);
                 (vertex.0 == 0 || self.cuts.contains_key(&parent(vertex)))
-                    && (cell.min[axis.index()] < at && at < cell.max[axis.index()])
+                    && (part.min[axis.index()] < at && at < part.max[axis.index()])
             })
     }
 
@@ -149,7 +149,7 @@ impl DistributionTree {
         self.split_at(leaf, axis, part.centre()[axis.index()])
     }
 
-    /// Cuts a leaf by a plane of one's own choice inside its cell.
+    /// Cuts a leaf by a plane of one's own choice inside its part of the world.
     pub fn split_at(
         &mut self,
         leaf: RegionId,
@@ -162,8 +162,9 @@ impl DistributionTree {
         if depth(leaf) >= self.limits.largest_depth || self.leaf_count() >= self.limits.most_leaves {
             return Err(TreeError::Limits(self.leaf_count()));
         }
-        let cell = self.cell(leaf);
-        if !(cell.min[axis.index()] < at && at < cell.max[axis.index()]) {
+        // Inside the bounds too, though outer cells reach farther: every region covers a part of the world.
+        let part = self.part(leaf);
+        if !(part.min[axis.index()] < at && at < part.max[axis.index()]) {
             return Err(TreeError::Plane { axis, at });
         }
         self.cuts.insert(leaf, (axis, at));
@@ -390,14 +391,9 @@ mod tests {
         fn the_parts_of_the_leaves_tile_the_world(tree in trees()) {
             let volume = |part: Bounds| part.size().iter().product::<f64>();
             let leaves: Vec<_> = tree.leaves().collect();
-            // A plane may lie outside the bounds, where cells still have room: such parts count with their sign.
             let sum: f64 = leaves.iter().map(|&leaf| volume(tree.part(leaf))).sum();
-            let inside = tree.cuts.iter().all(|(_, &(axis, at))| {
-                WORLD.min[axis.index()] < at && at < WORLD.max[axis.index()]
-            });
-            if inside {
-                prop_assert!((sum - volume(WORLD)).abs() < 1e-6 * volume(WORLD), "{} of {}", sum, volume(WORLD));
-            }
+            prop_assert!((sum - volume(WORLD)).abs() < 1e-6 * volume(WORLD), "{} of {}", sum, volume(WORLD));
+            prop_assert!(leaves.iter().all(|&leaf| tree.part(leaf).size().iter().all(|&edge| edge > 0.0)));
             prop_assert_eq!(leaves.len(), tree.leaf_count());
             prop_assert!(tree.leaf_count() <= 40 && leaves.iter().all(|&leaf| depth(leaf) <= 12));
         }
@@ -467,7 +463,8 @@ mod tests {
         };
         assert!(!with(u32::MAX, 0.0), "arithmetic on the id would overflow");
         assert!(!with(100, 0.0), "no parent");
-        assert!(!with(1, 5.0), "outside its cell");
+        assert!(!with(1, 5.0), "outside its part");
+        assert!(!with(0, 9.0), "outside the world");
         assert!(!with(0, f64::NAN));
     }
 

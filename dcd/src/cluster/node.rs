@@ -3,6 +3,8 @@
 
 mod clients;
 mod lockstep;
+#[cfg(test)]
+mod tests;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddr;

@@ -2,20 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::sync::Arc;
 use std::time::Duration;
 
 use super::network::{Arrival, Network};
-use super::{Checker, Random, StandIn, Violation};
+use super::{Checker, Random, StandIn, Violation, drifting, sim_world};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsEvent, Record,
     Server, ServerConfig, ServerEvent, ServerOutput,
 };
-use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Message, Pace, SyncProtocol,
-    ToClient, Velocity, WorldPose, decode, encode,
-};
-use crate::space::{BodyId, Bounds, ClientId, DistributionTree, Epoch, NodeId, Tick};
+use crate::protocol::{BodyState, DATAGRAM_BYTES, Message, ToClient, decode, encode};
+use crate::space::{BodyId, ClientId, NodeId, Tick};
 
 /// What a run is made of.
 #[derive(Clone, Debug)]
@@ -340,7 +336,7 @@ impl Sim {
         }
         let bytes = encode(&message);
         if let Message::ToClient(_, ToClient::States { .. }) = message {
-            assert!(bytes.len() <= crate::protocol::DATAGRAM_BYTES, "a datagram of {} bytes", bytes.len());
+            assert!(bytes.len() <= DATAGRAM_BYTES, "a datagram of {} bytes", bytes.len());
         }
         let time = self.later();
         self.network.send(time, from, to, message.lane(), bytes);
@@ -390,64 +386,4 @@ impl Sim {
             }
         }
     }
-}
-
-/// A world of 16 × 8 × 8 m in this many regions, without gravity.
-pub fn sim_world(regions: usize) -> EnvironmentProperties {
-    let bounds = Bounds::new([0.0; 3], [16.0, 8.0, 8.0]);
-    EnvironmentProperties {
-        world: 1,
-        gravity: [0.0; 3],
-        dt_s: 1.0 / 60.0,
-        solver_iterations: 4,
-        tree: DistributionTree::halved(bounds, regions).expect("a small number of regions"),
-        halo_m: Some(1.0),
-        coupling: "owner".into(),
-        exchanges: 1,
-        avatar_speed_limit: 20.0,
-        protocol: SyncProtocol::Synchronised,
-        pace: Pace::RealTime,
-        extension: Vec::new(),
-    }
-}
-
-/// A body without colliders at rest: all that the stand-in needs.
-pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
-    let traits = BodyTraits {
-        kind: BodyKind::Dynamic,
-        enabled: true,
-        linear_damping: 0.0,
-        angular_damping: 0.0,
-        gravity_scale: 1.0,
-        locked_axes: 0,
-        dominance: 0,
-        ccd: false,
-        soft_ccd_m: 0.0,
-        fast_rotation: false,
-        gyroscopic: false,
-        extra_solver_iterations: 0,
-        extra_pgs_iterations: 0,
-        sleep_linear_threshold: 0.4,
-        sleep_angular_threshold: 0.5,
-        sleep_after_s: 2.0,
-        extra_mass: None,
-        colliders: Vec::new(),
-        user_data: 0,
-    };
-    let state = BodyState {
-        pose: WorldPose::at(translation),
-        velocity: Velocity::default(),
-        force: [0.0; 3],
-        torque: [0.0; 3],
-        sleeping: false,
-        still_s: 0.0,
-    };
-    BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
-}
-
-fn drifting(id: BodyId, random: &mut Random) -> BodyRecord {
-    let mut body = sim_body(id, [random.unit() * 16.0, random.unit() * 8.0, random.unit() * 8.0]);
-    // Up to 12 m/s: each body crosses several regions in a second or two.
-    body.state.velocity.linear = std::array::from_fn(|_| (random.unit() * 24.0 - 12.0) as f32);
-    body
 }

@@ -97,11 +97,11 @@ impl Node {
                 self.phase = Phase::Resting;
                 self.tick = tick;
                 let view = self.number();
-                if !checkpoint.is_empty() {
-                    self.send_server(ToServer::Checkpoint { view, tick, bodies: checkpoint });
+                for bodies in split(checkpoint, CHUNK_BYTES) {
+                    self.send_server(ToServer::Checkpoint { view, tick, bodies });
                 }
-                if !report.is_empty() {
-                    self.tell_leader(Message::Report(Report { view, tick, states: report }));
+                for states in split(report, CHUNK_BYTES) {
+                    self.tell_leader(Message::Report(Report { view, tick, states }));
                 }
                 let events = events.into_iter().filter_map(of_avatars).collect();
                 self.tell_leader(Message::Done(Done { view, tick, stats, events }));

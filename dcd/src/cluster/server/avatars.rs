@@ -3,7 +3,7 @@
 use super::{Life, Server, ServerOutput};
 use crate::cluster::Peer;
 use crate::protocol::{BodyRecord, Drive, FromClient, Message, Refusal, ShapeRecord, ToClient, WorldOp};
-use crate::space::{BodyId, ClientId, Tick};
+use crate::space::{BodyId, ClientId, Epoch, Tick};
 
 /// The most avatars of one client.
 pub const MAX_AVATARS: usize = 1_024;
@@ -33,7 +33,8 @@ impl Server {
                 };
                 if refusal.is_none() {
                     let shapes = self.record.learn(shapes);
-                    self.record.insert(body);
+                    // A stranger's epoch counts for nothing: epochs are ours to give.
+                    self.record.insert(BodyRecord { epoch: Epoch(0), ..body });
                     self.introduce(id, shapes);
                 }
                 refusal.map(|refusal| (id, refusal))

@@ -14,14 +14,23 @@ use rapier3d::prelude::*;
 
 const LIMIT: Duration = Duration::from_secs(60);
 
-fn serve(scene: &Scene, regions: usize, nodes: usize, pace: Pace, last_tick: Option<u64>) -> (ServerProcess, tempfile::TempDir) {
+fn serve(
+    scene: &Scene,
+    regions: usize,
+    nodes: usize,
+    pace: Pace,
+    last_tick: Option<u64>,
+) -> (ServerProcess, tempfile::TempDir) {
     let data = tempfile::tempdir().unwrap();
     let server = ServerProcess::start(
         scene,
         ServeConfig {
             listen: "127.0.0.1:0".parse().unwrap(),
             data: data.path().to_owned(),
-            world: WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(scene) },
+            world: WorldConfig {
+                partitioning: Partitioning::Regions(regions),
+                ..WorldConfig::for_scene(scene)
+            },
             nodes,
             pace,
             last_tick: last_tick.map(Tick),
@@ -118,8 +127,7 @@ fn a_participant_computes_and_plays_in_one_process() {
     let token = server.token(Role::Participant, LIMIT).unwrap();
     let mut player = ClientWorld::participate(&JoinConfig::new(server.address, token)).unwrap();
     let body = RigidBodyBuilder::dynamic();
-    let avatar =
-        player.spawn(WorldPose::at([0.0, 30.0, 0.0]), &body, &[ColliderBuilder::ball(0.5)]).unwrap();
+    let avatar = player.spawn(WorldPose::at([0.0, 30.0, 0.0]), &body, &[ColliderBuilder::ball(0.5)]).unwrap();
     assert!(player.wait_body(avatar, LIMIT), "{:?}", player.take_events());
     let start = player.body(avatar).unwrap().body.state.pose.translation[1];
     while player.body(avatar).unwrap().body.state.pose.translation[1] > start - 1.0 {

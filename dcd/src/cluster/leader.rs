@@ -276,3 +276,101 @@ impl Leader {
 fn hosts(key: ContactKey) -> BTreeSet<ClientId> {
     key.a.client().into_iter().chain(key.b.client()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::{Member, Velocity, WorldPose};
+    use crate::sim::{sim_body, sim_world};
+
+    const CLIENT: ClientId = ClientId(4);
+    const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
+
+    /// Leads two members and has one client with one avatar; the first tick may be dispatched.
+    fn leader() -> Leader {
+        let member = |id| Member { node: NodeId(id), address: ([127, 0, 0, 1], 1).into(), client: None };
+        let view = View {
+            number: ViewNumber(1),
+            tick: Tick(0),
+            leader: NodeId(1),
+            members: vec![member(1), member(2)],
+            allocation: [(RegionId(1), NodeId(1)), (RegionId(2), NodeId(2))].into(),
+        };
+        let mut leader = Leader::new(Duration::ZERO, &view, &sim_world(2));
+        leader.admit(CLIENT);
+        leader.apply(vec![WorldOp::Insert {
+            body: sim_body(AVATAR, [1.0; 3]),
+            shapes: vec![],
+            joints: vec![],
+        }]);
+        both_done(&mut leader, 0, vec![], vec![]);
+        leader
+    }
+
+    fn both_done(leader: &mut Leader, tick: u64, one: Vec<Touch>, two: Vec<Touch>) {
+        for (id, touches) in [(1, one), (2, two)] {
+            let events =
+                RegionEvents { region: RegionId(id), tick: Tick(tick), touches, ..RegionEvents::default() };
+            let (view, stats) = (ViewNumber(1), TickStats::default());
+            leader.done(NodeId(id), Done { view, tick: Tick(tick), stats, events: vec![events] });
+        }
+    }
+
+    fn drive(logical_time: u64, speed: f32) -> Drive {
+        let velocity = Velocity { linear: [0.0, speed, 0.0], angular: [0.0; 3] };
+        Drive { body: AVATAR, logical_time, velocity, pose: Some(WorldPose::default()) }
+    }
+
+    #[test]
+    fn a_tick_waits_for_all_members_and_for_its_time() {
+        let mut leader = leader();
+        let first = leader.dispatch(Duration::ZERO).unwrap();
+        assert_eq!((first.tick, first.ops.len()), (Tick(1), 1));
+        assert_eq!(leader.dispatch(Duration::from_secs(9)), None, "nobody is done");
+        both_done(&mut leader, 1, vec![], vec![]);
+        assert_eq!(leader.dispatch(Duration::from_millis(1)), None, "too early");
+        let due = leader.timeout().unwrap();
+        assert_eq!(due, Duration::from_secs_f32(1.0 / 60.0));
+        assert_eq!(leader.dispatch(due).unwrap().tick, Tick(2));
+    }
+
+    #[test]
+    fn only_the_newest_wish_of_an_avatar_is_dispatched() {
+        let mut leader = leader();
+        leader.dispatch(Duration::ZERO);
+        assert_eq!(leader.drive(CLIENT, drive(5, 1.0)), Ok(()));
+        assert_eq!(leader.drive(CLIENT, drive(7, 2.0)), Ok(()));
+        assert_eq!(leader.drive(CLIENT, drive(6, 3.0)), Err(Refusal::Late));
+        assert_eq!(leader.drive(CLIENT, drive(8, 20.5)), Err(Refusal::TooFast));
+        assert_eq!(leader.drive(ClientId(5), drive(9, 1.0)), Err(Refusal::NotYours));
+        both_done(&mut leader, 1, vec![], vec![]);
+        let ops = leader.dispatch(Duration::from_secs(1)).unwrap().ops;
+        assert_eq!(ops, [WorldOp::Drive(drive(7, 2.0))]);
+    }
+
+    #[test]
+    fn a_contact_seen_by_two_regions_begins_and_ends_once() {
+        let mut leader = leader();
+        let key = ContactKey { a: BodyId::persistent(3), b: AVATAR, collider_a: 0, collider_b: 0 };
+        let touch =
+            |began| vec![Touch { key, began, sensor: false, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 }];
+        let mut told = Vec::new();
+        let script = [
+            (touch(true), touch(true)),
+            (vec![], vec![]),
+            (touch(false), vec![]),
+            (vec![], touch(false)),
+            (touch(true), vec![]),
+        ];
+        leader.take_messages();
+        for (tick, (one, two)) in (1..).zip(script) {
+            leader.dispatch(Duration::from_secs(tick)).unwrap();
+            both_done(&mut leader, tick, one, two);
+            for (client, message) in leader.take_messages() {
+                let ToClient::Contacts { tick, touches, .. } = message else { continue };
+                told.extend(touches.iter().map(|touch| (client, tick, touch.began)));
+            }
+        }
+        assert_eq!(told, [(CLIENT, Tick(1), true), (CLIENT, Tick(4), false), (CLIENT, Tick(5), true)]);
+    }
+}

@@ -3,6 +3,8 @@
 
 mod clients;
 mod lockstep;
+#[cfg(test)]
+mod tests;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddr;
@@ -216,6 +218,11 @@ impl Node {
     /// The next thing to do, until there is none.
     pub fn poll_output(&mut self) -> Option<NodeOutput> {
         self.outputs.pop_front()
+    }
+
+    /// Its name.
+    pub fn id(&self) -> NodeId {
+        self.config.id
     }
 
     /// The last completed tick.

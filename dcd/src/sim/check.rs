@@ -86,6 +86,11 @@ impl Checker {
         self.owned
     }
 
+    /// A member has died: what it gave away in a tick that others have not completed may be lost until the next view.
+    pub fn died(&mut self) {
+        self.snapshots.clear();
+    }
+
     /// A member has completed a tick of this view.
     pub fn settled(
         &mut self,

@@ -121,6 +121,15 @@ impl Network {
         }
     }
 
+    /// The link breaks: what is under way is lost, and both ends hear of it.
+    pub(super) fn cut(&mut self, time: Duration, a: Peer, b: Peer) {
+        self.queue.retain(|_, (to, _, arrival)| {
+            !matches!(arrival, Arrival::Frame(from, _) if pair(*from, *to) == pair(a, b))
+        });
+        self.push(time, a, Lane::Control, Arrival::Disconnected(b));
+        self.close(time, a, b);
+    }
+
     /// A process is gone: nothing reaches it, and of each of its lanes what is under way arrives or is lost.
     pub(super) fn crash(&mut self, time: Duration, dead: Peer, random: &mut Random) {
         let peers: Vec<_> = self

@@ -162,6 +162,76 @@ fn the_last_node_that_leaves_gives_the_world_back_to_the_record() {
     assert_eq!((at_rest, sim.states().len()), (40, 40));
 }
 
+/// Joins, leaves and deaths of nodes and clients in any order, several at a time.
+fn chaos(seed: u64) {
+    let mut random = Random::new(seed);
+    let mut sim = Sim::new(config(seed, 1 + random.below(3) as u32));
+    let mut clients = Vec::new();
+    for _ in 0..12 {
+        sim.run_events(random.below(250)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        let nodes: Vec<_> = sim.nodes().map(|node| node.id()).collect();
+        let node = nodes.get(random.below(4) as usize).copied();
+        match (random.below(8), node) {
+            (0, Some(node)) => sim.crash(Peer::Node(node)),
+            (1, Some(node)) => sim.leave(node),
+            (2, _) if nodes.len() < 4 => drop(sim.start_node()),
+            (5, _) if nodes.len() < 4 => {
+                let (_, client) = sim.start_participant();
+                let body = sim_body(avatar(client), [random.unit() * 16.0, 4.0, 4.0]);
+                sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+            }
+            (6, Some(node)) => {
+                let other = nodes[random.below(nodes.len() as u64) as usize];
+                if other != node {
+                    sim.cut(Peer::Node(node), Peer::Node(other));
+                }
+            }
+            (3, _) => {
+                let client = sim.start_client(None);
+                clients.push((client, true));
+                let body = sim_body(avatar(client), [random.unit() * 16.0, 4.0, 4.0]);
+                sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+            }
+            (4, _) => {
+                for (client, here) in &mut clients {
+                    if *here {
+                        sim.crash(Peer::Client(*client));
+                    } else {
+                        sim.start_client(Some(*client));
+                    }
+                    *here = !*here;
+                }
+            }
+            _ => {
+                for &(client, _) in clients.iter().filter(|(_, here)| *here) {
+                    let velocity = Velocity { linear: [5.0, -3.0, 1.0], angular: [0.0; 3] };
+                    sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+                }
+            }
+        }
+    }
+    for _ in 0..3 {
+        sim.start_node();
+    }
+    // Long enough for everything under way to be over.
+    let target = Tick(sim.tick().0 + 60);
+    sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+    // A wish sent before the client was linked and welcomed may have been refused; those on record must be there.
+    let present = sim.server().record().present().count();
+    assert_eq!(sim.checker().owned(), present, "seed {seed}");
+}
+
+#[test]
+fn chaos_loses_and_doubles_nothing() {
+    (0..100).for_each(chaos);
+}
+
+#[test]
+#[ignore = "a soak of some minutes: cargo test --release -- --ignored soak"]
+fn soak_of_chaos_loses_and_doubles_nothing() {
+    (1_000..6_000).for_each(chaos);
+}
+
 fn avatar(client: ClientId) -> BodyId {
     BodyId::avatar(client, 0)
 }
@@ -273,4 +343,39 @@ fn wishes_against_the_rules_are_refused_with_the_reason() {
     assert_eq!(refusal_of(&mut sim, client, again), Refusal::Exists);
     assert_eq!(refusal_of(&mut sim, other, foreign), Refusal::NotYours);
     assert_eq!(refusal_of(&mut sim, other, ClientEvent::Despawn(avatar(client))), Refusal::NotYours);
+}
+
+#[test]
+fn of_two_members_that_cannot_reach_each_other_one_goes_and_the_world_goes_on() {
+    for seed in 0..30 {
+        let mut sim = running(seed, 3);
+        sim.run_events(seed * 7).unwrap();
+        sim.cut(Peer::Node(NodeId(1 + (seed % 2) as u32)), Peer::Node(NodeId(3)));
+        sim.run_until(|sim| sim.nodes().count() == 2).unwrap();
+        let target = Tick(sim.tick().0 + 30);
+        sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        assert_eq!((sim.nodes().count(), sim.checker().owned()), (2, 40), "seed {seed}");
+    }
+}
+
+#[test]
+fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
+    for leads in [true, false] {
+        let mut sim = Sim::new(SimConfig { nodes: u32::from(!leads), ..config(9, 1) });
+        if !leads {
+            sim.run_to(Tick(5)).unwrap();
+        }
+        let (node, client) = sim.start_participant();
+        sim.run_until(|sim| sim.client(client).leader().is_some_and(|leader| (leader == node) == leads))
+            .unwrap();
+        let body = sim_body(avatar(client), [1.0, 4.0, 4.0]);
+        sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+        sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
+        let velocity = Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] };
+        sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+        let seen_x =
+            |sim: &Sim| sim.client(client).body(avatar(client)).unwrap().body.state.pose.translation[0];
+        sim.run_until(|sim| seen_x(sim) > 9.0).unwrap();
+        assert!(sim.nodes().all(|node| node.counters().refused == 0));
+    }
 }

@@ -2,20 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::sync::Arc;
 use std::time::Duration;
 
 use super::network::{Arrival, Network};
-use super::{Checker, Random, StandIn, Violation};
+use super::{Checker, Random, StandIn, Violation, drifting, sim_world};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsEvent, Record,
     Server, ServerConfig, ServerEvent, ServerOutput,
 };
-use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Message, Pace, SyncProtocol,
-    ToClient, Velocity, WorldPose, decode, encode,
-};
-use crate::space::{BodyId, Bounds, ClientId, DistributionTree, Epoch, NodeId, Tick};
+use crate::protocol::{BodyState, DATAGRAM_BYTES, Message, ToClient, decode, encode};
+use crate::space::{BodyId, ClientId, NodeId, Tick};
 
 /// What a run is made of.
 #[derive(Clone, Debug)]
@@ -36,6 +32,8 @@ pub struct SimConfig {
 struct NodeProcess {
     machine: Node,
     physics: StandIn,
+    /// In the same process.
+    client: Option<ClientId>,
 }
 
 /// A running cluster.
@@ -65,7 +63,7 @@ impl Sim {
             (0..config.bodies).map(|i| drifting(BodyId::persistent(i), &mut random)).collect();
         let checker = Checker::new(bodies.iter().map(|body| body.id));
         let server_config =
-            ServerConfig { world: sim_world(config.regions), min_nodes: config.nodes as usize };
+            ServerConfig { world: sim_world(config.regions), min_nodes: config.nodes.max(1) as usize };
         let server = Server::new(server_config, Record::new(bodies, Vec::new(), Vec::new()));
         let mut sim = Self {
             now: Duration::ZERO,
@@ -89,15 +87,24 @@ impl Sim {
 
     /// A further node joins.
     pub fn start_node(&mut self) -> NodeId {
+        self.start_process(None)
+    }
+
+    /// A client and a node in one process join (the thesis's normal participant).
+    pub fn start_participant(&mut self) -> (NodeId, ClientId) {
+        let client = self.server.new_client_id();
+        let node = self.start_process(Some(client));
+        self.clients.insert(client, Client::new(client, Some(node)));
+        let time = self.later();
+        self.network.connect(time, Peer::Client(client), Peer::Server);
+        (node, client)
+    }
+
+    fn start_process(&mut self, client: Option<ClientId>) -> NodeId {
         let id = self.server.new_node_id();
-        let machine = Node::new(NodeConfig {
-            id,
-            address: SocketAddr::from((Ipv4Addr::LOCALHOST, id.0 as u16)),
-            client: None,
-            report_every: 3,
-            checkpoint_every: 6,
-        });
-        self.nodes.insert(id, NodeProcess { machine, physics: StandIn::default() });
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, id.0 as u16));
+        let machine = Node::new(NodeConfig { id, address, client, report_every: 3, checkpoint_every: 6 });
+        self.nodes.insert(id, NodeProcess { machine, physics: StandIn::default(), client });
         let time = self.later();
         self.network.connect(time, Peer::Node(id), Peer::Server);
         id
@@ -115,11 +122,22 @@ impl Sim {
     /// A process is gone from one instant to the next.
     pub fn crash(&mut self, peer: Peer) {
         match peer {
-            Peer::Node(node) => drop(self.nodes.remove(&node)),
+            Peer::Node(node) => {
+                let client = self.nodes.remove(&node).and_then(|process| process.client);
+                self.checker.died();
+                if let Some(client) = client {
+                    self.crash(Peer::Client(client));
+                }
+            }
             Peer::Client(client) => drop(self.clients.remove(&client)),
             Peer::Server => panic!("the first cut does not survive the loss of its server"),
         }
         self.network.crash(self.now, peer, &mut self.random);
+    }
+
+    /// The link between two processes breaks; both live.
+    pub fn cut(&mut self, a: Peer, b: Peer) {
+        self.network.cut(self.now, a, b);
     }
 
     /// A node is asked to leave.
@@ -288,6 +306,12 @@ impl Sim {
                 ClientOutput::Disconnect(node) => {
                     self.network.close(self.now, Peer::Client(id), Peer::Node(node))
                 }
+                ClientOutput::Node(message) => {
+                    let with_client = |(_, process): &(&NodeId, &NodeProcess)| process.client == Some(id);
+                    if let Some((&node, _)) = self.nodes.iter().find(with_client) {
+                        self.node_event(node, NodeEvent::Client(message));
+                    }
+                }
                 other => self.told.push((id, other)),
             }
         }
@@ -312,7 +336,7 @@ impl Sim {
         }
         let bytes = encode(&message);
         if let Message::ToClient(_, ToClient::States { .. }) = message {
-            assert!(bytes.len() <= crate::protocol::DATAGRAM_BYTES, "a datagram of {} bytes", bytes.len());
+            assert!(bytes.len() <= DATAGRAM_BYTES, "a datagram of {} bytes", bytes.len());
         }
         let time = self.later();
         self.network.send(time, from, to, message.lane(), bytes);
@@ -352,73 +376,17 @@ impl Sim {
                     let checked = self.checker.settled(id, view, tick, &process.physics);
                     self.violation = self.violation.take().or(checked.err());
                 }
-                NodeOutput::Client(_) => {}
+                NodeOutput::Client(message) => {
+                    if let Some(client) = process.client {
+                        self.client_event(client, ClientEvent::Node(message));
+                    }
+                }
                 NodeOutput::Stopped(_) => {
                     self.nodes.remove(&id);
+                    self.checker.died();
                     self.network.crash(self.now, Peer::Node(id), &mut self.random);
                 }
             }
         }
     }
-}
-
-/// A world of 16 × 8 × 8 m in this many regions, without gravity.
-pub fn sim_world(regions: usize) -> EnvironmentProperties {
-    let bounds = Bounds::new([0.0; 3], [16.0, 8.0, 8.0]);
-    EnvironmentProperties {
-        world: 1,
-        gravity: [0.0; 3],
-        dt_s: 1.0 / 60.0,
-        solver_iterations: 4,
-        tree: DistributionTree::halved(bounds, regions).expect("a small number of regions"),
-        halo_m: Some(1.0),
-        coupling: "owner".into(),
-        exchanges: 1,
-        avatar_speed_limit: 20.0,
-        protocol: SyncProtocol::Synchronised,
-        pace: Pace::RealTime,
-        last_tick: None,
-        extension: Vec::new(),
-    }
-}
-
-/// A body without colliders at rest: all that the stand-in needs.
-pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
-    let traits = BodyTraits {
-        kind: BodyKind::Dynamic,
-        enabled: true,
-        linear_damping: 0.0,
-        angular_damping: 0.0,
-        gravity_scale: 1.0,
-        locked_axes: 0,
-        dominance: 0,
-        ccd: false,
-        soft_ccd_m: 0.0,
-        fast_rotation: false,
-        gyroscopic: false,
-        extra_solver_iterations: 0,
-        extra_pgs_iterations: 0,
-        sleep_linear_threshold: 0.4,
-        sleep_angular_threshold: 0.5,
-        sleep_after_s: 2.0,
-        extra_mass: None,
-        colliders: Vec::new(),
-        user_data: 0,
-    };
-    let state = BodyState {
-        pose: WorldPose::at(translation),
-        velocity: Velocity::default(),
-        force: [0.0; 3],
-        torque: [0.0; 3],
-        sleeping: false,
-        still_s: 0.0,
-    };
-    BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
-}
-
-fn drifting(id: BodyId, random: &mut Random) -> BodyRecord {
-    let mut body = sim_body(id, [random.unit() * 16.0, random.unit() * 8.0, random.unit() * 8.0]);
-    // Up to 12 m/s: each body crosses several regions in a second or two.
-    body.state.velocity.linear = std::array::from_fn(|_| (random.unit() * 24.0 - 12.0) as f32);
-    body
 }

@@ -62,3 +62,68 @@ fn leaves_below(tree: &DistributionTree, vertex: RegionId) -> Vec<RegionId> {
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::space::Bounds;
+
+    fn world(leaves: usize) -> DistributionTree {
+        DistributionTree::halved(Bounds::new([0.0; 3], [16.0, 8.0, 8.0]), leaves).unwrap()
+    }
+
+    /// The regions of one node lie below as few vertices as possible: those whose whole sub-tree is the node's.
+    fn tops(tree: &DistributionTree, allocation: &Allocation, node: NodeId) -> usize {
+        let whole = |vertex| leaves_below(tree, vertex).iter().all(|leaf| allocation[leaf] == node);
+        let mut open = vec![RegionId(0)];
+        let mut count = 0;
+        while let Some(vertex) = open.pop() {
+            if whole(vertex) {
+                count += 1;
+            } else if tree.cut_of(vertex).is_some() {
+                let (left, right) = children(vertex);
+                open.extend([left, right]);
+            }
+        }
+        count
+    }
+
+    proptest! {
+        #[test]
+        fn every_leaf_has_one_node_and_every_node_one_whole_sub_tree(
+            leaves in 1_usize..=64, nodes in 1_u32..20, loads in prop::collection::vec(0.0..100.0_f64, 128),
+        ) {
+            let tree = world(leaves);
+            let ids: Vec<_> = (1..=nodes).map(NodeId).collect();
+            let allocation = allocate(&tree, &ids, |leaf| loads[leaf.0 as usize % loads.len()]);
+            prop_assert_eq!(allocation.keys().copied().collect::<Vec<_>>(), tree.leaves().collect::<Vec<_>>());
+            for &node in ids.iter().take(leaves) {
+                prop_assert_eq!(tops(&tree, &allocation, node), 1);
+            }
+        }
+
+        #[test]
+        fn with_equal_loads_and_powers_of_two_all_shares_are_equal(leaves in 0_u32..7, nodes in 0_u32..7) {
+            let (leaves, nodes) = (1_usize << leaves.max(nodes), 1_u32 << nodes.min(leaves));
+            let ids: Vec<_> = (1..=nodes).map(NodeId).collect();
+            let allocation = allocate(&world(leaves), &ids, |_| 1.0);
+            for node in ids {
+                let share = allocation.values().filter(|&&owner| owner == node).count();
+                prop_assert_eq!(share, leaves / nodes as usize);
+            }
+        }
+
+        #[test]
+        fn with_equal_loads_no_share_is_above_twice_the_mean(leaves in 1_usize..=64, nodes in 1_u32..20) {
+            let ids: Vec<_> = (1..=nodes).map(NodeId).collect();
+            let allocation = allocate(&world(leaves), &ids, |_| 1.0);
+            let mean = leaves as f64 / f64::from(nodes).min(leaves as f64);
+            for node in ids {
+                let share = allocation.values().filter(|&&owner| owner == node).count() as f64;
+                prop_assert!(share <= 2.0 * mean.ceil(), "{} of {} regions, {} nodes", share, leaves, nodes);
+            }
+        }
+    }
+}

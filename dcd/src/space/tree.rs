@@ -114,7 +114,7 @@ impl DistributionTree {
     }
 
     /// Whether a tree from elsewhere keeps the rules that every call here relies on: its inner vertices hang together, each
-    /// is cut inside its cell, and it stays within the limits of trees.
+    /// is cut inside its part of the world, and it stays within the limits of trees.
     pub fn is_sound(&self) -> bool {
         self.bounds.is_finite()
             && self.limits.largest_depth <= 30
@@ -123,9 +123,9 @@ impl DistributionTree {
             // Depth first: arithmetic on ids of deeper vertices would overflow.
             && self.cuts.keys().all(|vertex| vertex.0 < (1 << 30) - 1)
             && self.cuts.iter().all(|(&vertex, &(axis, at))| {
-                let cell = self.cell(vertex);
+                let part = self.part(vertex);
                 (vertex.0 == 0 || self.cuts.contains_key(&parent(vertex)))
-                    && (cell.min[axis.index()] < at && at < cell.max[axis.index()])
+                    && (part.min[axis.index()] < at && at < part.max[axis.index()])
             })
     }
 
@@ -149,7 +149,7 @@ impl DistributionTree {
         self.split_at(leaf, axis, part.centre()[axis.index()])
     }
 
-    /// Cuts a leaf by a plane of one's own choice inside its cell.
+    /// Cuts a leaf by a plane of one's own choice inside its part of the world.
     pub fn split_at(
         &mut self,
         leaf: RegionId,
@@ -162,8 +162,9 @@ impl DistributionTree {
         if depth(leaf) >= self.limits.largest_depth || self.leaf_count() >= self.limits.most_leaves {
             return Err(TreeError::Limits(self.leaf_count()));
         }
-        let cell = self.cell(leaf);
-        if !(cell.min[axis.index()] < at && at < cell.max[axis.index()]) {
+        // Inside the bounds too, though outer cells reach farther: every region covers a part of the world.
+        let part = self.part(leaf);
+        if !(part.min[axis.index()] < at && at < part.max[axis.index()]) {
             return Err(TreeError::Plane { axis, at });
         }
         self.cuts.insert(leaf, (axis, at));
@@ -325,4 +326,156 @@ const fn parent(vertex: RegionId) -> RegionId {
 
 const fn depth(vertex: RegionId) -> u32 {
     (vertex.0 + 1).ilog2()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const WORLD: Bounds = Bounds::new([-8.0, 0.0, -4.0], [8.0, 8.0, 4.0]);
+
+    /// One change that may be asked of a tree.
+    #[derive(Clone, Debug)]
+    enum Update {
+        Split(usize),
+        SplitAt(usize, usize, f64),
+        Merge(usize),
+    }
+
+    fn update() -> impl Strategy<Value = Update> {
+        let leaf = 0_usize..64;
+        prop_oneof![
+            leaf.clone().prop_map(Update::Split),
+            (leaf, 0_usize..3, -9.0..9.0).prop_map(|(leaf, axis, at)| Update::SplitAt(leaf, axis, at)),
+            (0_usize..64).prop_map(Update::Merge),
+        ]
+    }
+
+    fn grown(updates: &[Update]) -> DistributionTree {
+        let limits = Limits { smallest_edge_m: 0.25, largest_depth: 12, most_leaves: 40 };
+        let mut tree = DistributionTree::new(WORLD, limits).unwrap();
+        for update in updates {
+            let leaves: Vec<_> = tree.leaves().collect();
+            let leaf = |i: usize| leaves[i % leaves.len()];
+            // What a tree refuses, it must leave undone.
+            let _ = match *update {
+                Update::Split(i) => tree.split(leaf(i)).map(drop),
+                Update::SplitAt(i, axis, at) => tree.split_at(leaf(i), Axis::ALL[axis], at).map(drop),
+                Update::Merge(i) if leaf(i).0 > 0 => tree.merge(parent(leaf(i))),
+                Update::Merge(_) => Ok(()),
+            };
+        }
+        tree
+    }
+
+    fn trees() -> impl Strategy<Value = DistributionTree> {
+        prop::collection::vec(update(), 0..60).prop_map(|updates| grown(&updates))
+    }
+
+    /// Points in, on the planes of, and far outside the world.
+    fn point() -> impl Strategy<Value = [f64; 3]> {
+        let coordinate = prop_oneof![-20.0..20.0, (-8_i32..9).prop_map(f64::from), Just(-1e9), Just(1e9)];
+        [coordinate.clone(), coordinate.clone(), coordinate]
+    }
+
+    proptest! {
+        #[test]
+        fn any_point_is_in_exactly_one_leaf(tree in trees(), point in point()) {
+            let holders: Vec<_> = tree.leaves().filter(|&leaf| tree.cell(leaf).contains(point)).collect();
+            prop_assert_eq!(holders, [tree.leaf_at(point)]);
+        }
+
+        #[test]
+        fn the_parts_of_the_leaves_tile_the_world(tree in trees()) {
+            let volume = |part: Bounds| part.size().iter().product::<f64>();
+            let leaves: Vec<_> = tree.leaves().collect();
+            let sum: f64 = leaves.iter().map(|&leaf| volume(tree.part(leaf))).sum();
+            prop_assert!((sum - volume(WORLD)).abs() < 1e-6 * volume(WORLD), "{} of {}", sum, volume(WORLD));
+            prop_assert!(leaves.iter().all(|&leaf| tree.part(leaf).size().iter().all(|&edge| edge > 0.0)));
+            prop_assert_eq!(leaves.len(), tree.leaf_count());
+            prop_assert!(tree.leaf_count() <= 40 && leaves.iter().all(|&leaf| depth(leaf) <= 12));
+        }
+
+        #[test]
+        fn leaves_touching_a_box_are_those_whose_cell_it_touches(
+            tree in trees(), a in point(), size in [0.0..6.0_f64, 0.0..6.0, 0.0..6.0],
+        ) {
+            let bounds = Bounds::new(a, std::array::from_fn(|i| a[i] + size[i]));
+            let expected: Vec<_> = tree.leaves().filter(|&leaf| tree.cell(leaf).touches(&bounds)).collect();
+            prop_assert_eq!(tree.leaves_touching(&bounds), expected);
+        }
+
+        #[test]
+        fn the_tree_is_equal_on_every_member_after_the_same_updates(
+            updates in prop::collection::vec(update(), 0..60),
+        ) {
+            let (one, other) = (grown(&updates), grown(&updates));
+            prop_assert_eq!(&one, &other);
+            prop_assert!(one.is_sound());
+        }
+
+        #[test]
+        fn adapting_again_to_the_same_load_changes_nothing(
+            points in prop::collection::vec(point(), 0..200),
+        ) {
+            let mut tree = DistributionTree::new(WORLD, Limits::default()).unwrap();
+            let load = |cell: &Cell| points.iter().filter(|&&point| cell.contains(point)).count();
+            tree.adapt(6, 4, load);
+            prop_assert!(!tree.adapt(6, 4, load), "hysteresis keeps a tree that fits");
+            for leaf in tree.leaves().collect::<Vec<_>>() {
+                let part = tree.part(leaf);
+                let divisible = part.size()[part.longest_axis().index()] >= 2.0;
+                let room = tree.leaf_count() < MAX_REGIONS && depth(leaf) < 30;
+                prop_assert!(load(&tree.cell(leaf)) <= 6 || !divisible || !room);
+            }
+        }
+    }
+
+    /// The thesis's thresholds: merge below 4, split above 6.
+    #[test]
+    fn a_region_is_cut_above_six_objects_and_merged_below_four() {
+        let mut tree = DistributionTree::new(WORLD, Limits::default()).unwrap();
+        let spread = |count: usize| {
+            move |cell: &Cell| {
+                (0..count).filter(|&i| cell.contains([-7.5 + 15.0 * i as f64 / 6.0, 4.0, 0.0])).count()
+            }
+        };
+        assert!(!tree.adapt(6, 4, spread(6)), "six objects stay in one region");
+        assert!(tree.adapt(6, 4, spread(7)), "the seventh cuts it");
+        assert_eq!(tree.leaf_count(), 2);
+        for count in [6, 5, 4] {
+            assert!(!tree.adapt(6, 4, spread(count)), "{count} objects do not merge it yet");
+        }
+        assert!(tree.adapt(6, 4, spread(3)));
+        assert_eq!(tree.leaf_count(), 1);
+    }
+
+    #[test]
+    fn trees_from_elsewhere_that_break_a_rule_are_not_sound() {
+        let tree = DistributionTree::halved(WORLD, 8).unwrap();
+        assert!(tree.is_sound());
+        let with = |vertex: u32, at: f64| {
+            let mut tree = tree.clone();
+            tree.cuts.insert(RegionId(vertex), (Axis::X, at));
+            tree.is_sound()
+        };
+        assert!(!with(u32::MAX, 0.0), "arithmetic on the id would overflow");
+        assert!(!with(100, 0.0), "no parent");
+        assert!(!with(1, 5.0), "outside its part");
+        assert!(!with(0, 9.0), "outside the world");
+        assert!(!with(0, f64::NAN));
+    }
+
+    #[test]
+    fn halving_gives_every_count_and_ids_are_those_of_the_thesis() {
+        for count in 1..=MAX_REGIONS {
+            assert_eq!(DistributionTree::halved(WORLD, count).unwrap().leaf_count(), count);
+        }
+        let tree = DistributionTree::halved(WORLD, 2).unwrap();
+        assert_eq!(tree.leaves().collect::<Vec<_>>(), [RegionId(1), RegionId(2)]);
+        assert_eq!(tree.cut_of(RegionId(0)), Some((Axis::X, 0.0)), "across the longest axis");
+        assert!(DistributionTree::halved(WORLD, 65).is_err());
+    }
 }

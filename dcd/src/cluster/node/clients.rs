@@ -27,7 +27,7 @@ impl Node {
             Peer::Node(node) => self.view.as_ref().is_some_and(|view| {
                 view.members.iter().any(|member| member.node == node && member.client == Some(client))
             }),
-            Peer::Server => false,
+            Peer::Server => true,
         };
         if speaks_for {
             self.lead_client(client, message);

@@ -98,11 +98,14 @@ impl Node {
                 self.tick = tick;
                 let view = self.number();
                 let is_last = self.world.as_ref().is_some_and(|world| world.last_tick == Some(tick));
-                if !checkpoint.is_empty() || is_last {
-                    self.send_server(ToServer::Checkpoint { view, tick, bodies: checkpoint });
+                if is_last && checkpoint.is_empty() {
+                    self.send_server(ToServer::Checkpoint { view, tick, bodies: Vec::new() });
                 }
-                if !report.is_empty() {
-                    self.tell_leader(Message::Report(Report { view, tick, states: report }));
+                for bodies in split(checkpoint, CHUNK_BYTES) {
+                    self.send_server(ToServer::Checkpoint { view, tick, bodies });
+                }
+                for states in split(report, CHUNK_BYTES) {
+                    self.tell_leader(Message::Report(Report { view, tick, states }));
                 }
                 let events = events.into_iter().filter_map(of_avatars).collect();
                 self.tell_leader(Message::Done(Done { view, tick, stats, events }));

@@ -1,8 +1,9 @@
 //! Avatars on record: they come with their client, wait while it is away, and return as they were (thesis 4.3.2.10).
 
-use super::{Life, Server};
-use crate::protocol::{BodyRecord, FromClient, Refusal, ShapeRecord, ToClient, WorldOp};
-use crate::space::{BodyId, ClientId, Tick};
+use super::{Life, Server, ServerOutput};
+use crate::cluster::Peer;
+use crate::protocol::{BodyRecord, Drive, FromClient, Message, Refusal, ShapeRecord, ToClient, WorldOp};
+use crate::space::{BodyId, ClientId, Epoch, Tick};
 
 /// The most avatars of one client.
 pub const MAX_AVATARS: usize = 1_024;
@@ -10,14 +11,12 @@ pub const MAX_AVATARS: usize = 1_024;
 impl Server {
     pub(super) fn hear_client(&mut self, client: ClientId, message: FromClient) {
         let refused = match message {
+            FromClient::Drive(drive) if drive.body.client() != Some(client) => {
+                Some((drive.body, Refusal::NotYours))
+            }
             FromClient::Drive(drive) => {
-                // With a leader, this came too late to reach it; without, the record is all there is to move.
-                let own = drive.body.client() == Some(client);
-                if let (None, true, Some(body)) = (&self.view, own, self.record.body_mut(drive.body)) {
-                    body.state.velocity = drive.velocity;
-                    body.state.pose = drive.pose.unwrap_or(body.state.pose);
-                }
-                (!own).then_some((drive.body, Refusal::NotYours))
+                self.pass_on(client, drive);
+                None
             }
             FromClient::Spawn { body, shapes } => {
                 let id = body.id;
@@ -34,7 +33,8 @@ impl Server {
                 };
                 if refusal.is_none() {
                     let shapes = self.record.learn(shapes);
-                    self.record.insert(body);
+                    // A stranger's epoch counts for nothing: epochs are ours to give.
+                    self.record.insert(BodyRecord { epoch: Epoch(0), ..body });
                     self.introduce(id, shapes);
                 }
                 refusal.map(|refusal| (id, refusal))
@@ -52,6 +52,26 @@ impl Server {
         };
         if let Some((body, reason)) = refused {
             self.send_client(client, ToClient::Rejected { body: Some(body), reason });
+        }
+    }
+
+    /// A client that knows no leader, or whose node is still joining, speaks through the server.
+    fn pass_on(&mut self, client: ClientId, drive: Drive) {
+        match (&self.view, &self.change) {
+            (Some(view), None) => {
+                let to = Peer::Node(view.leader);
+                let message = Message::FromClient(client, FromClient::Drive(drive));
+                self.outputs.push_back(ServerOutput::Send { to, message });
+            }
+            // Nobody computes the world: the record is all there is to move.
+            (None, _) => {
+                if let Some(body) = self.record.body_mut(drive.body) {
+                    body.state.velocity = drive.velocity;
+                    body.state.pose = drive.pose.unwrap_or(body.state.pose);
+                }
+            }
+            // The next wish will find a leader.
+            (Some(_), Some(_)) => self.stale += 1,
         }
     }
 

@@ -1,0 +1,118 @@
+//! What a node refuses, keeps and drops.
+
+use super::*;
+use crate::protocol::{Border, Chunk, ToNode, Velocity};
+use crate::sim::{sim_body, sim_world};
+use crate::space::{BodyId, RegionId};
+
+const NOW: Duration = Duration::ZERO;
+
+fn drain(node: &mut Node) -> Vec<NodeOutput> {
+    std::iter::from_fn(|| node.poll_output()).collect()
+}
+
+fn server(node: &mut Node, message: ToNode) {
+    node.handle(NOW, NodeEvent::Message { from: Peer::Server, message: Message::ToNode(message) });
+}
+
+/// Node 2 of two members, led by node 1, about to exchange the first borders of view 1.
+fn member() -> Node {
+    let address = ([127, 0, 0, 1], 1).into();
+    let config = NodeConfig { id: NodeId(2), address, client: None, report_every: 1, checkpoint_every: 1 };
+    let mut node = Node::new(config);
+    node.handle(NOW, NodeEvent::Connected(Peer::Server));
+    server(&mut node, ToNode::Welcome { id: NodeId(2), world: sim_world(2) });
+    server(&mut node, ToNode::WorldEnd);
+    let body = sim_body(BodyId::persistent(0), [12.0, 1.0, 1.0]);
+    server(&mut node, ToNode::Chunk(Chunk::Placed(vec![Placed { region: RegionId(2), body }])));
+    let member = |id| Member { node: NodeId(id), address, client: None };
+    let view = View {
+        number: ViewNumber(1),
+        tick: Tick(0),
+        leader: NodeId(1),
+        members: vec![member(1), member(2)],
+        allocation: [(RegionId(1), NodeId(1)), (RegionId(2), NodeId(2))].into(),
+    };
+    server(&mut node, ToNode::Adopt { view, drop: vec![] });
+    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Computed { outgoing: vec![], removed: vec![] }));
+    drain(&mut node);
+    node
+}
+
+fn border(node: &mut Node, view: u64, tick: u64, messages: Vec<BorderMessage>) -> Vec<NodeOutput> {
+    let border = Border { view: ViewNumber(view), tick: Tick(tick), round: 0, messages };
+    let from = Peer::Node(NodeId(1));
+    node.handle(NOW, NodeEvent::Message { from, message: Message::Border(border) });
+    drain(node)
+}
+
+#[test]
+fn a_round_goes_to_the_physics_when_the_last_member_has_spoken() {
+    let outputs = border(&mut member(), 1, 0, vec![]);
+    assert!(
+        matches!(outputs[..], [NodeOutput::Physics(PhysicsCommand::Accept { tick: Tick(0), .. })]),
+        "{outputs:?}"
+    );
+}
+
+#[test]
+fn a_message_of_an_earlier_view_does_not_count() {
+    let mut node = member();
+    assert_eq!(border(&mut node, 0, 0, vec![]), []);
+    assert_eq!(node.counters().stale, 1);
+}
+
+#[test]
+fn early_messages_are_kept_up_to_a_bound() {
+    let mut node = member();
+    for tick in 1..=10 {
+        border(&mut node, 1, tick, vec![]);
+    }
+    assert_eq!(node.counters().overflow, 10 - EARLY_BORDERS as u64);
+}
+
+#[test]
+fn a_member_speaks_for_its_own_regions_only() {
+    let mut node = member();
+    let forged = BorderMessage { from: RegionId(2), to: RegionId(2), ..BorderMessage::default() };
+    let outputs = border(&mut node, 1, 0, vec![forged]);
+    let [NodeOutput::Physics(PhysicsCommand::Accept { incoming, .. })] = &outputs[..] else {
+        panic!("{outputs:?}")
+    };
+    assert!(incoming.is_empty());
+    assert_eq!(node.counters().refused, 1);
+}
+
+#[test]
+fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
+    let mut node = member();
+    border(&mut node, 1, 0, vec![]);
+    let settled = PhysicsEvent::Settled {
+        stats: Default::default(),
+        events: vec![],
+        report: vec![],
+        checkpoint: vec![],
+    };
+    node.handle(NOW, NodeEvent::Physics(settled));
+    let dispatch = |from, tick| NodeEvent::Message {
+        from: Peer::Node(NodeId(from)),
+        message: Message::Dispatch(Dispatch { view: ViewNumber(1), tick: Tick(tick), ops: vec![] }),
+    };
+    drain(&mut node);
+    node.handle(NOW, dispatch(3, 1));
+    node.handle(NOW, dispatch(1, 2));
+    assert_eq!((drain(&mut node), node.counters().stale), (vec![], 2));
+    server(&mut node, ToNode::Settle { view: ViewNumber(2) });
+    drain(&mut node);
+    node.handle(NOW, dispatch(1, 1));
+    assert_eq!((drain(&mut node), node.counters().stale), (vec![], 3));
+}
+
+#[test]
+fn a_client_linked_to_a_node_cannot_speak_for_another() {
+    let mut node = member();
+    let drive = Drive { body: BodyId::default(), logical_time: 1, velocity: Velocity::default(), pose: None };
+    let message = Message::FromClient(ClientId(2), FromClient::Drive(drive));
+    node.handle(NOW, NodeEvent::Message { from: Peer::Client(ClientId(1)), message });
+    assert_eq!(node.counters().refused, 1);
+}

@@ -1,0 +1,72 @@
+//! Rules of the server that a calm simulation does not show.
+
+use super::*;
+use crate::sim::{sim_body, sim_world};
+
+fn server() -> Server {
+    let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
+    let config = ServerConfig { world: sim_world(2), min_nodes: 1 };
+    Server::new(config, Record::new(bodies, Vec::new(), Vec::new()))
+}
+
+fn hello(server: &mut Server, node: u32, version: u32) -> Vec<ServerOutput> {
+    let role = Role::Node { address: ([127, 0, 0, 1], node as u16).into(), client: None };
+    tell(server, node, Message::Hello(Hello { version, role }))
+}
+
+fn tell(server: &mut Server, node: u32, message: Message) -> Vec<ServerOutput> {
+    server.handle(ServerEvent::Message { from: Peer::Node(NodeId(node)), message });
+    std::iter::from_fn(|| server.poll_output()).collect()
+}
+
+#[test]
+fn a_node_of_another_version_is_told_so_and_let_go() {
+    let outputs = hello(&mut server(), 1, VERSION + 1);
+    let [
+        ServerOutput::Send { message: Message::ToNode(ToNode::Shutdown { reason }), .. },
+        ServerOutput::Close(_),
+    ] = &outputs[..]
+    else {
+        panic!("{outputs:?}")
+    };
+    assert!(reason.contains("install the same dcd"), "{reason}");
+}
+
+#[test]
+fn the_world_begins_when_enough_nodes_have_loaded_it() {
+    let mut server = server();
+    hello(&mut server, 1, VERSION);
+    assert!(server.view().is_none(), "not loaded yet");
+    let outputs = tell(&mut server, 1, Message::ToServer(ToServer::Loaded));
+    assert!(
+        outputs.iter().any(|output| matches!(output, ServerOutput::Began(view) if view.leader == NodeId(1)))
+    );
+    let placed = outputs.iter().find_map(|output| match output {
+        ServerOutput::Send { message: Message::ToNode(ToNode::Chunk(Chunk::Placed(placed))), .. } => {
+            Some(placed)
+        }
+        _ => None,
+    });
+    let placed = placed.expect("bodies without an owner are placed");
+    assert_eq!(placed.len(), 3);
+    assert!(placed.iter().all(|placed| placed.body.epoch.0 == 0), "nobody has owned them before");
+}
+
+#[test]
+fn strangers_and_earlier_views_are_counted_and_change_nothing() {
+    let mut server = server();
+    hello(&mut server, 1, VERSION);
+    tell(&mut server, 1, Message::ToServer(ToServer::Loaded));
+    let present = server.view().unwrap().number;
+    let body = sim_body(BodyId::persistent(0), [5.0; 3]);
+    let checkpoint =
+        crate::protocol::BodyCheckpoint { id: body.id, epoch: crate::space::Epoch(9), state: body.state };
+    let old = ToServer::Checkpoint { view: ViewNumber(0), tick: Tick(9), bodies: vec![checkpoint] };
+    tell(&mut server, 1, Message::ToServer(old));
+    assert_eq!((server.stale(), server.record().body(body.id).unwrap().epoch.0), (1, 0));
+    let new = ToServer::Checkpoint { view: present, tick: Tick(9), bodies: vec![checkpoint] };
+    tell(&mut server, 2, Message::ToServer(new.clone()));
+    assert_eq!(server.record().body(body.id).unwrap().epoch.0, 0, "node 2 is nobody");
+    tell(&mut server, 1, Message::ToServer(new));
+    assert_eq!(server.record().body(body.id).unwrap().epoch.0, 9);
+}

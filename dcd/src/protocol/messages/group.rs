@@ -1,0 +1,231 @@
+//! Between the server and the nodes of a group, and among them.
+
+use bincode::{Decode, Encode};
+
+use super::{Chunk, Drive, EnvironmentProperties, View, ViewNumber};
+use crate::protocol::{
+    BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
+};
+use crate::space::{BodyId, Epoch, JointId, NodeId, RegionId, Tick};
+
+/// Server to node.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub enum ToNode {
+    /// Answer to [`Hello`](super::Hello); chunks of shapes and immovable bodies follow, then [`ToNode::WorldEnd`].
+    Welcome {
+        /// The node's id.
+        id: NodeId,
+        /// The world.
+        world: EnvironmentProperties,
+    },
+    /// Part of a world, before [`ToNode::WorldEnd`] or [`ToNode::Adopt`].
+    Chunk(Chunk),
+    /// The node has all it needs to take regions; it answers [`ToServer::Loaded`].
+    WorldEnd,
+    /// A view change begins: start no further tick, answer [`ToServer::Settling`].
+    Settle {
+        /// The view to come.
+        view: ViewNumber,
+    },
+    /// Complete this tick, waiting for survivors only; then answer [`ToServer::Survey`].
+    Finish {
+        /// The view to come.
+        view: ViewNumber,
+        /// The newest dispatch that any survivor knows of in the present view.
+        dispatch: Option<Dispatch>,
+        /// Who still answers, in id order.
+        survivors: Vec<NodeId>,
+    },
+    /// Send these bodies whole, owned or replica, as far as held; answered by [`ToServer::Found`].
+    Fetch {
+        /// The view to come.
+        view: ViewNumber,
+        /// In id order.
+        bodies: Vec<BodyId>,
+    },
+    /// The view begins, with the [`Placed`](super::Placed) bodies sent before it.
+    Adopt {
+        /// Who computes what.
+        view: View,
+        /// Bodies to let go of: removed ones, and those that another member owns at a higher epoch.
+        drop: Vec<BodyId>,
+    },
+    /// To the leader: put these into the next dispatch. Already on record, so they outlive the leader.
+    Apply {
+        /// The present view.
+        view: ViewNumber,
+        /// In order.
+        ops: Vec<WorldOp>,
+    },
+    /// Stop: the world ends, the node's leave is granted, or it was evicted.
+    Shutdown {
+        /// For people.
+        reason: String,
+    },
+}
+
+/// Node to server.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub enum ToServer {
+    /// The world has been received: regions may be given to this node.
+    Loaded,
+    /// Answer to [`ToNode::Settle`].
+    Settling {
+        /// The view to come.
+        view: ViewNumber,
+        /// The newest dispatch received in the present view.
+        dispatch: Option<Dispatch>,
+    },
+    /// Answer to [`ToNode::Finish`]: what the node owns after its last tick.
+    Survey {
+        /// The view to come.
+        view: ViewNumber,
+        /// The last completed tick.
+        tick: Tick,
+        /// Every owned body, in id order.
+        claims: Vec<Claim>,
+    },
+    /// Answer to [`ToNode::Fetch`]; several, the last one marked.
+    Found {
+        /// The view to come.
+        view: ViewNumber,
+        /// In id order.
+        bodies: Vec<BodyRecord>,
+        /// Whether no more follow.
+        last: bool,
+    },
+    /// Bodies that moved since the last checkpoint, several times a second.
+    Checkpoint {
+        /// The present view.
+        view: ViewNumber,
+        /// After which tick.
+        tick: Tick,
+        /// In id order.
+        bodies: Vec<BodyCheckpoint>,
+    },
+    /// Bodies that this node owned and removed by a [`WorldOp::Remove`], as they were last.
+    Removed {
+        /// The present view.
+        view: ViewNumber,
+        /// After which tick.
+        tick: Tick,
+        /// In id order.
+        bodies: Vec<BodyRecord>,
+    },
+    /// Another member cannot be reached.
+    LinkLost {
+        /// The present view.
+        view: ViewNumber,
+        /// Who.
+        node: NodeId,
+    },
+    /// The node wishes to go; its regions are handed over first, then it is told to shut down.
+    Leave,
+}
+
+/// One owned body in a survey.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub struct Claim {
+    /// Which body.
+    pub id: BodyId,
+    /// At which epoch.
+    pub epoch: Epoch,
+    /// Which of the node's regions owns it.
+    pub region: RegionId,
+}
+
+/// What a checkpoint keeps of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct BodyCheckpoint {
+    /// Which body.
+    pub id: BodyId,
+    /// Of its owner.
+    pub epoch: Epoch,
+    /// What steps changed.
+    pub state: BodyState,
+}
+
+/// The leader's word that a tick may be computed.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct Dispatch {
+    /// In which view.
+    pub view: ViewNumber,
+    /// Which tick.
+    pub tick: Tick,
+    /// What happens to the world before it, in order.
+    pub ops: Vec<WorldOp>,
+}
+
+/// A change of the world from outside, applied by every member at the start of a tick to what it holds.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub enum WorldOp {
+    /// A body appears; the region at its place owns it.
+    Insert {
+        /// The body.
+        body: BodyRecord,
+        /// Shapes that are new to the group.
+        shapes: Vec<ShapeRecord>,
+        /// Joints to bodies that exist by then.
+        joints: Vec<JointRecord>,
+    },
+    /// A body disappears, with its joints.
+    Remove(BodyId),
+    /// A joint disappears.
+    RemoveJoint(JointId),
+    /// An avatar's user moves it.
+    Drive(Drive),
+}
+
+/// A member has completed a tick.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct Done {
+    /// In which view.
+    pub view: ViewNumber,
+    /// Which tick; the tick of the view itself when the member is ready to begin.
+    pub tick: Tick,
+    /// What it cost.
+    pub stats: TickStats,
+    /// Contacts of avatars.
+    pub events: Vec<RegionEvents>,
+}
+
+/// What a tick cost one member.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
+pub struct TickStats {
+    /// Bodies owned.
+    pub bodies: u32,
+    /// Replicas held.
+    pub replicas: u32,
+    /// Contact pairs.
+    pub contacts: u32,
+    /// Bodies that left for another region.
+    pub transfers: u32,
+    /// Microseconds of computing.
+    pub compute_us: u32,
+    /// Hash of the states of all owned bodies in id order, if asked for.
+    pub state_hash: Option<u64>,
+}
+
+/// Bodies that moved since the member's last report.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct Report {
+    /// In which view.
+    pub view: ViewNumber,
+    /// After which tick.
+    pub tick: Tick,
+    /// In id order.
+    pub states: Vec<SharedState>,
+}
+
+/// Everything that one member's regions have to say to another's in one round; sent even when empty.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct Border {
+    /// In which view.
+    pub view: ViewNumber,
+    /// Of which tick.
+    pub tick: Tick,
+    /// Which exchange of the tick, from 0.
+    pub round: u32,
+    /// In order of (from, to).
+    pub messages: Vec<BorderMessage>,
+}

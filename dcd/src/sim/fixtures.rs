@@ -1,0 +1,72 @@
+//! The world and the bodies of simulated clusters.
+
+use std::sync::Arc;
+
+use super::Random;
+use crate::protocol::{
+    BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Pace, SyncProtocol, Velocity,
+    WorldPose,
+};
+use crate::space::{BodyId, Bounds, DistributionTree, Epoch};
+
+/// A world of 16 × 8 × 8 m in this many regions, without gravity.
+pub fn sim_world(regions: usize) -> EnvironmentProperties {
+    let bounds = Bounds::new([0.0; 3], [16.0, 8.0, 8.0]);
+    EnvironmentProperties {
+        world: 1,
+        gravity: [0.0; 3],
+        dt_s: 1.0 / 60.0,
+        solver_iterations: 4,
+        tree: DistributionTree::halved(bounds, regions).expect("a small number of regions"),
+        halo_m: Some(1.0),
+        coupling: "owner".into(),
+        exchanges: 1,
+        avatar_speed_limit: 20.0,
+        protocol: SyncProtocol::Synchronised,
+        pace: Pace::RealTime,
+        last_tick: None,
+        extension: Vec::new(),
+    }
+}
+
+/// A body without colliders at rest: all that the stand-in needs.
+pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
+    let traits = BodyTraits {
+        kind: BodyKind::Dynamic,
+        enabled: true,
+        linear_damping: 0.0,
+        angular_damping: 0.0,
+        gravity_scale: 1.0,
+        locked_axes: 0,
+        dominance: 0,
+        ccd: false,
+        soft_ccd_m: 0.0,
+        fast_rotation: false,
+        gyroscopic: false,
+        extra_solver_iterations: 0,
+        extra_pgs_iterations: 0,
+        sleep_linear_threshold: 0.4,
+        sleep_angular_threshold: 0.5,
+        sleep_after_s: 2.0,
+        extra_mass: None,
+        colliders: Vec::new(),
+        user_data: 0,
+    };
+    let state = BodyState {
+        pose: WorldPose::at(translation),
+        velocity: Velocity::default(),
+        force: [0.0; 3],
+        torque: [0.0; 3],
+        sleeping: false,
+        still_s: 0.0,
+    };
+    BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
+}
+
+/// A body somewhere in the world, on its way.
+pub(super) fn drifting(id: BodyId, random: &mut Random) -> BodyRecord {
+    let mut body = sim_body(id, [random.unit() * 16.0, random.unit() * 8.0, random.unit() * 8.0]);
+    // Up to 12 m/s: each body crosses several regions in a second or two.
+    body.state.velocity.linear = std::array::from_fn(|_| (random.unit() * 24.0 - 12.0) as f32);
+    body
+}

@@ -55,10 +55,6 @@ impl Links {
         }
     }
 
-    pub(super) fn local_addr(&self) -> SocketAddr {
-        self.net.local_addr()
-    }
-
     pub(super) fn totals(&self) -> NetTotals {
         self.net.totals()
     }

@@ -90,13 +90,13 @@ pub trait Measured {
         states
     }
 
-    /// One number for the state of all movable bodies: equal worlds, equal numbers.
-    ///
-    /// # Panics
-    /// When a body has two owners.
+    /// One number for the state of all movable bodies: equal worlds, equal numbers. Of a body with two owners, the first
+    /// owner's copy counts.
     fn state_hash(&self) -> u64 {
+        let mut states = self.states();
+        states.dedup_by_key(|(id, ..)| *id);
         let mut hasher = StateHasher::default();
-        for (id, _, pose, velocity) in self.states() {
+        for (id, _, pose, velocity) in states {
             hasher.add(id, &pose, &velocity);
         }
         hasher.finish()

@@ -88,7 +88,9 @@ fn across_a_border_each_contact_is_counted_once_and_forces_add_up() {
     let lower = &world.regions()[0];
     let up_on = |below: u32| {
         let pair_of = |pair: &&ContactPair| {
-            let named = |c| View::Region(lower).name(lower.physics().colliders[c].parent().unwrap()).unwrap();
+            let named = |c: ColliderHandle| {
+                View::Region(lower).name(lower.physics().colliders[c].parent().unwrap()).unwrap()
+            };
             [pair.collider1, pair.collider2].map(named) == [below, below + 1].map(BodyId::persistent)
         };
         pair_force_n(lower.physics(), lower.physics().contact_pairs().find(pair_of).unwrap())[1]

@@ -17,13 +17,6 @@ impl Census {
         Self { owned }
     }
 
-    /// Every body that is owned, once, in id order.
-    pub fn bodies(&self) -> Vec<BodyId> {
-        let mut bodies = self.owned.clone();
-        bodies.dedup();
-        bodies
-    }
-
     /// How many of these bodies have no owner.
     pub fn lost(&self, of: &[BodyId]) -> usize {
         of.iter().filter(|id| self.owned.binary_search(id).is_err()).count()
@@ -45,6 +38,5 @@ mod tests {
         let census = Census { owned: [1, 3, 3, 3, 4].map(id).to_vec() };
         assert_eq!(census.lost(&[1, 2, 3, 4, 5].map(id)), 2);
         assert_eq!(census.doubled(), 1);
-        assert_eq!(census.bodies(), [1, 3, 4].map(id));
     }
 }

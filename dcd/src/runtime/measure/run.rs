@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use rapier3d::prelude::PhysicsWorld;
+use rapier3d::prelude::{PhysicsWorld, RigidBodyType};
 
 use super::report::{Change, Report, StepTimes};
 use crate::physics::{ContactSample, Measured, View};
@@ -93,7 +93,7 @@ pub fn run(
     mut after_step: impl FnMut(u64) -> ControlFlow<()>,
 ) -> Result<Report, WorldError> {
     let second = Plan::ticks_of(1.0, scene.dt_s);
-    let bodies = subject.census().bodies();
+    let bodies = movable(scene);
     let (energy_j, momentum_kgms) = (subject.energy_j(), subject.momentum_kgms());
     let mut watch = Watch::default();
     let mut steps = Vec::new();
@@ -143,6 +143,12 @@ pub fn run(
         quarantined: watch.quarantined.len(),
         state_hash: format!("{:016x}", subject.state_hash()),
     })
+}
+
+/// By the scene, not by the world: a body that was never inserted is lost too.
+fn movable(scene: &Scene) -> Vec<BodyId> {
+    let moves = |index: &usize| scene.bodies[*index].body.body_type != RigidBodyType::Fixed;
+    (0..scene.bodies.len()).filter(moves).map(|index| BodyId::persistent(index as u32)).collect()
 }
 
 /// What is gathered between steps.

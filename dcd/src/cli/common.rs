@@ -11,10 +11,10 @@ use super::failure::Failure;
 #[derive(clap::Args)]
 pub(super) struct Common {
     /// Say more on standard error: -v what is done, -vv details, -vvv everything (RUST_LOG overrides it)
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 900)]
     verbose: u8,
     /// Show no progress
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, display_order = 901)]
     quiet: bool,
 }
 

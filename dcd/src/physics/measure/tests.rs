@@ -21,12 +21,16 @@ fn bare_ratio(world: &mut PhysicsWorld) -> f64 {
     })
 }
 
-/// A unit box on a floor that leans by this angle about z.
+/// A unit box on a rough floor that leans by this angle about z.
 fn box_on_slope(degrees: f32) -> PhysicsWorld {
+    box_on_slope_of(degrees, 2.0)
+}
+
+fn box_on_slope_of(degrees: f32, friction: f32) -> PhysicsWorld {
     let mut world = PhysicsWorld::new();
     world.gravity = Vector::new(0.0, -9.81, 0.0);
     let turn = Rotation::from_rotation_z(degrees.to_radians());
-    let rough = |collider: ColliderBuilder| collider.friction(2.0);
+    let rough = |collider: ColliderBuilder| collider.friction(friction);
     world.insert(
         RigidBodyBuilder::fixed().pose(Pose::from_parts(turn * Vector::new(0.0, -0.5, 0.0), turn)),
         rough(ColliderBuilder::cuboid(20.0, 0.5, 20.0)),
@@ -59,6 +63,47 @@ fn on_a_slope_friction_carries_its_part_of_the_weight() {
         world.integration_parameters.friction_model = friction_model;
         let ratio = bare_ratio(&mut world);
         assert!((ratio - 1.0).abs() < 0.005, "{friction_model:?}: {ratio}, normals alone would give 0.970");
+    }
+}
+
+#[test]
+fn a_sliding_box_presses_with_less_than_its_weight() {
+    const FRICTION: f64 = 0.2;
+    let (sin, cos) = 20f64.to_radians().sin_cos();
+    let exact = cos * (cos + FRICTION * sin);
+    for friction_model in [FrictionModel::Simplified, FrictionModel::Coulomb] {
+        let mut world = box_on_slope_of(20.0, FRICTION as f32);
+        world.integration_parameters.friction_model = friction_model;
+        let ratio = mean_ratio(90, || {
+            world.step();
+            world.contacts()
+        });
+        assert!((ratio - exact).abs() < 0.005, "{friction_model:?}: {ratio} instead of {exact}");
+    }
+}
+
+#[test]
+fn extra_iterations_of_a_body_change_nothing_of_its_weight() {
+    let mut world = box_on_slope(10.0);
+    let leaning = world.rigid_bodies().nth(1).unwrap().0;
+    world.bodies[leaning].set_additional_solver_iterations(12);
+    let ratio = bare_ratio(&mut world);
+    assert!((ratio - 1.0).abs() < 0.005, "{ratio}");
+}
+
+#[test]
+fn on_many_triangles_no_contact_is_counted_twice() {
+    for clustering in [true, false] {
+        let mut world = PhysicsWorld { gravity: Vector::new(0.0, -9.81, 0.0), ..PhysicsWorld::new() };
+        world.integration_parameters.contact_clustering = clustering;
+        let flat = Array2::new(33, 33, vec![0.0; 33 * 33]);
+        let floor = ColliderBuilder::heightfield(flat, Vector::new(8.0, 1.0, 8.0));
+        world.insert(RigidBodyBuilder::fixed(), floor);
+        let body = RigidBodyBuilder::dynamic().can_sleep(false).translation(Vector::new(0.1, 0.5, 0.1));
+        world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5));
+        let ratio = bare_ratio(&mut world);
+        assert!((ratio - 1.0).abs() < 0.005, "clustering {clustering}: {ratio}");
+        assert_eq!(world.contacts().pairs, 1);
     }
 }
 

@@ -194,6 +194,16 @@ fn files_that_cannot_be_read_or_written_are_named_before_the_run() {
     );
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_is_full_at_the_end_does_not_cost_the_report() {
+    let output = dcd(&["run", "tower", "--seconds", "0.1", "--json", "--out", "/dev/full"]);
+    assert_eq!(output.status.code(), Some(1));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["bodies"], 10);
+    assert!(text(&output.stderr).starts_with("error: cannot write /dev/full"), "{}", text(&output.stderr));
+}
+
 #[test]
 fn help_teaches_and_goes_to_standard_output() {
     for (args, parts) in [

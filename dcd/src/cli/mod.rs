@@ -1,7 +1,7 @@
 //! The command line `dcd`: one file a subcommand.
 //!
 //! To add one: a file with a struct that derives [`clap::Args`] (its doc comment is the help text) and has
-//! `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`, its `mod` line, and a line in [`subcommands`].
+//! `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`, its `mod` line, and a line in `subcommands!`.
 
 mod common;
 mod failure;

@@ -1,7 +1,90 @@
-//! The command line: one file a subcommand.
+//! The command line `dcd`: one file a subcommand.
+//!
+//! To add one: a file with a struct that derives [`clap::Args`] (its doc comment is the help text) and has
+//! `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`, its `mod` line, and a line in `subcommands!`.
+
+mod common;
+mod failure;
+mod interrupt;
+mod run;
+mod scenes;
+
 use std::process::ExitCode;
+
+use clap::Parser;
+
+use common::Common;
+use failure::Failure;
+
+/// Makes the enum that clap parses into and hands each command to its file.
+macro_rules! subcommands {
+    ($($name:ident in $file:ident),* $(,)?) => {
+        #[derive(clap::Subcommand)]
+        enum Command {
+            $($name($file::$name)),*
+        }
+
+        impl Command {
+            fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+                match self {
+                    $(Self::$name(command) => command.execute(common)),*
+                }
+            }
+        }
+    };
+}
+
+subcommands! {
+    Run in run,
+    Scenes in scenes,
+}
+
+/// One rigid-body world computed by many Rapier worlds, on the cores of one machine or on many machines.
+#[derive(Parser)]
+#[command(name = "dcd", version, after_help = EXIT_CODES, propagate_version = true, max_term_width = 110)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done; 1 failed while it ran; 2 wrong usage, nothing was done; 130 ended by Ctrl-C, with what there was to
+report. A second Ctrl-C ends at once. Results go to standard output, everything else to standard error.";
 
 /// Runs the command line with the process's arguments.
 pub fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version come this way too. A closed pipe is the reader's choice.
+            let _ = error.print();
+            return ExitCode::from(error.exit_code() as u8);
+        }
+    };
+    cli.common.start_log();
+    cli.command.execute(&cli.common).unwrap_or_else(|failure| failure.report())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_of_all_subcommands_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_argument_of_every_subcommand_has_a_help_text() {
+        for command in Cli::command().get_subcommands() {
+            assert!(command.get_about().is_some(), "{}", command.get_name());
+            for arg in command.get_arguments() {
+                assert!(arg.get_help().is_some(), "{} {}", command.get_name(), arg.get_id());
+            }
+        }
+    }
 }

@@ -8,6 +8,7 @@ mod error;
 #[cfg(feature = "net")]
 mod links;
 mod local;
+pub mod measure;
 #[cfg(feature = "net")]
 mod member;
 #[cfg(feature = "net")]

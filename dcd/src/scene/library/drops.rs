@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use super::{MOST, SEED, SceneInfo, count, number};
+use super::{MOST, NO_SLEEP, SEED, SLEEP, SceneInfo, count, number};
 use crate::protocol::WorldPose;
 use crate::scene::dice::Dice;
 use crate::scene::model::world_pose;
@@ -16,6 +16,7 @@ pub(super) const HEAP: SceneInfo = SceneInfo {
     params: &[
         count("n", "500", 1, MOST, "boxes"),
         number("slenderness", "0.5", [0.1, 4.0], "", "height of the settled heap in widths of the pit"),
+        NO_SLEEP,
         SEED,
     ],
     build: heap,
@@ -27,6 +28,7 @@ pub(super) const TERRAIN: SceneInfo = SceneInfo {
     params: &[
         count("n", "500", 1, MOST, "bodies, every other one a ball"),
         number("relief", "2", [0.0, 10.0], "m", "height of the hills over the mean"),
+        SLEEP,
         SEED,
     ],
     build: terrain,

@@ -1,4 +1,4 @@
-//! Scenes without gravity: a gas of balls, and the thesis's freely moving cubes.
+//! Scenes without gravity, where bodies never sleep: a gas of balls, and the thesis's freely moving cubes.
 
 use rapier3d::prelude::*;
 

@@ -47,7 +47,14 @@ pub(super) fn build(name: &str, params: &Params) -> Result<Scene, SceneError> {
             known: names().collect::<Vec<_>>().join(", "),
         });
     };
-    (info.build)(&Values::parse(info.name, info.params, params)?)
+    let values = Values::parse(info.name, info.params, params)?;
+    let mut scene = (info.build)(&values)?;
+    if info.params.iter().any(|param| param.name == SLEEP.name) {
+        for body in &mut scene.bodies {
+            body.body.can_sleep = values.count(SLEEP.name) == 1;
+        }
+    }
+    Ok(scene)
 }
 
 /// Most bodies of a scene: what fits the memory of a large machine, not a limit of the engine.
@@ -77,6 +84,16 @@ const fn number(
 
 /// Parameter: the seed.
 const SEED: ParamInfo = count("seed", "1", 0, u64::MAX, "source of all random numbers");
+
+/// Parameter: whether bodies may sleep.
+const SLEEP: ParamInfo = count("sleep", "1", 0, 1, "1: bodies at rest may fall asleep; 0: they never do");
+
+/// Parameter: the same for scenes whose use is to time steps.
+const NO_SLEEP: ParamInfo = ParamInfo {
+    default: "0",
+    what: "1: bodies at rest may fall asleep; 0: they never do, for what sleeps costs nothing and measures nothing",
+    ..SLEEP
+};
 
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use super::{MOST, SceneInfo, count, number};
+use super::{MOST, NO_SLEEP, SLEEP, SceneInfo, count, number};
 use crate::protocol::WorldPose;
 use crate::scene::params::Values;
 use crate::scene::{ParamInfo, Scene, SceneError};
@@ -25,6 +25,7 @@ pub(super) const TOWER: SceneInfo = SceneInfo {
             "",
             "mass of the top box in masses of one below it",
         ),
+        SLEEP,
     ],
     build: tower,
 };
@@ -32,7 +33,7 @@ pub(super) const TOWER: SceneInfo = SceneInfo {
 pub(super) const PYRAMID: SceneInfo = SceneInfo {
     name: "pyramid",
     summary: "a flat pyramid of unit boxes, along x",
-    params: &[count("base", "20", 1, 1_000, "boxes of the lowest layer"), GAP],
+    params: &[count("base", "20", 1, 1_000, "boxes of the lowest layer"), GAP, SLEEP],
     build: pyramid,
 };
 
@@ -43,6 +44,7 @@ pub(super) const WALL: SceneInfo = SceneInfo {
         count("width", "20", 1, 2_000, "bricks of a course"),
         count("height", "8", 1, 200, "courses"),
         number("gap", "0.005", [0.0, 0.1], "m", "joint between the bricks of a course"),
+        SLEEP,
     ],
     build: wall,
 };
@@ -54,6 +56,7 @@ pub(super) const PILE: SceneInfo = SceneInfo {
         count("n", "1000", 1, MOST, "boxes"),
         count("height", "10", 1, 50, "boxes of a tower"),
         number("gap", "0.5", [0.05, 100.0], "m", "free space between towers"),
+        NO_SLEEP,
     ],
     build: pile,
 };

@@ -199,6 +199,27 @@ fn a_chain_hangs_together_and_swings() {
 }
 
 #[test]
+fn bodies_sleep_where_the_scene_lets_them() {
+    let sleepers = |name: &str, params: &Params| {
+        let scene = build(name, params).unwrap();
+        let movable = scene.bodies.iter().filter(|body| body.body.body_type != RigidBodyType::Fixed);
+        let (may, must_not): (Vec<_>, Vec<_>) = movable.partition(|body| body.body.can_sleep);
+        assert!(may.is_empty() || must_not.is_empty(), "{name}: all or none");
+        !may.is_empty()
+    };
+    for info in library() {
+        let by_default = !["pile", "heap", "gas", "dve"].contains(&info.name);
+        assert_eq!(sleepers(info.name, &small(info.name)), by_default, "{}", info.name);
+        if info.params.iter().any(|param| param.name == "sleep") {
+            for asked in [0, 1] {
+                let params = small(info.name).with("sleep", asked);
+                assert_eq!(sleepers(info.name, &params), asked == 1, "{}", info.name);
+            }
+        }
+    }
+}
+
+#[test]
 fn an_unknown_scene_names_the_nearest_and_all() {
     let error = build("piel", &Params::new()).unwrap_err().to_string();
     assert!(error.contains("did you mean `pile`?") && error.contains("tower, pyramid, wall"), "{error}");

@@ -1,0 +1,54 @@
+//! What all subcommands share: how much is said, and where.
+
+use std::io::{IsTerminal, Write};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use tracing_subscriber::EnvFilter;
+
+use super::failure::Failure;
+
+/// Arguments of every subcommand.
+#[derive(clap::Args)]
+pub(super) struct Common {
+    /// Say more on standard error: -v what is done, -vv details, -vvv everything (RUST_LOG overrides it)
+    #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 900)]
+    verbose: u8,
+    /// Show no progress
+    #[arg(short, long, global = true, display_order = 901)]
+    quiet: bool,
+}
+
+impl Common {
+    pub(super) fn start_log(&self) {
+        let level = match self.verbose {
+            0 => "warn",
+            1 => "warn,dcd=info",
+            2 => "info,dcd=debug",
+            _ => "trace",
+        };
+        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+        // Fails only if there is a log already, which then serves.
+        let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+    }
+
+    /// A bar on standard error, hidden unless a person is looking on.
+    pub(super) fn progress(&self, length: u64, unit: &str, json: bool) -> ProgressBar {
+        if json || self.quiet || !std::io::stderr().is_terminal() {
+            return ProgressBar::hidden();
+        }
+        let template = format!("{{bar:30}} {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} left");
+        let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        ProgressBar::new(length).with_style(style)
+    }
+}
+
+/// Writes to standard output. A reader that has gone away is not an error.
+pub(super) fn print(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::run(format!(
+            "cannot write to standard output: {error}; give it a place that can be written to"
+        ))),
+        _ => Ok(()),
+    }
+}

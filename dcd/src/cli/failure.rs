@@ -1,0 +1,51 @@
+//! How a subcommand fails: with a cause, a remedy and an exit code.
+
+use std::process::ExitCode;
+
+use crate::runtime::WorldError;
+use crate::scene::SceneError;
+
+/// Why a subcommand did not do what was asked.
+#[derive(Debug)]
+pub(super) struct Failure {
+    message: String,
+    code: u8,
+}
+
+impl Failure {
+    /// The user asked for something that cannot be; nothing was done.
+    pub(super) fn usage(message: impl Into<String>) -> Self {
+        Self { message: message.into(), code: 2 }
+    }
+
+    /// Something failed while it ran.
+    pub(super) fn run(message: impl Into<String>) -> Self {
+        Self { message: message.into(), code: 1 }
+    }
+
+    /// Says it on standard error.
+    pub(super) fn report(self) -> ExitCode {
+        eprintln!("error: {}", self.message);
+        ExitCode::from(self.code)
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        let message = error.to_string();
+        match error {
+            SceneError::Read { .. } | SceneError::File { .. } => Self::run(message),
+            _ => Self::usage(message),
+        }
+    }
+}
+
+impl From<WorldError> for Failure {
+    fn from(error: WorldError) -> Self {
+        let message = error.to_string();
+        match error {
+            WorldError::Tree(_) | WorldError::Setting { .. } => Self::usage(message),
+            _ => Self::run(message),
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! `dcd run`: steps a scene on this machine and measures it.
+
+mod csv;
+mod table;
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::interrupt::Interrupt;
+use super::scenes;
+use crate::physics::Coupling;
+use crate::runtime::measure::{Plan, run};
+use crate::runtime::{Partitioning, WorldConfig, WorldError};
+use crate::scene::{Params, Scene};
+use crate::space::{Axis, TreeError};
+
+/// Steps a scene on this machine and measures it
+///
+/// Examples:
+///   dcd run tower
+///   dcd run pile --set n=20000 --regions 2 --threads 2
+///   dcd run pile --set n=20000 --regions 0 --json
+///   dcd run tower --cut y=5 --seconds 60 --out tower.csv
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment, after_long_help = after_help())]
+pub(super) struct Run {
+    /// A scene of the library (`dcd scenes` lists them) or a scene file (TOML)
+    scene: String,
+    /// Sets a parameter of the scene; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Regions, by halving the largest; 0 steps one bare Rapier world instead, on one thread: the reference
+    /// [default: what the scene says, else 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=64), conflicts_with = "cut")]
+    regions: Option<u8>,
+    /// Cuts the whole world by a plane, as x=0 or y=2.5 (metres), instead of halving; may be given several times
+    #[arg(long, value_name = "AXIS=VALUE", value_parser = plane)]
+    cut: Vec<(Axis, f64)>,
+    /// Regions stepped at a time [default: one a region, as far as there are cores]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// How regions agree on the bodies that they share
+    #[arg(long, value_name = "NAME", default_value = Coupling::default().name(), value_parser = coupling())]
+    coupling: Coupling,
+    /// Micro-steps a tick, with an exchange between regions after each
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
+    exchanges: u8,
+    /// How long to run, in simulated seconds
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = seconds)]
+    seconds: f64,
+    /// Print the result as one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Write where every movable body is at the end: id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region
+    #[arg(long, value_name = "FILE.csv")]
+    out: Option<PathBuf>,
+}
+
+impl Run {
+    pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        let scene = Scene::open(&self.scene, &Params::from_args(&self.set)?)?;
+        let plan = self.plan(&scene)?;
+        let interrupt = Interrupt::listen()?;
+        let mut subject = plan.subject(&scene).map_err(|error| explained(error, &scene))?;
+        let out = self.out.map(csv::Target::check).transpose()?;
+        tracing::info!(scene = scene.name, ticks = plan.ticks, "stepping");
+        let bar = common.progress(plan.ticks, "ticks", self.json);
+        let report = run(&scene, &plan, &mut subject, |tick| {
+            bar.set_position(tick);
+            if interrupt.asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        bar.finish_and_clear();
+        let report = report?;
+        // Before anything is printed: the JSON object is the last line, and its bodies can be found in the file.
+        let written = out.map(|out| out.write(&subject)).transpose();
+        if self.json {
+            let json = serde_json::to_string(&report)
+                .map_err(|error| Failure::run(format!("cannot write JSON: {error}; leave --json out")))?;
+            print(&json)?;
+        } else {
+            print(&table::of(&report))?;
+        }
+        written?;
+        if report.lost + report.doubled + report.quarantined > 0 {
+            tracing::warn!(report.lost, report.doubled, report.quarantined, "bodies went wrong in this run");
+        }
+        Ok(interrupt.exit_code())
+    }
+
+    fn plan(&self, scene: &Scene) -> Result<Plan, Failure> {
+        let ticks = Plan::ticks_of(self.seconds, scene.dt_s);
+        if self.regions == Some(0) {
+            return Ok(Plan { config: None, ticks });
+        }
+        let mut config = WorldConfig::for_scene(scene);
+        if let Some(count) = self.regions {
+            config.partitioning = Partitioning::Regions(count.into());
+        }
+        if !self.cut.is_empty() {
+            for &(axis, at) in &self.cut {
+                let (min, max) = (scene.bounds.min[axis.index()], scene.bounds.max[axis.index()]);
+                if !(min < at && at < max) {
+                    return Err(outside(axis, at, scene));
+                }
+            }
+            config.partitioning = Partitioning::Cuts(self.cut.clone());
+        }
+        config.step.coupling = self.coupling;
+        config.step.exchanges = self.exchanges.into();
+        let regions = config.tree().map_err(|error| explained(error.into(), scene))?.leaf_count();
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        config.threads = self.threads.map_or(regions.min(cores), usize::from);
+        Ok(Plan { config: Some(config), ticks })
+    }
+}
+
+fn after_help() -> String {
+    format!(
+        "The time of a step counts only the step: what is measured is measured between steps. --json prints the keys\n\
+         scene bodies regions threads coupling exchanges ticks dt_s wall_s rtf step_ms{{mean,p50,p99,max}} contacts\n\
+         replicas_mean transfers energy_j{{start,end}} momentum_kgms{{start,end}} max_penetration_m ground_force_ratio\n\
+         lost doubled quarantined state_hash; step_ms leaves the first 30 steps out.\n\n{}",
+        scenes::overview()
+    )
+}
+
+fn coupling() -> impl TypedValueParser<Value = Coupling> {
+    PossibleValuesParser::new(Coupling::ALL.map(Coupling::name)).map(|name| {
+        let named = Coupling::ALL.into_iter().find(|coupling| coupling.name() == name);
+        named.expect("only names of couplings get here")
+    })
+}
+
+fn plane(text: &str) -> Result<(Axis, f64), String> {
+    let wrong = || "write an axis and metres, as x=0 or y=2.5".to_owned();
+    let (axis, at) = text.split_once('=').ok_or_else(wrong)?;
+    let axis = match axis.trim() {
+        "x" => Axis::X,
+        "y" => Axis::Y,
+        "z" => Axis::Z,
+        _ => return Err(wrong()),
+    };
+    let at: f64 = at.trim().parse().map_err(|_| wrong())?;
+    if at.is_finite() { Ok((axis, at)) } else { Err(wrong()) }
+}
+
+/// At most 30 years: more would not end, and ticks are counted in whole numbers.
+const MOST_SECONDS: f64 = 1e9;
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "write simulated seconds, as 10 or 0.5".to_owned())?;
+    if value > 0.0 && value <= MOST_SECONDS {
+        Ok(value)
+    } else {
+        Err(format!("write simulated seconds above 0 and up to {MOST_SECONDS}"))
+    }
+}
+
+fn explained(error: WorldError, scene: &Scene) -> Failure {
+    match error {
+        WorldError::Tree(TreeError::Plane { axis, at }) => outside(axis, at, scene),
+        error => error.into(),
+    }
+}
+
+fn outside(axis: Axis, at: f64, scene: &Scene) -> Failure {
+    let (min, max) = (scene.bounds.min, scene.bounds.max);
+    let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", min[i], max[i]));
+    Failure::usage(format!(
+        "the plane {}={at} cuts no region of `{}`; give each plane once, within the world: x from {x}, y from {y}, z from {z}",
+        ["x", "y", "z"][axis.index()],
+        scene.name
+    ))
+}

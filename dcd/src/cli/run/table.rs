@@ -1,0 +1,68 @@
+//! A report for people.
+
+use crate::runtime::measure::Report;
+
+pub(super) fn of(report: &Report) -> String {
+    let Report { scene, bodies, ticks, wall_s, rtf, .. } = report;
+    let simulated_s = *ticks as f64 * f64::from(report.dt_s);
+    let made_of = match (report.regions, report.coupling) {
+        (0, _) | (_, None) => "one bare Rapier world".to_owned(),
+        (1, _) => "1 region".to_owned(),
+        (regions, Some(coupling)) => format!(
+            "{regions} regions on {} threads, coupling `{coupling}`, exchanges {}",
+            report.threads, report.exchanges
+        ),
+    };
+    let ms = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.3}"));
+    let step = &report.step_ms;
+    let rows = [
+        (
+            "step",
+            format!(
+                "{} ms mean, {} median, {} at 99 %, {} longest (from the 31st)",
+                ms(step.mean),
+                ms(step.p50),
+                ms(step.p99),
+                ms(step.max)
+            ),
+        ),
+        ("contacts", report.contacts.to_string()),
+        ("replicas", format!("{:.1} mean", report.replicas_mean)),
+        ("transfers", report.transfers.to_string()),
+        (
+            "energy",
+            format!("{:.6} J at the start, {:.6} J at the end", report.energy_j.start, report.energy_j.end),
+        ),
+        (
+            "momentum",
+            format!(
+                "{} kg m/s at the start, {} at the end",
+                vector(report.momentum_kgms.start),
+                vector(report.momentum_kgms.end)
+            ),
+        ),
+        ("penetration", format!("{:.6} m at most in the last second", report.max_penetration_m)),
+        (
+            "ground force",
+            match report.ground_force_ratio {
+                Some(ratio) => format!("{ratio:.6} of the weight in the last second"),
+                None => "none: no gravity".to_owned(),
+            },
+        ),
+        ("lost", report.lost.to_string()),
+        ("doubled", report.doubled.to_string()),
+        ("quarantined", report.quarantined.to_string()),
+        ("state", report.state_hash.clone()),
+    ];
+    let mut lines = vec![
+        format!("{scene}: {bodies} bodies, {made_of}"),
+        format!("{ticks} ticks ({simulated_s:.2} s) in {wall_s:.3} s: {rtf:.2} times real time"),
+        String::new(),
+    ];
+    lines.extend(rows.iter().map(|(name, value)| format!("{name:<14}{value}")));
+    lines.join("\n")
+}
+
+fn vector(v: [f64; 3]) -> String {
+    format!("({:.4}, {:.4}, {:.4})", v[0], v[1], v[2])
+}

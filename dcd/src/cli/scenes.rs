@@ -1,0 +1,47 @@
+//! `dcd scenes`: what the library holds.
+
+use std::fmt::Write;
+use std::process::ExitCode;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use crate::scene::{Params, Scene, SceneInfo, library};
+
+/// Lists the scenes of the library with their parameters
+#[derive(clap::Args)]
+pub(super) struct Scenes {
+    /// Only this scene
+    scene: Option<String>,
+}
+
+impl Scenes {
+    pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
+        let Some(name) = self.scene else {
+            print(&overview())?;
+            return Ok(ExitCode::SUCCESS);
+        };
+        match library().iter().find(|info| info.name == name) {
+            Some(info) => print(&describe(info))?,
+            // Says which scenes there are.
+            None => drop(Scene::named(&name, &Params::new())?),
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Every scene of the library, for help texts.
+pub(super) fn overview() -> String {
+    let scenes: Vec<_> = library().iter().map(describe).collect();
+    format!(
+        "Scenes of the library, with their parameters and defaults (--set name=value):\n\n{}",
+        scenes.join("\n\n")
+    )
+}
+
+fn describe(info: &SceneInfo) -> String {
+    let mut text = format!("  {}: {}", info.name, info.summary);
+    for param in info.params {
+        write!(text, "\n    {param}").expect("a string takes all text");
+    }
+    text
+}

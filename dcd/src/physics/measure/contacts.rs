@@ -1,0 +1,160 @@
+//! Contacts as the solver left them: how many, how deep, how hard on the ground.
+//!
+//! A contact may be solved in several regions, wherever both bodies are held. The region that owns the dynamic body of the
+//! lowest id answers for it, so that each is counted once.
+
+use rapier3d::geometry::ContactManifold;
+use rapier3d::prelude::*;
+
+use super::View;
+use crate::space::BodyId;
+
+/// All contacts of a world in its last step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactSample {
+    /// Pairs of colliders that touch, of which at least one is on a dynamic body.
+    pub pairs: usize,
+    /// Deepest penetration, in metres; 0 when nothing overlaps.
+    pub max_penetration_m: f64,
+    /// Force on fixed bodies along gravity, in newtons: of normals and of friction. Kinematic bodies are no ground.
+    pub ground_force_n: f64,
+    /// Weight of all enabled dynamic bodies, in newtons, by their gravity scales.
+    pub weight_n: f64,
+}
+
+impl ContactSample {
+    /// Force on the ground over weight: 1 at rest. `None` without weight.
+    pub fn ground_force_ratio(&self) -> Option<f64> {
+        (self.weight_n > 0.0).then(|| self.ground_force_n / self.weight_n)
+    }
+
+    /// Two parts of one world.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self {
+            pairs: self.pairs + other.pairs,
+            max_penetration_m: self.max_penetration_m.max(other.max_penetration_m),
+            ground_force_n: self.ground_force_n + other.ground_force_n,
+            weight_n: self.weight_n + other.weight_n,
+        }
+    }
+}
+
+/// The mean force of a contact pair on its second body over the last step, in newtons: normals and friction.
+///
+/// Of a normal, Rapier keeps the impulse of the whole step. Of friction, its default model keeps only what the last of the
+/// solver's iterations applied (`warmstart_tangent_world`, the same for all points of a manifold), so the step's friction
+/// is taken to be to that as the step's normals are to the last iteration's. That is exact at rest, and never above the
+/// coefficient of friction times the normal force.
+pub fn pair_force_n(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
+    let model = world.integration_parameters.friction_model;
+    let impulse = pair.solver_manifolds().iter().fold([0.0; 3], |sum, manifold| {
+        let impulse = impulse_ns(manifold, model);
+        std::array::from_fn(|i| sum[i] + impulse[i])
+    });
+    impulse.map(|v| v / f64::from(world.integration_parameters.dt))
+}
+
+/// The impulse on the second body, in newton seconds.
+fn impulse_ns(manifold: &ContactManifold, model: FrictionModel) -> [f64; 3] {
+    // Points that the solver did not select keep stale impulses, so these must not be summed over all points.
+    let solved = || {
+        let ids = manifold.data.solver_contacts.iter().map(|contact| contact.contact_indices()[0] as usize);
+        ids.filter_map(|id| manifold.points.get(id)).map(|point| &point.data)
+    };
+    let step: f64 = solved().map(|data| f64::from(data.impulse)).sum();
+    let last_iteration: f64 = solved().map(|data| f64::from(data.warmstart_impulse)).sum();
+    let points = match model {
+        FrictionModel::Simplified => 1,
+        FrictionModel::Coulomb => usize::MAX,
+    };
+    // Without a normal there is no friction.
+    let share = if last_iteration > 0.0 { step / last_iteration } else { 0.0 };
+    let friction = solved().take(points).fold([0.0; 3], |sum, data| {
+        let tangent = data.warmstart_tangent_world.to_array();
+        std::array::from_fn(|i| sum[i] + share * f64::from(tangent[i]))
+    });
+    let normal = manifold.data.normal.to_array();
+    // The normal points to the second body; the stored friction acts on the first.
+    std::array::from_fn(|i| step * f64::from(normal[i]) - friction[i])
+}
+
+pub(super) fn sample(view: View<'_>) -> ContactSample {
+    let world = view.physics();
+    let down = world.gravity.normalize_or_zero().to_array().map(f64::from);
+    let gravity = f64::from(world.gravity.length());
+    let mut sample = ContactSample::default();
+    for (_, body) in view.owned().filter(|(_, body)| body.is_dynamic() && body.is_enabled()) {
+        sample.weight_n += f64::from(body.mass()) * f64::from(body.gravity_scale()) * gravity;
+    }
+    for pair in world.contact_pairs() {
+        let sides = [pair.collider1, pair.collider2].map(|collider| Side::of(view, collider));
+        if !pair.has_any_active_contact() || !answers(sides) {
+            continue;
+        }
+        sample.pairs += 1;
+        sample.max_penetration_m = sample.max_penetration_m.max(penetration_m(world, pair));
+        if let Some(fixed) = sides.iter().position(|side| *side == Side::Fixed) {
+            let sign = if fixed == 1 { 1.0 } else { -1.0 };
+            let force = pair_force_n(world, pair);
+            sample.ground_force_n += sign * (0..3).map(|i| down[i] * force[i]).sum::<f64>();
+        }
+    }
+    sample
+}
+
+/// One end of a contact pair.
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    /// On a dynamic body, by its id; whether the view owns it.
+    Dynamic(BodyId, bool),
+    /// On a fixed body, or on none.
+    Fixed,
+    Kinematic,
+}
+
+impl Side {
+    fn of(view: View<'_>, collider: ColliderHandle) -> Self {
+        let world = view.physics();
+        let parent = world.colliders.get(collider).and_then(Collider::parent);
+        let Some((handle, body)) = parent.and_then(|handle| Some((handle, world.bodies.get(handle)?))) else {
+            return Self::Fixed;
+        };
+        match view.name(handle) {
+            Some(id) if body.is_dynamic() => Self::Dynamic(id, view.owns(handle)),
+            _ if body.is_fixed() => Self::Fixed,
+            _ => Self::Kinematic,
+        }
+    }
+}
+
+/// Whether the owner of the dynamic body of the lowest id is this view.
+fn answers(sides: [Side; 2]) -> bool {
+    match sides {
+        [Side::Dynamic(a, owned_a), Side::Dynamic(b, owned_b)] => {
+            if a <= b {
+                owned_a
+            } else {
+                owned_b
+            }
+        }
+        [Side::Dynamic(_, owned), _] | [_, Side::Dynamic(_, owned)] => owned,
+        _ => false,
+    }
+}
+
+/// How deep the two colliders overlap where their bodies are now, in metres, without their skins.
+///
+/// The distances that manifolds store are those of the last full contact update, which Rapier skips while bodies hardly
+/// move; the solver's anchors ride with the bodies.
+fn penetration_m(world: &PhysicsWorld, pair: &ContactPair) -> f64 {
+    let skin = |collider| world.colliders.get(collider).map_or(0.0, Collider::contact_skin);
+    let skins_m = f64::from(skin(pair.collider1) + skin(pair.collider2));
+    let depth_m = |manifold: &ContactManifold, contact: &SolverContact| {
+        let (on_first, on_second) = manifold.data.solver_contact_world_points(contact, &world.bodies);
+        -f64::from((on_second - on_first).dot(manifold.data.normal)) - skins_m
+    };
+    pair.solver_manifolds()
+        .iter()
+        .flat_map(|manifold| manifold.data.solver_contacts.iter().map(move |c| depth_m(manifold, c)))
+        .fold(0.0, f64::max)
+}

@@ -1,0 +1,178 @@
+//! What is measured of a world: energy, momentum, contacts, the force on the ground, who owns what, the state's hash.
+//!
+//! The same formulas serve a bare Rapier world and one that is cut into regions: both are a list of [`View`]s, each a
+//! Rapier world and the bodies that it answers for. Nothing here changes what it looks at.
+
+mod census;
+mod contacts;
+mod motion;
+
+use rapier3d::prelude::*;
+
+use super::convert;
+use super::host::RegionHost;
+use super::region::{Region, Role};
+use crate::protocol::{StateHasher, Velocity, WorldPose};
+use crate::space::{BodyId, RegionId};
+
+pub use census::Census;
+pub use contacts::{ContactSample, pair_force_n};
+
+/// One Rapier world, and which of its bodies it answers for.
+#[derive(Clone, Copy)]
+pub enum View<'a> {
+    /// A world of its own: it answers for everything, and body `i` by Rapier's index is `BodyId::persistent(i)`, as in
+    /// [`Scene::bare_world`](crate::scene::Scene::bare_world).
+    Bare(&'a PhysicsWorld),
+    /// A region: it answers for the bodies that it owns.
+    Region(&'a Region),
+}
+
+/// Something that formulas can be applied to.
+///
+/// ```
+/// use dcd::physics::Measured;
+/// use dcd::scene::{Params, Scene};
+///
+/// let mut world = Scene::named("tower", &Params::new())?.bare_world();
+/// for _ in 0..60 {
+///     world.step();
+/// }
+/// assert_eq!(world.contacts().pairs, 10);
+/// assert!((world.contacts().ground_force_ratio().unwrap() - 1.0).abs() < 0.01);
+/// # Ok::<(), dcd::scene::SceneError>(())
+/// ```
+pub trait Measured {
+    /// The Rapier worlds that make it up.
+    fn views(&self) -> Vec<View<'_>>;
+
+    /// Kinetic (of translation and rotation) and potential energy of all enabled dynamic bodies, in joules:
+    /// Σ ½ m v² + ½ ω·Iω − s m g·x, with the gravity scale s and the centre of mass x; the potential is zero at the
+    /// world's origin, for Earth's gravity at y = 0.
+    fn energy_j(&self) -> f64 {
+        self.views().into_iter().map(motion::energy_j).sum()
+    }
+
+    /// Σ m v of all enabled dynamic bodies, in kg m/s.
+    fn momentum_kgms(&self) -> [f64; 3] {
+        self.views()
+            .into_iter()
+            .map(motion::momentum_kgms)
+            .fold([0.0; 3], |sum, part| std::array::from_fn(|i| sum[i] + part[i]))
+    }
+
+    /// The contacts of the last step, each by the one region that answers for it.
+    fn contacts(&self) -> ContactSample {
+        self.views().into_iter().map(contacts::sample).fold(ContactSample::default(), ContactSample::and)
+    }
+
+    /// How often each movable body is owned.
+    fn census(&self) -> Census {
+        Census::of(&self.views())
+    }
+
+    /// Bodies that Rapier set aside in the last step because their state was not finite, as owners or as replicas.
+    fn quarantined(&self) -> Vec<BodyId> {
+        let of = |view: View<'_>| {
+            let handles = view.physics().quarantine().bodies();
+            handles.iter().filter_map(|&handle| view.name(handle)).collect::<Vec<_>>()
+        };
+        self.views().into_iter().flat_map(of).collect()
+    }
+
+    /// Every movable body in id order: id, owner, pose, velocity.
+    fn states(&self) -> Vec<(BodyId, RegionId, WorldPose, Velocity)> {
+        let of = |view| {
+            View::owned(view).map(move |(id, body)| (id, view.region(), view.pose(body), velocity(body)))
+        };
+        let mut states: Vec<_> = self.views().into_iter().flat_map(of).collect();
+        states.sort_by_key(|(id, ..)| *id);
+        states
+    }
+
+    /// One number for the state of all movable bodies: equal worlds, equal numbers. Of a body with two owners, the first
+    /// owner's copy counts.
+    fn state_hash(&self) -> u64 {
+        let mut states = self.states();
+        states.dedup_by_key(|(id, ..)| *id);
+        let mut hasher = StateHasher::default();
+        for (id, _, pose, velocity) in states {
+            hasher.add(id, &pose, &velocity);
+        }
+        hasher.finish()
+    }
+}
+
+impl Measured for PhysicsWorld {
+    fn views(&self) -> Vec<View<'_>> {
+        vec![View::Bare(self)]
+    }
+}
+
+impl Measured for RegionHost {
+    fn views(&self) -> Vec<View<'_>> {
+        self.regions().iter().map(View::Region).collect()
+    }
+}
+
+impl<'a> View<'a> {
+    /// The Rapier world.
+    pub fn physics(self) -> &'a PhysicsWorld {
+        match self {
+            Self::Bare(world) => world,
+            Self::Region(region) => region.physics(),
+        }
+    }
+
+    /// The origin of its space, in world space, metres.
+    pub fn anchor(self) -> [f64; 3] {
+        match self {
+            Self::Bare(_) => [0.0; 3],
+            Self::Region(region) => region.anchor(),
+        }
+    }
+
+    /// Its place in the tree; a bare world counts as the root.
+    pub fn region(self) -> RegionId {
+        match self {
+            Self::Bare(_) => RegionId(0),
+            Self::Region(region) => region.id(),
+        }
+    }
+
+    /// What the body behind a handle is called.
+    pub fn name(self, handle: RigidBodyHandle) -> Option<BodyId> {
+        match self {
+            Self::Bare(_) => Some(BodyId::persistent(handle.into_raw_parts().0)),
+            Self::Region(region) => region.role_of(handle).map(|(id, _)| id),
+        }
+    }
+
+    /// Whether the view answers for this body, which must be a movable one.
+    pub fn owns(self, handle: RigidBodyHandle) -> bool {
+        match self {
+            Self::Bare(world) => world.bodies.get(handle).is_some_and(|body| !body.is_fixed()),
+            Self::Region(region) => region.role_of(handle).is_some_and(|(_, role)| role == Role::Owner),
+        }
+    }
+
+    /// The movable bodies that it answers for.
+    pub fn owned(self) -> impl Iterator<Item = (BodyId, &'a RigidBody)> {
+        self.physics()
+            .bodies
+            .iter()
+            .filter(move |(handle, _)| self.owns(*handle))
+            .filter_map(move |(handle, body)| Some((self.name(handle)?, body)))
+    }
+
+    fn pose(self, body: &RigidBody) -> WorldPose {
+        convert::world_from_region(self.anchor(), body.position())
+    }
+}
+
+fn velocity(body: &RigidBody) -> Velocity {
+    convert::velocity_of(body)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,16 @@
+//! One measured run of a scene: the harness behind `dcd run`, the benchmarks and the accuracy suite.
+
+mod report;
+mod run;
+
+pub use report::{Change, Report, StepTimes};
+pub use run::{Plan, Subject, run};
+
+use super::DcdWorld;
+use crate::physics::{Measured, View};
+
+impl Measured for DcdWorld {
+    fn views(&self) -> Vec<View<'_>> {
+        self.host().views()
+    }
+}

@@ -1,0 +1,112 @@
+//! What a run gives.
+
+use std::time::Duration;
+
+use serde::Serialize;
+
+/// Steps at the start that are not timed: caches, pools and contacts are still being filled.
+const WARM_UP: usize = 30;
+
+/// The result of one run; as JSON, the object that `dcd run --json` prints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Its name.
+    pub scene: String,
+    /// Movable bodies of the scene.
+    pub bodies: usize,
+    /// Regions; 0 is one bare Rapier world.
+    pub regions: usize,
+    /// Regions stepped at a time.
+    pub threads: usize,
+    /// Name of the coupling; none in a bare world.
+    pub coupling: Option<&'static str>,
+    /// Exchanges a tick; 0 in a bare world.
+    pub exchanges: usize,
+    /// Ticks done.
+    pub ticks: u64,
+    /// Simulated seconds a tick.
+    pub dt_s: f32,
+    /// Wall time of all steps, seconds, without what was measured between them.
+    pub wall_s: f64,
+    /// Simulated seconds a second of `wall_s`.
+    pub rtf: f64,
+    /// Wall time of a step, milliseconds.
+    pub step_ms: StepTimes,
+    /// Pairs of colliders that touch at the end, each once.
+    pub contacts: usize,
+    /// Copies of bodies held by regions that do not own them, mean of all steps.
+    pub replicas_mean: f64,
+    /// Changes of owner.
+    pub transfers: u64,
+    /// Kinetic and potential energy, joules.
+    pub energy_j: Change<f64>,
+    /// Momentum of the whole, kg m/s.
+    pub momentum_kgms: Change<[f64; 3]>,
+    /// Deepest penetration of the last simulated second, metres.
+    pub max_penetration_m: f64,
+    /// Force on fixed bodies along gravity over the weight of all dynamic ones, mean of the last simulated second; none
+    /// without gravity.
+    pub ground_force_ratio: Option<f64>,
+    /// Bodies without an owner: most at any look, one each simulated second and at the end.
+    pub lost: usize,
+    /// Bodies with several owners, likewise.
+    pub doubled: usize,
+    /// Bodies that Rapier set aside during the run because their state was not finite.
+    pub quarantined: usize,
+    /// Of all movable bodies in id order, 16 hexadecimal digits.
+    pub state_hash: String,
+}
+
+/// Before the first step and after the last.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Change<T> {
+    /// Before.
+    pub start: T,
+    /// After.
+    pub end: T,
+}
+
+/// Wall times of steps in milliseconds, without the first 30; nothing when there were no more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct StepTimes {
+    /// Arithmetic mean.
+    pub mean: Option<f64>,
+    /// Half of the steps were at most as long.
+    pub p50: Option<f64>,
+    /// 99 of 100 were.
+    pub p99: Option<f64>,
+    /// The longest.
+    pub max: Option<f64>,
+}
+
+impl StepTimes {
+    /// Of all steps of a run, in order.
+    pub fn of(steps: &[Duration]) -> Self {
+        let mut ms: Vec<_> = steps.iter().skip(WARM_UP).map(|step| step.as_secs_f64() * 1e3).collect();
+        ms.sort_by(f64::total_cmp);
+        // The nearest rank: a time that was measured.
+        let at = |share: f64| Some(*ms.get(((share * ms.len() as f64).ceil() as usize).saturating_sub(1))?);
+        Self {
+            mean: (!ms.is_empty()).then(|| ms.iter().sum::<f64>() / ms.len() as f64),
+            p50: at(0.5),
+            p99: at(0.99),
+            max: ms.last().copied(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_thirty_steps_do_not_count() {
+        let steps: Vec<_> =
+            (1..=130).map(|i| Duration::from_millis(if i <= 30 { 9_000 } else { i - 30 })).collect();
+        let times = StepTimes::of(&steps);
+        let rounded = [times.mean, times.p50, times.p99, times.max].map(|v| v.unwrap().round());
+        assert_eq!(rounded, [51.0, 50.0, 99.0, 100.0]);
+        assert_eq!(StepTimes::of(&steps[..30]), StepTimes::default());
+        assert_eq!(StepTimes::of(&steps[..31]).p50, StepTimes::of(&steps[..31]).max);
+    }
+}

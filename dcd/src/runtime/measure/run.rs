@@ -1,0 +1,229 @@
+//! Steps a world, times the steps, and measures between them.
+
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use rapier3d::prelude::{PhysicsWorld, RigidBodyType};
+
+use super::report::{Change, Report, StepTimes};
+use crate::physics::{ContactSample, Measured, View};
+use crate::runtime::{DcdWorld, WorldConfig, WorldError};
+use crate::scene::Scene;
+use crate::space::BodyId;
+
+/// What is stepped.
+pub enum Subject {
+    /// One bare Rapier world, none of our code in its step: the reference.
+    Bare(Box<PhysicsWorld>),
+    /// A world cut into regions.
+    Regions(Box<DcdWorld>),
+}
+
+/// How it is run and what the report calls it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// How the world is cut; none is the bare world.
+    pub config: Option<WorldConfig>,
+    /// Steps.
+    pub ticks: u64,
+}
+
+impl Plan {
+    /// The ticks of so many simulated seconds, at least one.
+    pub fn ticks_of(seconds: f64, dt_s: f32) -> u64 {
+        (seconds / f64::from(dt_s)).round().max(1.0) as u64
+    }
+
+    /// The world as planned.
+    pub fn subject(&self, scene: &Scene) -> Result<Subject, WorldError> {
+        Ok(match &self.config {
+            None => Subject::Bare(Box::new(scene.bare_world())),
+            Some(config) => Subject::Regions(Box::new(DcdWorld::from_scene(scene, config.clone())?)),
+        })
+    }
+}
+
+impl Subject {
+    fn step(&mut self) -> Result<(), WorldError> {
+        match self {
+            Self::Bare(world) => world.step(),
+            Self::Regions(world) => world.step()?,
+        }
+        Ok(())
+    }
+
+    fn replicas(&self) -> usize {
+        match self {
+            Self::Bare(_) => 0,
+            Self::Regions(world) => world.stats().replicas,
+        }
+    }
+
+    fn transfers(&self) -> u64 {
+        match self {
+            Self::Bare(_) => 0,
+            Self::Regions(world) => world.stats().transfers,
+        }
+    }
+
+    fn region_count(&self) -> usize {
+        match self {
+            Self::Bare(_) => 0,
+            Self::Regions(world) => world.regions().len(),
+        }
+    }
+}
+
+impl Measured for Subject {
+    fn views(&self) -> Vec<View<'_>> {
+        match self {
+            Self::Bare(world) => world.views(),
+            Self::Regions(world) => world.views(),
+        }
+    }
+}
+
+/// Runs a subject of this plan from the scene's start. `after_step` is told the ticks done, outside the timed part, and may
+/// end the run early: the report is then of what was done, and its last second is the last step.
+pub fn run(
+    scene: &Scene,
+    plan: &Plan,
+    subject: &mut Subject,
+    mut after_step: impl FnMut(u64) -> ControlFlow<()>,
+) -> Result<Report, WorldError> {
+    let second = Plan::ticks_of(1.0, scene.dt_s);
+    let bodies = movable(scene);
+    let (energy_j, momentum_kgms) = (subject.energy_j(), subject.momentum_kgms());
+    let mut watch = Watch::default();
+    let mut steps = Vec::new();
+    for tick in 1..=plan.ticks {
+        let start = Instant::now();
+        subject.step()?;
+        steps.push(start.elapsed());
+        watch.step(subject);
+        if tick + second > plan.ticks {
+            watch.contacts.push(subject.contacts());
+        }
+        if tick % second == 0 {
+            watch.census(subject, &bodies);
+        }
+        if after_step(tick).is_break() {
+            break;
+        }
+    }
+    watch.census(subject, &bodies);
+    let last = subject.contacts();
+    if watch.contacts.is_empty() {
+        watch.contacts.push(last);
+    }
+    let (ticks, wall_s) = (steps.len() as u64, steps.iter().sum::<Duration>().as_secs_f64());
+    let settings = plan.config.as_ref();
+    Ok(Report {
+        scene: scene.name.clone(),
+        bodies: bodies.len(),
+        regions: subject.region_count(),
+        threads: settings.map_or(1, |config| config.threads),
+        coupling: settings.map(|config| config.step.coupling.name()),
+        exchanges: settings.map_or(0, |config| config.step.exchanges),
+        ticks,
+        dt_s: scene.dt_s,
+        wall_s,
+        rtf: ticks as f64 * f64::from(scene.dt_s) / wall_s,
+        step_ms: StepTimes::of(&steps),
+        contacts: last.pairs,
+        replicas_mean: watch.replicas as f64 / ticks as f64,
+        transfers: subject.transfers(),
+        energy_j: Change { start: energy_j, end: subject.energy_j() },
+        momentum_kgms: Change { start: momentum_kgms, end: subject.momentum_kgms() },
+        max_penetration_m: watch.contacts.iter().map(|c| c.max_penetration_m).fold(0.0, f64::max),
+        ground_force_ratio: mean(watch.contacts.iter().map(ContactSample::ground_force_ratio)),
+        lost: watch.lost,
+        doubled: watch.doubled,
+        quarantined: watch.quarantined.len(),
+        state_hash: format!("{:016x}", subject.state_hash()),
+    })
+}
+
+/// By the scene, not by the world: a body that was never inserted is lost too.
+fn movable(scene: &Scene) -> Vec<BodyId> {
+    let moves = |index: &usize| scene.bodies[*index].body.body_type != RigidBodyType::Fixed;
+    (0..scene.bodies.len()).filter(moves).map(|index| BodyId::persistent(index as u32)).collect()
+}
+
+/// What is gathered between steps.
+#[derive(Default)]
+struct Watch {
+    replicas: usize,
+    quarantined: BTreeSet<BodyId>,
+    contacts: Vec<ContactSample>,
+    lost: usize,
+    doubled: usize,
+}
+
+impl Watch {
+    fn step(&mut self, subject: &Subject) {
+        self.replicas += subject.replicas();
+        self.quarantined.extend(subject.quarantined());
+    }
+
+    fn census(&mut self, subject: &Subject, bodies: &[BodyId]) {
+        let census = subject.census();
+        self.lost = self.lost.max(census.lost(bodies));
+        self.doubled = self.doubled.max(census.doubled());
+    }
+}
+
+/// Of the values that are there; none when none is.
+fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let (count, sum) = values.flatten().fold((0u32, 0.0), |(count, sum), value| (count + 1, sum + value));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::runtime::Partitioning;
+    use crate::scene::Params;
+
+    fn report(scene: &Scene, config: Option<WorldConfig>, ticks: u64, end: u64) -> Report {
+        let plan = Plan { config, ticks };
+        let mut subject = plan.subject(scene).unwrap();
+        let stop = |tick| if tick == end { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        run(scene, &plan, &mut subject, stop).unwrap()
+    }
+
+    #[test]
+    fn one_region_does_what_the_bare_world_does() {
+        let scene = Scene::named("tower", &Params::new()).unwrap();
+        let bare = report(&scene, None, 200, 0);
+        let one = report(&scene, Some(WorldConfig::for_scene(&scene)), 200, 0);
+        assert_eq!((bare.regions, bare.coupling, bare.exchanges), (0, None, 0));
+        assert_eq!((one.regions, one.coupling, one.exchanges), (1, Some("owner"), 1));
+        let physics =
+            |r: &Report| (r.energy_j, r.momentum_kgms, r.ground_force_ratio, r.max_penetration_m, r.contacts);
+        assert_eq!(physics(&bare), physics(&one));
+        assert_eq!(bare.state_hash, one.state_hash);
+        assert!((bare.ground_force_ratio.unwrap() - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_gas_across_four_regions_loses_no_body_and_has_no_ground() {
+        let scene = Scene::named("gas", &Params::new().with("n", 100)).unwrap();
+        let config = WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::for_scene(&scene) };
+        let report = report(&scene, Some(config), 180, 0);
+        assert_eq!((report.lost, report.doubled, report.quarantined), (0, 0, 0));
+        assert_eq!((report.bodies, report.regions, report.ticks), (100, 4, 180));
+        assert_eq!(report.ground_force_ratio, None);
+        assert!(report.transfers > 0 && report.replicas_mean > 0.0, "{report:?}");
+    }
+
+    #[test]
+    fn a_run_that_is_ended_early_reports_what_it_did() {
+        let scene = Scene::named("tower", &Params::new()).unwrap();
+        let report = report(&scene, None, 1_000_000, 100);
+        assert_eq!(report.ticks, 100);
+        assert!((report.ground_force_ratio.unwrap() - 1.0).abs() < 0.2);
+        assert!(report.step_ms.p50.is_some());
+    }
+}

@@ -1,0 +1,271 @@
+//! `dcd run` and `dcd scenes` as real processes: results, files, errors, exit codes, Ctrl-C.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+const BINARY: &str = env!("CARGO_BIN_EXE_dcd-under-test");
+
+fn dcd(args: &[&str]) -> Output {
+    Command::new(BINARY)
+        .args(args)
+        .env_remove("RUST_LOG")
+        .output()
+        .expect("the binary was built for this test")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("output is UTF-8")
+}
+
+/// The JSON object of a run that must succeed: the last and only line of standard output.
+fn json(args: &[&str]) -> Value {
+    let output = dcd(&[args, &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let stdout = text(&output.stdout);
+    assert_eq!(stdout.lines().count(), 1, "{stdout}");
+    serde_json::from_str(&stdout).unwrap()
+}
+
+/// What a run that must fail says.
+fn error(args: &[&str], code: i32) -> String {
+    let output = dcd(args);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
+    assert!(stderr.starts_with("error: "), "{args:?}: {stderr}");
+    assert!(output.stdout.is_empty(), "{args:?}: {}", text(&output.stdout));
+    stderr
+}
+
+fn keys(object: &Value) -> BTreeSet<&str> {
+    object.as_object().expect("an object").keys().map(String::as_str).collect()
+}
+
+fn set(names: &str) -> BTreeSet<&str> {
+    names.split_whitespace().collect()
+}
+
+#[test]
+fn the_json_object_has_the_keys_of_the_contract() {
+    let report = json(&["run", "tower", "--seconds", "2", "--cut", "x=0"]);
+    assert_eq!(
+        keys(&report),
+        set("scene bodies regions threads coupling exchanges ticks dt_s wall_s rtf step_ms contacts replicas_mean transfers
+             energy_j momentum_kgms max_penetration_m ground_force_ratio lost doubled quarantined state_hash")
+    );
+    assert_eq!(keys(&report["step_ms"]), set("mean p50 p99 max"));
+    assert_eq!(keys(&report["energy_j"]), set("start end"));
+    assert_eq!(report["momentum_kgms"]["end"].as_array().unwrap().len(), 3);
+    assert_eq!((report["scene"].as_str(), report["coupling"].as_str()), (Some("tower"), Some("owner")));
+    for (key, value) in
+        [("bodies", 10), ("regions", 2), ("ticks", 120), ("contacts", 10), ("exchanges", 1), ("lost", 0)]
+    {
+        assert_eq!(report[key], value, "{key}");
+    }
+    let ratio = report["ground_force_ratio"].as_f64().unwrap();
+    assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
+    let hash = report["state_hash"].as_str().unwrap();
+    assert!(hash.len() == 16 && u64::from_str_radix(hash, 16).is_ok(), "{hash}");
+    let seconds = report["ticks"].as_f64().unwrap() * report["dt_s"].as_f64().unwrap();
+    let rtf = report["rtf"].as_f64().unwrap() * report["wall_s"].as_f64().unwrap() / seconds;
+    assert!((rtf - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn one_region_gives_the_same_bits_as_the_bare_world() {
+    for scene in [&["tower"][..], &["pile", "--set", "n=60"], &["gas", "--set", "n=60"]] {
+        let run = |regions| {
+            let mut report = json(&[&["run", "--seconds", "2", "--regions", regions], scene].concat());
+            let object = report.as_object_mut().unwrap();
+            for own in ["regions", "coupling", "exchanges", "wall_s", "rtf", "step_ms"] {
+                object.remove(own).unwrap();
+            }
+            report
+        };
+        assert_eq!(run("0"), run("1"), "{scene:?}");
+    }
+}
+
+#[test]
+fn threads_and_cuts_are_as_asked_and_the_same_cut_gives_the_same_bits() {
+    let run = |args: &[&str]| json(&[&["run", "gas", "--set", "n=80", "--seconds", "1"], args].concat());
+    let (halved, cut) =
+        (run(&["--regions", "2", "--threads", "1"]), run(&["--cut", "x=0", "--threads", "2"]));
+    assert_eq!((halved["threads"].as_u64(), cut["threads"].as_u64()), (Some(1), Some(2)));
+    assert_eq!(halved["state_hash"], cut["state_hash"]);
+    assert_eq!(cut["ground_force_ratio"], Value::Null);
+    assert_eq!(run(&["--cut", "x=0", "--cut", "y=1"])["regions"], 4);
+    assert_eq!(run(&["--cut", "x=0", "--exchanges", "2"])["exchanges"], 2);
+}
+
+#[test]
+fn steps_are_timed_from_the_31st() {
+    let report = json(&["run", "tower", "--seconds", "0.5"]);
+    assert_eq!((report["ticks"].as_u64(), &report["step_ms"]["p50"]), (Some(30), &Value::Null));
+    let report = json(&["run", "tower", "--seconds", "0.6"]);
+    assert!(report["step_ms"]["p50"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn the_csv_holds_every_movable_body_in_id_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.csv");
+    std::fs::write(&path, "a longer file that is there already\n".repeat(100)).unwrap();
+    let path_text = path.to_str().unwrap();
+    json(&["run", "gas", "--set", "n=40", "--regions", "2", "--seconds", "0.2", "--out", path_text]);
+    let csv = std::fs::read_to_string(&path).unwrap();
+    let mut lines = csv.lines();
+    assert_eq!(lines.next(), Some("id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region"));
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 40);
+    assert!(rows.iter().all(|row| row.len() == 15));
+    // The six walls, 40 to 45, cannot move.
+    assert!(rows.iter().map(|row| row[0]).eq((0..40).map(f64::from)));
+    let regions: BTreeSet<_> = rows.iter().map(|row| row[14] as u32).collect();
+    assert_eq!(regions, BTreeSet::from([1, 2]));
+    assert!(rows.iter().all(|row| (row[4..8].iter().map(|q| q * q).sum::<f64>() - 1.0).abs() < 1e-5));
+}
+
+#[test]
+fn people_get_a_table() {
+    let output = dcd(&["run", "tower", "--seconds", "1"]);
+    let stdout = text(&output.stdout);
+    assert!(stdout.starts_with("tower: 10 bodies, 1 region\n60 ticks (1.00 s)"), "{stdout}");
+    assert!(stdout.contains("\nground force  ") && stdout.contains("\nlost          0\n"), "{stdout}");
+    assert_eq!(text(&output.stderr), "", "no progress without a terminal");
+}
+
+#[test]
+fn scene_files_run_like_scenes_of_the_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.toml");
+    let file = "[world]\nname = \"two\"\n[library]\nscene = \"tower\"\nparams = { n = 2 }\n";
+    std::fs::write(&path, file).unwrap();
+    let report = json(&["run", path.to_str().unwrap(), "--seconds", "0.1"]);
+    assert_eq!((report["scene"].as_str(), report["bodies"].as_u64()), (Some("two"), Some(2)));
+}
+
+#[test]
+fn wrong_usage_names_cause_and_remedy_and_exits_with_2() {
+    let cases: [(&[&str], &[&str]); 13] = [
+        (&["run", "towr"], &["no scene `towr`", "did you mean `tower`?"]),
+        (&["run", "tower", "--set", "m=1"], &["no parameter `m`", "top_mass_ratio=1"]),
+        (&["run", "tower", "--set", "n=0"], &["`n=0` is not a whole number from 1 to 1000"]),
+        (&["run", "tower", "--set", "n"], &["`n` is not a parameter", "name=value"]),
+        (&["run", "tower", "--cut", "y=99"], &["plane y=99 cuts no region", "y from -1 to 11"]),
+        (&["run", "tower", "--cut", "y=2", "--cut", "y=2"], &["plane y=2 cuts no region", "each plane once"]),
+        (&["run", "tower", "--cut", "w=1"], &["write an axis and metres"]),
+        (&["run", "tower", "--cut", "x=0", "--regions", "2"], &["cannot be used with"]),
+        (&["run", "tower", "--regions", "65"], &["65 is not in 0..=64"]),
+        (&["run", "tower", "--coupling", "magic"], &["possible values: owner"]),
+        (&["run", "tower", "--threads", "0"], &["0 is not in 1..=1024"]),
+        (&["run", "tower", "--seconds", "nan"], &["write simulated seconds"]),
+        (&["rnu"], &["unrecognized subcommand 'rnu'"]),
+    ];
+    for (args, expected) in cases {
+        let error = error(args, 2);
+        for part in expected {
+            assert!(error.contains(part), "{args:?}: {error}");
+        }
+    }
+}
+
+#[test]
+fn files_that_cannot_be_read_or_written_are_named_before_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let broken = folder.path().join("broken.toml");
+    std::fs::write(&broken, "[world]\ngravty = [0, 0, 0]\n").unwrap();
+    let said = error(&["run", broken.to_str().unwrap()], 1);
+    assert!(
+        said.contains("broken.toml:2: unknown field `gravty`") && said.contains("correct the key"),
+        "{said}"
+    );
+    let said = error(&["run", "nowhere.toml"], 1);
+    assert!(said.contains("cannot read scene file nowhere.toml"), "{said}");
+    // A run this long would not come back.
+    let out = folder.path().join("no/such/folder.csv");
+    let said = error(&["run", "tower", "--seconds", "1e9", "--out", out.to_str().unwrap()], 1);
+    assert!(
+        said.contains("folder.csv") && said.contains("give --out a file in a folder that exists"),
+        "{said}"
+    );
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_is_full_at_the_end_does_not_cost_the_report() {
+    let output = dcd(&["run", "tower", "--seconds", "0.1", "--json", "--out", "/dev/full"]);
+    assert_eq!(output.status.code(), Some(1));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["bodies"], 10);
+    assert!(text(&output.stderr).starts_with("error: cannot write /dev/full"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn help_teaches_and_goes_to_standard_output() {
+    for (args, parts) in [
+        (&["--help"][..], &["run", "scenes", "Exit codes: 0 done", "130"][..]),
+        (
+            &["run", "--help"],
+            &["dcd run pile", "--cut <AXIS=VALUE>", "top_mass_ratio=1", "possible values: owner"],
+        ),
+        (&["scenes"], &["pyramid: ", "base=20 (a whole number from 1 to 1000)"]),
+        (&["scenes", "pile"], &["sleep=0"]),
+    ] {
+        let output = dcd(args);
+        assert_eq!(output.status.code(), Some(0));
+        let stdout = text(&output.stdout);
+        assert!(parts.iter().all(|part| stdout.contains(part)), "{args:?}: {stdout}");
+    }
+    assert!(error(&["scenes", "pyle"], 2).contains("did you mean `pile`?"));
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_long_run_in_order_with_its_report_and_130() {
+    use std::io::{BufRead, BufReader};
+    use std::process::Stdio;
+
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.csv");
+    let mut child = Command::new(BINARY)
+        .args(["run", "pile", "--set", "n=100", "--seconds", "1e9", "--json", "-v", "--out"])
+        .arg(&out)
+        .env_remove("RUST_LOG")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut log = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains("stepping") {
+        line.clear();
+        assert!(log.read_line(&mut line).unwrap() > 0, "it ended before it began to step");
+    }
+    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    let output = wait_at_most(child, std::time::Duration::from_secs(60));
+    assert_eq!(output.status.code(), Some(130));
+    let report: Value = serde_json::from_str(text(&output.stdout).trim()).unwrap();
+    assert!(report["ticks"].as_u64().unwrap() >= 1);
+    assert_eq!((report["lost"].as_u64(), report["bodies"].as_u64()), (Some(0), Some(100)));
+    assert_eq!(lines_of(&out), 101);
+}
+
+#[cfg(unix)]
+fn wait_at_most(child: std::process::Child, limit: std::time::Duration) -> Output {
+    let id = child.id().to_string();
+    let (done, waiting) = std::sync::mpsc::channel();
+    std::thread::spawn(move || done.send(child.wait_with_output()));
+    waiting.recv_timeout(limit).map(Result::unwrap).unwrap_or_else(|_| {
+        let _ = Command::new("kill").args(["-KILL", &id]).status();
+        panic!("it did not end within {limit:?}")
+    })
+}
+
+fn lines_of(path: &Path) -> usize {
+    std::fs::read_to_string(path).unwrap().lines().count()
+}

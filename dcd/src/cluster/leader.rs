@@ -14,6 +14,9 @@ use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 /// Resting bodies told again with each batch of states, so that a client that missed their last move hears of it.
 const REMINDERS: usize = 16;
 
+/// How long a wish waits for its avatar to appear, in ticks.
+const EARLY_TICKS: u64 = 60;
+
 /// State of a leadership: it begins and ends with a view.
 #[derive(Clone, Debug)]
 pub struct Leader {
@@ -25,13 +28,13 @@ pub struct Leader {
     /// The last dispatched tick; that of the view before the first.
     tick: Tick,
     last_tick: Option<Tick>,
-    /// All members have reported what they own.
-    begun: bool,
     done: BTreeMap<NodeId, TickStats>,
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
     drives: BTreeMap<BodyId, Drive>,
+    /// Newest wishes for avatars not heard of yet, and since when they wait.
+    early: BTreeMap<BodyId, (Drive, Tick)>,
     /// Avatars in the world and the logical time of their newest wish.
     avatars: BTreeMap<BodyId, Option<u64>>,
     latest: BTreeMap<BodyId, (SharedState, Tick)>,
@@ -55,12 +58,12 @@ impl Leader {
             speed_limit: world.avatar_speed_limit,
             tick: view.tick,
             last_tick: world.last_tick,
-            begun: false,
             done: BTreeMap::new(),
             events: BTreeMap::new(),
             next_due: now,
             ops: Vec::new(),
             drives: BTreeMap::new(),
+            early: BTreeMap::new(),
             avatars: BTreeMap::new(),
             latest: BTreeMap::new(),
             moved: BTreeSet::new(),
@@ -105,19 +108,20 @@ impl Leader {
         if drive.body.client() != Some(client) {
             return Err(Refusal::NotYours);
         }
-        // Until the first reports are in, a new leader does not know which avatars there are.
-        if !self.begun && !self.avatars.contains_key(&drive.body) {
-            let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
-            if self.avatars.range(range).count() >= MAX_AVATARS {
-                return Err(Refusal::TooMany);
-            }
-            self.avatars.insert(drive.body, None);
-        }
-        let last = self.avatars.get_mut(&drive.body).ok_or(Refusal::Unknown)?;
         let speed2: f32 = drive.velocity.linear.iter().map(|v| v * v).sum();
         if speed2 > self.speed_limit * self.speed_limit {
             return Err(Refusal::TooFast);
         }
+        let Some(last) = self.avatars.get_mut(&drive.body) else {
+            // A new leader, or one whom the wish reached before the server's word, may yet hear of the avatar.
+            let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
+            if self.early.range(range).count() >= MAX_AVATARS {
+                return Err(Refusal::TooMany);
+            }
+            let since = self.early.get(&drive.body).map_or(self.tick, |&(_, since)| since);
+            self.early.insert(drive.body, (drive, since));
+            return Ok(());
+        };
         if last.is_some_and(|last| drive.logical_time <= last) {
             return Err(Refusal::Late);
         }
@@ -134,7 +138,6 @@ impl Leader {
         self.done.insert(from, done.stats);
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
         if self.is_complete() {
-            self.begun = true;
             self.forward_contacts();
             self.forward_states();
         }
@@ -180,8 +183,24 @@ impl Leader {
                 _ => {}
             }
         }
+        self.sort_early();
         ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
         Some(Dispatch { view: self.view, tick: self.tick, ops })
+    }
+
+    /// Wishes for avatars that have appeared count now; those that waited too long are refused.
+    fn sort_early(&mut self) {
+        for (id, (drive, since)) in std::mem::take(&mut self.early) {
+            if let Some(last) = self.avatars.get_mut(&id) {
+                *last = Some(drive.logical_time);
+                self.drives.insert(id, drive);
+            } else if self.tick.0 - since.0 < EARLY_TICKS {
+                self.early.insert(id, (drive, since));
+            } else if let Some(client) = id.client() {
+                let refusal = ToClient::Rejected { body: Some(id), reason: Refusal::Unknown };
+                self.messages.push((client, refusal));
+            }
+        }
     }
 
     /// Messages for clients since the last call.

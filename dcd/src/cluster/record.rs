@@ -102,6 +102,14 @@ impl Record {
             .map(|entry| &entry.body)
     }
 
+    /// Movable bodies and where they stand; immovable ones have no owner, every node is told of them on joining.
+    pub(super) fn movable_lives(&self) -> impl Iterator<Item = (BodyId, Life)> {
+        self.bodies
+            .iter()
+            .filter(|(_, entry)| entry.body.traits.kind != BodyKind::Fixed)
+            .map(|(&id, entry)| (id, entry.life))
+    }
+
     /// Ids of all recorded bodies and where they stand.
     pub fn lives(&self) -> impl Iterator<Item = (BodyId, Life)> {
         self.bodies.iter().map(|(&id, entry)| (id, entry.life))

@@ -97,6 +97,8 @@ pub struct Server {
     /// Members that have told all they know of the world's last tick.
     at_last_tick: BTreeSet<NodeId>,
     stopping: bool,
+    /// Bodies that the leader was told to insert and that no node has spoken of yet.
+    arriving: BTreeSet<BodyId>,
     change: Option<Change>,
     stale: u64,
     outputs: VecDeque<ServerOutput>,
@@ -119,6 +121,7 @@ impl Server {
             begun: false,
             at_last_tick: BTreeSet::new(),
             stopping: false,
+            arriving: BTreeSet::new(),
             change: None,
             stale: 0,
             outputs: VecDeque::new(),
@@ -282,6 +285,7 @@ impl Server {
             ToServer::Leave => entry.leaving = true,
             ToServer::Checkpoint { view, tick, bodies } if Some(view) == present && is_member => {
                 for checkpoint in &bodies {
+                    self.arriving.remove(&checkpoint.id);
                     self.record.checkpoint(tick, checkpoint);
                 }
                 self.tick = self.tick.max(tick);

@@ -10,6 +10,7 @@ use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
 use quinn::{ClientConfig, Endpoint, EndpointConfig, ServerConfig, TokioRuntime};
 use tokio::runtime::Runtime;
 use tokio::sync::Semaphore;
+use tokio::task::JoinHandle;
 
 use super::calls::{Shared, accept, dial};
 use super::peer::CODE_DONE;
@@ -37,6 +38,8 @@ pub struct Net {
     shared: Arc<Shared>,
     /// `None` once it is shut down.
     runtime: Option<Runtime>,
+    /// Connections that are being closed: shutting down waits for them.
+    closing: Mutex<Vec<JoinHandle<()>>>,
 }
 
 impl Net {
@@ -83,7 +86,7 @@ impl Net {
             events: Mutex::new(Some(events)),
         });
         runtime.spawn(accept(shared.clone()));
-        Ok((Self { shared, runtime: Some(runtime) }, receiver))
+        Ok((Self { shared, runtime: Some(runtime), closing: Mutex::default() }, receiver))
     }
 
     /// Where we listen.
@@ -127,7 +130,10 @@ impl Net {
         let peer = self.shared.peers_mut().remove(&peer);
         if let (Some(runtime), Some(peer)) = (&self.runtime, peer) {
             let (shared, reason) = (self.shared.clone(), reason.to_owned());
-            runtime.spawn(async move { peer.close(&reason, &shared.limits).await });
+            let task = runtime.spawn(async move { peer.close(&reason, &shared.limits).await });
+            let mut closing = self.closing.lock().unwrap_or_else(PoisonError::into_inner);
+            closing.retain(|task| !task.is_finished());
+            closing.push(task);
         }
     }
 
@@ -155,6 +161,7 @@ impl Net {
     fn end(&mut self) {
         let Some(runtime) = self.runtime.take() else { return };
         let shared = self.shared.clone();
+        let begun = std::mem::take(&mut *self.closing.lock().unwrap_or_else(PoisonError::into_inner));
         let closing = runtime.spawn(async move {
             let peers = std::mem::take(&mut *shared.peers_mut());
             let mut closing = tokio::task::JoinSet::new();
@@ -163,6 +170,9 @@ impl Net {
                 closing.spawn(async move { peer.close("shut down", &shared.limits).await });
             }
             while closing.join_next().await.is_some() {}
+            for task in begun {
+                let _ = task.await;
+            }
             shared.endpoint.close(CODE_DONE, b"shut down");
             let _ = tokio::time::timeout(shared.limits.linger, shared.endpoint.wait_idle()).await;
         });

@@ -206,6 +206,10 @@ impl RegionHost {
                 self.remove_region(region);
             }
         }
+        let mut placed = placed;
+        // What is immovable is told on joining, and stays.
+        placed
+            .retain(|(_, body)| body.traits.kind != BodyKind::Fixed || self.statics.body(body.id).is_none());
         for id in placed.iter().map(|(_, body)| body.id).chain(dropped.iter().copied()) {
             for region in &mut self.regions {
                 region.remove(id);
@@ -220,7 +224,6 @@ impl RegionHost {
                 self.add_region(id)?;
             }
         }
-        let mut placed = placed;
         placed.sort_by_key(|(_, body)| body.id);
         let owners: Vec<_> =
             placed.iter().map(|(region, _)| self.partition.rank_of(*region).unwrap_or(usize::MAX)).collect();

@@ -210,7 +210,8 @@ impl Links {
                     return;
                 }
             }
-        } else if order_kept && !self.dialled.values().any(|peer| *peer == to) {
+        } else if order_kept && self.is_server {
+            // The server answers links; others may be dialled by whom they speak to, and wait for that.
             debug!(?to, "no link to send over");
             return;
         }

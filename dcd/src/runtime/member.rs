@@ -333,6 +333,13 @@ impl Loop {
     }
 
     fn link_event(&mut self, event: LinkEvent) {
+        if std::env::var("DBG").is_ok() {
+            eprintln!(
+                "{:?} < {}",
+                self.shared.lock().summary.node,
+                &format!("{event:?}").chars().take(90).collect::<String>()
+            );
+        }
         let now = self.start.elapsed();
         match event {
             LinkEvent::Connected(peer) => {
@@ -394,7 +401,16 @@ impl Loop {
 
     fn node_output(&mut self, output: NodeOutput) {
         match output {
-            NodeOutput::Send { to, message } => self.links.send(to, &message),
+            NodeOutput::Send { to, message } => {
+                if std::env::var("DBG").is_ok() {
+                    eprintln!(
+                        "{:?} > {to:?} {}",
+                        self.shared.lock().summary.node,
+                        &format!("{message:?}").chars().take(90).collect::<String>()
+                    );
+                }
+                self.links.send(to, &message)
+            }
             NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
             NodeOutput::Disconnect(node) => self.links.close(Peer::Node(node), "no longer a member"),
             NodeOutput::Physics(command) => self.compute(command),

@@ -245,6 +245,12 @@ impl Loop {
                                 self.server.handle(ServerEvent::Disconnected(peer));
                             }
                             LinkEvent::Message { from, message } => {
+                                if std::env::var("DBG").is_ok() {
+                                    eprintln!(
+                                        "server < {from:?} {}",
+                                        &format!("{message:?}").chars().take(90).collect::<String>()
+                                    );
+                                }
                                 self.server.handle(ServerEvent::Message { from, message });
                             }
                         }
@@ -265,7 +271,15 @@ impl Loop {
         while let Some(output) = self.server.poll_output() {
             let Some(links) = &mut self.links else { return };
             match output {
-                ServerOutput::Send { to, message } => links.send(to, &message),
+                ServerOutput::Send { to, message } => {
+                    if std::env::var("DBG").is_ok() {
+                        eprintln!(
+                            "server > {to:?} {}",
+                            &format!("{message:?}").chars().take(90).collect::<String>()
+                        );
+                    }
+                    links.send(to, &message)
+                }
                 ServerOutput::Close(peer) => links.close(peer, "the server ends the link"),
                 ServerOutput::Began(view) => {
                     self.began.get_or_insert_with(Instant::now);

@@ -127,6 +127,7 @@ impl Server {
         self.send_clients(ToClient::Inserted { body: body.clone(), shapes: shapes.clone() });
         if self.view.is_some() && self.change.is_none() {
             self.record.set_life(id, Life::Live);
+            self.arriving.insert(id);
             self.apply(vec![WorldOp::Insert { body, shapes, joints: Vec::new() }]);
         }
     }

@@ -3,9 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Life, Server, ServerOutput};
-use crate::protocol::{
-    BodyKind, BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks,
-};
+use crate::protocol::{BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks};
 use crate::space::{Allocation, BodyId, Epoch, NodeId, RegionId, Tick, allocate};
 
 /// A view change under way. A death begins it anew with the next number.
@@ -164,7 +162,7 @@ impl Server {
             }
         }
         let mut fetch: BTreeMap<NodeId, Vec<BodyId>> = BTreeMap::new();
-        for (id, life) in self.record.lives() {
+        for (id, life) in self.record.movable_lives() {
             match (owners.get(&id), life) {
                 (Some(owner), Life::Live) if allocation.get(&owner.region) == Some(&owner.node) => {}
                 (Some(owner), Life::Live | Life::Removing { park: true, .. }) => {
@@ -195,13 +193,12 @@ impl Server {
         for claim in change.surveys.values().flatten() {
             *owners.entry(claim.id).or_default() += 1;
         }
-        let of = |id: BodyId| self.record.body(id).map(|body| body.traits.kind);
         let lost = self
             .record
-            .lives()
-            .filter(|&(id, life)| life == Life::Live && of(id) != Some(BodyKind::Fixed))
+            .movable_lives()
+            .filter(|(_, life)| *life == Life::Live)
             .map(|(id, _)| id)
-            .filter(|id| !owners.contains_key(id))
+            .filter(|id| !owners.contains_key(id) && !self.arriving.contains(id))
             .collect();
         let doubled = owners.iter().filter(|(_, count)| **count > 1).map(|(&id, _)| id).collect();
         self.outputs.push_back(ServerOutput::Audited { lost, doubled });
@@ -236,7 +233,7 @@ impl Server {
         let mut moved = BTreeMap::new();
         let mut drop: BTreeSet<BodyId> = BTreeSet::new();
         let mut resting = Vec::new();
-        for (id, life) in self.record.lives() {
+        for (id, life) in self.record.movable_lives() {
             match (owners.get(&id), life) {
                 (Some(owner), Life::Live) if allocation.get(&owner.region) == Some(&owner.node) => {}
                 (Some(owner), Life::Live) => {
@@ -319,6 +316,7 @@ impl Server {
             self.send_node(node, ToNode::Adopt { view: view.clone(), drop: drop.into_iter().collect() });
         }
         self.begun = true;
+        self.arriving.clear();
         self.outputs.push_back(ServerOutput::Began(view.clone()));
         self.view = Some(view);
     }

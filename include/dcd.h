@@ -22,10 +22,9 @@
  * Units. Metres, kilograms, seconds, newtons, radians. Positions in world space are double, all else is float. Vectors are
  * x, y, z; y is up by default. Quaternions are x, y, z, w.
  */
-
-
 #ifndef DCD_H
 #define DCD_H
+
 
 /* Generated from dcd-ffi by cbindgen; write it anew with: UPDATE=1 cargo test -p dcd-ffi --test header */
 
@@ -212,11 +211,11 @@ typedef struct DcdBodyDef {
     // DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
     DcdBodyType body_type;
     // Where it starts.
-    struct DcdPose pose;
+    DcdPose pose;
     // How it moves at first.
-    struct DcdVelocity velocity;
+    DcdVelocity velocity;
     // Of the same world. Two bodies may share one.
-    struct DcdShapeId shape;
+    DcdShapeId shape;
     // kg/m³, above 0 for a dynamic body.
     float density;
     // Coulomb coefficient, 0 or more; two bodies in contact use the mean.
@@ -280,13 +279,13 @@ typedef struct DcdJointDef {
     // DCD_JOINT_FIXED, _REVOLUTE, _PRISMATIC or _SPHERICAL.
     DcdJointType joint_type;
     // First body.
-    struct DcdBodyId a;
+    DcdBodyId a;
     // Second body, another one.
-    struct DcdBodyId b;
+    DcdBodyId b;
     // Where the joint sits on `a`; it brings the two frames together.
-    struct DcdFrame frame_a;
+    DcdFrame frame_a;
     // Where it sits on `b`.
-    struct DcdFrame frame_b;
+    DcdFrame frame_b;
     // Lowest and highest angle or distance of `b` seen from `a`, with DCD_JOINT_LIMIT.
     float limit[2];
     // Speed that the motor tries to keep, with DCD_JOINT_MOTOR.
@@ -317,11 +316,11 @@ typedef struct DcdStateView {
     // Length of each array.
     size_t count;
     // Which bodies.
-    const struct DcdBodyId *ids;
+    const DcdBodyId *ids;
     // Where they are.
-    const struct DcdPose *poses;
+    const DcdPose *poses;
     // How they move.
-    const struct DcdVelocity *velocities;
+    const DcdVelocity *velocities;
     // Your own.
     const uint64_t *user_data;
     // DCD_STATE_… bits.
@@ -336,9 +335,9 @@ typedef uint32_t DcdField;
 // Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it.
 typedef struct DcdContact {
     // The body made first. It is stale when it was destroyed since.
-    struct DcdBodyId a;
+    DcdBodyId a;
     // The other one.
-    struct DcdBodyId b;
+    DcdBodyId b;
     // Your own of `a`.
     uint64_t user_a;
     // Your own of `b`.
@@ -362,9 +361,9 @@ typedef struct DcdContact {
 // A contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
 typedef struct DcdContactForce {
     // The body made first.
-    struct DcdBodyId a;
+    DcdBodyId a;
     // The other one.
-    struct DcdBodyId b;
+    DcdBodyId b;
     // Your own of `a`.
     uint64_t user_a;
     // Your own of `b`.
@@ -382,7 +381,7 @@ typedef struct DcdContactForce {
 // A body has another owner than after the step before.
 typedef struct DcdTransfer {
     // Which body.
-    struct DcdBodyId body;
+    DcdBodyId body;
     // Your own.
     uint64_t user_data;
     // The region that owned it.
@@ -400,15 +399,15 @@ typedef struct DcdEventView {
     // After which step.
     uint64_t tick;
     // Contacts that began or ended, by bodies.
-    const struct DcdContact *contacts;
+    const DcdContact *contacts;
     // How many.
     size_t contact_count;
     // Contacts that pressed hard, by bodies.
-    const struct DcdContactForce *forces;
+    const DcdContactForce *forces;
     // How many.
     size_t force_count;
     // Bodies that changed owner.
-    const struct DcdTransfer *transfers;
+    const DcdTransfer *transfers;
     // How many.
     size_t transfer_count;
 } DcdEventView;
@@ -422,7 +421,7 @@ typedef struct DcdRay {
     // How far, metres, above 0; INFINITY is allowed.
     float max_distance;
     // A body that it passes through, as the one that looks; null for none.
-    struct DcdBodyId exclude;
+    DcdBodyId exclude;
     // Groups that it meets, as in DcdBodyDef.groups; 0xFFFFFFFF for all.
     uint32_t mask;
     // 0.
@@ -432,7 +431,7 @@ typedef struct DcdRay {
 // The first body that a ray met.
 typedef struct DcdRayHit {
     // Which; null when the ray met nothing, and then all else is 0.
-    struct DcdBodyId body;
+    DcdBodyId body;
     // Its user data.
     uint64_t user_data;
     // Where, world space, metres.
@@ -501,37 +500,37 @@ typedef struct DcdStats {
 #define DCD_OK 0
 
 // A pointer or a handle that must be given is null.
-#define DCD_ERR_NULL -1
+#define DCD_ERR_NULL (-1)
 
 // A handle names nothing here: what it named was destroyed, or belongs to another world.
-#define DCD_ERR_STALE_ID -2
+#define DCD_ERR_STALE_ID (-2)
 
 // A struct_size is not that of this library's struct; start from the DCD_…_INIT macro.
-#define DCD_ERR_STRUCT -3
+#define DCD_ERR_STRUCT (-3)
 
 // A value is out of range: NaN, a negative size, an unknown constant, a count above DCD_MAX_ITEMS.
-#define DCD_ERR_ARGUMENT -4
+#define DCD_ERR_ARGUMENT (-4)
 
 // The caller's memory is too small; the size needed was written.
-#define DCD_ERR_SMALL_BUFFER -5
+#define DCD_ERR_SMALL_BUFFER (-5)
 
 // Called from within the log callback, where worlds may not be used.
-#define DCD_ERR_BUSY -6
+#define DCD_ERR_BUSY (-6)
 
 // The header that the program was compiled with does not fit the library it runs with.
-#define DCD_ERR_VERSION -10
+#define DCD_ERR_VERSION (-10)
 
 // The library has a bug. The world that was called can only be destroyed; other worlds go on.
-#define DCD_ERR_PANIC -11
+#define DCD_ERR_PANIC (-11)
 
 // The role of this world (see DcdWorldInfo) cannot do this; the message names the role.
-#define DCD_ERR_UNSUPPORTED -12
+#define DCD_ERR_UNSUPPORTED (-12)
 
 // A file cannot be read.
-#define DCD_ERR_IO -13
+#define DCD_ERR_IO (-13)
 
 // The system or the world has no more: threads, ids.
-#define DCD_ERR_LIMIT -14
+#define DCD_ERR_LIMIT (-14)
 
 // Computes all of it.
 #define DCD_ROLE_LOCAL 0
@@ -572,8 +571,7 @@ extern "C" {
 
 // The version of the library that runs: major * 1000000 + minor * 1000 + patch. The header's own is DCD_VERSION;
 // dcd_version_check() compares them.
-DCD_API
-uint32_t dcd_version(void);
+DCD_API uint32_t dcd_version(void);
 
 // The same as text, as "0.1.0". Lives as long as the program.
 DCD_API const char *dcd_version_string(void);
@@ -585,27 +583,20 @@ DCD_API const char *dcd_status_string(DcdStatus status);
 // are written, NUL included; a longer message is cut. Calls that succeed leave the message as it is.
 //
 // Returns the length of the whole message without NUL, 0 if no call failed yet. `buf` may be null to ask for it.
-DCD_API
-size_t dcd_last_error(char *buf,
-                      size_t cap);
+DCD_API size_t dcd_last_error(char *buf, size_t cap);
 
 // Sends log lines up to the level `most` to `function`, with `user` as its first argument; a null function turns the log
 // off. When this returns, the former function is not running and will not be called again.
 //
 // One function serves the whole process. Errors: DCD_ERR_ARGUMENT for an unknown level, DCD_ERR_BUSY from within the
 // callback.
-DCD_API
-DcdStatus dcd_log_set(DcdLogFn function,
-                      void *user,
-                      DcdLogLevel most);
+DCD_API DcdStatus dcd_log_set(DcdLogFn function, void *user, DcdLogLevel most);
 
 // Makes an empty world that this process computes alone. Destroy it with dcd_world_destroy.
 //
 // `def` is read during the call. `out` receives the handle.
 // Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, DCD_ERR_LIMIT without threads.
-DCD_API
-DcdStatus dcd_world_create(const struct DcdWorldDef *def,
-                           struct DcdWorld *out);
+DCD_API DcdStatus dcd_world_create(const DcdWorldDef *def, DcdWorld *out);
 
 // Makes a local world that holds what a scene says: a scene of the library ("tower", "pile", "chain" …) or a file, whose
 // name ends in ".toml". Body i of the scene is dcd_body_at(world, i).
@@ -619,67 +610,47 @@ DCD_API
 DcdStatus dcd_world_open_scene(const char *name_or_path,
                                const char *const *params,
                                size_t param_count,
-                               const struct DcdWorldDef *def,
-                               struct DcdWorld *out);
+                               const DcdWorldDef *def,
+                               DcdWorld *out);
 
 // Destroys a world with everything in it. Its handles become stale, and what dcd_state_view and dcd_events lent is freed.
 //
 // A call that runs on the world in another thread is waited for; calls that wait behind it find the world gone.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
-DCD_API
-DcdStatus dcd_world_destroy(struct DcdWorld world);
+DCD_API DcdStatus dcd_world_destroy(DcdWorld world);
 
 // Whether the handle names a world. Never waits.
-DCD_API bool dcd_world_is_valid(struct DcdWorld world);
+DCD_API bool dcd_world_is_valid(DcdWorld world);
 
 // Says what a world is.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
-DCD_API DcdStatus dcd_world_info(struct DcdWorld world, struct DcdWorldInfo *out);
+DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 
 // Makes a box around its origin. `half` has half its edges along x, y, z: metres, above 0.
 //
 // This and the other shape functions copy what they read, and write the new handle to `out`. A shape belongs to its world;
 // bodies keep what they need of it, so it may be destroyed before them.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a size that is not a finite number above 0.
-DCD_API
-DcdStatus dcd_shape_box(struct DcdWorld world,
-                        const float *half,
-                        struct DcdShapeId *out);
+DCD_API DcdStatus dcd_shape_box(DcdWorld world, const float *half, DcdShapeId *out);
 
 // Makes a ball around its origin. Errors: as dcd_shape_box.
-DCD_API DcdStatus dcd_shape_sphere(struct DcdWorld world, float radius, struct DcdShapeId *out);
+DCD_API DcdStatus dcd_shape_sphere(DcdWorld world, float radius, DcdShapeId *out);
 
 // Makes a capsule along y: a cylinder of 2 × `half_height` with a half ball of `radius` at either end. Errors: as
 // dcd_shape_box.
-DCD_API
-DcdStatus dcd_shape_capsule(struct DcdWorld world,
-                            float half_height,
-                            float radius,
-                            struct DcdShapeId *out);
+DCD_API DcdStatus dcd_shape_capsule(DcdWorld world, float half_height, float radius, DcdShapeId *out);
 
 // Makes a cylinder along y, from -half_height to half_height. Errors: as dcd_shape_box.
-DCD_API
-DcdStatus dcd_shape_cylinder(struct DcdWorld world,
-                             float half_height,
-                             float radius,
-                             struct DcdShapeId *out);
+DCD_API DcdStatus dcd_shape_cylinder(DcdWorld world, float half_height, float radius, DcdShapeId *out);
 
 // Makes a cone along y: its base of `radius` at -half_height, its tip at half_height. Errors: as dcd_shape_box.
-DCD_API
-DcdStatus dcd_shape_cone(struct DcdWorld world,
-                         float half_height,
-                         float radius,
-                         struct DcdShapeId *out);
+DCD_API DcdStatus dcd_shape_cone(DcdWorld world, float half_height, float radius, DcdShapeId *out);
 
 // Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points that are not finite or span no volume.
-DCD_API
-DcdStatus dcd_shape_hull(struct DcdWorld world,
-                         const float *xyz,
-                         size_t count,
-                         struct DcdShapeId *out);
+DCD_API DcdStatus dcd_shape_hull(DcdWorld world, const float *xyz, size_t count, DcdShapeId *out);
 
 // Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
 // 3 × vertex_count floats, 3 × triangle_count indices. A mesh is hollow and has no mass: use it for fixed bodies.
@@ -687,12 +658,12 @@ DcdStatus dcd_shape_hull(struct DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices that are not finite, no triangle, or an
 // index past the vertices.
 DCD_API
-DcdStatus dcd_shape_mesh(struct DcdWorld world,
+DcdStatus dcd_shape_mesh(DcdWorld world,
                          const float *xyz,
                          size_t vertex_count,
                          const uint32_t *indices,
                          size_t triangle_count,
-                         struct DcdShapeId *out);
+                         DcdShapeId *out);
 
 // Makes terrain in the x-z plane around its origin: `rows` heights along z times `columns` along x, metres, at
 // heights[row + column * rows]. `scale` stretches it: the whole is scale[0] by scale[2] metres, and heights are times
@@ -701,12 +672,12 @@ DcdStatus dcd_shape_mesh(struct DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights that are not
 // finite, or a scale that is not above 0.
 DCD_API
-DcdStatus dcd_shape_heightfield(struct DcdWorld world,
+DcdStatus dcd_shape_heightfield(DcdWorld world,
                                 const float *heights,
                                 size_t rows,
                                 size_t columns,
                                 const float *scale,
-                                struct DcdShapeId *out);
+                                DcdShapeId *out);
 
 // Makes one shape of `count` others, part i at frames[i]. Parts must be simple: no mesh, terrain or compound.
 //
@@ -714,19 +685,19 @@ DcdStatus dcd_shape_heightfield(struct DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a part), DCD_ERR_ARGUMENT for no part, a part that is not simple or a
 // frame that is not finite or no rotation.
 DCD_API
-DcdStatus dcd_shape_compound(struct DcdWorld world,
-                             const struct DcdShapeId *parts,
-                             const struct DcdFrame *frames,
+DcdStatus dcd_shape_compound(DcdWorld world,
+                             const DcdShapeId *parts,
+                             const DcdFrame *frames,
                              size_t count,
-                             struct DcdShapeId *out);
+                             DcdShapeId *out);
 
 // Gives a shape's handle back. Bodies made with it keep their shape.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
-DCD_API DcdStatus dcd_shape_destroy(struct DcdWorld world, struct DcdShapeId shape);
+DCD_API DcdStatus dcd_shape_destroy(DcdWorld world, DcdShapeId shape);
 
 // Makes a body. As dcd_bodies_create with one.
-DCD_API DcdStatus dcd_body_create(struct DcdWorld world, const struct DcdBodyDef *def, struct DcdBodyId *out);
+DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBodyId *out);
 
 // Makes `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
 // moves them.
@@ -734,128 +705,88 @@ DCD_API DcdStatus dcd_body_create(struct DcdWorld world, const struct DcdBodyDef
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
 // more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids.
-DCD_API
-DcdStatus dcd_bodies_create(struct DcdWorld world,
-                            const struct DcdBodyDef *defs,
-                            size_t count,
-                            struct DcdBodyId *out);
+DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
 
 // Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (the world, a body, or a body named twice), DCD_ERR_ARGUMENT for more than
 // DCD_MAX_ITEMS.
-DCD_API
-DcdStatus dcd_bodies_destroy(struct DcdWorld world,
-                             const struct DcdBodyId *bodies,
-                             size_t count);
+DCD_API DcdStatus dcd_bodies_destroy(DcdWorld world, const DcdBodyId *bodies, size_t count);
 
 // Destroys one body. As dcd_bodies_destroy.
-DCD_API DcdStatus dcd_body_destroy(struct DcdWorld world, struct DcdBodyId body);
+DCD_API DcdStatus dcd_body_destroy(DcdWorld world, DcdBodyId body);
 
 // Whether the id names a body of this world.
-DCD_API bool dcd_body_is_valid(struct DcdWorld world, struct DcdBodyId body);
+DCD_API bool dcd_body_is_valid(DcdWorld world, DcdBodyId body);
 
 // Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th that was created.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID when that body is destroyed or there is none yet.
-DCD_API
-DcdStatus dcd_body_at(struct DcdWorld world,
-                      uint32_t index,
-                      struct DcdBodyId *out);
+DCD_API DcdStatus dcd_body_at(DcdWorld world, uint32_t index, DcdBodyId *out);
 
 // Says what a body is now: type, mass, owner, sleep.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
-DCD_API DcdStatus dcd_body_info(struct DcdWorld world, struct DcdBodyId body, struct DcdBodyInfo *out);
+DCD_API DcdStatus dcd_body_info(DcdWorld world, DcdBodyId body, DcdBodyInfo *out);
 
 // Reads where a body is and how it moves. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
 // dcd_state_read.
 //
 // Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
-DCD_API
-DcdStatus dcd_body_get(struct DcdWorld world,
-                       struct DcdBodyId body,
-                       struct DcdPose *pose,
-                       struct DcdVelocity *velocity);
+DCD_API DcdStatus dcd_body_get(DcdWorld world, DcdBodyId body, DcdPose *pose, DcdVelocity *velocity);
 
 // Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose that is not finite or whose q is not of length 1.
-DCD_API
-DcdStatus dcd_body_set_pose(struct DcdWorld world,
-                            struct DcdBodyId body,
-                            const struct DcdPose *pose);
+DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPose *pose);
 
 // Sets how a dynamic or kinematic body moves, and wakes it.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers that are not finite or a fixed body.
-DCD_API
-DcdStatus dcd_body_set_velocity(struct DcdWorld world,
-                                struct DcdBodyId body,
-                                const struct DcdVelocity *velocity);
+DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
 
 // Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 // is the centre of mass.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers that are not finite or a body that is not dynamic.
-DCD_API
-DcdStatus dcd_body_apply_impulse(struct DcdWorld world,
-                                 struct DcdBodyId body,
-                                 const float *impulse,
-                                 const double *point);
+DCD_API DcdStatus dcd_body_apply_impulse(DcdWorld world, DcdBodyId body, const float *impulse, const double *point);
 
 // Turns a dynamic body once, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
-DCD_API
-DcdStatus dcd_body_apply_torque_impulse(struct DcdWorld world,
-                                        struct DcdBodyId body,
-                                        const float *impulse);
+DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, const float *impulse);
 
 // Sets what pushes a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
 // in N m, world axes; null is none. Set both to none to stop. A later call replaces what an earlier one set.
 //
 // Errors: as dcd_body_apply_impulse.
-DCD_API
-DcdStatus dcd_body_set_force(struct DcdWorld world,
-                             struct DcdBodyId body,
-                             const float *force,
-                             const float *torque);
+DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
 
 // Wakes a body. Bodies wake by themselves when something that moves touches them.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
-DCD_API DcdStatus dcd_body_wake(struct DcdWorld world, struct DcdBodyId body);
+DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
 
 // Puts a body to sleep: it stops, and costs nothing until something wakes it.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
-DCD_API DcdStatus dcd_body_sleep(struct DcdWorld world, struct DcdBodyId body);
+DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
 
 // Ties two bodies. What joints tie together is owned and moved whole by one region, so keep it small against a region.
 //
 // `def` is read during the call. The joint is gone when either body is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
 // motor on a joint without one, or twice the same body.
-DCD_API
-DcdStatus dcd_joint_create(struct DcdWorld world,
-                           const struct DcdJointDef *def,
-                           struct DcdJointId *out);
+DCD_API DcdStatus dcd_joint_create(DcdWorld world, const DcdJointDef *def, DcdJointId *out);
 
 // Starts, changes or, with `max_force` 0, stops the motor of a revolute or prismatic joint, and wakes its bodies. `speed` in
 // rad/s or m/s, `max_force` in N m or N, 0 or more.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a joint of another type.
-DCD_API
-DcdStatus dcd_joint_set_motor(struct DcdWorld world,
-                              struct DcdJointId joint,
-                              float speed,
-                              float max_force);
+DCD_API DcdStatus dcd_joint_set_motor(DcdWorld world, DcdJointId joint, float speed, float max_force);
 
 // Unties two bodies and wakes them.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
-DCD_API
-DcdStatus dcd_joint_destroy(struct DcdWorld world,
-                            struct DcdJointId joint);
+DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
 
 // Advances the world by one step of its own length, DcdWorldDef.dt; call it as often as your clock says. The length is the
 // world's and not an argument, since every process that computes the world must use the same.
@@ -863,8 +794,7 @@ DcdStatus dcd_joint_destroy(struct DcdWorld world,
 // What dcd_state_view lent two steps ago is overwritten. Other calls on the world wait until the step is done; views lent
 // before may be read meanwhile.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC.
-DCD_API
-DcdStatus dcd_step(struct DcdWorld world);
+DCD_API DcdStatus dcd_step(DcdWorld world);
 
 // Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
 // since shows after the next one; before the first step (and in the first call of all) it shows the present.
@@ -873,9 +803,7 @@ DcdStatus dcd_step(struct DcdWorld world);
 // they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
 // this one makes one step. The first call makes every later dcd_step fill the arrays, some 50 ns a body.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
-DCD_API
-DcdStatus dcd_state_view(struct DcdWorld world,
-                         struct DcdStateView *out);
+DCD_API DcdStatus dcd_state_view(DcdWorld world, DcdStateView *out);
 
 // Copies one field of `count` bodies into your memory, as it is now: that of bodies[i] goes to
 // (char *)dst + i * stride. `stride` in bytes is at least the field's size; 0 is exactly that. `dst` needs no alignment.
@@ -884,8 +812,8 @@ DcdStatus dcd_state_view(struct DcdWorld world,
 // DCD_OK or what is wrong with that body, only good bodies are written, and the call is DCD_OK.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an unknown field, a short stride, or more than DCD_MAX_ITEMS.
 DCD_API
-DcdStatus dcd_state_read(struct DcdWorld world,
-                         const struct DcdBodyId *bodies,
+DcdStatus dcd_state_read(DcdWorld world,
+                         const DcdBodyId *bodies,
                          size_t count,
                          DcdField field,
                          void *dst,
@@ -900,8 +828,8 @@ DcdStatus dcd_state_read(struct DcdWorld world,
 // call is DCD_OK.
 // Errors: as dcd_state_read, and those of the single calls.
 DCD_API
-DcdStatus dcd_state_write(struct DcdWorld world,
-                          const struct DcdBodyId *bodies,
+DcdStatus dcd_state_write(DcdWorld world,
+                          const DcdBodyId *bodies,
                           size_t count,
                           DcdField field,
                           const void *src,
@@ -913,59 +841,41 @@ DcdStatus dcd_state_write(struct DcdWorld world,
 //
 // The arrays are the library's, and live as those of dcd_state_view do.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
-DCD_API
-DcdStatus dcd_events(struct DcdWorld world,
-                     struct DcdEventView *out);
+DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
 
 // Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies.
 //
 // `rays` is read during the call; `hits` has `count` entries.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_ARGUMENT for numbers that are not finite, a
 // direction of length 0, a distance that is not above 0, or more than DCD_MAX_ITEMS.
-DCD_API
-DcdStatus dcd_cast_rays(struct DcdWorld world,
-                        const struct DcdRay *rays,
-                        size_t count,
-                        struct DcdRayHit *hits);
+DCD_API DcdStatus dcd_cast_rays(DcdWorld world, const DcdRay *rays, size_t count, DcdRayHit *hits);
 
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
 // ask for the number.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
-DCD_API
-DcdStatus dcd_regions(struct DcdWorld world,
-                      struct DcdRegionInfo *out,
-                      size_t cap,
-                      size_t *count);
+DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
 
 // Reads the counters of a world.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
-DCD_API DcdStatus dcd_stats(struct DcdWorld world, struct DcdStats *out);
+DCD_API DcdStatus dcd_stats(DcdWorld world, DcdStats *out);
 
 // Writes the counters as text for people, one per line, NUL-terminated, into `buf` of `cap` bytes; `needed` receives the
 // size with NUL. `buf` may be null with `cap` 0, to ask for the size.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
-DCD_API
-DcdStatus dcd_stats_text(struct DcdWorld world,
-                         char *buf,
-                         size_t cap,
-                         size_t *needed);
+DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *needed);
 
 // Computes one number from the pose and velocity of every movable body: equal worlds, equal numbers, whatever the number of
 // threads.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
-DCD_API
-DcdStatus dcd_state_hash(struct DcdWorld world,
-                         uint64_t *out);
+DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
 #ifdef __cplusplus
 }  // extern "C"
 #endif  // __cplusplus
-
-#endif  /* DCD_H */
 
 
 /* What each struct starts from. */
@@ -1165,3 +1075,5 @@ DCD_ASSERT_(offsetof(DcdStats, quarantined) == 40);
 DCD_ASSERT_(offsetof(DcdStats, last_step) == 48);
 #undef DCD_ASSERT_
 #endif
+
+#endif /* DCD_H */

@@ -129,7 +129,7 @@ fn asserts() -> String {
             writeln!(text, "DCD_ASSERT_(offsetof({name}, {member}) == {offset});").unwrap();
         }
     }
-    text + "#undef DCD_ASSERT_\n#endif\n"
+    text + "#undef DCD_ASSERT_\n#endif\n\n#endif /* DCD_H */"
 }
 
 fn generate() -> String {
@@ -145,7 +145,18 @@ fn generate() -> String {
         .expect("the crate parses");
     let mut text = Vec::new();
     bindings.write(&mut text);
-    String::from_utf8(text).expect("C is text")
+    let text = String::from_utf8(text).expect("C is text");
+    let plain = |line: &str| {
+        let words: Vec<_> = line.split(' ').collect();
+        match words[..] {
+            ["typedef", "struct", ..] => format!("{line}\n"),
+            // A macro stands in any expression.
+            ["#define", name, value] if value.starts_with('-') => format!("#define {name} ({value})\n"),
+            // Every struct is a typedef before it is used, so its uses need no `struct`.
+            _ => line.replace("struct Dcd", "Dcd") + "\n",
+        }
+    };
+    text.lines().map(plain).collect()
 }
 
 fn path() -> std::path::PathBuf {

@@ -41,6 +41,12 @@ fn check_sizes(sizes: &[(f32, &str)]) -> Result<(), Failure> {
     }
 }
 
+/// Whether a hull is more than a sheet; Parry makes flat ones too, which would have no mass.
+fn has_volume(hull: &SharedShape) -> bool {
+    let size = hull.compute_local_aabb().extents();
+    hull.mass_properties(1.0).mass() > 1e-6 * size.max_element().powi(3)
+}
+
 /// # Safety
 /// As [`pointer::slice`], for `count` points of three numbers.
 unsafe fn points(xyz: *const f32, count: usize, name: &str) -> Result<Vec<Vector>, Failure> {
@@ -142,7 +148,7 @@ pub unsafe extern "C" fn dcd_shape_hull(
         let refused =
             || Failure::argument("the points span no volume; give at least 4 that are not in a plane");
         let hull = if points.len() < 4 { None } else { SharedShape::convex_hull(&points) };
-        add(world, hull.ok_or_else(refused)?, out)
+        add(world, hull.filter(has_volume).ok_or_else(refused)?, out)
     })
 }
 

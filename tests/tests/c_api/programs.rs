@@ -79,6 +79,7 @@ fn valgrind_finds_nothing_in_the_programs() {
             "--leak-check=full",
             "--errors-for-leak-kinds=definite",
         ]);
+        valgrind.arg(format!("--suppressions={}", root().join("tests/tests/c_api/valgrind.supp").display()));
         run_well(valgrind.arg(build(&source, dir.path(), &[])));
     }
 }

@@ -809,7 +809,8 @@ DCD_API DcdStatus dcd_state_view(DcdWorld world, DcdStateView *out);
 // (char *)dst + i * stride. `stride` in bytes is at least the field's size; 0 is exactly that. `dst` needs no alignment.
 //
 // With `each` null the first bad body fails the call and nothing is written. Else `each` has `count` entries that receive
-// DCD_OK or what is wrong with that body, only good bodies are written, and the call is DCD_OK.
+// DCD_OK or what is wrong with that body, only good bodies are written, and the call is DCD_OK; dcd_last_error() tells of the
+// last bad one.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an unknown field, a short stride, or more than DCD_MAX_ITEMS.
 DCD_API
 DcdStatus dcd_state_read(DcdWorld world,

@@ -266,3 +266,23 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
         })
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::status::{DCD_ERR_STALE_ID, DCD_OK};
+    use crate::step::dcd_step;
+
+    #[test]
+    fn a_world_that_panicked_can_only_be_destroyed_and_others_go_on() {
+        let local = || Backend::Local(Box::new(LocalWorld::new(WorldConfig::default()).unwrap()));
+        let (broken, other) = (add(local(), 0), add(local(), 0));
+        let status = guard("dcd_test", || with(broken, |_| panic!("a bug")));
+        assert_eq!(status, DCD_ERR_PANIC);
+        assert_eq!(dcd_step(broken), DCD_ERR_PANIC);
+        assert_eq!(dcd_step(other), DCD_OK);
+        assert_eq!(dcd_world_destroy(broken), DCD_OK);
+        assert_eq!(dcd_step(broken), DCD_ERR_STALE_ID);
+        assert_eq!(dcd_world_destroy(other), DCD_OK);
+    }
+}

@@ -182,6 +182,8 @@ static void scenes(void)
     HOLDS(dcd_body_is_valid(world, body));
     EXPECT(dcd_body_at(world, UINT32_MAX, &body), DCD_ERR_STALE_ID);
     EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_world_open_scene("tower", few, 1, NULL, &world), DCD_OK);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
 static void shapes(void)

@@ -9,8 +9,8 @@ fn example(name: &str) -> PathBuf {
     root().join("examples-c").join(name)
 }
 
-fn misuse() -> PathBuf {
-    root().join("tests/tests/c_api/misuse.c")
+fn checker(name: &str) -> PathBuf {
+    root().join("tests/tests/c_api").join(name)
 }
 
 /// A program that stops at the first finding of AddressSanitizer, LeakSanitizer or UndefinedBehaviorSanitizer.
@@ -49,17 +49,27 @@ fn game_loop_sees_contacts_and_transfers_and_draws_between_steps() {
     assert!(said.contains("ball 0 is 0.25 m above something"), "{said}");
 }
 
+/// Runs a program that counts its own checks.
+fn run_checker(name: &str) {
+    let dir = tempfile::tempdir().unwrap();
+    let said = run_well(&mut Command::new(build(&checker(name), dir.path(), &[])));
+    assert!(said.contains(" checks, 0 failures"), "{said}");
+}
+
+#[test]
+fn functions_do_what_the_header_says() {
+    run_checker("behaviour.c");
+}
+
 #[test]
 fn misuse_gets_its_documented_codes() {
-    let dir = tempfile::tempdir().unwrap();
-    let said = run_well(&mut Command::new(build(&misuse(), dir.path(), &[])));
-    assert!(said.contains(" 0 failures"), "{said}");
+    run_checker("misuse.c");
 }
 
 #[test]
 fn sanitizers_find_nothing_in_the_programs() {
     let dir = tempfile::tempdir().unwrap();
-    for source in [misuse(), example("hello.c"), example("game_loop.c")] {
+    for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c"), example("game_loop.c")] {
         run_well(&mut Command::new(build(&source, dir.path(), &SANITIZED)));
     }
 }
@@ -71,7 +81,7 @@ fn valgrind_finds_nothing_in_the_programs() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    for source in [misuse(), example("hello.c")] {
+    for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c")] {
         let mut valgrind = Command::new("valgrind");
         valgrind.args([
             "--quiet",

@@ -48,6 +48,16 @@
 // Most items of one bulk call.
 #define DCD_MAX_ITEMS 16777216
 
+// Every number given as a float lies within plus and minus this, where its function does not say otherwise: what is beyond
+// would not stay finite in single precision.
+#define DCD_MAX_NUMBER 1.0e6
+
+// Every coordinate in world space lies within plus and minus this, metres.
+#define DCD_MAX_COORDINATE 1.0e9
+
+// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
+#define DCD_MIN_SIZE 1.0e-4
+
 // In DcdBodyDef.flags: never jumps through thin or moving bodies, at some cost.
 #define DCD_BODY_CCD 1
 
@@ -290,7 +300,7 @@ typedef struct DcdJointDef {
     float limit[2];
     // Speed that the motor tries to keep, with DCD_JOINT_MOTOR.
     float motor_speed;
-    // Most force or torque of the motor, 0 or more.
+    // Most force or torque of the motor: finite, 0 or more.
     float motor_max_force;
     // DCD_JOINT_LIMIT, _MOTOR, _COLLIDE bits.
     uint32_t flags;
@@ -627,11 +637,11 @@ DCD_API bool dcd_world_is_valid(DcdWorld world);
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 
-// Makes a box around its origin. `half` has half its edges along x, y, z: metres, above 0.
+// Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
 //
 // This and the other shape functions copy what they read, and write the new handle to `out`. A shape belongs to its world;
 // bodies keep what they need of it, so it may be destroyed before them.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a size that is not a finite number above 0.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a size out of range.
 DCD_API DcdStatus dcd_shape_box(DcdWorld world, const float *half, DcdShapeId *out);
 
 // Makes a ball around its origin. Errors: as dcd_shape_box.
@@ -649,14 +659,14 @@ DCD_API DcdStatus dcd_shape_cone(DcdWorld world, float half_height, float radius
 
 // Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points that are not finite or span no volume.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range or that span no volume.
 DCD_API DcdStatus dcd_shape_hull(DcdWorld world, const float *xyz, size_t count, DcdShapeId *out);
 
 // Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
-// 3 × vertex_count floats, 3 × triangle_count indices. A mesh is hollow and has no mass: use it for fixed bodies.
+// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no mass: use it for fixed bodies.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices that are not finite, no triangle, or an
-// index past the vertices.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
+// an area, or an index past the vertices.
 DCD_API
 DcdStatus dcd_shape_mesh(DcdWorld world,
                          const float *xyz,
@@ -669,8 +679,8 @@ DcdStatus dcd_shape_mesh(DcdWorld world,
 // heights[row + column * rows]. `scale` stretches it: the whole is scale[0] by scale[2] metres, and heights are times
 // scale[1]. Use it for fixed bodies.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights that are not
-// finite, or a scale that is not above 0.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights out
+// of range, or a scale below DCD_MIN_SIZE.
 DCD_API
 DcdStatus dcd_shape_heightfield(DcdWorld world,
                                 const float *heights,
@@ -737,18 +747,19 @@ DCD_API DcdStatus dcd_body_get(DcdWorld world, DcdBodyId body, DcdPose *pose, Dc
 
 // Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose that is not finite or whose q is not of length 1.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
 DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPose *pose);
 
 // Sets how a dynamic or kinematic body moves, and wakes it.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers that are not finite or a fixed body.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
 DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
 
 // Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 // is the centre of mass.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers that are not finite or a body that is not dynamic.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
+// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger.
 DCD_API DcdStatus dcd_body_apply_impulse(DcdWorld world, DcdBodyId body, const float *impulse, const double *point);
 
 // Turns a dynamic body once, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
@@ -801,7 +812,7 @@ DCD_API DcdStatus dcd_step(DcdWorld world);
 //
 // The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
 // they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
-// this one makes one step. The first call makes every later dcd_step fill the arrays, some 50 ns a body.
+// this one makes one step. The first call makes every later dcd_step fill the arrays, some 40 ns a body.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_state_view(DcdWorld world, DcdStateView *out);
 

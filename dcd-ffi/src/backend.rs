@@ -166,6 +166,20 @@ impl Backend {
         }
     }
 
+    /// How a body would move after these impulses; infinities and NaN included.
+    pub(crate) fn kicked(&self, id: BodyId, push: Vector, turn: Vector) -> Option<Velocity> {
+        match self {
+            Self::Local(world) => {
+                let body = world.body(id)?;
+                let mass = body.mass_properties();
+                Some(Velocity {
+                    linear: (body.linvel() + push * mass.effective_inv_mass).to_array(),
+                    angular: (body.angvel() + mass.effective_world_inv_inertia * turn).to_array(),
+                })
+            }
+        }
+    }
+
     pub(crate) fn set_pose(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Failure> {
         match self {
             Self::Local(world) => Ok(world.set_pose(id, pose)?),

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use dcd::protocol::{Velocity, WorldPose};
+use dcd::protocol::WorldPose;
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
 
 use crate::backend::BodyView;
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
-use crate::pointer::{self, Out, Sized32, check_finite, check_point};
+use crate::pointer::{self, Out, Sized32, check_numbers, check_point, is_in_range};
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, DcdVelocity};
@@ -238,14 +238,16 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<(WorldPose, RigidBodyBuilder
         (def.angular_damping, "angular_damping"),
         (def.force_threshold, "force_threshold"),
     ] {
-        if !(value.is_finite() && value >= 0.0) {
-            return Err(Failure::argument(format!("{name} is {value}; give a finite number of 0 or more")));
+        if !(is_in_range(value) && value >= 0.0) {
+            return Err(Failure::argument(format!(
+                "{name} is {value}; give a number from 0 to DCD_MAX_NUMBER"
+            )));
         }
     }
     if kind == RigidBodyType::Dynamic && def.density == 0.0 {
         return Err(Failure::argument("density is 0; a dynamic body needs some mass, water has 1000 kg/m³"));
     }
-    check_finite(&[def.gravity_scale], "gravity_scale")?;
+    check_numbers(&[def.gravity_scale], "gravity_scale")?;
     check_bits(def.flags, DCD_BODY_CCD | DCD_BODY_SENSOR | DCD_BODY_NO_SLEEP | DCD_BODY_ASLEEP, "flags")?;
     check_bits(def.locked, 63, "locked")?;
     check_bits(def.events, DCD_EVENT_CONTACT | DCD_EVENT_FORCE, "events")?;
@@ -400,7 +402,7 @@ pub unsafe extern "C" fn dcd_body_get(
 
 /// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose that is not finite or whose q is not of length 1.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_pose(
     world: DcdWorld,
@@ -419,7 +421,7 @@ pub unsafe extern "C" fn dcd_body_set_pose(
 
 /// Sets how a dynamic or kinematic body moves, and wakes it.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers that are not finite or a fixed body.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(
     world: DcdWorld,
@@ -439,7 +441,8 @@ pub unsafe extern "C" fn dcd_body_set_velocity(
 /// Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 /// is the centre of mass.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers that are not finite or a body that is not dynamic.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
+/// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_apply_impulse(
     world: DcdWorld,
@@ -456,7 +459,6 @@ pub unsafe extern "C" fn dcd_body_apply_impulse(
                 if point.is_null() { None } else { Some(pointer::read(point, "point")?) },
             )
         };
-        check_finite(&impulse, "impulse")?;
         if let Some(point) = &point {
             check_point(point, "point")?;
         }
@@ -471,6 +473,7 @@ pub unsafe extern "C" fn dcd_body_apply_impulse(
                 }
                 _ => Vector::ZERO,
             };
+            check_kick(world, id, impulse, turn, 1.0)?;
             world.backend.update(id, |body| {
                 body.apply_impulse(impulse, true);
                 body.apply_torque_impulse(turn, true);
@@ -489,10 +492,10 @@ pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
     guard("dcd_body_apply_torque_impulse", || {
         // SAFETY: the caller vouches for three numbers.
         let impulse = unsafe { pointer::read(impulse.cast::<[f32; 3]>(), "impulse")? };
-        check_finite(&impulse, "impulse")?;
         with(world, |world| {
-            let id = find_dynamic(world, body)?;
-            world.backend.update(id, |body| body.apply_torque_impulse(Vector::from_array(impulse), true))
+            let (id, impulse) = (find_dynamic(world, body)?, Vector::from_array(impulse));
+            check_kick(world, id, Vector::ZERO, impulse, 1.0)?;
+            world.backend.update(id, |body| body.apply_torque_impulse(impulse, true))
         })
     })
 }
@@ -515,15 +518,15 @@ pub unsafe extern "C" fn dcd_body_set_force(
             if numbers.is_null() { Ok([0.0; 3]) } else { unsafe { pointer::read(numbers, name) } }
         };
         let (force, torque) = (given(force, "force")?, given(torque, "torque")?);
-        check_finite(&force, "force")?;
-        check_finite(&torque, "torque")?;
         with(world, |world| {
             let id = find_dynamic(world, body)?;
+            let (force, torque) = (Vector::from_array(force), Vector::from_array(torque));
+            check_kick(world, id, force, torque, world.backend.dt_s())?;
             world.backend.update(id, |body| {
                 body.reset_forces(true);
                 body.reset_torques(true);
-                body.add_force(Vector::from_array(force), true);
-                body.add_torque(Vector::from_array(torque), true);
+                body.add_force(force, true);
+                body.add_torque(torque, true);
             })
         })
     })
@@ -588,19 +591,27 @@ pub(crate) fn set_velocity(world: &mut World, id: BodyId, velocity: DcdVelocity)
 }
 
 fn check_pose(pose: &DcdPose) -> Result<(), Failure> {
+    check_point(&pose.p, "pose.p")?;
     if WorldPose::from(*pose).is_valid() {
         return Ok(());
     }
-    Err(Failure::argument(format!(
-        "the pose {pose:?} is no place: p must be finite, q a quaternion x, y, z, w of length 1"
-    )))
+    Err(Failure::argument(format!("pose.q is {:?}; give a quaternion x, y, z, w of length 1", pose.q)))
 }
 
 fn check_velocity(velocity: &DcdVelocity) -> Result<(), Failure> {
-    if Velocity::from(*velocity).is_finite() {
+    check_numbers(&velocity.linear, "velocity.linear")?;
+    check_numbers(&velocity.angular, "velocity.angular")
+}
+
+/// Whether a body keeps a speed in range when it is pushed so for `seconds`; impulses last one.
+fn check_kick(world: &World, id: BodyId, push: Vector, turn: Vector, seconds: f32) -> Result<(), Failure> {
+    let Some(velocity) = world.backend.kicked(id, push * seconds, turn * seconds) else { return Ok(()) };
+    if velocity.linear.iter().chain(&velocity.angular).all(|v| is_in_range(*v)) {
         return Ok(());
     }
-    Err(Failure::argument(format!("the velocity {velocity:?} has numbers that are not finite")))
+    Err(Failure::argument(format!(
+        "it would move the body at {velocity:?}, which is not within DCD_MAX_NUMBER; push less, or give the body more mass"
+    )))
 }
 
 fn check_bits(bits: u32, known: u32, name: &str) -> Result<(), Failure> {

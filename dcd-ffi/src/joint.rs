@@ -5,7 +5,7 @@ use rapier3d::prelude::*;
 use crate::body::{self, DcdBodyId};
 use crate::guard::guard;
 use crate::handle::stale;
-use crate::pointer::{self, Out, Sized32, check_finite};
+use crate::pointer::{self, Out, Sized32, check_numbers, is_in_range};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 use crate::world::{DcdWorld, with};
@@ -57,7 +57,7 @@ pub struct DcdJointDef {
     pub limit: [f32; 2],
     /// Speed that the motor tries to keep, with DCD_JOINT_MOTOR.
     pub motor_speed: f32,
-    /// Most force or torque of the motor, 0 or more.
+    /// Most force or torque of the motor: finite, 0 or more.
     pub motor_max_force: f32,
     /// DCD_JOINT_LIMIT, _MOTOR, _COLLIDE bits.
     pub flags: u32,
@@ -169,7 +169,7 @@ fn parse(def: &DcdJointDef) -> Result<GenericJoint, Failure> {
     joint.set_contacts_enabled(def.flags & DCD_JOINT_COLLIDE != 0);
     if def.flags & DCD_JOINT_LIMIT != 0 {
         let [low, high] = def.limit;
-        if limited.is_empty() || !(low.is_finite() && high.is_finite() && low <= high) {
+        if limited.is_empty() || !(is_in_range(low) && is_in_range(high) && low <= high) {
             return Err(Failure::argument(format!(
                 "limit {low} to {high} is none; give a finite lower and upper one, and none for a fixed joint"
             )));
@@ -206,7 +206,7 @@ fn no_motor() -> Failure {
 }
 
 fn check_motor(speed: f32, max_force: f32) -> Result<(), Failure> {
-    check_finite(&[speed], "the motor's speed")?;
+    check_numbers(&[speed], "the motor's speed")?;
     if max_force.is_finite() && max_force >= 0.0 {
         return Ok(());
     }

@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, c_char};
 
-use crate::library::DCD_MAX_ITEMS;
+use crate::library::{DCD_MAX_COORDINATE, DCD_MAX_ITEMS, DCD_MAX_NUMBER};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STRUCT, Failure};
 
 /// A struct that begins with its own size, so that it can grow under old programs.
@@ -112,20 +112,30 @@ pub(crate) fn check_count(count: usize, name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether all numbers are finite.
-pub(crate) fn check_finite(numbers: &[f32], name: &str) -> Result<(), Failure> {
-    match numbers.iter().find(|v| !v.is_finite()) {
+/// Whether all numbers are within range.
+pub(crate) fn check_numbers(numbers: &[f32], name: &str) -> Result<(), Failure> {
+    match numbers.iter().find(|v| !is_in_range(**v)) {
         None => Ok(()),
-        Some(v) => Err(Failure::argument(format!("{name} has {v}; give finite numbers"))),
+        Some(v) => Err(Failure::argument(format!(
+            "{name} has {v}; give finite numbers within DCD_MAX_NUMBER ({DCD_MAX_NUMBER})"
+        ))),
     }
 }
 
-/// Whether the numbers of a point are finite.
+/// Whether a number is one that stays finite in a step; NaN is not.
+pub(crate) fn is_in_range(number: f32) -> bool {
+    number.abs() <= DCD_MAX_NUMBER
+}
+
+/// Whether a point of world space is within range.
 pub(crate) fn check_point(point: &[f64; 3], name: &str) -> Result<(), Failure> {
-    match point.iter().find(|v| !v.is_finite()) {
-        None => Ok(()),
-        Some(v) => Err(Failure::argument(format!("{name} has {v}; give finite numbers"))),
+    // NaN is not at most anything.
+    if point.iter().all(|v| v.abs() <= DCD_MAX_COORDINATE) {
+        return Ok(());
     }
+    Err(Failure::argument(format!(
+        "{name} is {point:?}; give finite metres within DCD_MAX_COORDINATE ({DCD_MAX_COORDINATE})"
+    )))
 }
 
 /// # Safety

@@ -7,7 +7,7 @@ use rapier3d::prelude::*;
 use crate::backend::{RayAnswer, RayQuery};
 use crate::body::{self, DcdBodyId};
 use crate::guard::guard;
-use crate::pointer::{self, check_finite, check_point};
+use crate::pointer::{self, check_numbers, check_point};
 use crate::status::{DcdStatus, Failure};
 use crate::world::{DcdWorld, World, with};
 
@@ -80,7 +80,7 @@ pub unsafe extern "C" fn dcd_cast_rays(
 
 fn parse(world: &World, ray: &DcdRay) -> Result<RayQuery, Failure> {
     check_point(&ray.origin, "origin")?;
-    check_finite(&ray.direction, "direction")?;
+    check_numbers(&ray.direction, "direction")?;
     if Vector::from_array(ray.direction).try_normalize().is_none() {
         return Err(Failure::argument("direction has no length; say where the ray goes"));
     }

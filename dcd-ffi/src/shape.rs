@@ -5,7 +5,8 @@ use rapier3d::prelude::{SharedShape, Vector};
 
 use crate::guard::guard;
 use crate::handle::stale;
-use crate::pointer::{self, Out, check_finite};
+use crate::library::DCD_MAX_NUMBER;
+use crate::pointer::{self, Out, check_numbers};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 use crate::world::{DcdWorld, World, with};
@@ -17,6 +18,9 @@ pub struct DcdShapeId {
     /// Opaque.
     pub v: u64,
 }
+
+/// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
+pub const DCD_MIN_SIZE: f32 = 1.0e-4;
 
 fn add(world: DcdWorld, shape: SharedShape, out: Out<DcdShapeId>) -> Result<(), Failure> {
     with(world, |world| {
@@ -33,11 +37,11 @@ pub(crate) fn find(world: &World, shape: DcdShapeId) -> Result<&SharedShape, Fai
 }
 
 fn check_sizes(sizes: &[(f32, &str)]) -> Result<(), Failure> {
-    match sizes.iter().find(|(size, _)| !(size.is_finite() && *size > 0.0)) {
+    match sizes.iter().find(|(size, _)| !(DCD_MIN_SIZE..=DCD_MAX_NUMBER).contains(size)) {
         None => Ok(()),
-        Some((size, name)) => {
-            Err(Failure::argument(format!("{name} is {size}; give a finite number of metres above 0")))
-        }
+        Some((size, name)) => Err(Failure::argument(format!(
+            "{name} is {size}; give metres from DCD_MIN_SIZE ({DCD_MIN_SIZE}) to DCD_MAX_NUMBER ({DCD_MAX_NUMBER})"
+        ))),
     }
 }
 
@@ -52,15 +56,15 @@ fn has_volume(hull: &SharedShape) -> bool {
 unsafe fn points(xyz: *const f32, count: usize, name: &str) -> Result<Vec<Vector>, Failure> {
     // SAFETY: three floats have the alignment of one; the caller vouches for the rest.
     let points = unsafe { pointer::slice(xyz.cast::<[f32; 3]>(), count, name)? };
-    check_finite(points.as_flattened(), name)?;
+    check_numbers(points.as_flattened(), name)?;
     Ok(points.iter().map(|&point| Vector::from_array(point)).collect())
 }
 
-/// Makes a box around its origin. `half` has half its edges along x, y, z: metres, above 0.
+/// Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
 ///
 /// This and the other shape functions copy what they read, and write the new handle to `out`. A shape belongs to its world;
 /// bodies keep what they need of it, so it may be destroyed before them.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a size that is not a finite number above 0.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a size out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_box(world: DcdWorld, half: *const f32, out: *mut DcdShapeId) -> DcdStatus {
     guard("dcd_shape_box", || {
@@ -134,7 +138,7 @@ pub unsafe extern "C" fn dcd_shape_cone(
 
 /// Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points that are not finite or span no volume.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range or that span no volume.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_hull(
     world: DcdWorld,
@@ -153,10 +157,10 @@ pub unsafe extern "C" fn dcd_shape_hull(
 }
 
 /// Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
-/// 3 × vertex_count floats, 3 × triangle_count indices. A mesh is hollow and has no mass: use it for fixed bodies.
+/// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no mass: use it for fixed bodies.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices that are not finite, no triangle, or an
-/// index past the vertices.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
+/// an area, or an index past the vertices.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_mesh(
     world: DcdWorld,
@@ -175,9 +179,6 @@ pub unsafe extern "C" fn dcd_shape_mesh(
                 Out::new(out, "out")?,
             )
         };
-        if triangles.is_empty() {
-            return Err(Failure::argument("triangle_count is 0; give at least one triangle"));
-        }
         if let Some(index) = triangles.as_flattened().iter().find(|&&index| index as usize >= vertex_count) {
             return Err(Failure::argument(format!(
                 "index {index} is past the {vertex_count} vertices; count from 0"
@@ -194,8 +195,8 @@ pub unsafe extern "C" fn dcd_shape_mesh(
 /// heights[row + column * rows]. `scale` stretches it: the whole is scale[0] by scale[2] metres, and heights are times
 /// scale[1]. Use it for fixed bodies.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights that are not
-/// finite, or a scale that is not above 0.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights out
+/// of range, or a scale below DCD_MIN_SIZE.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_heightfield(
     world: DcdWorld,
@@ -217,7 +218,7 @@ pub unsafe extern "C" fn dcd_shape_heightfield(
                 Out::new(out, "out")?,
             )
         };
-        check_finite(heights, "heights")?;
+        check_numbers(heights, "heights")?;
         check_sizes(&[(scale[0], "scale[0]"), (scale[1], "scale[1]"), (scale[2], "scale[2]")])?;
         let heights = Array2::new(rows, columns, heights.to_vec());
         add(world, SharedShape::heightfield(heights, Vector::from_array(scale)), out)

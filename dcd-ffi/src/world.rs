@@ -156,6 +156,9 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
     guard("dcd_world_create", || {
         // SAFETY: the caller vouches for both pointers.
         let (def, out) = unsafe { (pointer::read_sized(def, "def")?, Out::new(out, "out")?) };
+        pointer::check_numbers(&def.gravity, "gravity")?;
+        pointer::check_point(&def.min, "min")?;
+        pointer::check_point(&def.max, "max")?;
         let regions = (def.regions as usize).max(1);
         let config = WorldConfig {
             bounds: Bounds::new(def.min, def.max),

@@ -75,6 +75,15 @@ fn sanitizers_find_nothing_in_the_programs() {
 }
 
 #[test]
+fn random_calls_find_no_bug() {
+    let dir = tempfile::tempdir().unwrap();
+    let program = build(&checker("random_calls.c"), dir.path(), &SANITIZED);
+    for seed in 1..=8 {
+        run_well(Command::new(&program).args([seed.to_string(), "5000".to_owned()]));
+    }
+}
+
+#[test]
 fn valgrind_finds_nothing_in_the_programs() {
     if !is_installed("valgrind") {
         eprintln!("valgrind is not installed: nothing checked");

@@ -755,6 +755,16 @@ DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPos
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
 DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
 
+// Wakes a body. Bodies wake by themselves when something that moves touches them.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
+
+// Puts a body to sleep: it stops, and costs nothing until something wakes it.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
+
 // Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 // is the centre of mass.
 //
@@ -770,16 +780,6 @@ DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, 
 //
 // Errors: as dcd_body_apply_impulse.
 DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
-
-// Wakes a body. Bodies wake by themselves when something that moves touches them.
-//
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
-DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
-
-// Puts a body to sleep: it stops, and costs nothing until something wakes it.
-//
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
-DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
 
 // Ties two bodies. What joints tie together is owned and moved whole by one region, so keep it small against a region.
 //

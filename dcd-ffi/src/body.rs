@@ -1,4 +1,4 @@
-//! Bodies: making, asking, moving, pushing.
+//! Bodies: making, naming, destroying.
 
 use std::collections::BTreeSet;
 
@@ -6,10 +6,10 @@ use dcd::protocol::WorldPose;
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
 
-use crate::backend::BodyView;
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
-use crate::pointer::{self, Out, Sized32, check_numbers, check_point, is_in_range};
+use crate::motion::{check_pose, check_velocity};
+use crate::pointer::{self, Out, Sized32, check_numbers, is_in_range};
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, DcdVelocity};
@@ -106,35 +106,10 @@ pub struct DcdBodyDef {
     pub user_data: u64,
 }
 
-/// What a body is now. Start from DCD_BODY_INFO_INIT.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct DcdBodyInfo {
-    /// sizeof(DcdBodyInfo).
-    pub struct_size: u32,
-    /// DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
-    pub body_type: DcdBodyType,
-    /// Your own.
-    pub user_data: u64,
-    /// Kilograms; 0 for a fixed body.
-    pub mass: f32,
-    /// The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body.
-    pub region: u32,
-    /// Whether it sleeps: it costs nothing until something wakes it.
-    pub sleeping: bool,
-    /// 0.
-    pub reserved: [u8; 7],
-}
-
 // SAFETY: begins with `struct_size`; every other member is a number.
 unsafe impl Sized32 for DcdBodyDef {
     const NAME: &'static str = "DcdBodyDef";
 }
-// SAFETY: as above; it is only written, so that any bits in `sleeping` do no harm.
-unsafe impl Sized32 for DcdBodyInfo {
-    const NAME: &'static str = "DcdBodyInfo";
-}
-
 /// Makes a body. As dcd_bodies_create with one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_create(
@@ -344,274 +319,10 @@ pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdB
     })
 }
 
-/// Says what a body is now: type, mass, owner, sleep.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *mut DcdBodyInfo) -> DcdStatus {
-    guard("dcd_body_info", || {
-        // SAFETY: the caller vouches for `out`.
-        let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
-            let view = view(world, body)?;
-            out.write(DcdBodyInfo {
-                struct_size: size_of::<DcdBodyInfo>() as u32,
-                body_type: view.kind,
-                user_data: view.user_data,
-                mass: view.mass_kg,
-                region: view.owner.map_or(DCD_NO_REGION, |region| region.0),
-                sleeping: view.sleeping,
-                reserved: [0; 7],
-            });
-            Ok(())
-        })
-    })
-}
-
-/// Reads where a body is and how it moves. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
-/// dcd_state_read.
-///
-/// Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_body_get(
-    world: DcdWorld,
-    body: DcdBodyId,
-    pose: *mut DcdPose,
-    velocity: *mut DcdVelocity,
-) -> DcdStatus {
-    guard("dcd_body_get", || {
-        // SAFETY: the caller vouches for what is not null.
-        let (pose, velocity) = unsafe {
-            (
-                if pose.is_null() { None } else { Some(Out::new(pose, "pose")?) },
-                if velocity.is_null() { None } else { Some(Out::new(velocity, "velocity")?) },
-            )
-        };
-        with(world, |world| {
-            let view = view(world, body)?;
-            if let Some(out) = pose {
-                out.write(view.pose.into());
-            }
-            if let Some(out) = velocity {
-                out.write(view.velocity.into());
-            }
-            Ok(())
-        })
-    })
-}
-
-/// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_body_set_pose(
-    world: DcdWorld,
-    body: DcdBodyId,
-    pose: *const DcdPose,
-) -> DcdStatus {
-    guard("dcd_body_set_pose", || {
-        // SAFETY: the caller vouches for the pointer.
-        let pose = unsafe { pointer::read(pose, "pose")? };
-        with(world, |world| {
-            let id = find(world, body)?;
-            set_pose(world, id, pose)
-        })
-    })
-}
-
-/// Sets how a dynamic or kinematic body moves, and wakes it.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_body_set_velocity(
-    world: DcdWorld,
-    body: DcdBodyId,
-    velocity: *const DcdVelocity,
-) -> DcdStatus {
-    guard("dcd_body_set_velocity", || {
-        // SAFETY: the caller vouches for the pointer.
-        let velocity = unsafe { pointer::read(velocity, "velocity")? };
-        with(world, |world| {
-            let id = find(world, body)?;
-            set_velocity(world, id, velocity)
-        })
-    })
-}
-
-/// Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
-/// is the centre of mass.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
-/// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_body_apply_impulse(
-    world: DcdWorld,
-    body: DcdBodyId,
-    impulse: *const f32,
-    point: *const f64,
-) -> DcdStatus {
-    guard("dcd_body_apply_impulse", || {
-        // SAFETY: the caller vouches for three numbers behind each pointer that is not null.
-        let (impulse, point) = unsafe {
-            let point = point.cast::<[f64; 3]>();
-            (
-                pointer::read(impulse.cast::<[f32; 3]>(), "impulse")?,
-                if point.is_null() { None } else { Some(pointer::read(point, "point")?) },
-            )
-        };
-        if let Some(point) = &point {
-            check_point(point, "point")?;
-        }
-        with(world, |world| {
-            let id = find_dynamic(world, body)?;
-            let impulse = Vector::from_array(impulse);
-            // About the centre of mass, which is the same in every region, whatever its anchor.
-            let turn = match (point, world.backend.centre_of_mass(id)) {
-                (Some(point), Some(centre)) => {
-                    let arm: [f32; 3] = std::array::from_fn(|i| (point[i] - centre[i]) as f32);
-                    Vector::from_array(arm).cross(impulse)
-                }
-                _ => Vector::ZERO,
-            };
-            check_kick(world, id, impulse, turn, 1.0)?;
-            world.backend.update(id, |body| {
-                body.apply_impulse(impulse, true);
-                body.apply_torque_impulse(turn, true);
-            })
-        })
-    })
-}
-
-/// Turns a dynamic body once, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
-    world: DcdWorld,
-    body: DcdBodyId,
-    impulse: *const f32,
-) -> DcdStatus {
-    guard("dcd_body_apply_torque_impulse", || {
-        // SAFETY: the caller vouches for three numbers.
-        let impulse = unsafe { pointer::read(impulse.cast::<[f32; 3]>(), "impulse")? };
-        with(world, |world| {
-            let (id, impulse) = (find_dynamic(world, body)?, Vector::from_array(impulse));
-            check_kick(world, id, Vector::ZERO, impulse, 1.0)?;
-            world.backend.update(id, |body| body.apply_torque_impulse(impulse, true))
-        })
-    })
-}
-
-/// Sets what pushes a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
-/// in N m, world axes; null is none. Set both to none to stop. A later call replaces what an earlier one set.
-///
-/// Errors: as dcd_body_apply_impulse.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_body_set_force(
-    world: DcdWorld,
-    body: DcdBodyId,
-    force: *const f32,
-    torque: *const f32,
-) -> DcdStatus {
-    guard("dcd_body_set_force", || {
-        let given = |numbers: *const f32, name| {
-            let numbers = numbers.cast::<[f32; 3]>();
-            // SAFETY: the caller vouches for three numbers behind each pointer that is not null.
-            if numbers.is_null() { Ok([0.0; 3]) } else { unsafe { pointer::read(numbers, name) } }
-        };
-        let (force, torque) = (given(force, "force")?, given(torque, "torque")?);
-        with(world, |world| {
-            let id = find_dynamic(world, body)?;
-            let (force, torque) = (Vector::from_array(force), Vector::from_array(torque));
-            check_kick(world, id, force, torque, world.backend.dt_s())?;
-            world.backend.update(id, |body| {
-                body.reset_forces(true);
-                body.reset_torques(true);
-                body.add_force(force, true);
-                body.add_torque(torque, true);
-            })
-        })
-    })
-}
-
-/// Wakes a body. Bodies wake by themselves when something that moves touches them.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
-#[unsafe(no_mangle)]
-pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
-    guard("dcd_body_wake", || {
-        with(world, |world| {
-            let id = find(world, body)?;
-            world.backend.update(id, |body| body.wake_up(true))
-        })
-    })
-}
-
-/// Puts a body to sleep: it stops, and costs nothing until something wakes it.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
-#[unsafe(no_mangle)]
-pub extern "C" fn dcd_body_sleep(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
-    guard("dcd_body_sleep", || {
-        with(world, |world| {
-            let id = find(world, body)?;
-            world.backend.update(id, |body| body.sleep())
-        })
-    })
-}
-
 /// The body behind a handle.
 pub(crate) fn find(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
     let id = world.mark.body_id(body)?;
     if world.backend.contains(id) { Ok(id) } else { Err(stale("body", body.v)) }
-}
-
-fn view(world: &World, body: DcdBodyId) -> Result<BodyView, Failure> {
-    let id = world.mark.body_id(body)?;
-    world.backend.body(id).ok_or_else(|| stale("body", body.v))
-}
-
-fn find_dynamic(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
-    if view(world, body)?.kind != DCD_DYNAMIC {
-        return Err(Failure::argument("the body is not dynamic; forces move dynamic bodies only"));
-    }
-    world.mark.body_id(body)
-}
-
-pub(crate) fn set_pose(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {
-    check_pose(&pose)?;
-    world.events.owners_changed();
-    world.backend.set_pose(id, pose.into())
-}
-
-pub(crate) fn set_velocity(world: &mut World, id: BodyId, velocity: DcdVelocity) -> Result<(), Failure> {
-    check_velocity(&velocity)?;
-    if world.backend.body(id).is_some_and(|body| body.kind == DCD_FIXED) {
-        return Err(Failure::argument("the body is fixed; make it kinematic to move it"));
-    }
-    world.backend.set_velocity(id, velocity.into())
-}
-
-fn check_pose(pose: &DcdPose) -> Result<(), Failure> {
-    check_point(&pose.p, "pose.p")?;
-    if WorldPose::from(*pose).is_valid() {
-        return Ok(());
-    }
-    Err(Failure::argument(format!("pose.q is {:?}; give a quaternion x, y, z, w of length 1", pose.q)))
-}
-
-fn check_velocity(velocity: &DcdVelocity) -> Result<(), Failure> {
-    check_numbers(&velocity.linear, "velocity.linear")?;
-    check_numbers(&velocity.angular, "velocity.angular")
-}
-
-/// Whether a body keeps a speed in range when it is pushed so for `seconds`; impulses last one.
-fn check_kick(world: &World, id: BodyId, push: Vector, turn: Vector, seconds: f32) -> Result<(), Failure> {
-    let Some(velocity) = world.backend.kicked(id, push * seconds, turn * seconds) else { return Ok(()) };
-    if velocity.linear.iter().chain(&velocity.angular).all(|v| is_in_range(*v)) {
-        return Ok(());
-    }
-    Err(Failure::argument(format!(
-        "it would move the body at {velocity:?}, which is not within DCD_MAX_NUMBER; push less, or give the body more mass"
-    )))
 }
 
 fn check_bits(bits: u32, known: u32, name: &str) -> Result<(), Failure> {

@@ -20,6 +20,7 @@ mod log;
 mod pinned;
 mod pointer;
 
+// In the order in which the header presents them, which `rustfmt` keeps within groups only.
 pub mod library;
 pub mod status;
 pub mod types;
@@ -29,6 +30,10 @@ pub mod world;
 pub mod shape;
 
 pub mod body;
+
+pub mod motion;
+
+pub mod push;
 
 pub mod joint;
 

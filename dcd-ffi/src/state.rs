@@ -4,6 +4,7 @@ use crate::backend::Backend;
 use crate::body::{self, DcdBodyId};
 use crate::guard::guard;
 use crate::handle::Mark;
+use crate::motion;
 use crate::pinned::Pinned;
 use crate::pointer::{self, Out, Sized32, check_count};
 use crate::status::{DCD_OK, DcdStatus, Failure, remember};
@@ -246,8 +247,8 @@ pub unsafe extern "C" fn dcd_state_write(
 fn apply(world: &mut World, body: DcdBodyId, value: Value) -> Result<(), Failure> {
     let id = body::find(world, body)?;
     match value {
-        Value::Pose(pose) => body::set_pose(world, id, pose),
-        Value::Velocity(velocity) => body::set_velocity(world, id, velocity),
+        Value::Pose(pose) => motion::set_pose(world, id, pose),
+        Value::Velocity(velocity) => motion::set_velocity(world, id, velocity),
         Value::UserData(data) => world.backend.update(id, |body| body.user_data = u128::from(data)),
     }
 }

@@ -9,6 +9,7 @@ use std::path::Path;
 use dcd_ffi::body::*;
 use dcd_ffi::event::*;
 use dcd_ffi::joint::*;
+use dcd_ffi::motion::*;
 use dcd_ffi::query::*;
 use dcd_ffi::shape::*;
 use dcd_ffi::state::*;

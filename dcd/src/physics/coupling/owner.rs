@@ -20,6 +20,11 @@ const DEAD_BAND_RAD_S: f32 = 0.1;
 /// A sleeping replica is left alone unless its owner says something that differs by more than this.
 const WAKE_M_S: f32 = 0.05;
 
+/// Bodies far from any border are looked at again after at most so many ticks.
+const LONGEST_REST: u32 = 8;
+/// By how much a body may be sped up meanwhile without being seen late.
+const SURPRISE_M_S: f32 = 10.0;
+
 /// Says which regions must hold the bodies inserted since the last step.
 pub(super) fn announce(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
     clear_outbox(region, tick);
@@ -27,7 +32,7 @@ pub(super) fn announce(region: &mut Region, partition: &Partition, tick: Tick, d
     let fresh = std::mem::take(&mut region.fresh);
     let here = fresh.iter().filter(|link| region.handle_of(link.id) == Some(link.handle));
     let handles: Vec<_> = here.map(|link| link.handle).collect();
-    tell_changes(region, partition, dt_s, handles.into_iter());
+    tell_changes(region, partition, tick, dt_s, handles.into_iter());
 }
 
 /// Says how owned bodies moved, and to whom they must go.
@@ -51,8 +56,10 @@ pub(super) fn gather(region: &mut Region, partition: &Partition, tick: Tick, dt_
             .map(|link| link.handle),
     );
     region.fresh.clear();
-    looked_at.extend(region.physics().islands.active_bodies());
-    tell_changes(region, partition, dt_s, looked_at.iter().copied());
+    let now = tick.0 as u32;
+    let due = |handle: &RigidBodyHandle| region.due[handle.into_raw_parts().0 as usize] <= now;
+    looked_at.extend(region.physics().islands.active_bodies().filter(due));
+    tell_changes(region, partition, tick, dt_s, looked_at.iter().copied());
     region.looked_at = looked_at;
 }
 
@@ -67,11 +74,12 @@ fn clear_outbox(region: &mut Region, tick: Tick) {
 fn tell_changes(
     region: &mut Region,
     partition: &Partition,
+    tick: Tick,
     dt_s: f32,
     handles: impl Iterator<Item = RigidBodyHandle>,
 ) {
     let mut changes = std::mem::take(&mut region.changes);
-    find_changes(region, partition, dt_s, handles, &mut changes);
+    find_changes(region, partition, tick, dt_s, handles, &mut changes);
     for change in changes.drain(..) {
         tell_change(region, &change);
     }
@@ -163,17 +171,16 @@ fn tell_wakes(region: &mut Region) {
 
 /// Looks at these bodies and at every assembly with one of them; `changes` come out in id order, each body once.
 fn find_changes(
-    region: &Region,
+    region: &mut Region,
     partition: &Partition,
+    tick: Tick,
     dt_s: f32,
     handles: impl Iterator<Item = RigidBodyHandle>,
     changes: &mut Vec<Change>,
 ) {
-    let world = region.physics();
     let inner = Inner::of(region, partition);
     let mut assemblies = Vec::new();
     for handle in handles {
-        let body = &world.bodies[handle];
         let slot = region.slot(handle);
         if slot.role != Role::Owner {
             continue;
@@ -182,32 +189,55 @@ fn find_changes(
             assemblies.push(assembly);
             continue;
         }
-        let reach_m = slot.reach_m + body.linvel().length() * dt_s;
-        if slot.holders.is_empty() && inner.holds(body.center_of_mass(), reach_m) {
+        let rest = inner.ticks_within(region, handle, dt_s);
+        if slot.holders.is_empty() && rest > 0 {
+            region.due[handle.into_raw_parts().0 as usize] = tick.0 as u32 + rest;
             continue;
         }
         let near = Near::of(region, partition, handle, dt_s);
-        let centre = convert::world_point(region.anchor(), body.center_of_mass());
+        let com = region.physics().bodies[handle].center_of_mass();
+        let centre = convert::world_point(region.anchor(), com);
         let link = Link { id: slot.id, handle };
         propose(region, link, near, new_owner(region, partition, centre), changes);
     }
     assemblies.sort_unstable();
     assemblies.dedup();
     for index in assemblies {
-        let members = &region.assemblies[index as usize].members;
-        let near = members
-            .iter()
-            .fold(Near::default(), |near, link| near.union(Near::of(region, partition, link.handle, dt_s)));
-        // The lowest member leads: where it goes, all go.
-        let lead = &world.bodies[members[0].handle];
-        let centre = convert::world_point(region.anchor(), lead.center_of_mass());
-        let owner = new_owner(region, partition, centre);
-        for &link in members {
-            propose(region, link, near, owner, changes);
-        }
+        let members = std::mem::take(&mut region.assemblies[index as usize].members);
+        look_at_assembly(region, partition, &inner, &members, tick, dt_s, changes);
+        region.assemblies[index as usize].members = members;
     }
     changes.sort_unstable_by_key(|change| change.link.id);
     changes.dedup_by_key(|change| change.link.id);
+}
+
+/// The same for bodies that joints tie together: what one of them needs, all get.
+fn look_at_assembly(
+    region: &mut Region,
+    partition: &Partition,
+    inner: &Inner,
+    members: &[Link],
+    tick: Tick,
+    dt_s: f32,
+    changes: &mut Vec<Change>,
+) {
+    let rest = members.iter().map(|link| inner.ticks_within(region, link.handle, dt_s)).min().unwrap_or(0);
+    let shared = members.iter().any(|link| !region.slot(link.handle).holders.is_empty());
+    if rest > 0 && !shared {
+        for link in members {
+            region.due[link.handle.into_raw_parts().0 as usize] = tick.0 as u32 + rest;
+        }
+        return;
+    }
+    let near = members
+        .iter()
+        .fold(Near::default(), |near, link| near.union(Near::of(region, partition, link.handle, dt_s)));
+    // The lowest member leads: where it goes, all go.
+    let lead = region.physics().bodies[members[0].handle].center_of_mass();
+    let owner = new_owner(region, partition, convert::world_point(region.anchor(), lead));
+    for &link in members {
+        propose(region, link, near, owner, changes);
+    }
 }
 
 fn propose(region: &Region, link: Link, near: Near, owner: usize, changes: &mut Vec<Change>) {
@@ -348,6 +378,11 @@ fn write_state(region: &mut Region, link: Link, state: &SharedState, sender: usi
     slot.role = Role::Replica { owner: sender };
     slot.asleep_at = state.sleeping.then_some(pose);
     let (linear, angular) = (convert::vector(state.velocity.linear), convert::vector(state.velocity.angular));
+    let body = &region.physics().bodies[link.handle];
+    if *body.position() == pose && body.linvel() == linear && body.angvel() == angular {
+        // A copy that met nobody moved exactly like the owner's; writing would make Rapier go over it again.
+        return;
+    }
     let body = &mut region.world_mut().bodies[link.handle];
     let moved_m = (pose.translation - body.translation()).length();
     let turned_rad = 2.0 * pose.rotation.dot(*body.rotation()).abs().min(1.0).acos();
@@ -390,9 +425,14 @@ impl Inner {
         }
     }
 
-    fn holds(&self, centre: Vector, reach_m: f32) -> bool {
-        let reach = Vector::splat(reach_m);
-        (centre - reach).cmpge(self.min).all() && (centre + reach).cmplt(self.max).all()
+    /// For how many ticks a body surely stays within, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
+    /// [`LONGEST_REST`]. A body that is hit harder is seen at most so many ticks late: it is replicated late, never lost.
+    fn ticks_within(&self, region: &Region, handle: RigidBodyHandle, dt_s: f32) -> u32 {
+        let body = &region.physics().bodies[handle];
+        let centre = body.center_of_mass();
+        let gap_m = (centre - self.min).min(self.max - centre).min_element() - region.slot(handle).reach_m;
+        let step_m = (body.linvel().length() + SURPRISE_M_S) * dt_s;
+        ((gap_m / step_m).max(0.0) as u32).min(LONGEST_REST)
     }
 }
 

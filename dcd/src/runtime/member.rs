@@ -333,13 +333,6 @@ impl Loop {
     }
 
     fn link_event(&mut self, event: LinkEvent) {
-        if std::env::var("DBG").is_ok() {
-            eprintln!(
-                "{:?} < {}",
-                self.shared.lock().summary.node,
-                &format!("{event:?}").chars().take(90).collect::<String>()
-            );
-        }
         let now = self.start.elapsed();
         match event {
             LinkEvent::Connected(peer) => {
@@ -402,13 +395,6 @@ impl Loop {
     fn node_output(&mut self, output: NodeOutput) {
         match output {
             NodeOutput::Send { to, message } => {
-                if std::env::var("DBG").is_ok() {
-                    eprintln!(
-                        "{:?} > {to:?} {}",
-                        self.shared.lock().summary.node,
-                        &format!("{message:?}").chars().take(90).collect::<String>()
-                    );
-                }
                 self.links.send(to, &message)
             }
             NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),

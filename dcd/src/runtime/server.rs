@@ -245,12 +245,6 @@ impl Loop {
                                 self.server.handle(ServerEvent::Disconnected(peer));
                             }
                             LinkEvent::Message { from, message } => {
-                                if std::env::var("DBG").is_ok() {
-                                    eprintln!(
-                                        "server < {from:?} {}",
-                                        &format!("{message:?}").chars().take(90).collect::<String>()
-                                    );
-                                }
                                 self.server.handle(ServerEvent::Message { from, message });
                             }
                         }
@@ -272,12 +266,6 @@ impl Loop {
             let Some(links) = &mut self.links else { return };
             match output {
                 ServerOutput::Send { to, message } => {
-                    if std::env::var("DBG").is_ok() {
-                        eprintln!(
-                            "server > {to:?} {}",
-                            &format!("{message:?}").chars().take(90).collect::<String>()
-                        );
-                    }
                     links.send(to, &message)
                 }
                 ServerOutput::Close(peer) => links.close(peer, "the server ends the link"),

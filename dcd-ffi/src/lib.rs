@@ -1,1 +1,48 @@
-//! The C API of dcd.
+//! The C API of dcd. Its documentation is `include/dcd.h`, which is generated from this crate: `cargo test -p dcd-ffi`
+//! fails when the two differ, `UPDATE=1 cargo test -p dcd-ffi --test header` writes the header anew.
+//!
+//! Every entry point runs inside [`guard`](guard::guard): panics become `DCD_ERR_PANIC`, failures a status and a message.
+//! Pointers are checked in `pointer`, handles in `handle` and `world`; what a process can do in its role is `backend`.
+//! All unsafe code of the project is here.
+
+// What a caller must keep to is said once, in the head of the header, and per function in its documentation there.
+#![allow(clippy::missing_safety_doc)]
+
+#[cfg(panic = "abort")]
+compile_error!(
+    "dcd-ffi turns panics into DCD_ERR_PANIC, so it needs panic = \"unwind\"; remove panic = \"abort\""
+);
+
+mod backend;
+mod guard;
+mod handle;
+mod log;
+mod pinned;
+mod pointer;
+
+// In the order in which the header presents them, which `rustfmt` keeps within groups only.
+pub mod library;
+pub mod status;
+pub mod types;
+
+pub mod world;
+
+pub mod shape;
+
+pub mod body;
+
+pub mod motion;
+
+pub mod push;
+
+pub mod joint;
+
+pub mod step;
+
+pub mod state;
+
+pub mod event;
+
+pub mod query;
+
+pub mod stats;

@@ -1,0 +1,333 @@
+//! Bodies: making, naming, destroying.
+
+use std::collections::BTreeSet;
+
+use dcd::protocol::WorldPose;
+use dcd::space::BodyId;
+use rapier3d::prelude::*;
+
+use crate::guard::{guard, guard_value};
+use crate::handle::stale;
+use crate::motion::{check_pose, check_velocity};
+use crate::pointer::{self, Out, Sized32, check_numbers, is_in_range};
+use crate::shape::{self, DcdShapeId};
+use crate::status::{DcdStatus, Failure};
+use crate::types::{DcdPose, DcdVelocity};
+use crate::world::{DcdWorld, World, with};
+
+/// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
+/// is stale in this one. It holds in this process only.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DcdBodyId {
+    /// Opaque.
+    pub v: u64,
+}
+
+/// How a body moves.
+pub type DcdBodyType = u32;
+
+/// Never. Ground and walls.
+pub const DCD_FIXED: DcdBodyType = 0;
+/// By forces.
+pub const DCD_DYNAMIC: DcdBodyType = 1;
+/// At the velocity that you give, whatever it meets. Doors and lifts.
+pub const DCD_KINEMATIC: DcdBodyType = 2;
+
+/// In DcdBodyDef.flags: never jumps through thin or moving bodies, at some cost.
+pub const DCD_BODY_CCD: u32 = 1;
+/// In DcdBodyDef.flags: detects and does not push.
+pub const DCD_BODY_SENSOR: u32 = 2;
+/// In DcdBodyDef.flags: does not fall asleep by itself.
+pub const DCD_BODY_NO_SLEEP: u32 = 4;
+/// In DcdBodyDef.flags: sleeps until something wakes it.
+pub const DCD_BODY_ASLEEP: u32 = 8;
+
+/// In DcdBodyDef.events: dcd_events tells of contacts that begin and end.
+pub const DCD_EVENT_CONTACT: u32 = 1;
+/// In DcdBodyDef.events: dcd_events tells of contacts that press harder than force_threshold.
+pub const DCD_EVENT_FORCE: u32 = 2;
+
+/// In DcdBodyDef.locked: no movement along x.
+pub const DCD_LOCK_X: u32 = 1;
+/// In DcdBodyDef.locked: no movement along y.
+pub const DCD_LOCK_Y: u32 = 2;
+/// In DcdBodyDef.locked: no movement along z.
+pub const DCD_LOCK_Z: u32 = 4;
+/// In DcdBodyDef.locked: no turning about x.
+pub const DCD_LOCK_TURN_X: u32 = 8;
+/// In DcdBodyDef.locked: no turning about y.
+pub const DCD_LOCK_TURN_Y: u32 = 16;
+/// In DcdBodyDef.locked: no turning about z.
+pub const DCD_LOCK_TURN_Z: u32 = 32;
+
+/// As DcdBodyInfo.region of a fixed body, which has no owner.
+pub const DCD_NO_REGION: u32 = u32::MAX;
+
+/// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdBodyDef {
+    /// sizeof(DcdBodyDef).
+    pub struct_size: u32,
+    /// DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    pub body_type: DcdBodyType,
+    /// Where it starts.
+    pub pose: DcdPose,
+    /// How it moves at first.
+    pub velocity: DcdVelocity,
+    /// Of the same world. Two bodies may share one.
+    pub shape: DcdShapeId,
+    /// kg/m³, above 0 for a dynamic body.
+    pub density: f32,
+    /// Coulomb coefficient, 0 or more; two bodies in contact use the mean.
+    pub friction: f32,
+    /// 0 (no bounce) to 1 (all of the speed); two bodies in contact use the mean.
+    pub restitution: f32,
+    /// Slows movement down: 1/s, 0 or more.
+    pub linear_damping: f32,
+    /// Slows turning down: 1/s, 0 or more.
+    pub angular_damping: f32,
+    /// Factor on gravity.
+    pub gravity_scale: f32,
+    /// DCD_BODY_… bits.
+    pub flags: u32,
+    /// DCD_LOCK_… bits: axes of the world that a dynamic body does not follow.
+    pub locked: u32,
+    /// DCD_EVENT_… bits. A contact is told of when either body asks for it.
+    pub events: u32,
+    /// Newtons above which DCD_EVENT_FORCE tells, 0 or more.
+    pub force_threshold: f32,
+    /// Groups that the body belongs to, as bits.
+    pub groups: u32,
+    /// Groups that it meets. Two bodies collide when each meets a group of the other.
+    pub mask: u32,
+    /// Your own; events, views and ray hits carry it.
+    pub user_data: u64,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdBodyDef {
+    const NAME: &'static str = "DcdBodyDef";
+}
+/// Makes a body. As dcd_bodies_create with one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_create(
+    world: DcdWorld,
+    def: *const DcdBodyDef,
+    out: *mut DcdBodyId,
+) -> DcdStatus {
+    // SAFETY: passed on.
+    guard("dcd_body_create", || unsafe { create(world, def, 1, out) })
+}
+
+/// Makes `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
+/// moves them.
+///
+/// `defs` is read during the call.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
+/// more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_bodies_create(
+    world: DcdWorld,
+    defs: *const DcdBodyDef,
+    count: usize,
+    out: *mut DcdBodyId,
+) -> DcdStatus {
+    // SAFETY: passed on.
+    guard("dcd_bodies_create", || unsafe { create(world, defs, count, out) })
+}
+
+/// # Safety
+/// `defs` and `out` are null or have `count` entries.
+unsafe fn create(
+    world: DcdWorld,
+    defs: *const DcdBodyDef,
+    count: usize,
+    out: *mut DcdBodyId,
+) -> Result<(), Failure> {
+    if count > 0 {
+        // SAFETY: at least one entry. Its size is checked before the others are looked for behind it.
+        unsafe { pointer::read_sized(defs, "def")? };
+        pointer::check(out, "out")?;
+    }
+    // SAFETY: the caller vouches for `count` entries.
+    let defs = unsafe { pointer::slice(defs, count, "def")? };
+    with(world, |world| {
+        let parsed: Vec<_> = defs
+            .iter()
+            .enumerate()
+            .map(|(i, def)| {
+                parse(world, def).map_err(|failure| match count {
+                    1 => failure,
+                    _ => Failure::new(failure.status, format!("defs[{i}]: {}", failure.message)),
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        let mut made = Vec::with_capacity(count);
+        for (pose, body, collider) in parsed {
+            match world.backend.insert(pose, body, collider) {
+                Ok(id) => made.push(id),
+                Err(failure) => {
+                    for id in made {
+                        world.backend.remove(id)?;
+                    }
+                    return Err(failure);
+                }
+            }
+        }
+        world.events.owners_changed();
+        for (i, &id) in made.iter().enumerate() {
+            // SAFETY: not null, aligned, and the caller vouches for `count` entries.
+            unsafe { out.add(i).write(world.mark.body(id)) };
+        }
+        Ok(())
+    })
+}
+
+/// Checks a definition and turns it into Rapier's builders.
+fn parse(world: &World, def: &DcdBodyDef) -> Result<(WorldPose, RigidBodyBuilder, ColliderBuilder), Failure> {
+    if def.struct_size as usize != size_of::<DcdBodyDef>() {
+        return Err(Failure::new(
+            crate::status::DCD_ERR_STRUCT,
+            format!("struct_size is {}; start each entry from DCD_BODY_DEF_INIT", def.struct_size),
+        ));
+    }
+    let kind = match def.body_type {
+        DCD_FIXED => RigidBodyType::Fixed,
+        DCD_DYNAMIC => RigidBodyType::Dynamic,
+        DCD_KINEMATIC => RigidBodyType::KinematicVelocityBased,
+        other => {
+            return Err(Failure::argument(format!(
+                "body_type {other} is none; use DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC"
+            )));
+        }
+    };
+    check_pose(&def.pose)?;
+    check_velocity(&def.velocity)?;
+    for (value, name) in [
+        (def.density, "density"),
+        (def.friction, "friction"),
+        (def.restitution, "restitution"),
+        (def.linear_damping, "linear_damping"),
+        (def.angular_damping, "angular_damping"),
+        (def.force_threshold, "force_threshold"),
+    ] {
+        if !(is_in_range(value) && value >= 0.0) {
+            return Err(Failure::argument(format!(
+                "{name} is {value}; give a number from 0 to DCD_MAX_NUMBER"
+            )));
+        }
+    }
+    if kind == RigidBodyType::Dynamic && def.density == 0.0 {
+        return Err(Failure::argument("density is 0; a dynamic body needs some mass, water has 1000 kg/m³"));
+    }
+    check_numbers(&[def.gravity_scale], "gravity_scale")?;
+    check_bits(def.flags, DCD_BODY_CCD | DCD_BODY_SENSOR | DCD_BODY_NO_SLEEP | DCD_BODY_ASLEEP, "flags")?;
+    check_bits(def.locked, 63, "locked")?;
+    check_bits(def.events, DCD_EVENT_CONTACT | DCD_EVENT_FORCE, "events")?;
+
+    let mut events = ActiveEvents::empty();
+    events.set(ActiveEvents::COLLISION_EVENTS, def.events & DCD_EVENT_CONTACT != 0);
+    events.set(ActiveEvents::CONTACT_FORCE_EVENTS, def.events & DCD_EVENT_FORCE != 0);
+    let body = RigidBodyBuilder::new(kind)
+        .linvel(Vector::from_array(def.velocity.linear))
+        .angvel(Vector::from_array(def.velocity.angular))
+        .linear_damping(def.linear_damping)
+        .angular_damping(def.angular_damping)
+        .gravity_scale(def.gravity_scale)
+        .locked_axes(LockedAxes::from_bits_truncate(def.locked as u8))
+        .ccd_enabled(def.flags & DCD_BODY_CCD != 0)
+        .can_sleep(def.flags & DCD_BODY_NO_SLEEP == 0)
+        .sleeping(def.flags & DCD_BODY_ASLEEP != 0)
+        .user_data(u128::from(def.user_data));
+    let collider = ColliderBuilder::new(shape::find(world, def.shape)?.clone())
+        .density(def.density)
+        .friction(def.friction)
+        .restitution(def.restitution)
+        .sensor(def.flags & DCD_BODY_SENSOR != 0)
+        .active_events(events)
+        .contact_force_event_threshold(def.force_threshold)
+        .collision_groups(InteractionGroups::new(
+            Group::from_bits_retain(def.groups),
+            Group::from_bits_retain(def.mask),
+            InteractionTestMode::And,
+        ));
+    Ok((def.pose.into(), body, collider))
+}
+
+/// Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (the world, a body, or a body named twice), DCD_ERR_ARGUMENT for more than
+/// DCD_MAX_ITEMS.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_bodies_destroy(
+    world: DcdWorld,
+    bodies: *const DcdBodyId,
+    count: usize,
+) -> DcdStatus {
+    guard("dcd_bodies_destroy", || {
+        // SAFETY: the caller vouches for `count` entries.
+        let bodies = unsafe { pointer::slice(bodies, count, "bodies")? };
+        with(world, |world| {
+            let mut ids = BTreeSet::new();
+            for &body in bodies {
+                let id = find(world, body)?;
+                if !ids.insert(id) {
+                    return Err(stale("body", body.v));
+                }
+            }
+            for id in ids {
+                world.events.departs(id, world.backend.user_data(id).unwrap_or(0));
+                world.backend.remove(id)?;
+            }
+            world.events.owners_changed();
+            Ok(())
+        })
+    })
+}
+
+/// Destroys one body. As dcd_bodies_destroy.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_body_destroy(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
+    // SAFETY: a reference to one body is valid for reading one.
+    unsafe { dcd_bodies_destroy(world, &body, 1) }
+}
+
+/// Whether the id names a body of this world.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_body_is_valid(world: DcdWorld, body: DcdBodyId) -> bool {
+    guard_value(false, || with(world, |world| find(world, body)).is_ok())
+}
+
+/// Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th that was created.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID when that body is destroyed or there is none yet.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdBodyId) -> DcdStatus {
+    guard("dcd_body_at", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::new(out, "out")? };
+        with(world, |world| {
+            let id = BodyId::persistent(index);
+            if !world.backend.contains(id) {
+                return Err(stale("body number", u64::from(index)));
+            }
+            out.write(world.mark.body(id));
+            Ok(())
+        })
+    })
+}
+
+/// The body behind a handle.
+pub(crate) fn find(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
+    let id = world.mark.body_id(body)?;
+    if world.backend.contains(id) { Ok(id) } else { Err(stale("body", body.v)) }
+}
+
+fn check_bits(bits: u32, known: u32, name: &str) -> Result<(), Failure> {
+    if bits & !known == 0 {
+        return Ok(());
+    }
+    Err(Failure::argument(format!("{name} has bits {:#x} that mean nothing; clear them", bits & !known)))
+}

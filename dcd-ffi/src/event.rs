@@ -1,0 +1,251 @@
+//! What happened in the last step.
+
+use std::collections::BTreeMap;
+
+use dcd::protocol::ContactKey;
+use dcd::space::{BodyId, RegionId};
+
+use crate::backend::Backend;
+use crate::body::DcdBodyId;
+use crate::guard::guard;
+use crate::handle::Mark;
+use crate::pinned::Pinned;
+use crate::pointer::{Out, Sized32};
+use crate::status::DcdStatus;
+use crate::world::{DcdWorld, with};
+
+/// In DcdContact.kind: two bodies began to touch.
+pub const DCD_CONTACT_BEGAN: u32 = 0;
+/// In DcdContact.kind: they ceased to.
+pub const DCD_CONTACT_ENDED: u32 = 1;
+
+/// In DcdContact.flags: one of them is a sensor.
+pub const DCD_CONTACT_SENSOR: u32 = 1;
+
+/// Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdContact {
+    /// The body made first. It is stale when it was destroyed since.
+    pub a: DcdBodyId,
+    /// The other one.
+    pub b: DcdBodyId,
+    /// Your own of `a`.
+    pub user_a: u64,
+    /// Your own of `b`.
+    pub user_b: u64,
+    /// Where, in world space, metres; 0 for ends.
+    pub point: [f64; 3],
+    /// From a to b, of length 1; 0 for sensors and ends.
+    pub normal: [f32; 3],
+    /// At which they approached, m/s; 0 for ends.
+    pub speed: f32,
+    /// DCD_CONTACT_BEGAN or DCD_CONTACT_ENDED.
+    pub kind: u32,
+    /// DCD_CONTACT_… bits.
+    pub flags: u32,
+    /// Which shape of `a`, from 0: bodies of scenes may have several.
+    pub part_a: u32,
+    /// Which shape of `b`.
+    pub part_b: u32,
+}
+
+/// A contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdContactForce {
+    /// The body made first.
+    pub a: DcdBodyId,
+    /// The other one.
+    pub b: DcdBodyId,
+    /// Your own of `a`.
+    pub user_a: u64,
+    /// Your own of `b`.
+    pub user_b: u64,
+    /// Sum of the forces on `b`, newtons, world axes.
+    pub force: [f32; 3],
+    /// Sum of their magnitudes, newtons.
+    pub magnitude: f32,
+    /// Which shape of `a`, from 0.
+    pub part_a: u32,
+    /// Which shape of `b`.
+    pub part_b: u32,
+}
+
+/// A body has another owner than after the step before.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdTransfer {
+    /// Which body.
+    pub body: DcdBodyId,
+    /// Your own.
+    pub user_data: u64,
+    /// The region that owned it.
+    pub from: u32,
+    /// The region that owns it now.
+    pub to: u32,
+}
+
+/// What happened in the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdEventView {
+    /// sizeof(DcdEventView).
+    pub struct_size: u32,
+    /// 0.
+    pub reserved: u32,
+    /// After which step.
+    pub tick: u64,
+    /// Contacts that began or ended, by bodies.
+    pub contacts: *const DcdContact,
+    /// How many.
+    pub contact_count: usize,
+    /// Contacts that pressed hard, by bodies.
+    pub forces: *const DcdContactForce,
+    /// How many.
+    pub force_count: usize,
+    /// Bodies that changed owner.
+    pub transfers: *const DcdTransfer,
+    /// How many.
+    pub transfer_count: usize,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
+unsafe impl Sized32 for DcdEventView {
+    const NAME: &'static str = "DcdEventView";
+}
+
+/// Events of the last two steps, lent as the state is, and what is needed to tell of transfers.
+#[derive(Default)]
+pub(crate) struct EventBuffers {
+    sets: [EventArrays; 2],
+    newest: usize,
+    /// User data of bodies destroyed since the last step: their contacts end in the next.
+    departed: BTreeMap<BodyId, u64>,
+    /// After the last look, in id order.
+    owners: Vec<(BodyId, RegionId)>,
+    owners_stale: bool,
+    transfers_seen: u64,
+}
+
+#[derive(Default)]
+struct EventArrays {
+    tick: u64,
+    contacts: Pinned<DcdContact>,
+    forces: Pinned<DcdContactForce>,
+    transfers: Pinned<DcdTransfer>,
+}
+
+impl EventBuffers {
+    /// Bodies were made, destroyed, tied or moved by hand.
+    pub(crate) fn owners_changed(&mut self) {
+        self.owners_stale = true;
+    }
+
+    /// A body is about to be destroyed.
+    pub(crate) fn departs(&mut self, id: BodyId, user_data: u64) {
+        self.departed.insert(id, user_data);
+    }
+
+    /// Takes down what happened in the step just done.
+    pub(crate) fn fill(&mut self, backend: &Backend, mark: Mark) {
+        self.newest = 1 - self.newest;
+        let arrays = &mut self.sets[self.newest];
+        let events = backend.events();
+        let user = |id| backend.user_data(id).or_else(|| self.departed.get(&id).copied()).unwrap_or(0);
+        arrays.tick = backend.tick();
+        arrays.contacts.refill(events.touches.len()).extend(events.touches.iter().map(|touch| {
+            let ContactKey { a, b, collider_a, collider_b } = touch.key;
+            DcdContact {
+                a: mark.body(a),
+                b: mark.body(b),
+                user_a: user(a),
+                user_b: user(b),
+                point: touch.point,
+                normal: touch.normal,
+                speed: touch.speed,
+                kind: if touch.began { DCD_CONTACT_BEGAN } else { DCD_CONTACT_ENDED },
+                flags: if touch.sensor { DCD_CONTACT_SENSOR } else { 0 },
+                part_a: u32::from(collider_a),
+                part_b: u32::from(collider_b),
+            }
+        }));
+        arrays.forces.refill(events.forces.len()).extend(events.forces.iter().map(|force| {
+            let ContactKey { a, b, collider_a, collider_b } = force.key;
+            DcdContactForce {
+                a: mark.body(a),
+                b: mark.body(b),
+                user_a: user(a),
+                user_b: user(b),
+                force: force.force_n,
+                magnitude: force.magnitude_n,
+                part_a: u32::from(collider_a),
+                part_b: u32::from(collider_b),
+            }
+        }));
+        let moved = self.look_for_transfers(backend);
+        let transfers = self.sets[self.newest].transfers.refill(moved.len());
+        transfers.extend(moved.into_iter().map(|(id, from, to)| DcdTransfer {
+            body: mark.body(id),
+            user_data: backend.user_data(id).unwrap_or(0),
+            from: from.0,
+            to: to.0,
+        }));
+        self.departed.clear();
+    }
+
+    /// Compares owners with those of the last look; only when something can have changed, since it looks at every body.
+    fn look_for_transfers(&mut self, backend: &Backend) -> Vec<(BodyId, RegionId, RegionId)> {
+        let seen = backend.transfers();
+        if backend.region_count() < 2 || (!self.owners_stale && seen == self.transfers_seen) {
+            return Vec::new();
+        }
+        (self.owners_stale, self.transfers_seen) = (false, seen);
+        let before = std::mem::take(&mut self.owners);
+        self.owners.reserve(backend.movable());
+        let mut moved = Vec::new();
+        let mut old = before.iter().peekable();
+        for (id, to) in backend.owners() {
+            while old.next_if(|(other, _)| *other < id).is_some() {}
+            if let Some(&(_, from)) = old.next_if(|(other, _)| *other == id)
+                && from != to
+            {
+                moved.push((id, from, to));
+            }
+            self.owners.push((id, to));
+        }
+        moved
+    }
+
+    fn view(&self) -> DcdEventView {
+        let arrays = &self.sets[self.newest];
+        DcdEventView {
+            struct_size: size_of::<DcdEventView>() as u32,
+            reserved: 0,
+            tick: arrays.tick,
+            contacts: arrays.contacts.as_ptr(),
+            contact_count: arrays.contacts.len(),
+            forces: arrays.forces.as_ptr(),
+            force_count: arrays.forces.len(),
+            transfers: arrays.transfers.as_ptr(),
+            transfer_count: arrays.transfers.len(),
+        }
+    }
+}
+
+/// Lends what happened in the last step; nothing before the first. Poll it once a step: a step without a look loses its
+/// events.
+///
+/// The arrays are the library's, and live as those of dcd_state_view do.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_events(world: DcdWorld, out: *mut DcdEventView) -> DcdStatus {
+    guard("dcd_events", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            out.write(world.events.view());
+            Ok(())
+        })
+    })
+}

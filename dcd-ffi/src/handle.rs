@@ -1,0 +1,161 @@
+//! Handles: numbers that name things for C, and that stay wrong for ever once their thing is gone.
+
+use dcd::space::{BodyId, JointId};
+
+use crate::body::DcdBodyId;
+use crate::joint::DcdJointId;
+use crate::shape::DcdShapeId;
+use crate::status::{DCD_ERR_NULL, DCD_ERR_STALE_ID, Failure};
+
+/// Things by index and generation: the generation grows when a place is used again.
+#[derive(Debug)]
+pub(crate) struct Slots<T> {
+    entries: Vec<Entry<T>>,
+    free: Vec<u32>,
+}
+
+#[derive(Debug)]
+struct Entry<T> {
+    generation: u32,
+    value: Option<T>,
+}
+
+impl<T> Slots<T> {
+    pub(crate) const fn new() -> Self {
+        Self { entries: Vec::new(), free: Vec::new() }
+    }
+
+    /// Adds a thing. Its handle is never 0 and never given again.
+    pub(crate) fn insert(&mut self, value: T) -> u64 {
+        let place = self.free.pop().unwrap_or_else(|| {
+            self.entries.push(Entry { generation: 0, value: None });
+            (self.entries.len() - 1) as u32
+        });
+        let entry = &mut self.entries[place as usize];
+        entry.value = Some(value);
+        (u64::from(entry.generation) << 32) | u64::from(place + 1)
+    }
+
+    pub(crate) fn get(&self, handle: u64) -> Option<&T> {
+        self.entries.get(self.place(handle)?)?.value.as_ref()
+    }
+
+    pub(crate) fn remove(&mut self, handle: u64) -> Option<T> {
+        let place = self.place(handle)?;
+        let entry = &mut self.entries[place];
+        let value = entry.value.take()?;
+        // A place whose generations are used up is given up.
+        if let Some(next) = entry.generation.checked_add(1) {
+            entry.generation = next;
+            self.free.push(place as u32);
+        }
+        Some(value)
+    }
+
+    fn place(&self, handle: u64) -> Option<usize> {
+        let place = (handle as u32).checked_sub(1)? as usize;
+        let entry = self.entries.get(place)?;
+        (entry.generation == (handle >> 32) as u32).then_some(place)
+    }
+}
+
+/// What the handles of one world are mixed with, so that another world does not know them.
+///
+/// A body's id has 64 bits and all may be in use: the upper half names a client, 0 in a local world. The mark is added to
+/// that half without carry. In another world the handle then names a body of a client that is not there, always if that
+/// world is local; marks are far apart, and clients are numbered from 1, so the same holds for a served world but for
+/// chance.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Mark(u32);
+
+impl Mark {
+    /// The mark of the `count`-th world of this process.
+    pub(crate) fn new(count: u32) -> Self {
+        // Fibonacci hashing: an odd factor, so that no two of 2³² counts share a mark.
+        Self(count.wrapping_mul(0x9E37_79B9))
+    }
+
+    fn mix(self, bits: u64) -> u64 {
+        bits ^ (u64::from(self.0) << 32)
+    }
+
+    /// Not 0: the index of a body is never `u32::MAX`, so its lower half is not 0.
+    pub(crate) fn body(self, id: BodyId) -> DcdBodyId {
+        DcdBodyId { v: self.mix(id.bits() + 1) }
+    }
+
+    pub(crate) fn body_id(self, body: DcdBodyId) -> Result<BodyId, Failure> {
+        let bits = self.mix(not_null(body.v, "body")?);
+        bits.checked_sub(1).map(BodyId::from_bits).ok_or_else(|| stale("body", body.v))
+    }
+
+    pub(crate) fn joint(self, id: JointId) -> DcdJointId {
+        DcdJointId { v: self.mix(id.0 + 1) }
+    }
+
+    pub(crate) fn joint_id(self, joint: DcdJointId) -> Result<JointId, Failure> {
+        let bits = self.mix(not_null(joint.v, "joint")?);
+        bits.checked_sub(1).map(JointId).ok_or_else(|| stale("joint", joint.v))
+    }
+
+    pub(crate) fn shape(self, slot: u64) -> DcdShapeId {
+        DcdShapeId { v: self.mix(slot) }
+    }
+
+    pub(crate) fn shape_slot(self, shape: DcdShapeId) -> Result<u64, Failure> {
+        Ok(self.mix(not_null(shape.v, "shape")?))
+    }
+}
+
+pub(crate) fn not_null(v: u64, what: &str) -> Result<u64, Failure> {
+    if v == 0 {
+        return Err(Failure::new(DCD_ERR_NULL, format!("the {what} is null (v is 0); create one first")));
+    }
+    Ok(v)
+}
+
+pub(crate) fn stale(what: &str, v: u64) -> Failure {
+    Failure::new(
+        DCD_ERR_STALE_ID,
+        format!(
+            "{what} {v:#x} is not here: it was destroyed, or belongs to another world; forget the handle"
+        ),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dcd::space::ClientId;
+
+    #[test]
+    fn a_place_used_again_has_another_handle() {
+        let mut slots = Slots::new();
+        let first = slots.insert('a');
+        assert_eq!(slots.remove(first), Some('a'));
+        let second = slots.insert('b');
+        assert_ne!(first, second);
+        assert_eq!((slots.get(first), slots.get(second)), (None, Some(&'b')));
+        assert_eq!(slots.remove(first), None);
+        assert_eq!(slots.get(0), None);
+        assert_eq!(slots.get(u64::MAX), None);
+    }
+
+    #[test]
+    fn ids_survive_the_way_to_c_and_back() {
+        let mark = Mark::new(3);
+        for id in [BodyId::persistent(0), BodyId::persistent(u32::MAX - 1), BodyId::avatar(ClientId(9), 4)] {
+            assert_ne!(mark.body(id).v, 0);
+            assert_eq!(mark.body_id(mark.body(id)).unwrap(), id);
+        }
+    }
+
+    #[test]
+    fn a_handle_of_another_world_names_a_client_that_is_not_there() {
+        for other in 1..1000 {
+            let body = Mark::new(other).body(BodyId::persistent(5));
+            let seen = Mark::new(other + 1).body_id(body).unwrap();
+            assert!(seen.client().is_some_and(|client| client.0 > 1_000_000), "{seen}");
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! What dcd logs, handed to one C function.
+
+use std::cell::Cell;
+use std::ffi::{c_char, c_void};
+use std::fmt::{self, Write};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{OnceLock, PoisonError, RwLock};
+
+use tracing::field::{Field, Visit};
+use tracing::span::{Attributes, Id, Record};
+use tracing::{Event, Level, Metadata, Subscriber};
+
+use crate::library::{
+    DCD_LOG_DEBUG, DCD_LOG_ERROR, DCD_LOG_INFO, DCD_LOG_OFF, DCD_LOG_TRACE, DCD_LOG_WARN, DcdLogFn,
+    DcdLogLevel,
+};
+use crate::status::{DCD_ERR_BUSY, DCD_ERR_UNSUPPORTED, Failure};
+
+/// The user's function and what it is called with.
+struct Sink {
+    function: unsafe extern "C" fn(*mut c_void, DcdLogLevel, *const c_char, usize),
+    user: *mut c_void,
+}
+
+// SAFETY: the header asks for a function that any thread may call with this pointer.
+unsafe impl Send for Sink {}
+// SAFETY: as above.
+unsafe impl Sync for Sink {}
+
+static SINK: RwLock<Option<Sink>> = RwLock::new(None);
+static MOST: AtomicU32 = AtomicU32::new(DCD_LOG_OFF);
+
+thread_local! {
+    static INSIDE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is in the user's function now; then it may hold locks of ours.
+pub(crate) fn inside() -> bool {
+    INSIDE.try_with(Cell::get).unwrap_or(false)
+}
+
+/// Fails when called from the user's function.
+pub(crate) fn check_outside() -> Result<(), Failure> {
+    if !inside() {
+        return Ok(());
+    }
+    Err(Failure::new(DCD_ERR_BUSY, "called from within the log callback; note it there and call later"))
+}
+
+/// Replaces the user's function; when this returns, the old one neither runs nor will.
+pub(crate) fn set(function: DcdLogFn, user: *mut c_void, most: DcdLogLevel) -> Result<(), Failure> {
+    check_outside()?;
+    if most > DCD_LOG_TRACE {
+        return Err(Failure::argument(format!("level {most} is none; use DCD_LOG_OFF to DCD_LOG_TRACE")));
+    }
+    static INSTALLED: OnceLock<bool> = OnceLock::new();
+    if !INSTALLED.get_or_init(|| tracing::subscriber::set_global_default(Forward).is_ok()) {
+        return Err(Failure::new(
+            DCD_ERR_UNSUPPORTED,
+            "this program's Rust part has a tracing subscriber of its own; read dcd's log there",
+        ));
+    }
+    let mut sink = SINK.write().unwrap_or_else(PoisonError::into_inner);
+    *sink = function.map(|function| Sink { function, user });
+    MOST.store(if sink.is_some() { most } else { DCD_LOG_OFF }, Ordering::Relaxed);
+    Ok(())
+}
+
+/// Formats events and hands them over. Spans carry nothing that an event of dcd does not say itself.
+struct Forward;
+
+impl Subscriber for Forward {
+    fn register_callsite(&self, _: &'static Metadata<'static>) -> tracing::subscriber::Interest {
+        tracing::subscriber::Interest::sometimes()
+    }
+
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        metadata.is_event() && level(metadata.level()) <= MOST.load(Ordering::Relaxed) && !inside()
+    }
+
+    fn event(&self, event: &Event<'_>) {
+        let mut line = Line::default();
+        event.record(&mut line);
+        let text = line.message + &line.fields;
+        let sink = SINK.read().unwrap_or_else(PoisonError::into_inner);
+        let Some(sink) = &*sink else { return };
+        INSIDE.set(true);
+        // SAFETY: the user's function, called as the header says; the text outlives the call.
+        unsafe {
+            (sink.function)(sink.user, level(event.metadata().level()), text.as_ptr().cast(), text.len());
+        }
+        INSIDE.set(false);
+    }
+
+    fn new_span(&self, _: &Attributes<'_>) -> Id {
+        Id::from_u64(1)
+    }
+
+    fn record(&self, _: &Id, _: &Record<'_>) {}
+
+    fn record_follows_from(&self, _: &Id, _: &Id) {}
+
+    fn enter(&self, _: &Id) {}
+
+    fn exit(&self, _: &Id) {}
+}
+
+fn level(level: &Level) -> DcdLogLevel {
+    match *level {
+        Level::ERROR => DCD_LOG_ERROR,
+        Level::WARN => DCD_LOG_WARN,
+        Level::INFO => DCD_LOG_INFO,
+        Level::DEBUG => DCD_LOG_DEBUG,
+        Level::TRACE => DCD_LOG_TRACE,
+    }
+}
+
+#[derive(Default)]
+struct Line {
+    message: String,
+    fields: String,
+}
+
+impl Visit for Line {
+    fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
+        // Writing to a string cannot fail.
+        let _ = match field.name() {
+            "message" => write!(self.message, "{value:?}"),
+            name => write!(self.fields, " {name}={value:?}"),
+        };
+    }
+}

@@ -1,0 +1,191 @@
+//! Where bodies are, how they move, whether they sleep.
+
+use dcd::protocol::WorldPose;
+use dcd::space::BodyId;
+
+use crate::backend::BodyView;
+use crate::body::{DCD_FIXED, DCD_NO_REGION, DcdBodyId, DcdBodyType, find};
+use crate::guard::guard;
+use crate::handle::stale;
+use crate::pointer::{self, Out, Sized32, check_numbers, check_point};
+use crate::status::{DcdStatus, Failure};
+use crate::types::{DcdPose, DcdVelocity};
+use crate::world::{DcdWorld, World, with};
+
+/// What a body is now. Start from DCD_BODY_INFO_INIT.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdBodyInfo {
+    /// sizeof(DcdBodyInfo).
+    pub struct_size: u32,
+    /// DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    pub body_type: DcdBodyType,
+    /// Your own.
+    pub user_data: u64,
+    /// Kilograms; 0 for a fixed body.
+    pub mass: f32,
+    /// The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body.
+    pub region: u32,
+    /// Whether it sleeps: it costs nothing until something wakes it.
+    pub sleeping: bool,
+    /// 0.
+    pub reserved: [u8; 7],
+}
+
+// SAFETY: begins with `struct_size`; it is only written, so that any bits in `sleeping` do no harm.
+unsafe impl Sized32 for DcdBodyInfo {
+    const NAME: &'static str = "DcdBodyInfo";
+}
+
+/// Says what a body is now: type, mass, owner, sleep.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *mut DcdBodyInfo) -> DcdStatus {
+    guard("dcd_body_info", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            let view = view(world, body)?;
+            out.write(DcdBodyInfo {
+                struct_size: size_of::<DcdBodyInfo>() as u32,
+                body_type: view.kind,
+                user_data: view.user_data,
+                mass: view.mass_kg,
+                region: view.owner.map_or(DCD_NO_REGION, |region| region.0),
+                sleeping: view.sleeping,
+                reserved: [0; 7],
+            });
+            Ok(())
+        })
+    })
+}
+
+/// Reads where a body is and how it moves. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
+/// dcd_state_read.
+///
+/// Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_get(
+    world: DcdWorld,
+    body: DcdBodyId,
+    pose: *mut DcdPose,
+    velocity: *mut DcdVelocity,
+) -> DcdStatus {
+    guard("dcd_body_get", || {
+        // SAFETY: the caller vouches for what is not null.
+        let (pose, velocity) = unsafe {
+            (
+                if pose.is_null() { None } else { Some(Out::new(pose, "pose")?) },
+                if velocity.is_null() { None } else { Some(Out::new(velocity, "velocity")?) },
+            )
+        };
+        with(world, |world| {
+            let view = view(world, body)?;
+            if let Some(out) = pose {
+                out.write(view.pose.into());
+            }
+            if let Some(out) = velocity {
+                out.write(view.velocity.into());
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_set_pose(
+    world: DcdWorld,
+    body: DcdBodyId,
+    pose: *const DcdPose,
+) -> DcdStatus {
+    guard("dcd_body_set_pose", || {
+        // SAFETY: the caller vouches for the pointer.
+        let pose = unsafe { pointer::read(pose, "pose")? };
+        with(world, |world| {
+            let id = find(world, body)?;
+            set_pose(world, id, pose)
+        })
+    })
+}
+
+/// Sets how a dynamic or kinematic body moves, and wakes it.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_set_velocity(
+    world: DcdWorld,
+    body: DcdBodyId,
+    velocity: *const DcdVelocity,
+) -> DcdStatus {
+    guard("dcd_body_set_velocity", || {
+        // SAFETY: the caller vouches for the pointer.
+        let velocity = unsafe { pointer::read(velocity, "velocity")? };
+        with(world, |world| {
+            let id = find(world, body)?;
+            set_velocity(world, id, velocity)
+        })
+    })
+}
+
+/// Wakes a body. Bodies wake by themselves when something that moves touches them.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
+    guard("dcd_body_wake", || {
+        with(world, |world| {
+            let id = find(world, body)?;
+            world.backend.update(id, |body| body.wake_up(true))
+        })
+    })
+}
+
+/// Puts a body to sleep: it stops, and costs nothing until something wakes it.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_body_sleep(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
+    guard("dcd_body_sleep", || {
+        with(world, |world| {
+            let id = find(world, body)?;
+            world.backend.update(id, |body| body.sleep())
+        })
+    })
+}
+
+/// What there is to say of a body.
+pub(crate) fn view(world: &World, body: DcdBodyId) -> Result<BodyView, Failure> {
+    let id = world.mark.body_id(body)?;
+    world.backend.body(id).ok_or_else(|| stale("body", body.v))
+}
+
+pub(crate) fn set_pose(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {
+    check_pose(&pose)?;
+    world.events.owners_changed();
+    world.backend.set_pose(id, pose.into())
+}
+
+pub(crate) fn set_velocity(world: &mut World, id: BodyId, velocity: DcdVelocity) -> Result<(), Failure> {
+    check_velocity(&velocity)?;
+    if world.backend.body(id).is_some_and(|body| body.kind == DCD_FIXED) {
+        return Err(Failure::argument("the body is fixed; make it kinematic to move it"));
+    }
+    world.backend.set_velocity(id, velocity.into())
+}
+
+pub(crate) fn check_pose(pose: &DcdPose) -> Result<(), Failure> {
+    check_point(&pose.p, "pose.p")?;
+    if WorldPose::from(*pose).is_valid() {
+        return Ok(());
+    }
+    Err(Failure::argument(format!("pose.q is {:?}; give a quaternion x, y, z, w of length 1", pose.q)))
+}
+
+pub(crate) fn check_velocity(velocity: &DcdVelocity) -> Result<(), Failure> {
+    check_numbers(&velocity.linear, "velocity.linear")?;
+    check_numbers(&velocity.angular, "velocity.angular")
+}

@@ -1,0 +1,160 @@
+//! Pointers from C, checked before anything is done with them.
+
+use std::ffi::{CStr, c_char};
+
+use crate::library::{DCD_MAX_COORDINATE, DCD_MAX_ITEMS, DCD_MAX_NUMBER};
+use crate::status::{DCD_ERR_NULL, DCD_ERR_STRUCT, Failure};
+
+/// A struct that begins with its own size, so that it can grow under old programs.
+///
+/// # Safety
+/// The first member is a `u32` named `struct_size`, and any bit pattern is a valid value.
+pub(crate) unsafe trait Sized32: Copy {
+    const NAME: &'static str;
+}
+
+/// Memory that a result goes into once the call has succeeded.
+#[derive(Debug)]
+pub(crate) struct Out<T>(*mut T);
+
+impl<T> Out<T> {
+    /// # Safety
+    /// The pointer is null or valid for writing one `T` until the call returns.
+    pub(crate) unsafe fn new(pointer: *mut T, name: &str) -> Result<Self, Failure> {
+        check(pointer, name).map(|()| Self(pointer))
+    }
+
+    pub(crate) fn write(self, value: T) {
+        // SAFETY: checked for null and alignment in `new`; its caller vouches for the rest.
+        unsafe { self.0.write(value) }
+    }
+}
+
+impl<T: Sized32> Out<T> {
+    /// # Safety
+    /// As [`Out::new`], and `struct_size` is initialised.
+    pub(crate) unsafe fn sized(pointer: *mut T, name: &str) -> Result<Self, Failure> {
+        // SAFETY: passed on.
+        unsafe { check_size(pointer, name)? };
+        Ok(Self(pointer))
+    }
+}
+
+/// # Safety
+/// The pointer is null or valid for reading one `T`.
+pub(crate) unsafe fn read<T: Copy>(pointer: *const T, name: &str) -> Result<T, Failure> {
+    check(pointer, name)?;
+    // SAFETY: checked for null and alignment; the caller vouches for the rest.
+    Ok(unsafe { pointer.read() })
+}
+
+/// # Safety
+/// The pointer is null or valid for reading one `T`, or as much of it as its `struct_size` says.
+pub(crate) unsafe fn read_sized<T: Sized32>(pointer: *const T, name: &str) -> Result<T, Failure> {
+    // SAFETY: passed on; with the right size all of `T` is there.
+    unsafe {
+        check_size(pointer, name)?;
+        Ok(pointer.read())
+    }
+}
+
+/// # Safety
+/// The pointer is valid for reading `count` values of `T` that nobody writes during the call, or `count` is 0.
+pub(crate) unsafe fn slice<'a, T>(pointer: *const T, count: usize, name: &str) -> Result<&'a [T], Failure> {
+    check_count(count, name)?;
+    if count == 0 {
+        return Ok(&[]);
+    }
+    check(pointer, name)?;
+    // SAFETY: not null, aligned, of a bounded length; the caller vouches for the rest.
+    Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
+}
+
+/// # Safety
+/// The pointer is null or a NUL-terminated string that nobody writes during the call.
+pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, Failure> {
+    check(pointer, name)?;
+    // SAFETY: not null; the caller vouches for the NUL.
+    let bytes = unsafe { CStr::from_ptr(pointer) };
+    bytes.to_str().map_err(|_| Failure::argument(format!("{name} is not UTF-8; convert it first")))
+}
+
+/// Whether `items` results fit into `cap`; writes how many there are either way.
+pub(crate) fn fits(items: usize, cap: usize, count: Out<usize>, name: &str) -> Result<(), Failure> {
+    count.write(items);
+    if items <= cap {
+        return Ok(());
+    }
+    Err(Failure::new(
+        crate::status::DCD_ERR_SMALL_BUFFER,
+        format!("{name} has room for {cap} and there are {items}; give it more"),
+    ))
+}
+
+/// Whether a pointer can point to one or more `T`.
+pub(crate) fn check<T>(pointer: *const T, name: &str) -> Result<(), Failure> {
+    if pointer.is_null() {
+        return Err(Failure::new(DCD_ERR_NULL, format!("{name} is null; point it to valid memory")));
+    }
+    if !pointer.is_aligned() {
+        return Err(Failure::argument(format!("{name} is not aligned to {} bytes", align_of::<T>())));
+    }
+    Ok(())
+}
+
+/// Whether a bulk call of so many items is within bounds.
+pub(crate) fn check_count(count: usize, name: &str) -> Result<(), Failure> {
+    if count > DCD_MAX_ITEMS {
+        return Err(Failure::argument(format!(
+            "{count} {name} are more than DCD_MAX_ITEMS ({DCD_MAX_ITEMS}); use several calls"
+        )));
+    }
+    Ok(())
+}
+
+/// Whether all numbers are within range.
+pub(crate) fn check_numbers(numbers: &[f32], name: &str) -> Result<(), Failure> {
+    match numbers.iter().find(|v| !is_in_range(**v)) {
+        None => Ok(()),
+        Some(v) => Err(Failure::argument(format!(
+            "{name} has {v}; give finite numbers within DCD_MAX_NUMBER ({DCD_MAX_NUMBER})"
+        ))),
+    }
+}
+
+/// Whether a number is one that stays finite in a step; NaN is not.
+pub(crate) fn is_in_range(number: f32) -> bool {
+    number.abs() <= DCD_MAX_NUMBER
+}
+
+/// Whether a point of world space is within range.
+pub(crate) fn check_point(point: &[f64; 3], name: &str) -> Result<(), Failure> {
+    // NaN is not at most anything.
+    if point.iter().all(|v| v.abs() <= DCD_MAX_COORDINATE) {
+        return Ok(());
+    }
+    Err(Failure::argument(format!(
+        "{name} is {point:?}; give finite metres within DCD_MAX_COORDINATE ({DCD_MAX_COORDINATE})"
+    )))
+}
+
+/// # Safety
+/// The pointer is null or its first four bytes are initialised.
+unsafe fn check_size<T: Sized32>(pointer: *const T, name: &str) -> Result<(), Failure> {
+    check(pointer, name)?;
+    // SAFETY: `Sized32` begins with this number.
+    let given = unsafe { pointer.cast::<u32>().read() };
+    // When a struct grows, its earlier sizes are accepted here and the rest filled from its defaults.
+    if given as usize == size_of::<T>() {
+        return Ok(());
+    }
+    Err(Failure::new(
+        DCD_ERR_STRUCT,
+        format!(
+            "{name}->struct_size is {given}, {} of this library has {} bytes; initialise it by its _INIT macro and \
+             compile against the library's own header",
+            T::NAME,
+            size_of::<T>()
+        ),
+    ))
+}

@@ -1,0 +1,123 @@
+//! Forces and impulses.
+
+use dcd::space::BodyId;
+use rapier3d::prelude::*;
+
+use crate::body::{DCD_DYNAMIC, DcdBodyId};
+use crate::guard::guard;
+use crate::motion::view;
+use crate::pointer::{self, check_point, is_in_range};
+use crate::status::{DcdStatus, Failure};
+use crate::world::{DcdWorld, World, with};
+
+/// Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
+/// is the centre of mass.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
+/// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_apply_impulse(
+    world: DcdWorld,
+    body: DcdBodyId,
+    impulse: *const f32,
+    point: *const f64,
+) -> DcdStatus {
+    guard("dcd_body_apply_impulse", || {
+        // SAFETY: the caller vouches for three numbers behind each pointer that is not null.
+        let (impulse, point) = unsafe {
+            let point = point.cast::<[f64; 3]>();
+            (
+                pointer::read(impulse.cast::<[f32; 3]>(), "impulse")?,
+                if point.is_null() { None } else { Some(pointer::read(point, "point")?) },
+            )
+        };
+        if let Some(point) = &point {
+            check_point(point, "point")?;
+        }
+        with(world, |world| {
+            let id = find_dynamic(world, body)?;
+            let impulse = Vector::from_array(impulse);
+            // About the centre of mass, which is the same in every region, whatever its anchor.
+            let turn = match (point, world.backend.centre_of_mass(id)) {
+                (Some(point), Some(centre)) => {
+                    let arm: [f32; 3] = std::array::from_fn(|i| (point[i] - centre[i]) as f32);
+                    Vector::from_array(arm).cross(impulse)
+                }
+                _ => Vector::ZERO,
+            };
+            check_kick(world, id, impulse, turn, 1.0)?;
+            world.backend.update(id, |body| {
+                body.apply_impulse(impulse, true);
+                body.apply_torque_impulse(turn, true);
+            })
+        })
+    })
+}
+
+/// Turns a dynamic body once, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
+    world: DcdWorld,
+    body: DcdBodyId,
+    impulse: *const f32,
+) -> DcdStatus {
+    guard("dcd_body_apply_torque_impulse", || {
+        // SAFETY: the caller vouches for three numbers.
+        let impulse = unsafe { pointer::read(impulse.cast::<[f32; 3]>(), "impulse")? };
+        with(world, |world| {
+            let (id, impulse) = (find_dynamic(world, body)?, Vector::from_array(impulse));
+            check_kick(world, id, Vector::ZERO, impulse, 1.0)?;
+            world.backend.update(id, |body| body.apply_torque_impulse(impulse, true))
+        })
+    })
+}
+
+/// Sets what pushes a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
+/// in N m, world axes; null is none. Set both to none to stop. A later call replaces what an earlier one set.
+///
+/// Errors: as dcd_body_apply_impulse.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_set_force(
+    world: DcdWorld,
+    body: DcdBodyId,
+    force: *const f32,
+    torque: *const f32,
+) -> DcdStatus {
+    guard("dcd_body_set_force", || {
+        let given = |numbers: *const f32, name| {
+            let numbers = numbers.cast::<[f32; 3]>();
+            // SAFETY: the caller vouches for three numbers behind each pointer that is not null.
+            if numbers.is_null() { Ok([0.0; 3]) } else { unsafe { pointer::read(numbers, name) } }
+        };
+        let (force, torque) = (given(force, "force")?, given(torque, "torque")?);
+        with(world, |world| {
+            let id = find_dynamic(world, body)?;
+            let (force, torque) = (Vector::from_array(force), Vector::from_array(torque));
+            check_kick(world, id, force, torque, world.backend.dt_s())?;
+            world.backend.update(id, |body| {
+                body.reset_forces(true);
+                body.reset_torques(true);
+                body.add_force(force, true);
+                body.add_torque(torque, true);
+            })
+        })
+    })
+}
+
+fn find_dynamic(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
+    if view(world, body)?.kind != DCD_DYNAMIC {
+        return Err(Failure::argument("the body is not dynamic; forces move dynamic bodies only"));
+    }
+    world.mark.body_id(body)
+}
+
+/// Whether a body keeps a speed in range when it is pushed so for `seconds`; impulses last one.
+fn check_kick(world: &World, id: BodyId, push: Vector, turn: Vector, seconds: f32) -> Result<(), Failure> {
+    let Some(velocity) = world.backend.kicked(id, push * seconds, turn * seconds) else { return Ok(()) };
+    if velocity.linear.iter().chain(&velocity.angular).all(|v| is_in_range(*v)) {
+        return Ok(());
+    }
+    Err(Failure::argument(format!(
+        "it would move the body at {velocity:?}, which is not within DCD_MAX_NUMBER; push less, or give the body more mass"
+    )))
+}

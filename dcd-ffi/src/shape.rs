@@ -1,0 +1,287 @@
+//! Shapes: made once, used by any number of bodies.
+
+use rapier3d::parry::utils::Array2;
+use rapier3d::prelude::{SharedShape, Vector};
+
+use crate::guard::guard;
+use crate::handle::stale;
+use crate::library::DCD_MAX_NUMBER;
+use crate::pointer::{self, Out, check_numbers};
+use crate::status::{DcdStatus, Failure};
+use crate::types::DcdFrame;
+use crate::world::{DcdWorld, World, with};
+
+/// A shape of one world. 0 is null.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DcdShapeId {
+    /// Opaque.
+    pub v: u64,
+}
+
+/// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
+pub const DCD_MIN_SIZE: f32 = 1.0e-4;
+
+fn add(world: DcdWorld, shape: SharedShape, out: Out<DcdShapeId>) -> Result<(), Failure> {
+    with(world, |world| {
+        let slot = world.shapes.insert(shape);
+        out.write(world.mark.shape(slot));
+        Ok(())
+    })
+}
+
+/// The shape behind a handle.
+pub(crate) fn find(world: &World, shape: DcdShapeId) -> Result<&SharedShape, Failure> {
+    let slot = world.mark.shape_slot(shape)?;
+    world.shapes.get(slot).ok_or_else(|| stale("shape", shape.v))
+}
+
+fn check_sizes(sizes: &[(f32, &str)]) -> Result<(), Failure> {
+    match sizes.iter().find(|(size, _)| !(DCD_MIN_SIZE..=DCD_MAX_NUMBER).contains(size)) {
+        None => Ok(()),
+        Some((size, name)) => Err(Failure::argument(format!(
+            "{name} is {size}; give metres from DCD_MIN_SIZE ({DCD_MIN_SIZE}) to DCD_MAX_NUMBER ({DCD_MAX_NUMBER})"
+        ))),
+    }
+}
+
+/// Whether a hull is more than a sheet; Parry makes flat ones too, which would have no mass.
+fn has_volume(hull: &SharedShape) -> bool {
+    let size = hull.compute_local_aabb().extents();
+    hull.mass_properties(1.0).mass() > 1e-6 * size.max_element().powi(3)
+}
+
+/// # Safety
+/// As [`pointer::slice`], for `count` points of three numbers.
+unsafe fn points(xyz: *const f32, count: usize, name: &str) -> Result<Vec<Vector>, Failure> {
+    // SAFETY: three floats have the alignment of one; the caller vouches for the rest.
+    let points = unsafe { pointer::slice(xyz.cast::<[f32; 3]>(), count, name)? };
+    check_numbers(points.as_flattened(), name)?;
+    Ok(points.iter().map(|&point| Vector::from_array(point)).collect())
+}
+
+/// Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
+///
+/// This and the other shape functions copy what they read, and write the new handle to `out`. A shape belongs to its world;
+/// bodies keep what they need of it, so it may be destroyed before them.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a size out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_box(world: DcdWorld, half: *const f32, out: *mut DcdShapeId) -> DcdStatus {
+    guard("dcd_shape_box", || {
+        // SAFETY: the caller vouches for three floats and for `out`.
+        let ([x, y, z], out) =
+            unsafe { (pointer::read(half.cast::<[f32; 3]>(), "half")?, Out::new(out, "out")?) };
+        check_sizes(&[(x, "half[0]"), (y, "half[1]"), (z, "half[2]")])?;
+        add(world, SharedShape::cuboid(x, y, z), out)
+    })
+}
+
+/// Makes a ball around its origin. Errors: as dcd_shape_box.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_sphere(world: DcdWorld, radius: f32, out: *mut DcdShapeId) -> DcdStatus {
+    guard("dcd_shape_sphere", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::new(out, "out")? };
+        check_sizes(&[(radius, "radius")])?;
+        add(world, SharedShape::ball(radius), out)
+    })
+}
+
+/// Makes a capsule along y: a cylinder of 2 × `half_height` with a half ball of `radius` at either end. Errors: as
+/// dcd_shape_box.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_capsule(
+    world: DcdWorld,
+    half_height: f32,
+    radius: f32,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_capsule", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::new(out, "out")? };
+        check_sizes(&[(half_height, "half_height"), (radius, "radius")])?;
+        add(world, SharedShape::capsule_y(half_height, radius), out)
+    })
+}
+
+/// Makes a cylinder along y, from -half_height to half_height. Errors: as dcd_shape_box.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_cylinder(
+    world: DcdWorld,
+    half_height: f32,
+    radius: f32,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_cylinder", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::new(out, "out")? };
+        check_sizes(&[(half_height, "half_height"), (radius, "radius")])?;
+        add(world, SharedShape::cylinder(half_height, radius), out)
+    })
+}
+
+/// Makes a cone along y: its base of `radius` at -half_height, its tip at half_height. Errors: as dcd_shape_box.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_cone(
+    world: DcdWorld,
+    half_height: f32,
+    radius: f32,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_cone", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::new(out, "out")? };
+        check_sizes(&[(half_height, "half_height"), (radius, "radius")])?;
+        add(world, SharedShape::cone(half_height, radius), out)
+    })
+}
+
+/// Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range or that span no volume.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_hull(
+    world: DcdWorld,
+    xyz: *const f32,
+    count: usize,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_hull", || {
+        // SAFETY: the caller vouches for 3 × `count` floats and for `out`.
+        let (points, out) = unsafe { (points(xyz, count, "xyz")?, Out::new(out, "out")?) };
+        let refused =
+            || Failure::argument("the points span no volume; give at least 4 that are not in a plane");
+        let hull = if points.len() < 4 { None } else { SharedShape::convex_hull(&points) };
+        add(world, hull.filter(has_volume).ok_or_else(refused)?, out)
+    })
+}
+
+/// Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
+/// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no mass: use it for fixed bodies.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
+/// an area, or an index past the vertices.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_mesh(
+    world: DcdWorld,
+    xyz: *const f32,
+    vertex_count: usize,
+    indices: *const u32,
+    triangle_count: usize,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_mesh", || {
+        // SAFETY: the caller vouches for the floats, the indices and `out`.
+        let (vertices, triangles, out) = unsafe {
+            (
+                points(xyz, vertex_count, "xyz")?,
+                pointer::slice(indices.cast::<[u32; 3]>(), triangle_count, "indices")?,
+                Out::new(out, "out")?,
+            )
+        };
+        if let Some(index) = triangles.as_flattened().iter().find(|&&index| index as usize >= vertex_count) {
+            return Err(Failure::argument(format!(
+                "index {index} is past the {vertex_count} vertices; count from 0"
+            )));
+        }
+        let mesh = SharedShape::trimesh(vertices, triangles.to_vec()).map_err(|cause| {
+            Failure::argument(format!("the mesh is refused ({cause}); check its triangles"))
+        })?;
+        add(world, mesh, out)
+    })
+}
+
+/// Makes terrain in the x-z plane around its origin: `rows` heights along z times `columns` along x, metres, at
+/// heights[row + column * rows]. `scale` stretches it: the whole is scale[0] by scale[2] metres, and heights are times
+/// scale[1]. Use it for fixed bodies.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights out
+/// of range, or a scale below DCD_MIN_SIZE.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_heightfield(
+    world: DcdWorld,
+    heights: *const f32,
+    rows: usize,
+    columns: usize,
+    scale: *const f32,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_heightfield", || {
+        if rows < 2 || columns < 2 {
+            return Err(Failure::argument(format!("{rows} x {columns} heights; give at least 2 x 2")));
+        }
+        // SAFETY: the caller vouches for rows × columns heights, three floats and `out`.
+        let (heights, scale, out) = unsafe {
+            (
+                pointer::slice(heights, rows.saturating_mul(columns), "heights")?,
+                pointer::read(scale.cast::<[f32; 3]>(), "scale")?,
+                Out::new(out, "out")?,
+            )
+        };
+        check_numbers(heights, "heights")?;
+        check_sizes(&[(scale[0], "scale[0]"), (scale[1], "scale[1]"), (scale[2], "scale[2]")])?;
+        let heights = Array2::new(rows, columns, heights.to_vec());
+        add(world, SharedShape::heightfield(heights, Vector::from_array(scale)), out)
+    })
+}
+
+/// Makes one shape of `count` others, part i at frames[i]. Parts must be simple: no mesh, terrain or compound.
+///
+/// `parts` and `frames` have `count` entries, at least one. The parts may be destroyed afterwards.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a part), DCD_ERR_ARGUMENT for no part, a part that is not simple or a
+/// frame that is not finite or no rotation.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_compound(
+    world: DcdWorld,
+    parts: *const DcdShapeId,
+    frames: *const DcdFrame,
+    count: usize,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_compound", || {
+        // SAFETY: the caller vouches for `count` entries of both and for `out`.
+        let (parts, frames, out) = unsafe {
+            (
+                pointer::slice(parts, count, "parts")?,
+                pointer::slice(frames, count, "frames")?,
+                Out::new(out, "out")?,
+            )
+        };
+        if parts.is_empty() {
+            return Err(Failure::argument("count is 0; give at least one part"));
+        }
+        with(world, |world| {
+            let mut placed = Vec::with_capacity(count);
+            for (i, (&part, frame)) in parts.iter().zip(frames).enumerate() {
+                let shape = find(world, part)?;
+                if shape.as_composite_shape().is_some() {
+                    return Err(Failure::argument(format!(
+                        "parts[{i}] is made of parts itself; add those instead"
+                    )));
+                }
+                if !frame.is_valid() {
+                    return Err(Failure::argument(format!(
+                        "frames[{i}] is not finite, or q is not of length 1"
+                    )));
+                }
+                placed.push((frame.pose(), shape.clone()));
+            }
+            let slot = world.shapes.insert(SharedShape::compound(placed));
+            out.write(world.mark.shape(slot));
+            Ok(())
+        })
+    })
+}
+
+/// Gives a shape's handle back. Bodies made with it keep their shape.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_shape_destroy(world: DcdWorld, shape: DcdShapeId) -> DcdStatus {
+    guard("dcd_shape_destroy", || {
+        with(world, |world| {
+            let slot = world.mark.shape_slot(shape)?;
+            world.shapes.remove(slot).map(drop).ok_or_else(|| stale("shape", shape.v))
+        })
+    })
+}

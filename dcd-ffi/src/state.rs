@@ -1,0 +1,353 @@
+//! The state of many bodies at a time: lent as arrays, or copied by a list of ids.
+
+use crate::backend::Backend;
+use crate::body::{self, DcdBodyId};
+use crate::guard::guard;
+use crate::handle::Mark;
+use crate::motion;
+use crate::pinned::Pinned;
+use crate::pointer::{self, Out, Sized32, check_count};
+use crate::status::{DCD_OK, DcdStatus, Failure, remember};
+use crate::types::{DcdPose, DcdVelocity};
+use crate::world::{DcdWorld, World, with};
+
+/// In DcdStateView.flags: the body sleeps.
+pub const DCD_STATE_SLEEPING: u32 = 1;
+
+/// What dcd_state_read and dcd_state_write copy.
+pub type DcdField = u32;
+
+/// A DcdPose.
+pub const DCD_FIELD_POSE: DcdField = 0;
+/// A DcdVelocity.
+pub const DCD_FIELD_VELOCITY: DcdField = 1;
+/// A uint64_t.
+pub const DCD_FIELD_USER_DATA: DcdField = 2;
+
+/// Every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
+/// made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdStateView {
+    /// sizeof(DcdStateView).
+    pub struct_size: u32,
+    /// 0.
+    pub reserved: u32,
+    /// After which step.
+    pub tick: u64,
+    /// Length of each array.
+    pub count: usize,
+    /// Which bodies.
+    pub ids: *const DcdBodyId,
+    /// Where they are.
+    pub poses: *const DcdPose,
+    /// How they move.
+    pub velocities: *const DcdVelocity,
+    /// Your own.
+    pub user_data: *const u64,
+    /// DCD_STATE_… bits.
+    pub flags: *const u32,
+    /// Their owners, as in DcdRegionInfo.
+    pub regions: *const u32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
+unsafe impl Sized32 for DcdStateView {
+    const NAME: &'static str = "DcdStateView";
+}
+
+/// Two sets of arrays in turn, so that one may be read while the next step fills the other.
+#[derive(Default)]
+pub(crate) struct StateBuffers {
+    sets: [StateArrays; 2],
+    newest: usize,
+    /// Whether anybody ever asked; nobody pays who does not.
+    wanted: bool,
+}
+
+#[derive(Default)]
+struct StateArrays {
+    tick: u64,
+    ids: Pinned<DcdBodyId>,
+    poses: Pinned<DcdPose>,
+    velocities: Pinned<DcdVelocity>,
+    user_data: Pinned<u64>,
+    flags: Pinned<u32>,
+    regions: Pinned<u32>,
+}
+
+impl StateArrays {
+    fn fill(&mut self, backend: &Backend, mark: Mark) {
+        let count = backend.movable();
+        self.tick = backend.tick();
+        let ids = self.ids.refill(count);
+        let poses = self.poses.refill(count);
+        let velocities = self.velocities.refill(count);
+        let user_data = self.user_data.refill(count);
+        let flags = self.flags.refill(count);
+        let regions = self.regions.refill(count);
+        // `take` keeps the arrays where they are, whatever the backend counts.
+        for row in backend.states().take(count) {
+            ids.push(mark.body(row.id));
+            poses.push(row.pose.into());
+            velocities.push(row.velocity.into());
+            user_data.push(row.user_data);
+            flags.push(if row.sleeping { DCD_STATE_SLEEPING } else { 0 });
+            regions.push(row.region.0);
+        }
+    }
+}
+
+impl StateBuffers {
+    pub(crate) fn after_step(&mut self, backend: &Backend, mark: Mark) {
+        if self.wanted {
+            self.newest = 1 - self.newest;
+            self.sets[self.newest].fill(backend, mark);
+        }
+    }
+
+    fn view(&mut self, backend: &Backend, mark: Mark) -> DcdStateView {
+        // Before the first step there is no "after the last step", so it shows what was made up to now.
+        if !self.wanted || backend.tick() == 0 {
+            self.wanted = true;
+            self.sets[self.newest].fill(backend, mark);
+        }
+        let arrays = &self.sets[self.newest];
+        DcdStateView {
+            struct_size: size_of::<DcdStateView>() as u32,
+            reserved: 0,
+            tick: arrays.tick,
+            count: arrays.ids.len(),
+            ids: arrays.ids.as_ptr(),
+            poses: arrays.poses.as_ptr(),
+            velocities: arrays.velocities.as_ptr(),
+            user_data: arrays.user_data.as_ptr(),
+            flags: arrays.flags.as_ptr(),
+            regions: arrays.regions.as_ptr(),
+        }
+    }
+}
+
+/// Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
+/// since shows after the next one; before the first step (and in the first call of all) it shows the present.
+///
+/// The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
+/// they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
+/// this one makes one step. The first call makes every later dcd_step fill the arrays, some 40 ns a body.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_state_view(world: DcdWorld, out: *mut DcdStateView) -> DcdStatus {
+    guard("dcd_state_view", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            out.write(world.states.view(&world.backend, world.mark));
+            Ok(())
+        })
+    })
+}
+
+/// Copies one field of `count` bodies into your memory, as it is now: that of bodies[i] goes to
+/// (char *)dst + i * stride. `stride` in bytes is at least the field's size; 0 is exactly that. `dst` needs no alignment.
+///
+/// With `each` null the first bad body fails the call and nothing is written. Else `each` has `count` entries that receive
+/// DCD_OK or what is wrong with that body, only good bodies are written, and the call is DCD_OK; dcd_last_error() tells of the
+/// last bad one.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an unknown field, a short stride, or more than DCD_MAX_ITEMS.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_state_read(
+    world: DcdWorld,
+    bodies: *const DcdBodyId,
+    count: usize,
+    field: DcdField,
+    dst: *mut std::ffi::c_void,
+    stride: usize,
+    each: *mut DcdStatus,
+) -> DcdStatus {
+    guard("dcd_state_read", || {
+        // SAFETY: the caller vouches for `count` entries of everything.
+        let bulk = unsafe { Bulk::new(bodies, count, field, dst, stride, each)? };
+        with(world, |world| {
+            let row = |body| {
+                let id = body::find(world, body)?;
+                let gone = || crate::handle::stale("body", body.v);
+                Ok(match field {
+                    DCD_FIELD_POSE => Value::Pose(world.backend.pose(id).ok_or_else(gone)?.into()),
+                    DCD_FIELD_VELOCITY => {
+                        Value::Velocity(world.backend.velocity(id).ok_or_else(gone)?.into())
+                    }
+                    _ => Value::UserData(world.backend.user_data(id).ok_or_else(gone)?),
+                })
+            };
+            if each.is_null() {
+                let values: Vec<Value> =
+                    bulk.bodies.iter().map(|&body| row(body)).collect::<Result<_, Failure>>()?;
+                for (i, value) in values.into_iter().enumerate() {
+                    // SAFETY: place i lies in `dst`, which the caller vouches for.
+                    unsafe { value.store(bulk.place(dst, i)) };
+                }
+                return Ok(());
+            }
+            for (i, &body) in bulk.bodies.iter().enumerate() {
+                let value = row(body);
+                // SAFETY: place i lies in `dst`, entry i in `each`; the caller vouches for both.
+                unsafe { each.add(i).write(status_of("dcd_state_read", &value)) };
+                if let Ok(value) = value {
+                    // SAFETY: as above.
+                    unsafe { value.store(bulk.place(dst, i)) };
+                }
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose and
+/// dcd_body_set_velocity do.
+///
+/// With `each` null the first bad body or value fails the call; the bodies before it are changed already, unless the id was
+/// bad: ids are checked first. Else `each` has `count` entries that receive DCD_OK or what is wrong with that body, and the
+/// call is DCD_OK.
+/// Errors: as dcd_state_read, and those of the single calls.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_state_write(
+    world: DcdWorld,
+    bodies: *const DcdBodyId,
+    count: usize,
+    field: DcdField,
+    src: *const std::ffi::c_void,
+    stride: usize,
+    each: *mut DcdStatus,
+) -> DcdStatus {
+    guard("dcd_state_write", || {
+        // SAFETY: the caller vouches for `count` entries of everything.
+        let bulk = unsafe { Bulk::new(bodies, count, field, src.cast_mut(), stride, each)? };
+        with(world, |world| {
+            if each.is_null() {
+                for &body in bulk.bodies {
+                    body::find(world, body)?;
+                }
+            }
+            for (i, &body) in bulk.bodies.iter().enumerate() {
+                // SAFETY: place i lies in `src`, which the caller vouches for.
+                let value = unsafe { Value::load(field, bulk.place(src.cast_mut(), i)) };
+                let done = apply(world, body, value);
+                if each.is_null() {
+                    done?;
+                } else {
+                    // SAFETY: entry i lies in `each`, which the caller vouches for.
+                    unsafe { each.add(i).write(status_of("dcd_state_write", &done)) };
+                }
+            }
+            Ok(())
+        })
+    })
+}
+
+fn apply(world: &mut World, body: DcdBodyId, value: Value) -> Result<(), Failure> {
+    let id = body::find(world, body)?;
+    match value {
+        Value::Pose(pose) => motion::set_pose(world, id, pose),
+        Value::Velocity(velocity) => motion::set_velocity(world, id, velocity),
+        Value::UserData(data) => world.backend.update(id, |body| body.user_data = u128::from(data)),
+    }
+}
+
+/// One field of one body.
+#[derive(Clone, Copy)]
+enum Value {
+    Pose(DcdPose),
+    Velocity(DcdVelocity),
+    UserData(u64),
+}
+
+impl Value {
+    /// # Safety
+    /// `place` is valid for writing the value.
+    unsafe fn store(self, place: *mut u8) {
+        // SAFETY: the caller vouches for the place; none of the writes asks for alignment.
+        unsafe {
+            match self {
+                Self::Pose(pose) => place.cast::<DcdPose>().write_unaligned(pose),
+                Self::Velocity(velocity) => place.cast::<DcdVelocity>().write_unaligned(velocity),
+                Self::UserData(data) => place.cast::<u64>().write_unaligned(data),
+            }
+        }
+    }
+
+    /// # Safety
+    /// `place` is valid for reading the field.
+    unsafe fn load(field: DcdField, place: *const u8) -> Self {
+        // SAFETY: the caller vouches for the place; none of the reads asks for alignment.
+        unsafe {
+            match field {
+                DCD_FIELD_POSE => Self::Pose(place.cast::<DcdPose>().read_unaligned()),
+                DCD_FIELD_VELOCITY => Self::Velocity(place.cast::<DcdVelocity>().read_unaligned()),
+                _ => Self::UserData(place.cast::<u64>().read_unaligned()),
+            }
+        }
+    }
+}
+
+/// The checked arguments of a strided call.
+struct Bulk<'a> {
+    bodies: &'a [DcdBodyId],
+    stride: usize,
+}
+
+impl<'a> Bulk<'a> {
+    /// # Safety
+    /// `bodies` has `count` entries.
+    unsafe fn new(
+        bodies: *const DcdBodyId,
+        count: usize,
+        field: DcdField,
+        memory: *mut std::ffi::c_void,
+        stride: usize,
+        each: *mut DcdStatus,
+    ) -> Result<Self, Failure> {
+        let size = match field {
+            DCD_FIELD_POSE => size_of::<DcdPose>(),
+            DCD_FIELD_VELOCITY => size_of::<DcdVelocity>(),
+            DCD_FIELD_USER_DATA => size_of::<u64>(),
+            other => {
+                return Err(Failure::argument(format!("field {other} is none; use a DCD_FIELD_… constant")));
+            }
+        };
+        if stride != 0 && stride < size {
+            return Err(Failure::argument(format!("stride {stride} is less than the field's {size} bytes")));
+        }
+        let stride = if stride == 0 { size } else { stride };
+        check_count(count, "bodies")?;
+        if stride.checked_mul(count).is_none_or(|bytes| bytes > isize::MAX as usize) {
+            return Err(Failure::argument(format!(
+                "{count} times a stride of {stride} is more than memory holds"
+            )));
+        }
+        if count > 0 {
+            pointer::check(memory.cast::<u8>(), "the caller's memory")?;
+            if !each.is_null() {
+                pointer::check(each, "each")?;
+            }
+        }
+        // SAFETY: the caller vouches for `count` entries.
+        Ok(Self { bodies: unsafe { pointer::slice(bodies, count, "bodies")? }, stride })
+    }
+
+    /// # Safety
+    /// `memory` has `stride` bytes for each body and `i` is one of them.
+    unsafe fn place(&self, memory: *mut std::ffi::c_void, i: usize) -> *mut u8 {
+        // SAFETY: `new` checked that the product fits.
+        unsafe { memory.cast::<u8>().add(i * self.stride) }
+    }
+}
+
+fn status_of<T>(function: &str, result: &Result<T, Failure>) -> DcdStatus {
+    match result {
+        Ok(_) => DCD_OK,
+        Err(failure) => {
+            remember(function, failure);
+            failure.status
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Regions, counters, and the state as one number.
+
+use std::ffi::c_char;
+use std::fmt::Write;
+
+use dcd::runtime::Stats;
+
+use crate::guard::guard;
+use crate::pointer::{self, Out, Sized32};
+use crate::status::{self, DcdStatus};
+use crate::world::{DcdWorld, with};
+
+/// A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdRegionInfo {
+    /// Its number in the tree of regions; numbers need not be dense.
+    pub region: u32,
+    /// Bodies that it owns.
+    pub bodies: u32,
+    /// Bodies of its neighbours that it computes along, since they are near.
+    pub replicas: u32,
+    /// 0.
+    pub reserved: u32,
+    /// Lowest corner, inside, metres.
+    pub min: [f64; 3],
+    /// Highest corner, outside, metres.
+    pub max: [f64; 3],
+}
+
+/// Counters of a world. Start from DCD_STATS_INIT.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdStats {
+    /// sizeof(DcdStats).
+    pub struct_size: u32,
+    /// Regions that the world is cut into.
+    pub regions: u32,
+    /// Steps done.
+    pub ticks: u64,
+    /// Movable bodies.
+    pub bodies: u64,
+    /// Copies of bodies held by regions that do not own them.
+    pub replicas: u64,
+    /// Bodies that changed owner in a step, ever.
+    pub transfers: u64,
+    /// Copies set aside because their numbers were not finite; 0 unless something is wrong.
+    pub quarantined: u64,
+    /// Wall time of the last step, seconds.
+    pub last_step: f64,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdStats {
+    const NAME: &'static str = "DcdStats";
+}
+
+/// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
+/// ask for the number.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_regions(
+    world: DcdWorld,
+    out: *mut DcdRegionInfo,
+    cap: usize,
+    count: *mut usize,
+) -> DcdStatus {
+    guard("dcd_regions", || {
+        // SAFETY: the caller vouches for the pointer.
+        let count = unsafe { Out::new(count, "count")? };
+        if cap > 0 {
+            pointer::check(out, "out")?;
+        }
+        with(world, |world| {
+            pointer::fits(world.backend.region_count(), cap, count, "out")?;
+            for (i, region) in world.backend.regions().enumerate() {
+                let info = DcdRegionInfo {
+                    region: region.id.0,
+                    bodies: region.owned as u32,
+                    replicas: region.replicas as u32,
+                    reserved: 0,
+                    min: region.min,
+                    max: region.max,
+                };
+                // SAFETY: not null, aligned, and `cap` entries are enough.
+                unsafe { out.add(i).write(info) };
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Reads the counters of a world.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdStatus {
+    guard("dcd_stats", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            let stats = world.backend.stats();
+            out.write(DcdStats {
+                struct_size: size_of::<DcdStats>() as u32,
+                regions: world.backend.region_count() as u32,
+                ticks: stats.ticks,
+                bodies: stats.bodies as u64,
+                replicas: stats.replicas as u64,
+                transfers: stats.transfers,
+                quarantined: stats.quarantined as u64,
+                last_step: stats.last_step.as_secs_f64(),
+            });
+            Ok(())
+        })
+    })
+}
+
+/// Writes the counters as text for people, one per line, NUL-terminated, into `buf` of `cap` bytes; `needed` receives the
+/// size with NUL. `buf` may be null with `cap` 0, to ask for the size.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_stats_text(
+    world: DcdWorld,
+    buf: *mut c_char,
+    cap: usize,
+    needed: *mut usize,
+) -> DcdStatus {
+    guard("dcd_stats_text", || {
+        // SAFETY: the caller vouches for the pointer.
+        let needed = unsafe { Out::new(needed, "needed")? };
+        if cap > 0 {
+            pointer::check(buf, "buf")?;
+        }
+        with(world, |world| {
+            let text = describe(world.backend.region_count(), &world.backend.stats());
+            pointer::fits(text.len() + 1, cap, needed, "buf")?;
+            // SAFETY: not null, and `cap` bytes are enough.
+            unsafe { status::copy_text(&text, buf, cap) };
+            Ok(())
+        })
+    })
+}
+
+/// Computes one number from the pose and velocity of every movable body: equal worlds, equal numbers, whatever the number of
+/// threads.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_state_hash(world: DcdWorld, out: *mut u64) -> DcdStatus {
+    guard("dcd_state_hash", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::new(out, "out")? };
+        with(world, |world| {
+            out.write(world.backend.state_hash());
+            Ok(())
+        })
+    })
+}
+
+fn describe(regions: usize, stats: &Stats) -> String {
+    let mut text = String::new();
+    let rows = [
+        ("ticks", stats.ticks),
+        ("regions", regions as u64),
+        ("bodies", stats.bodies as u64),
+        ("replicas", stats.replicas as u64),
+        ("transfers", stats.transfers),
+        ("quarantined", stats.quarantined as u64),
+    ];
+    for (name, value) in rows {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{name:<12} {value}");
+    }
+    let _ = writeln!(text, "{:<12} {:.3} ms", "last step", stats.last_step.as_secs_f64() * 1e3);
+    text
+}

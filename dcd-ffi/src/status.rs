@@ -1,0 +1,121 @@
+//! Status codes, and the message that goes with a failure.
+
+use std::cell::RefCell;
+use std::ffi::{CStr, c_char};
+
+use dcd::physics::HostError;
+use dcd::runtime::WorldError;
+use dcd::scene::SceneError;
+
+/// What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
+pub type DcdStatus = i32;
+
+/// Done.
+pub const DCD_OK: DcdStatus = 0;
+/// A pointer or a handle that must be given is null.
+pub const DCD_ERR_NULL: DcdStatus = -1;
+/// A handle names nothing here: what it named was destroyed, or belongs to another world.
+pub const DCD_ERR_STALE_ID: DcdStatus = -2;
+/// A struct_size is not that of this library's struct; start from the DCD_…_INIT macro.
+pub const DCD_ERR_STRUCT: DcdStatus = -3;
+/// A value is out of range: NaN, a negative size, an unknown constant, a count above DCD_MAX_ITEMS.
+pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
+/// The caller's memory is too small; the size needed was written.
+pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
+/// Called from within the log callback, where worlds may not be used.
+pub const DCD_ERR_BUSY: DcdStatus = -6;
+/// The header that the program was compiled with does not fit the library it runs with.
+pub const DCD_ERR_VERSION: DcdStatus = -10;
+/// The library has a bug. The world that was called can only be destroyed; other worlds go on.
+pub const DCD_ERR_PANIC: DcdStatus = -11;
+/// The role of this world (see DcdWorldInfo) cannot do this; the message names the role.
+pub const DCD_ERR_UNSUPPORTED: DcdStatus = -12;
+/// A file cannot be read.
+pub const DCD_ERR_IO: DcdStatus = -13;
+/// The system or the world has no more: threads, ids.
+pub const DCD_ERR_LIMIT: DcdStatus = -14;
+
+/// Why a call failed: its code, and a message with the cause and the remedy.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    pub status: DcdStatus,
+    pub message: String,
+}
+
+impl Failure {
+    pub(crate) fn new(status: DcdStatus, message: impl Into<String>) -> Self {
+        Self { status, message: message.into() }
+    }
+
+    pub(crate) fn argument(message: impl Into<String>) -> Self {
+        Self::new(DCD_ERR_ARGUMENT, message)
+    }
+}
+
+impl From<WorldError> for Failure {
+    fn from(error: WorldError) -> Self {
+        let status = match &error {
+            WorldError::NoBody(_) | WorldError::NoJoint(_) => DCD_ERR_STALE_ID,
+            WorldError::Full | WorldError::Host(HostError::Threads { .. }) => DCD_ERR_LIMIT,
+            WorldError::Tree(_) | WorldError::Host(_) | WorldError::Setting { .. } => DCD_ERR_ARGUMENT,
+        };
+        Self::new(status, error.to_string())
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        let status = if matches!(error, SceneError::Read { .. }) { DCD_ERR_IO } else { DCD_ERR_ARGUMENT };
+        Self::new(status, error.to_string())
+    }
+}
+
+thread_local! {
+    static LAST: RefCell<String> = const { RefCell::new(String::new()) };
+}
+
+/// Keeps the message of this thread's last failure.
+pub(crate) fn remember(function: &str, failure: &Failure) {
+    let message = format!("{function}: {}", failure.message);
+    // A thread that is ending has no thread-locals any more; its message has no reader either.
+    let _ = LAST.try_with(|last| *last.borrow_mut() = message);
+}
+
+/// The message of this thread's last failure.
+pub(crate) fn last() -> String {
+    LAST.try_with(|last| last.borrow().clone()).unwrap_or_default()
+}
+
+pub(crate) fn name(status: DcdStatus) -> &'static CStr {
+    match status {
+        DCD_OK => c"DCD_OK",
+        DCD_ERR_NULL => c"DCD_ERR_NULL",
+        DCD_ERR_STALE_ID => c"DCD_ERR_STALE_ID",
+        DCD_ERR_STRUCT => c"DCD_ERR_STRUCT",
+        DCD_ERR_ARGUMENT => c"DCD_ERR_ARGUMENT",
+        DCD_ERR_SMALL_BUFFER => c"DCD_ERR_SMALL_BUFFER",
+        DCD_ERR_BUSY => c"DCD_ERR_BUSY",
+        DCD_ERR_VERSION => c"DCD_ERR_VERSION",
+        DCD_ERR_PANIC => c"DCD_ERR_PANIC",
+        DCD_ERR_UNSUPPORTED => c"DCD_ERR_UNSUPPORTED",
+        DCD_ERR_IO => c"DCD_ERR_IO",
+        DCD_ERR_LIMIT => c"DCD_ERR_LIMIT",
+        _ => c"(no DCD status)",
+    }
+}
+
+/// Copies as much of `text` as fits, cut between characters, and ends it with NUL. Returns the length of the whole.
+///
+/// # Safety
+/// `buf` is null or points to `cap` writable bytes.
+pub(crate) unsafe fn copy_text(text: &str, buf: *mut c_char, cap: usize) -> usize {
+    if !buf.is_null() && cap > 0 {
+        let fits = (0..=text.len().min(cap - 1)).rev().find(|&end| text.is_char_boundary(end)).unwrap_or(0);
+        // SAFETY: `fits` < `cap`, so both the text and its NUL lie within the caller's buffer.
+        unsafe {
+            std::ptr::copy_nonoverlapping(text.as_ptr().cast(), buf, fits);
+            buf.add(fits).write(0);
+        }
+    }
+    text.len()
+}

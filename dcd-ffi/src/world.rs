@@ -1,0 +1,291 @@
+//! Worlds: making, finding, destroying.
+
+use std::ffi::c_char;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use dcd::physics::StepSettings;
+use dcd::runtime::{DcdWorld as LocalWorld, Partitioning, WorldConfig};
+use dcd::scene::{Params, Scene};
+use dcd::space::Bounds;
+use rapier3d::prelude::SharedShape;
+
+use crate::backend::Backend;
+use crate::event::EventBuffers;
+use crate::guard::{guard, guard_value};
+use crate::handle::{Mark, Slots, not_null, stale};
+use crate::log;
+use crate::pointer::{self, Out, Sized32};
+use crate::state::StateBuffers;
+use crate::status::{DCD_ERR_PANIC, DcdStatus, Failure};
+
+/// A world, whatever its role. 0 is null.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DcdWorld {
+    /// Opaque.
+    pub v: u64,
+}
+
+/// What a process is to a world.
+pub type DcdRole = u32;
+
+/// Computes all of it.
+pub const DCD_ROLE_LOCAL: DcdRole = 0;
+
+/// How a local world is made. Start from DCD_WORLD_DEF_INIT.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdWorldDef {
+    /// sizeof(DcdWorldDef).
+    pub struct_size: u32,
+    /// Regions computed at a time, 1 to 1024. 1 computes in the thread that calls dcd_step; 0 is one per region, at most
+    /// one per core.
+    pub threads: u32,
+    /// Regions that the world is cut into, 1 to 64; 0 is 1, or as many as the scene asks for.
+    pub regions: u32,
+    /// Iterations of the solver a step, 1 to 1000. More makes tall stacks stiffer and costs time.
+    pub solver_iterations: u32,
+    /// m/s².
+    pub gravity: [f32; 3],
+    /// Length of a step in seconds, above 0. It belongs to the world: all processes of a cluster share it.
+    pub dt: f32,
+    /// Lowest corner of the box that is cut into regions, metres. Bodies may leave it: outer regions reach to infinity.
+    pub min: [f64; 3],
+    /// Highest corner.
+    pub max: [f64; 3],
+    /// Your own; dcd_world_info gives it back.
+    pub user_data: u64,
+}
+
+/// What a world is. Start from DCD_WORLD_INFO_INIT.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdWorldInfo {
+    /// sizeof(DcdWorldInfo).
+    pub struct_size: u32,
+    /// DCD_ROLE_LOCAL.
+    pub role: DcdRole,
+    /// Steps since the world began.
+    pub tick: u64,
+    /// Your own.
+    pub user_data: u64,
+    /// Regions the world is cut into.
+    pub regions: u32,
+    /// Length of a step, seconds.
+    pub dt: f32,
+    /// m/s².
+    pub gravity: [f32; 3],
+    /// 0.
+    pub reserved: u32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdWorldDef {
+    const NAME: &'static str = "DcdWorldDef";
+}
+// SAFETY: as above.
+unsafe impl Sized32 for DcdWorldInfo {
+    const NAME: &'static str = "DcdWorldInfo";
+}
+
+/// A world with what C needs besides.
+pub(crate) struct World {
+    pub mark: Mark,
+    pub backend: Backend,
+    pub shapes: Slots<SharedShape>,
+    pub states: StateBuffers,
+    pub events: EventBuffers,
+    user_data: u64,
+}
+
+/// One world behind its own lock. `None` once it is destroyed, for calls that waited meanwhile.
+type Cell = Arc<Mutex<Option<World>>>;
+
+static WORLDS: Mutex<Slots<Cell>> = Mutex::new(Slots::new());
+
+fn worlds() -> MutexGuard<'static, Slots<Cell>> {
+    // Nothing that can panic halfway runs under this lock.
+    WORLDS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Calls `work` with the world, after every other call on it.
+pub(crate) fn with<R>(
+    world: DcdWorld,
+    work: impl FnOnce(&mut World) -> Result<R, Failure>,
+) -> Result<R, Failure> {
+    log::check_outside()?;
+    not_null(world.v, "world")?;
+    let cell = worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))?;
+    let mut place = cell.lock().map_err(|_| {
+        Failure::new(DCD_ERR_PANIC, "a bug in dcd stopped an earlier call on this world; destroy it")
+    })?;
+    work(place.as_mut().ok_or_else(|| stale("world", world.v))?)
+}
+
+fn add(backend: Backend, user_data: u64) -> DcdWorld {
+    static COUNT: AtomicU32 = AtomicU32::new(1);
+    let mark = Mark::new(COUNT.fetch_add(1, Ordering::Relaxed));
+    let world = World {
+        mark,
+        backend,
+        shapes: Slots::new(),
+        states: StateBuffers::default(),
+        events: EventBuffers::default(),
+        user_data,
+    };
+    let handle = DcdWorld { v: worlds().insert(Arc::new(Mutex::new(Some(world)))) };
+    tracing::info!(world = handle.v, "world made");
+    handle
+}
+
+/// How many threads are meant; 0 is as many as are of use.
+fn threads(asked: u32, regions: usize) -> usize {
+    match asked {
+        0 => std::thread::available_parallelism().map_or(1, |cores| cores.get()).min(regions),
+        asked => asked as usize,
+    }
+}
+
+/// Makes an empty world that this process computes alone. Destroy it with dcd_world_destroy.
+///
+/// `def` is read during the call. `out` receives the handle.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, DCD_ERR_LIMIT without threads.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut DcdWorld) -> DcdStatus {
+    guard("dcd_world_create", || {
+        // SAFETY: the caller vouches for both pointers.
+        let (def, out) = unsafe { (pointer::read_sized(def, "def")?, Out::new(out, "out")?) };
+        pointer::check_numbers(&def.gravity, "gravity")?;
+        pointer::check_point(&def.min, "min")?;
+        pointer::check_point(&def.max, "max")?;
+        let regions = (def.regions as usize).max(1);
+        let config = WorldConfig {
+            bounds: Bounds::new(def.min, def.max),
+            partitioning: Partitioning::Regions(regions),
+            threads: threads(def.threads, regions),
+            step: StepSettings {
+                gravity: def.gravity,
+                dt_s: def.dt,
+                solver_iterations: def.solver_iterations as usize,
+                ..StepSettings::default()
+            },
+            ..WorldConfig::default()
+        };
+        let backend = Backend::Local(Box::new(LocalWorld::new(config)?));
+        out.write(add(backend, def.user_data));
+        Ok(())
+    })
+}
+
+/// Makes a local world that holds what a scene says: a scene of the library ("tower", "pile", "chain" …) or a file, whose
+/// name ends in ".toml". Body i of the scene is dcd_body_at(world, i).
+///
+/// `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
+/// there are none. Of `def` only threads, regions and user_data count, the scene says the rest; null is
+/// DCD_WORLD_DEF_INIT. Everything is read during the call.
+/// Errors: as dcd_world_create; DCD_ERR_ARGUMENT for an unknown scene or parameter or a wrong file, with the line;
+/// DCD_ERR_IO when the file cannot be read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_world_open_scene(
+    name_or_path: *const c_char,
+    params: *const *const c_char,
+    param_count: usize,
+    def: *const DcdWorldDef,
+    out: *mut DcdWorld,
+) -> DcdStatus {
+    guard("dcd_world_open_scene", || {
+        // SAFETY: the caller vouches for the pointers; the texts are only used during the call.
+        let (name, params, out) = unsafe {
+            let texts = pointer::slice(params, param_count, "params")?;
+            let texts: Vec<&str> =
+                texts.iter().map(|&text| pointer::text(text, "params[i]")).collect::<Result<_, _>>()?;
+            (pointer::text(name_or_path, "name_or_path")?, Params::from_args(texts)?, Out::new(out, "out")?)
+        };
+        let (asked_threads, regions, user_data) = if def.is_null() {
+            (0, 0, 0)
+        } else {
+            // SAFETY: not null; the caller vouches for the rest.
+            let def = unsafe { pointer::read_sized(def, "def")? };
+            (def.threads, def.regions, def.user_data)
+        };
+        let scene = Scene::open(name, &params)?;
+        let mut config = WorldConfig::for_scene(&scene);
+        if regions > 0 {
+            config.partitioning = Partitioning::Regions(regions as usize);
+        }
+        let leaves = config.tree().map_err(dcd::runtime::WorldError::from)?.leaves().count();
+        config.threads = threads(asked_threads, leaves);
+        let backend = Backend::Local(Box::new(LocalWorld::from_scene(&scene, config)?));
+        out.write(add(backend, user_data));
+        Ok(())
+    })
+}
+
+/// Destroys a world with everything in it. Its handles become stale, and what dcd_state_view and dcd_events lent is freed.
+///
+/// A call that runs on the world in another thread is waited for; calls that wait behind it find the world gone.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
+    guard("dcd_world_destroy", || {
+        log::check_outside()?;
+        not_null(world.v, "world")?;
+        let cell = worlds().remove(world.v).ok_or_else(|| stale("world", world.v))?;
+        // A poisoned world is destroyed like any other.
+        let gone = cell.lock().unwrap_or_else(PoisonError::into_inner).take();
+        drop(gone);
+        tracing::info!(world = world.v, "world destroyed");
+        Ok(())
+    })
+}
+
+/// Whether the handle names a world. Never waits.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_world_is_valid(world: DcdWorld) -> bool {
+    guard_value(false, || worlds().get(world.v).is_some())
+}
+
+/// Says what a world is.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo) -> DcdStatus {
+    guard("dcd_world_info", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            out.write(DcdWorldInfo {
+                struct_size: size_of::<DcdWorldInfo>() as u32,
+                role: world.backend.role(),
+                tick: world.backend.tick(),
+                user_data: world.user_data,
+                regions: world.backend.region_count() as u32,
+                dt: world.backend.dt_s(),
+                gravity: world.backend.gravity(),
+                reserved: 0,
+            });
+            Ok(())
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::status::{DCD_ERR_STALE_ID, DCD_OK};
+    use crate::step::dcd_step;
+
+    #[test]
+    fn a_world_that_panicked_can_only_be_destroyed_and_others_go_on() {
+        let local = || Backend::Local(Box::new(LocalWorld::new(WorldConfig::default()).unwrap()));
+        let (broken, other) = (add(local(), 0), add(local(), 0));
+        let status = guard("dcd_test", || with(broken, |_| panic!("a bug")));
+        assert_eq!(status, DCD_ERR_PANIC);
+        assert_eq!(dcd_step(broken), DCD_ERR_PANIC);
+        assert_eq!(dcd_step(other), DCD_OK);
+        assert_eq!(dcd_world_destroy(broken), DCD_OK);
+        assert_eq!(dcd_step(broken), DCD_ERR_STALE_ID);
+        assert_eq!(dcd_world_destroy(other), DCD_OK);
+    }
+}

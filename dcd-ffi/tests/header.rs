@@ -1,0 +1,232 @@
+//! `include/dcd.h` is what cbindgen makes of this crate, no more and no less.
+//!
+//! `UPDATE=1 cargo test -p dcd-ffi --test header` writes it anew.
+
+use std::fmt::Write;
+use std::mem::{offset_of, size_of};
+use std::path::Path;
+
+use dcd_ffi::body::*;
+use dcd_ffi::event::*;
+use dcd_ffi::joint::*;
+use dcd_ffi::motion::*;
+use dcd_ffi::query::*;
+use dcd_ffi::shape::*;
+use dcd_ffi::state::*;
+use dcd_ffi::stats::*;
+use dcd_ffi::types::*;
+use dcd_ffi::world::*;
+
+/// The size of a struct and where its members lie, as Rust has it.
+struct Layout {
+    name: &'static str,
+    size: usize,
+    members: Vec<(&'static str, usize)>,
+}
+
+macro_rules! layouts {
+    ($($name:ident { $($member:ident),+ })+) => {
+        vec![$(Layout {
+            name: stringify!($name),
+            size: size_of::<$name>(),
+            members: vec![$((stringify!($member), offset_of!($name, $member))),+],
+        }),+]
+    };
+}
+
+fn layouts() -> Vec<Layout> {
+    layouts! {
+        DcdWorld { v }
+        DcdBodyId { v }
+        DcdShapeId { v }
+        DcdJointId { v }
+        DcdPose { p, q }
+        DcdVelocity { linear, angular }
+        DcdFrame { p, q }
+        DcdWorldDef { struct_size, threads, regions, solver_iterations, gravity, dt, min, max, user_data }
+        DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, reserved }
+        DcdBodyDef {
+            struct_size, body_type, pose, velocity, shape, density, friction, restitution, linear_damping,
+            angular_damping, gravity_scale, flags, locked, events, force_threshold, groups, mask, user_data
+        }
+        DcdBodyInfo { struct_size, body_type, user_data, mass, region, sleeping, reserved }
+        DcdJointDef {
+            struct_size, joint_type, a, b, frame_a, frame_b, limit, motor_speed, motor_max_force, flags, reserved
+        }
+        DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
+        DcdContact { a, b, user_a, user_b, point, normal, speed, kind, flags, part_a, part_b }
+        DcdContactForce { a, b, user_a, user_b, force, magnitude, part_a, part_b }
+        DcdTransfer { body, user_data, from, to }
+        DcdEventView {
+            struct_size, reserved, tick, contacts, contact_count, forces, force_count, transfers, transfer_count
+        }
+        DcdRay { origin, direction, max_distance, exclude, mask, reserved }
+        DcdRayHit { body, user_data, point, normal, distance }
+        DcdRegionInfo { region, bodies, replicas, reserved, min, max }
+        DcdStats { struct_size, regions, ticks, bodies, replicas, transfers, quarantined, last_step }
+    }
+}
+
+const MACROS: &str = "
+/* What each struct starts from. */
+
+/* One region, as many threads as are of use, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
+#define DCD_WORLD_DEF_INIT \\
+    { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \\
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0 }
+
+/* A dynamic body as dense as water at the origin. */
+#define DCD_BODY_DEF_INIT \\
+    { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.5f, 0.0f, 0.0f, 0.0f, 1.0f, \\
+      0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0 }
+
+/* A fixed joint that brings the origins of two bodies together. */
+#define DCD_JOINT_DEF_INIT \\
+    { (uint32_t)sizeof(DcdJointDef), DCD_JOINT_FIXED, { 0 }, { 0 }, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0 }
+
+/* Structs that are written by the library. */
+#define DCD_WORLD_INFO_INIT \\
+    { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
+#define DCD_BODY_INFO_INIT \\
+    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, 0.0f, 0, false, { 0, 0, 0, 0, 0, 0, 0 } }
+#define DCD_STATE_VIEW_INIT \\
+    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
+#define DCD_EVENT_VIEW_INIT \\
+    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0 }
+#define DCD_STATS_INIT \\
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0.0 }
+
+/* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
+static inline DcdStatus dcd_version_check(void)
+{
+    return dcd_version() / 1000u == DCD_VERSION / 1000u ? DCD_OK : DCD_ERR_VERSION;
+}
+";
+
+fn versions() -> String {
+    let [major, minor, patch] =
+        [env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"), env!("CARGO_PKG_VERSION_PATCH")];
+    format!(
+        "\n\n/* The version of this header; compare with dcd_version() by dcd_version_check(). */\n\
+         #define DCD_VERSION_MAJOR {major}u\n#define DCD_VERSION_MINOR {minor}u\n#define DCD_VERSION_PATCH {patch}u\n\
+         #define DCD_VERSION (DCD_VERSION_MAJOR * 1000000u + DCD_VERSION_MINOR * 1000u + DCD_VERSION_PATCH)"
+    )
+}
+
+/// Compile-time checks that C lays the structs out as Rust does.
+fn asserts() -> String {
+    let mut text = String::from(
+        "\n/* The library's own layout, on 64-bit systems: a compiler that differs says so here. */\n\
+         #if UINTPTR_MAX == 0xFFFFFFFFFFFFFFFFu\n\
+         #ifdef __cplusplus\n#define DCD_ASSERT_(what) static_assert(what, #what)\n\
+         #else\n#define DCD_ASSERT_(what) _Static_assert(what, #what)\n#endif\n",
+    );
+    for Layout { name, size, members } in layouts() {
+        writeln!(text, "DCD_ASSERT_(sizeof({name}) == {size});").unwrap();
+        for (member, offset) in members {
+            writeln!(text, "DCD_ASSERT_(offsetof({name}, {member}) == {offset});").unwrap();
+        }
+    }
+    text + "#undef DCD_ASSERT_\n#endif\n\n#endif /* DCD_H */"
+}
+
+fn generate() -> String {
+    let crate_dir = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut config =
+        cbindgen::Config::from_file(crate_dir.join("cbindgen.toml")).expect("cbindgen.toml is right");
+    config.after_includes.as_mut().expect("cbindgen.toml has it").push_str(&versions());
+    config.trailer = Some(format!("{MACROS}{}", asserts()));
+    let bindings = cbindgen::Builder::new()
+        .with_config(config)
+        .with_src(crate_dir.join("src/lib.rs"))
+        .generate()
+        .expect("the crate parses");
+    let mut text = Vec::new();
+    bindings.write(&mut text);
+    let text = String::from_utf8(text).expect("C is text");
+    let plain = |line: &str| {
+        let words: Vec<_> = line.split(' ').collect();
+        match words[..] {
+            ["typedef", "struct", ..] => format!("{line}\n"),
+            // A macro stands in any expression.
+            ["#define", name, value] if value.starts_with('-') => format!("#define {name} ({value})\n"),
+            // Every struct is a typedef before it is used, so its uses need no `struct`.
+            _ => line.replace("struct Dcd", "Dcd") + "\n",
+        }
+    };
+    text.lines().map(plain).collect()
+}
+
+fn path() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../include/dcd.h")
+}
+
+#[test]
+fn the_committed_header_is_the_generated_one() {
+    let generated = generate();
+    if std::env::var_os("UPDATE").is_some() {
+        std::fs::create_dir_all(path().parent().unwrap()).unwrap();
+        std::fs::write(path(), &generated).unwrap();
+    }
+    let committed = std::fs::read_to_string(path()).unwrap_or_default();
+    let differs = committed.lines().zip(generated.lines()).position(|(a, b)| a != b);
+    assert!(
+        committed == generated,
+        "include/dcd.h differs from dcd-ffi from line {} on; run UPDATE=1 cargo test -p dcd-ffi --test header",
+        differs.map_or(committed.lines().count(), |line| line + 1)
+    );
+}
+
+#[test]
+fn every_struct_of_the_header_has_its_layout_asserted() {
+    let header = generate();
+    let known: Vec<_> = layouts().iter().map(|layout| layout.name).collect();
+    let structs: Vec<_> = header.lines().filter_map(|line| line.strip_prefix("typedef struct ")).collect();
+    assert_eq!(structs.len(), known.len());
+    for name in structs {
+        let name = name.trim_end_matches(" {");
+        assert!(known.contains(&name), "{name} is missing in `layouts`");
+    }
+}
+
+#[test]
+fn no_struct_has_padding_that_a_program_could_leave_undefined() {
+    // Members end where the next begins: seen from the header's types.
+    let header = generate();
+    for layout in layouts() {
+        let body = header.split(&format!("typedef struct {} {{", layout.name)).nth(1).expect("it is there");
+        let body = &body[..body.find('}').expect("it ends")];
+        let mut end = 0;
+        for (line, (member, offset)) in body
+            .lines()
+            .map(str::trim)
+            .filter(|line| line.ends_with(';') && !line.starts_with("//"))
+            .zip(&layout.members)
+        {
+            assert_eq!(end, *offset, "{}.{member} follows a gap", layout.name);
+            end += size_of_member(line);
+        }
+        assert_eq!(end, layout.size, "{} ends with a gap", layout.name);
+    }
+}
+
+/// The size of a member by its declaration, as `float q[4];`.
+fn size_of_member(declaration: &str) -> usize {
+    let declaration = declaration.trim_end_matches(';').trim_start_matches("struct ");
+    let (name, count) = match declaration.split_once('[') {
+        Some((name, count)) => (name, count.trim_end_matches(']').parse().expect("a number of entries")),
+        None => (declaration, 1),
+    };
+    let kind = name.split_whitespace().next().expect("a type");
+    let size = match kind {
+        _ if name.contains('*') => size_of::<usize>(),
+        "uint8_t" | "bool" => 1,
+        "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdRole" => 4,
+        "double" | "uint64_t" | "size_t" => 8,
+        name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
+    };
+    size * count
+}

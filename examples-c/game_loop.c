@@ -1,0 +1,139 @@
+/* The loop of a game around a world: frames of uneven length, steps of fixed length, and drawing between two of them.
+ *
+ * The frames are simulated, so that the program needs no clock and always prints the same. A real game takes the length of
+ * its last frame from its own clock and draws where this program prints. */
+#include "dcd.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { FRAMES = 300, SIDE = 4, BALLS = SIDE * SIDE };
+
+static void check(DcdStatus status)
+{
+    if (status != DCD_OK) {
+        char message[512];
+        dcd_last_error(message, sizeof message);
+        fprintf(stderr, "%s: %s\n", dcd_status_string(status), message);
+        exit(EXIT_FAILURE);
+    }
+}
+
+/* The length of a frame in seconds: about 1/75, sometimes three times that. */
+static double frame_length(int frame)
+{
+    return frame % 50 == 49 ? 3.0 / 75.0 : (1.0 + 0.1 * (frame % 3 - 1)) / 75.0;
+}
+
+static double mix(double a, double b, double t)
+{
+    return a + (b - a) * t;
+}
+
+static void fill(DcdWorld world)
+{
+    const float ground_half[3] = { 20.0f, 0.5f, 20.0f };
+    DcdShapeId shape;
+    DcdBodyId id;
+
+    check(dcd_shape_box(world, ground_half, &shape));
+    DcdBodyDef ground = DCD_BODY_DEF_INIT;
+    ground.body_type = DCD_FIXED;
+    ground.shape = shape;
+    ground.pose.p[1] = -0.5;
+    check(dcd_body_create(world, &ground, &id));
+
+    check(dcd_shape_sphere(world, 0.25f, &shape));
+    for (int i = 0; i < BALLS; i++) {
+        DcdBodyDef ball = DCD_BODY_DEF_INIT;
+        ball.shape = shape;
+        ball.restitution = 0.5f;
+        ball.pose.p[0] = i % SIDE - 1.5;
+        ball.pose.p[1] = 2.0 + 0.25 * i;
+        ball.pose.p[2] = i / SIDE - 1.5; /* NOLINT: whole rows are meant */
+        ball.velocity.linear[0] = ball.pose.p[0] > 0.0 ? -1.0f : 1.0f; /* towards the border at x = 0 */
+        ball.events = DCD_EVENT_CONTACT;
+        ball.user_data = (uint64_t)i;
+        check(dcd_body_create(world, &ball, &id));
+    }
+}
+
+int main(void)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    def.regions = 4;
+    DcdWorld world;
+    check(dcd_world_create(&def, &world));
+    fill(world);
+
+    /* Two views: the world after the last step and after the one before. Both stay readable, without copying, until the
+     * step after next begins, which is when they are taken anew. */
+    DcdStateView before = DCD_STATE_VIEW_INIT, now = DCD_STATE_VIEW_INIT;
+    check(dcd_state_view(world, &now));
+    before = now;
+
+    double owed = 0.0; /* time that has passed and is not simulated yet */
+    double highest = 0.0;
+    unsigned steps = 0, began = 0, ended = 0, transfers = 0;
+    for (int frame = 0; frame < FRAMES; frame++) {
+        owed += frame_length(frame);
+        while (owed >= (double)def.dt) {
+            owed -= (double)def.dt;
+            check(dcd_step(world));
+            steps++;
+
+            before = now;
+            check(dcd_state_view(world, &now));
+
+            DcdEventView events = DCD_EVENT_VIEW_INIT;
+            check(dcd_events(world, &events));
+            for (size_t i = 0; i < events.contact_count; i++) {
+                const DcdContact *contact = &events.contacts[i];
+                if (contact->kind == DCD_CONTACT_BEGAN) {
+                    began++; /* play a sound, as loud as contact->speed */
+                } else {
+                    ended++;
+                }
+            }
+            transfers += (unsigned)events.transfer_count;
+        }
+
+        /* Draw what lies between the two last steps. Both views have the same bodies here; a game that makes and destroys
+         * bodies matches before.ids with now.ids. */
+        double t = owed / (double)def.dt;
+        highest = 0.0;
+        for (size_t i = 0; i < now.count; i++) {
+            double y = mix(before.poses[i].p[1], now.poses[i].p[1], t);
+            highest = y > highest ? y : highest;
+        }
+        if (frame % 60 == 59) {
+            printf("frame %3d, tick %3u: highest ball at %.2f m\n", frame, (unsigned)now.tick, highest);
+        }
+    }
+
+    /* Some bodies by name: here every fourth, into a struct of the game's own. */
+    struct Sprite {
+        uint32_t colour;
+        DcdPose pose;
+    } sprites[BALLS / 4];
+    DcdBodyId ids[BALLS / 4];
+    for (int i = 0; i < BALLS / 4; i++) {
+        ids[i] = now.ids[4 * i];
+    }
+    check(dcd_state_read(world, ids, BALLS / 4, DCD_FIELD_POSE, &sprites[0].pose, sizeof sprites[0], NULL));
+
+    /* What is under the first of them? */
+    DcdRay ray = { { 0.0, 0.0, 0.0 }, { 0.0f, -1.0f, 0.0f }, 100.0f, { 0 }, 0xFFFFFFFFu, 0 };
+    for (int axis = 0; axis < 3; axis++) {
+        ray.origin[axis] = sprites[0].pose.p[axis];
+    }
+    ray.exclude = ids[0];
+    DcdRayHit hit;
+    check(dcd_cast_rays(world, &ray, 1, &hit));
+    printf("ball 0 is %.2f m above %s\n", (double)hit.distance, hit.body.v != 0 ? "something" : "nothing");
+
+    printf("%d frames, %u steps, %u contacts began, %u ended, %u transfers\n", FRAMES, steps, began, ended,
+           transfers);
+    check(dcd_world_destroy(world));
+    return EXIT_SUCCESS;
+}

@@ -1,0 +1,1091 @@
+/* dcd: one rigid-body world, computed by many Rapier worlds.
+ *
+ * Calls. Every function returns a DcdStatus, DCD_OK or a negative code, and writes its outputs only on success; the few
+ * others say so. dcd_last_error() gives the message of the calling thread's last failure: function, cause, remedy.
+ *
+ * Handles. Worlds, bodies, shapes and joints are opaque numbers in a struct; { 0 } is null. A handle whose thing is gone, or
+ * that belongs to another world, gives DCD_ERR_STALE_ID, for ever; a null one gives DCD_ERR_NULL.
+ *
+ * Structs. Those that begin with struct_size may grow in later versions. Start from their _INIT macro:
+ *     DcdBodyDef def = DCD_BODY_DEF_INIT;
+ * Members named reserved are 0. Values outside their range are DCD_ERR_ARGUMENT.
+ *
+ * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set). They
+ * must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
+ *
+ * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
+ * turn. Calls on different worlds run side by side. From within the log callback every call on a world is DCD_ERR_BUSY.
+ *
+ * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC. The world it happened in answers every later call so, and
+ * can be destroyed; everything else goes on.
+ *
+ * Units. Metres, kilograms, seconds, newtons, radians. Positions in world space are double, all else is float. Vectors are
+ * x, y, z; y is up by default. Quaternions are x, y, z, w.
+ */
+#ifndef DCD_H
+#define DCD_H
+
+
+/* Generated from dcd-ffi by cbindgen; write it anew with: UPDATE=1 cargo test -p dcd-ffi --test header */
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* DCD_SHARED: define it on Windows when linking to the shared library. */
+#if defined(_WIN32) && defined(DCD_SHARED)
+#define DCD_API __declspec(dllimport)
+#else
+#define DCD_API
+#endif
+
+/* The version of this header; compare with dcd_version() by dcd_version_check(). */
+#define DCD_VERSION_MAJOR 0u
+#define DCD_VERSION_MINOR 1u
+#define DCD_VERSION_PATCH 0u
+#define DCD_VERSION (DCD_VERSION_MAJOR * 1000000u + DCD_VERSION_MINOR * 1000u + DCD_VERSION_PATCH)
+
+// Most items of one bulk call.
+#define DCD_MAX_ITEMS 16777216
+
+// Every number given as a float lies within plus and minus this, where its function does not say otherwise: what is beyond
+// would not stay finite in single precision.
+#define DCD_MAX_NUMBER 1.0e6
+
+// Every coordinate in world space lies within plus and minus this, metres.
+#define DCD_MAX_COORDINATE 1.0e9
+
+// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
+#define DCD_MIN_SIZE 1.0e-4
+
+// In DcdBodyDef.flags: never jumps through thin or moving bodies, at some cost.
+#define DCD_BODY_CCD 1
+
+// In DcdBodyDef.flags: detects and does not push.
+#define DCD_BODY_SENSOR 2
+
+// In DcdBodyDef.flags: does not fall asleep by itself.
+#define DCD_BODY_NO_SLEEP 4
+
+// In DcdBodyDef.flags: sleeps until something wakes it.
+#define DCD_BODY_ASLEEP 8
+
+// In DcdBodyDef.events: dcd_events tells of contacts that begin and end.
+#define DCD_EVENT_CONTACT 1
+
+// In DcdBodyDef.events: dcd_events tells of contacts that press harder than force_threshold.
+#define DCD_EVENT_FORCE 2
+
+// In DcdBodyDef.locked: no movement along x.
+#define DCD_LOCK_X 1
+
+// In DcdBodyDef.locked: no movement along y.
+#define DCD_LOCK_Y 2
+
+// In DcdBodyDef.locked: no movement along z.
+#define DCD_LOCK_Z 4
+
+// In DcdBodyDef.locked: no turning about x.
+#define DCD_LOCK_TURN_X 8
+
+// In DcdBodyDef.locked: no turning about y.
+#define DCD_LOCK_TURN_Y 16
+
+// In DcdBodyDef.locked: no turning about z.
+#define DCD_LOCK_TURN_Z 32
+
+// As DcdBodyInfo.region of a fixed body, which has no owner.
+#define DCD_NO_REGION UINT32_MAX
+
+// In DcdJointDef.flags: `limit` counts.
+#define DCD_JOINT_LIMIT 1
+
+// In DcdJointDef.flags: the motor runs.
+#define DCD_JOINT_MOTOR 2
+
+// In DcdJointDef.flags: the two bodies collide with one another too.
+#define DCD_JOINT_COLLIDE 4
+
+// In DcdStateView.flags: the body sleeps.
+#define DCD_STATE_SLEEPING 1
+
+// In DcdContact.kind: two bodies began to touch.
+#define DCD_CONTACT_BEGAN 0
+
+// In DcdContact.kind: they ceased to.
+#define DCD_CONTACT_ENDED 1
+
+// In DcdContact.flags: one of them is a sensor.
+#define DCD_CONTACT_SENSOR 1
+
+// What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
+typedef int32_t DcdStatus;
+
+// How grave a log line is; DCD_LOG_OFF to DCD_LOG_TRACE.
+typedef uint32_t DcdLogLevel;
+
+// Receives log lines: `user` as given, the level, `length` bytes of UTF-8 that end without NUL and are valid during the
+// call. Any thread may call it, several at a time. It must return normally (no longjmp, no C++ exception), and calls on
+// worlds from within it give DCD_ERR_BUSY.
+typedef void (*DcdLogFn)(void *user, DcdLogLevel level, const char *message, size_t length);
+
+// How a local world is made. Start from DCD_WORLD_DEF_INIT.
+typedef struct DcdWorldDef {
+    // sizeof(DcdWorldDef).
+    uint32_t struct_size;
+    // Regions computed at a time, 1 to 1024. 1 computes in the thread that calls dcd_step; 0 is one per region, at most
+    // one per core.
+    uint32_t threads;
+    // Regions that the world is cut into, 1 to 64; 0 is 1, or as many as the scene asks for.
+    uint32_t regions;
+    // Iterations of the solver a step, 1 to 1000. More makes tall stacks stiffer and costs time.
+    uint32_t solver_iterations;
+    // m/s².
+    float gravity[3];
+    // Length of a step in seconds, above 0. It belongs to the world: all processes of a cluster share it.
+    float dt;
+    // Lowest corner of the box that is cut into regions, metres. Bodies may leave it: outer regions reach to infinity.
+    double min[3];
+    // Highest corner.
+    double max[3];
+    // Your own; dcd_world_info gives it back.
+    uint64_t user_data;
+} DcdWorldDef;
+
+// A world, whatever its role. 0 is null.
+typedef struct DcdWorld {
+    // Opaque.
+    uint64_t v;
+} DcdWorld;
+
+// What a process is to a world.
+typedef uint32_t DcdRole;
+
+// What a world is. Start from DCD_WORLD_INFO_INIT.
+typedef struct DcdWorldInfo {
+    // sizeof(DcdWorldInfo).
+    uint32_t struct_size;
+    // DCD_ROLE_LOCAL.
+    DcdRole role;
+    // Steps since the world began.
+    uint64_t tick;
+    // Your own.
+    uint64_t user_data;
+    // Regions the world is cut into.
+    uint32_t regions;
+    // Length of a step, seconds.
+    float dt;
+    // m/s².
+    float gravity[3];
+    // 0.
+    uint32_t reserved;
+} DcdWorldInfo;
+
+// A shape of one world. 0 is null.
+typedef struct DcdShapeId {
+    // Opaque.
+    uint64_t v;
+} DcdShapeId;
+
+// A place and a turn relative to a body or a shape.
+typedef struct DcdFrame {
+    // Metres.
+    float p[3];
+    // Unit quaternion x, y, z, w (to 0.001).
+    float q[4];
+} DcdFrame;
+
+// How a body moves.
+typedef uint32_t DcdBodyType;
+
+// A place and a turn in world space.
+typedef struct DcdPose {
+    // Position of the body's origin, metres.
+    double p[3];
+    // Unit quaternion x, y, z, w (to 0.001).
+    float q[4];
+} DcdPose;
+
+// How a body moves, in world axes.
+typedef struct DcdVelocity {
+    // Of the centre of mass, m/s.
+    float linear[3];
+    // rad/s.
+    float angular[3];
+} DcdVelocity;
+
+// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`.
+typedef struct DcdBodyDef {
+    // sizeof(DcdBodyDef).
+    uint32_t struct_size;
+    // DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    DcdBodyType body_type;
+    // Where it starts.
+    DcdPose pose;
+    // How it moves at first.
+    DcdVelocity velocity;
+    // Of the same world. Two bodies may share one.
+    DcdShapeId shape;
+    // kg/m³, above 0 for a dynamic body.
+    float density;
+    // Coulomb coefficient, 0 or more; two bodies in contact use the mean.
+    float friction;
+    // 0 (no bounce) to 1 (all of the speed); two bodies in contact use the mean.
+    float restitution;
+    // Slows movement down: 1/s, 0 or more.
+    float linear_damping;
+    // Slows turning down: 1/s, 0 or more.
+    float angular_damping;
+    // Factor on gravity.
+    float gravity_scale;
+    // DCD_BODY_… bits.
+    uint32_t flags;
+    // DCD_LOCK_… bits: axes of the world that a dynamic body does not follow.
+    uint32_t locked;
+    // DCD_EVENT_… bits. A contact is told of when either body asks for it.
+    uint32_t events;
+    // Newtons above which DCD_EVENT_FORCE tells, 0 or more.
+    float force_threshold;
+    // Groups that the body belongs to, as bits.
+    uint32_t groups;
+    // Groups that it meets. Two bodies collide when each meets a group of the other.
+    uint32_t mask;
+    // Your own; events, views and ray hits carry it.
+    uint64_t user_data;
+} DcdBodyDef;
+
+// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
+// is stale in this one. It holds in this process only.
+typedef struct DcdBodyId {
+    // Opaque.
+    uint64_t v;
+} DcdBodyId;
+
+// What a body is now. Start from DCD_BODY_INFO_INIT.
+typedef struct DcdBodyInfo {
+    // sizeof(DcdBodyInfo).
+    uint32_t struct_size;
+    // DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    DcdBodyType body_type;
+    // Your own.
+    uint64_t user_data;
+    // Kilograms; 0 for a fixed body.
+    float mass;
+    // The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body.
+    uint32_t region;
+    // Whether it sleeps: it costs nothing until something wakes it.
+    bool sleeping;
+    // 0.
+    uint8_t reserved[7];
+} DcdBodyInfo;
+
+// What a joint lets free.
+typedef uint32_t DcdJointType;
+
+// How a joint is made. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
+typedef struct DcdJointDef {
+    // sizeof(DcdJointDef).
+    uint32_t struct_size;
+    // DCD_JOINT_FIXED, _REVOLUTE, _PRISMATIC or _SPHERICAL.
+    DcdJointType joint_type;
+    // First body.
+    DcdBodyId a;
+    // Second body, another one.
+    DcdBodyId b;
+    // Where the joint sits on `a`; it brings the two frames together.
+    DcdFrame frame_a;
+    // Where it sits on `b`.
+    DcdFrame frame_b;
+    // Lowest and highest angle or distance of `b` seen from `a`, with DCD_JOINT_LIMIT.
+    float limit[2];
+    // Speed that the motor tries to keep, with DCD_JOINT_MOTOR.
+    float motor_speed;
+    // Most force or torque of the motor: finite, 0 or more.
+    float motor_max_force;
+    // DCD_JOINT_LIMIT, _MOTOR, _COLLIDE bits.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdJointDef;
+
+// A joint. 0 is null; an id is never given again.
+typedef struct DcdJointId {
+    // Opaque.
+    uint64_t v;
+} DcdJointId;
+
+// Every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
+// made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
+typedef struct DcdStateView {
+    // sizeof(DcdStateView).
+    uint32_t struct_size;
+    // 0.
+    uint32_t reserved;
+    // After which step.
+    uint64_t tick;
+    // Length of each array.
+    size_t count;
+    // Which bodies.
+    const DcdBodyId *ids;
+    // Where they are.
+    const DcdPose *poses;
+    // How they move.
+    const DcdVelocity *velocities;
+    // Your own.
+    const uint64_t *user_data;
+    // DCD_STATE_… bits.
+    const uint32_t *flags;
+    // Their owners, as in DcdRegionInfo.
+    const uint32_t *regions;
+} DcdStateView;
+
+// What dcd_state_read and dcd_state_write copy.
+typedef uint32_t DcdField;
+
+// Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it.
+typedef struct DcdContact {
+    // The body made first. It is stale when it was destroyed since.
+    DcdBodyId a;
+    // The other one.
+    DcdBodyId b;
+    // Your own of `a`.
+    uint64_t user_a;
+    // Your own of `b`.
+    uint64_t user_b;
+    // Where, in world space, metres; 0 for ends.
+    double point[3];
+    // From a to b, of length 1; 0 for sensors and ends.
+    float normal[3];
+    // At which they approached, m/s; 0 for ends.
+    float speed;
+    // DCD_CONTACT_BEGAN or DCD_CONTACT_ENDED.
+    uint32_t kind;
+    // DCD_CONTACT_… bits.
+    uint32_t flags;
+    // Which shape of `a`, from 0: bodies of scenes may have several.
+    uint32_t part_a;
+    // Which shape of `b`.
+    uint32_t part_b;
+} DcdContact;
+
+// A contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
+typedef struct DcdContactForce {
+    // The body made first.
+    DcdBodyId a;
+    // The other one.
+    DcdBodyId b;
+    // Your own of `a`.
+    uint64_t user_a;
+    // Your own of `b`.
+    uint64_t user_b;
+    // Sum of the forces on `b`, newtons, world axes.
+    float force[3];
+    // Sum of their magnitudes, newtons.
+    float magnitude;
+    // Which shape of `a`, from 0.
+    uint32_t part_a;
+    // Which shape of `b`.
+    uint32_t part_b;
+} DcdContactForce;
+
+// A body has another owner than after the step before.
+typedef struct DcdTransfer {
+    // Which body.
+    DcdBodyId body;
+    // Your own.
+    uint64_t user_data;
+    // The region that owned it.
+    uint32_t from;
+    // The region that owns it now.
+    uint32_t to;
+} DcdTransfer;
+
+// What happened in the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
+typedef struct DcdEventView {
+    // sizeof(DcdEventView).
+    uint32_t struct_size;
+    // 0.
+    uint32_t reserved;
+    // After which step.
+    uint64_t tick;
+    // Contacts that began or ended, by bodies.
+    const DcdContact *contacts;
+    // How many.
+    size_t contact_count;
+    // Contacts that pressed hard, by bodies.
+    const DcdContactForce *forces;
+    // How many.
+    size_t force_count;
+    // Bodies that changed owner.
+    const DcdTransfer *transfers;
+    // How many.
+    size_t transfer_count;
+} DcdEventView;
+
+// A ray.
+typedef struct DcdRay {
+    // Where it starts, world space, metres.
+    double origin[3];
+    // Where it goes, of any length above 0.
+    float direction[3];
+    // How far, metres, above 0; INFINITY is allowed.
+    float max_distance;
+    // A body that it passes through, as the one that looks; null for none.
+    DcdBodyId exclude;
+    // Groups that it meets, as in DcdBodyDef.groups; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // 0.
+    uint32_t reserved;
+} DcdRay;
+
+// The first body that a ray met.
+typedef struct DcdRayHit {
+    // Which; null when the ray met nothing, and then all else is 0.
+    DcdBodyId body;
+    // Its user data.
+    uint64_t user_data;
+    // Where, world space, metres.
+    double point[3];
+    // Outward, of length 1; 0 when the ray starts inside the body.
+    float normal[3];
+    // From the origin, metres.
+    float distance;
+} DcdRayHit;
+
+// A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
+typedef struct DcdRegionInfo {
+    // Its number in the tree of regions; numbers need not be dense.
+    uint32_t region;
+    // Bodies that it owns.
+    uint32_t bodies;
+    // Bodies of its neighbours that it computes along, since they are near.
+    uint32_t replicas;
+    // 0.
+    uint32_t reserved;
+    // Lowest corner, inside, metres.
+    double min[3];
+    // Highest corner, outside, metres.
+    double max[3];
+} DcdRegionInfo;
+
+// Counters of a world. Start from DCD_STATS_INIT.
+typedef struct DcdStats {
+    // sizeof(DcdStats).
+    uint32_t struct_size;
+    // Regions that the world is cut into.
+    uint32_t regions;
+    // Steps done.
+    uint64_t ticks;
+    // Movable bodies.
+    uint64_t bodies;
+    // Copies of bodies held by regions that do not own them.
+    uint64_t replicas;
+    // Bodies that changed owner in a step, ever.
+    uint64_t transfers;
+    // Copies set aside because their numbers were not finite; 0 unless something is wrong.
+    uint64_t quarantined;
+    // Wall time of the last step, seconds.
+    double last_step;
+} DcdStats;
+
+// Nothing.
+#define DCD_LOG_OFF 0
+
+// Something failed.
+#define DCD_LOG_ERROR 1
+
+// Something is not as it should be.
+#define DCD_LOG_WARN 2
+
+// What happened at large.
+#define DCD_LOG_INFO 3
+
+// What happened in detail; every failed call.
+#define DCD_LOG_DEBUG 4
+
+// Everything.
+#define DCD_LOG_TRACE 5
+
+// Done.
+#define DCD_OK 0
+
+// A pointer or a handle that must be given is null.
+#define DCD_ERR_NULL (-1)
+
+// A handle names nothing here: what it named was destroyed, or belongs to another world.
+#define DCD_ERR_STALE_ID (-2)
+
+// A struct_size is not that of this library's struct; start from the DCD_…_INIT macro.
+#define DCD_ERR_STRUCT (-3)
+
+// A value is out of range: NaN, a negative size, an unknown constant, a count above DCD_MAX_ITEMS.
+#define DCD_ERR_ARGUMENT (-4)
+
+// The caller's memory is too small; the size needed was written.
+#define DCD_ERR_SMALL_BUFFER (-5)
+
+// Called from within the log callback, where worlds may not be used.
+#define DCD_ERR_BUSY (-6)
+
+// The header that the program was compiled with does not fit the library it runs with.
+#define DCD_ERR_VERSION (-10)
+
+// The library has a bug. The world that was called can only be destroyed; other worlds go on.
+#define DCD_ERR_PANIC (-11)
+
+// The role of this world (see DcdWorldInfo) cannot do this; the message names the role.
+#define DCD_ERR_UNSUPPORTED (-12)
+
+// A file cannot be read.
+#define DCD_ERR_IO (-13)
+
+// The system or the world has no more: threads, ids.
+#define DCD_ERR_LIMIT (-14)
+
+// Computes all of it.
+#define DCD_ROLE_LOCAL 0
+
+// Never. Ground and walls.
+#define DCD_FIXED 0
+
+// By forces.
+#define DCD_DYNAMIC 1
+
+// At the velocity that you give, whatever it meets. Doors and lifts.
+#define DCD_KINEMATIC 2
+
+// Nothing: the frames stay together.
+#define DCD_JOINT_FIXED 0
+
+// Turning about the frames' x axis. Limits in radians, motor in rad/s and N m.
+#define DCD_JOINT_REVOLUTE 1
+
+// Sliding along the frames' x axis. Limits in metres, motor in m/s and N.
+#define DCD_JOINT_PRISMATIC 2
+
+// Turning about every axis. Limits in radians hold for each of the three; no motor.
+#define DCD_JOINT_SPHERICAL 3
+
+// A DcdPose.
+#define DCD_FIELD_POSE 0
+
+// A DcdVelocity.
+#define DCD_FIELD_VELOCITY 1
+
+// A uint64_t.
+#define DCD_FIELD_USER_DATA 2
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+// The version of the library that runs: major * 1000000 + minor * 1000 + patch. The header's own is DCD_VERSION;
+// dcd_version_check() compares them.
+DCD_API uint32_t dcd_version(void);
+
+// The same as text, as "0.1.0". Lives as long as the program.
+DCD_API const char *dcd_version_string(void);
+
+// The name of a status, as "DCD_ERR_NULL"; "(no DCD status)" for other numbers. Lives as long as the program.
+DCD_API const char *dcd_status_string(DcdStatus status);
+
+// Copies the message of the calling thread's last failed call: the function, the cause, the remedy. At most `cap` bytes
+// are written, NUL included; a longer message is cut. Calls that succeed leave the message as it is.
+//
+// Returns the length of the whole message without NUL, 0 if no call failed yet. `buf` may be null to ask for it.
+DCD_API size_t dcd_last_error(char *buf, size_t cap);
+
+// Sends log lines up to the level `most` to `function`, with `user` as its first argument; a null function turns the log
+// off. When this returns, the former function is not running and will not be called again.
+//
+// One function serves the whole process. Errors: DCD_ERR_ARGUMENT for an unknown level, DCD_ERR_BUSY from within the
+// callback.
+DCD_API DcdStatus dcd_log_set(DcdLogFn function, void *user, DcdLogLevel most);
+
+// Makes an empty world that this process computes alone. Destroy it with dcd_world_destroy.
+//
+// `def` is read during the call. `out` receives the handle.
+// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, DCD_ERR_LIMIT without threads.
+DCD_API DcdStatus dcd_world_create(const DcdWorldDef *def, DcdWorld *out);
+
+// Makes a local world that holds what a scene says: a scene of the library ("tower", "pile", "chain" …) or a file, whose
+// name ends in ".toml". Body i of the scene is dcd_body_at(world, i).
+//
+// `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
+// there are none. Of `def` only threads, regions and user_data count, the scene says the rest; null is
+// DCD_WORLD_DEF_INIT. Everything is read during the call.
+// Errors: as dcd_world_create; DCD_ERR_ARGUMENT for an unknown scene or parameter or a wrong file, with the line;
+// DCD_ERR_IO when the file cannot be read.
+DCD_API
+DcdStatus dcd_world_open_scene(const char *name_or_path,
+                               const char *const *params,
+                               size_t param_count,
+                               const DcdWorldDef *def,
+                               DcdWorld *out);
+
+// Destroys a world with everything in it. Its handles become stale, and what dcd_state_view and dcd_events lent is freed.
+//
+// A call that runs on the world in another thread is waited for; calls that wait behind it find the world gone.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
+DCD_API DcdStatus dcd_world_destroy(DcdWorld world);
+
+// Whether the handle names a world. Never waits.
+DCD_API bool dcd_world_is_valid(DcdWorld world);
+
+// Says what a world is.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
+
+// Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
+//
+// This and the other shape functions copy what they read, and write the new handle to `out`. A shape belongs to its world;
+// bodies keep what they need of it, so it may be destroyed before them.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a size out of range.
+DCD_API DcdStatus dcd_shape_box(DcdWorld world, const float *half, DcdShapeId *out);
+
+// Makes a ball around its origin. Errors: as dcd_shape_box.
+DCD_API DcdStatus dcd_shape_sphere(DcdWorld world, float radius, DcdShapeId *out);
+
+// Makes a capsule along y: a cylinder of 2 × `half_height` with a half ball of `radius` at either end. Errors: as
+// dcd_shape_box.
+DCD_API DcdStatus dcd_shape_capsule(DcdWorld world, float half_height, float radius, DcdShapeId *out);
+
+// Makes a cylinder along y, from -half_height to half_height. Errors: as dcd_shape_box.
+DCD_API DcdStatus dcd_shape_cylinder(DcdWorld world, float half_height, float radius, DcdShapeId *out);
+
+// Makes a cone along y: its base of `radius` at -half_height, its tip at half_height. Errors: as dcd_shape_box.
+DCD_API DcdStatus dcd_shape_cone(DcdWorld world, float half_height, float radius, DcdShapeId *out);
+
+// Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range or that span no volume.
+DCD_API DcdStatus dcd_shape_hull(DcdWorld world, const float *xyz, size_t count, DcdShapeId *out);
+
+// Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
+// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no mass: use it for fixed bodies.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
+// an area, or an index past the vertices.
+DCD_API
+DcdStatus dcd_shape_mesh(DcdWorld world,
+                         const float *xyz,
+                         size_t vertex_count,
+                         const uint32_t *indices,
+                         size_t triangle_count,
+                         DcdShapeId *out);
+
+// Makes terrain in the x-z plane around its origin: `rows` heights along z times `columns` along x, metres, at
+// heights[row + column * rows]. `scale` stretches it: the whole is scale[0] by scale[2] metres, and heights are times
+// scale[1]. Use it for fixed bodies.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights out
+// of range, or a scale below DCD_MIN_SIZE.
+DCD_API
+DcdStatus dcd_shape_heightfield(DcdWorld world,
+                                const float *heights,
+                                size_t rows,
+                                size_t columns,
+                                const float *scale,
+                                DcdShapeId *out);
+
+// Makes one shape of `count` others, part i at frames[i]. Parts must be simple: no mesh, terrain or compound.
+//
+// `parts` and `frames` have `count` entries, at least one. The parts may be destroyed afterwards.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a part), DCD_ERR_ARGUMENT for no part, a part that is not simple or a
+// frame that is not finite or no rotation.
+DCD_API
+DcdStatus dcd_shape_compound(DcdWorld world,
+                             const DcdShapeId *parts,
+                             const DcdFrame *frames,
+                             size_t count,
+                             DcdShapeId *out);
+
+// Gives a shape's handle back. Bodies made with it keep their shape.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
+DCD_API DcdStatus dcd_shape_destroy(DcdWorld world, DcdShapeId shape);
+
+// Makes a body. As dcd_bodies_create with one.
+DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBodyId *out);
+
+// Makes `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
+// moves them.
+//
+// `defs` is read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
+// more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids.
+DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
+
+// Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (the world, a body, or a body named twice), DCD_ERR_ARGUMENT for more than
+// DCD_MAX_ITEMS.
+DCD_API DcdStatus dcd_bodies_destroy(DcdWorld world, const DcdBodyId *bodies, size_t count);
+
+// Destroys one body. As dcd_bodies_destroy.
+DCD_API DcdStatus dcd_body_destroy(DcdWorld world, DcdBodyId body);
+
+// Whether the id names a body of this world.
+DCD_API bool dcd_body_is_valid(DcdWorld world, DcdBodyId body);
+
+// Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th that was created.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID when that body is destroyed or there is none yet.
+DCD_API DcdStatus dcd_body_at(DcdWorld world, uint32_t index, DcdBodyId *out);
+
+// Says what a body is now: type, mass, owner, sleep.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_body_info(DcdWorld world, DcdBodyId body, DcdBodyInfo *out);
+
+// Reads where a body is and how it moves. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
+// dcd_state_read.
+//
+// Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
+DCD_API DcdStatus dcd_body_get(DcdWorld world, DcdBodyId body, DcdPose *pose, DcdVelocity *velocity);
+
+// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
+DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPose *pose);
+
+// Sets how a dynamic or kinematic body moves, and wakes it.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
+DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
+
+// Wakes a body. Bodies wake by themselves when something that moves touches them.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
+
+// Puts a body to sleep: it stops, and costs nothing until something wakes it.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
+
+// Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
+// is the centre of mass.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
+// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger.
+DCD_API DcdStatus dcd_body_apply_impulse(DcdWorld world, DcdBodyId body, const float *impulse, const double *point);
+
+// Turns a dynamic body once, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
+DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, const float *impulse);
+
+// Sets what pushes a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
+// in N m, world axes; null is none. Set both to none to stop. A later call replaces what an earlier one set.
+//
+// Errors: as dcd_body_apply_impulse.
+DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
+
+// Ties two bodies. What joints tie together is owned and moved whole by one region, so keep it small against a region.
+//
+// `def` is read during the call. The joint is gone when either body is destroyed.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
+// motor on a joint without one, or twice the same body.
+DCD_API DcdStatus dcd_joint_create(DcdWorld world, const DcdJointDef *def, DcdJointId *out);
+
+// Starts, changes or, with `max_force` 0, stops the motor of a revolute or prismatic joint, and wakes its bodies. `speed` in
+// rad/s or m/s, `max_force` in N m or N, 0 or more.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a joint of another type.
+DCD_API DcdStatus dcd_joint_set_motor(DcdWorld world, DcdJointId joint, float speed, float max_force);
+
+// Unties two bodies and wakes them.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
+DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
+
+// Advances the world by one step of its own length, DcdWorldDef.dt; call it as often as your clock says. The length is the
+// world's and not an argument, since every process that computes the world must use the same.
+//
+// What dcd_state_view lent two steps ago is overwritten. Other calls on the world wait until the step is done; views lent
+// before may be read meanwhile.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC.
+DCD_API DcdStatus dcd_step(DcdWorld world);
+
+// Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
+// since shows after the next one; before the first step (and in the first call of all) it shows the present.
+//
+// The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
+// they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
+// this one makes one step. The first call makes every later dcd_step fill the arrays, some 40 ns a body.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_state_view(DcdWorld world, DcdStateView *out);
+
+// Copies one field of `count` bodies into your memory, as it is now: that of bodies[i] goes to
+// (char *)dst + i * stride. `stride` in bytes is at least the field's size; 0 is exactly that. `dst` needs no alignment.
+//
+// With `each` null the first bad body fails the call and nothing is written. Else `each` has `count` entries that receive
+// DCD_OK or what is wrong with that body, only good bodies are written, and the call is DCD_OK; dcd_last_error() tells of the
+// last bad one.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an unknown field, a short stride, or more than DCD_MAX_ITEMS.
+DCD_API
+DcdStatus dcd_state_read(DcdWorld world,
+                         const DcdBodyId *bodies,
+                         size_t count,
+                         DcdField field,
+                         void *dst,
+                         size_t stride,
+                         DcdStatus *each);
+
+// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose and
+// dcd_body_set_velocity do.
+//
+// With `each` null the first bad body or value fails the call; the bodies before it are changed already, unless the id was
+// bad: ids are checked first. Else `each` has `count` entries that receive DCD_OK or what is wrong with that body, and the
+// call is DCD_OK.
+// Errors: as dcd_state_read, and those of the single calls.
+DCD_API
+DcdStatus dcd_state_write(DcdWorld world,
+                          const DcdBodyId *bodies,
+                          size_t count,
+                          DcdField field,
+                          const void *src,
+                          size_t stride,
+                          DcdStatus *each);
+
+// Lends what happened in the last step; nothing before the first. Poll it once a step: a step without a look loses its
+// events.
+//
+// The arrays are the library's, and live as those of dcd_state_view do.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
+
+// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies.
+//
+// `rays` is read during the call; `hits` has `count` entries.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_ARGUMENT for numbers that are not finite, a
+// direction of length 0, a distance that is not above 0, or more than DCD_MAX_ITEMS.
+DCD_API DcdStatus dcd_cast_rays(DcdWorld world, const DcdRay *rays, size_t count, DcdRayHit *hits);
+
+// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
+// ask for the number.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
+
+// Reads the counters of a world.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_stats(DcdWorld world, DcdStats *out);
+
+// Writes the counters as text for people, one per line, NUL-terminated, into `buf` of `cap` bytes; `needed` receives the
+// size with NUL. `buf` may be null with `cap` 0, to ask for the size.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
+DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *needed);
+
+// Computes one number from the pose and velocity of every movable body: equal worlds, equal numbers, whatever the number of
+// threads.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+
+/* What each struct starts from. */
+
+/* One region, as many threads as are of use, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
+#define DCD_WORLD_DEF_INIT \
+    { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0 }
+
+/* A dynamic body as dense as water at the origin. */
+#define DCD_BODY_DEF_INIT \
+    { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.5f, 0.0f, 0.0f, 0.0f, 1.0f, \
+      0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0 }
+
+/* A fixed joint that brings the origins of two bodies together. */
+#define DCD_JOINT_DEF_INIT \
+    { (uint32_t)sizeof(DcdJointDef), DCD_JOINT_FIXED, { 0 }, { 0 }, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0 }
+
+/* Structs that are written by the library. */
+#define DCD_WORLD_INFO_INIT \
+    { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
+#define DCD_BODY_INFO_INIT \
+    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, 0.0f, 0, false, { 0, 0, 0, 0, 0, 0, 0 } }
+#define DCD_STATE_VIEW_INIT \
+    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
+#define DCD_EVENT_VIEW_INIT \
+    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0 }
+#define DCD_STATS_INIT \
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0.0 }
+
+/* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
+static inline DcdStatus dcd_version_check(void)
+{
+    return dcd_version() / 1000u == DCD_VERSION / 1000u ? DCD_OK : DCD_ERR_VERSION;
+}
+
+/* The library's own layout, on 64-bit systems: a compiler that differs says so here. */
+#if UINTPTR_MAX == 0xFFFFFFFFFFFFFFFFu
+#ifdef __cplusplus
+#define DCD_ASSERT_(what) static_assert(what, #what)
+#else
+#define DCD_ASSERT_(what) _Static_assert(what, #what)
+#endif
+DCD_ASSERT_(sizeof(DcdWorld) == 8);
+DCD_ASSERT_(offsetof(DcdWorld, v) == 0);
+DCD_ASSERT_(sizeof(DcdBodyId) == 8);
+DCD_ASSERT_(offsetof(DcdBodyId, v) == 0);
+DCD_ASSERT_(sizeof(DcdShapeId) == 8);
+DCD_ASSERT_(offsetof(DcdShapeId, v) == 0);
+DCD_ASSERT_(sizeof(DcdJointId) == 8);
+DCD_ASSERT_(offsetof(DcdJointId, v) == 0);
+DCD_ASSERT_(sizeof(DcdPose) == 40);
+DCD_ASSERT_(offsetof(DcdPose, p) == 0);
+DCD_ASSERT_(offsetof(DcdPose, q) == 24);
+DCD_ASSERT_(sizeof(DcdVelocity) == 24);
+DCD_ASSERT_(offsetof(DcdVelocity, linear) == 0);
+DCD_ASSERT_(offsetof(DcdVelocity, angular) == 12);
+DCD_ASSERT_(sizeof(DcdFrame) == 28);
+DCD_ASSERT_(offsetof(DcdFrame, p) == 0);
+DCD_ASSERT_(offsetof(DcdFrame, q) == 12);
+DCD_ASSERT_(sizeof(DcdWorldDef) == 88);
+DCD_ASSERT_(offsetof(DcdWorldDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdWorldDef, threads) == 4);
+DCD_ASSERT_(offsetof(DcdWorldDef, regions) == 8);
+DCD_ASSERT_(offsetof(DcdWorldDef, solver_iterations) == 12);
+DCD_ASSERT_(offsetof(DcdWorldDef, gravity) == 16);
+DCD_ASSERT_(offsetof(DcdWorldDef, dt) == 28);
+DCD_ASSERT_(offsetof(DcdWorldDef, min) == 32);
+DCD_ASSERT_(offsetof(DcdWorldDef, max) == 56);
+DCD_ASSERT_(offsetof(DcdWorldDef, user_data) == 80);
+DCD_ASSERT_(sizeof(DcdWorldInfo) == 48);
+DCD_ASSERT_(offsetof(DcdWorldInfo, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdWorldInfo, role) == 4);
+DCD_ASSERT_(offsetof(DcdWorldInfo, tick) == 8);
+DCD_ASSERT_(offsetof(DcdWorldInfo, user_data) == 16);
+DCD_ASSERT_(offsetof(DcdWorldInfo, regions) == 24);
+DCD_ASSERT_(offsetof(DcdWorldInfo, dt) == 28);
+DCD_ASSERT_(offsetof(DcdWorldInfo, gravity) == 32);
+DCD_ASSERT_(offsetof(DcdWorldInfo, reserved) == 44);
+DCD_ASSERT_(sizeof(DcdBodyDef) == 136);
+DCD_ASSERT_(offsetof(DcdBodyDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdBodyDef, body_type) == 4);
+DCD_ASSERT_(offsetof(DcdBodyDef, pose) == 8);
+DCD_ASSERT_(offsetof(DcdBodyDef, velocity) == 48);
+DCD_ASSERT_(offsetof(DcdBodyDef, shape) == 72);
+DCD_ASSERT_(offsetof(DcdBodyDef, density) == 80);
+DCD_ASSERT_(offsetof(DcdBodyDef, friction) == 84);
+DCD_ASSERT_(offsetof(DcdBodyDef, restitution) == 88);
+DCD_ASSERT_(offsetof(DcdBodyDef, linear_damping) == 92);
+DCD_ASSERT_(offsetof(DcdBodyDef, angular_damping) == 96);
+DCD_ASSERT_(offsetof(DcdBodyDef, gravity_scale) == 100);
+DCD_ASSERT_(offsetof(DcdBodyDef, flags) == 104);
+DCD_ASSERT_(offsetof(DcdBodyDef, locked) == 108);
+DCD_ASSERT_(offsetof(DcdBodyDef, events) == 112);
+DCD_ASSERT_(offsetof(DcdBodyDef, force_threshold) == 116);
+DCD_ASSERT_(offsetof(DcdBodyDef, groups) == 120);
+DCD_ASSERT_(offsetof(DcdBodyDef, mask) == 124);
+DCD_ASSERT_(offsetof(DcdBodyDef, user_data) == 128);
+DCD_ASSERT_(sizeof(DcdBodyInfo) == 32);
+DCD_ASSERT_(offsetof(DcdBodyInfo, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdBodyInfo, body_type) == 4);
+DCD_ASSERT_(offsetof(DcdBodyInfo, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdBodyInfo, mass) == 16);
+DCD_ASSERT_(offsetof(DcdBodyInfo, region) == 20);
+DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 24);
+DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 25);
+DCD_ASSERT_(sizeof(DcdJointDef) == 104);
+DCD_ASSERT_(offsetof(DcdJointDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdJointDef, joint_type) == 4);
+DCD_ASSERT_(offsetof(DcdJointDef, a) == 8);
+DCD_ASSERT_(offsetof(DcdJointDef, b) == 16);
+DCD_ASSERT_(offsetof(DcdJointDef, frame_a) == 24);
+DCD_ASSERT_(offsetof(DcdJointDef, frame_b) == 52);
+DCD_ASSERT_(offsetof(DcdJointDef, limit) == 80);
+DCD_ASSERT_(offsetof(DcdJointDef, motor_speed) == 88);
+DCD_ASSERT_(offsetof(DcdJointDef, motor_max_force) == 92);
+DCD_ASSERT_(offsetof(DcdJointDef, flags) == 96);
+DCD_ASSERT_(offsetof(DcdJointDef, reserved) == 100);
+DCD_ASSERT_(sizeof(DcdStateView) == 72);
+DCD_ASSERT_(offsetof(DcdStateView, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdStateView, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdStateView, tick) == 8);
+DCD_ASSERT_(offsetof(DcdStateView, count) == 16);
+DCD_ASSERT_(offsetof(DcdStateView, ids) == 24);
+DCD_ASSERT_(offsetof(DcdStateView, poses) == 32);
+DCD_ASSERT_(offsetof(DcdStateView, velocities) == 40);
+DCD_ASSERT_(offsetof(DcdStateView, user_data) == 48);
+DCD_ASSERT_(offsetof(DcdStateView, flags) == 56);
+DCD_ASSERT_(offsetof(DcdStateView, regions) == 64);
+DCD_ASSERT_(sizeof(DcdContact) == 88);
+DCD_ASSERT_(offsetof(DcdContact, a) == 0);
+DCD_ASSERT_(offsetof(DcdContact, b) == 8);
+DCD_ASSERT_(offsetof(DcdContact, user_a) == 16);
+DCD_ASSERT_(offsetof(DcdContact, user_b) == 24);
+DCD_ASSERT_(offsetof(DcdContact, point) == 32);
+DCD_ASSERT_(offsetof(DcdContact, normal) == 56);
+DCD_ASSERT_(offsetof(DcdContact, speed) == 68);
+DCD_ASSERT_(offsetof(DcdContact, kind) == 72);
+DCD_ASSERT_(offsetof(DcdContact, flags) == 76);
+DCD_ASSERT_(offsetof(DcdContact, part_a) == 80);
+DCD_ASSERT_(offsetof(DcdContact, part_b) == 84);
+DCD_ASSERT_(sizeof(DcdContactForce) == 56);
+DCD_ASSERT_(offsetof(DcdContactForce, a) == 0);
+DCD_ASSERT_(offsetof(DcdContactForce, b) == 8);
+DCD_ASSERT_(offsetof(DcdContactForce, user_a) == 16);
+DCD_ASSERT_(offsetof(DcdContactForce, user_b) == 24);
+DCD_ASSERT_(offsetof(DcdContactForce, force) == 32);
+DCD_ASSERT_(offsetof(DcdContactForce, magnitude) == 44);
+DCD_ASSERT_(offsetof(DcdContactForce, part_a) == 48);
+DCD_ASSERT_(offsetof(DcdContactForce, part_b) == 52);
+DCD_ASSERT_(sizeof(DcdTransfer) == 24);
+DCD_ASSERT_(offsetof(DcdTransfer, body) == 0);
+DCD_ASSERT_(offsetof(DcdTransfer, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdTransfer, from) == 16);
+DCD_ASSERT_(offsetof(DcdTransfer, to) == 20);
+DCD_ASSERT_(sizeof(DcdEventView) == 64);
+DCD_ASSERT_(offsetof(DcdEventView, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdEventView, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdEventView, tick) == 8);
+DCD_ASSERT_(offsetof(DcdEventView, contacts) == 16);
+DCD_ASSERT_(offsetof(DcdEventView, contact_count) == 24);
+DCD_ASSERT_(offsetof(DcdEventView, forces) == 32);
+DCD_ASSERT_(offsetof(DcdEventView, force_count) == 40);
+DCD_ASSERT_(offsetof(DcdEventView, transfers) == 48);
+DCD_ASSERT_(offsetof(DcdEventView, transfer_count) == 56);
+DCD_ASSERT_(sizeof(DcdRay) == 56);
+DCD_ASSERT_(offsetof(DcdRay, origin) == 0);
+DCD_ASSERT_(offsetof(DcdRay, direction) == 24);
+DCD_ASSERT_(offsetof(DcdRay, max_distance) == 36);
+DCD_ASSERT_(offsetof(DcdRay, exclude) == 40);
+DCD_ASSERT_(offsetof(DcdRay, mask) == 48);
+DCD_ASSERT_(offsetof(DcdRay, reserved) == 52);
+DCD_ASSERT_(sizeof(DcdRayHit) == 56);
+DCD_ASSERT_(offsetof(DcdRayHit, body) == 0);
+DCD_ASSERT_(offsetof(DcdRayHit, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdRayHit, point) == 16);
+DCD_ASSERT_(offsetof(DcdRayHit, normal) == 40);
+DCD_ASSERT_(offsetof(DcdRayHit, distance) == 52);
+DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);
+DCD_ASSERT_(offsetof(DcdRegionInfo, region) == 0);
+DCD_ASSERT_(offsetof(DcdRegionInfo, bodies) == 4);
+DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
+DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
+DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
+DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
+DCD_ASSERT_(sizeof(DcdStats) == 56);
+DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdStats, regions) == 4);
+DCD_ASSERT_(offsetof(DcdStats, ticks) == 8);
+DCD_ASSERT_(offsetof(DcdStats, bodies) == 16);
+DCD_ASSERT_(offsetof(DcdStats, replicas) == 24);
+DCD_ASSERT_(offsetof(DcdStats, transfers) == 32);
+DCD_ASSERT_(offsetof(DcdStats, quarantined) == 40);
+DCD_ASSERT_(offsetof(DcdStats, last_step) == 48);
+#undef DCD_ASSERT_
+#endif
+
+#endif /* DCD_H */

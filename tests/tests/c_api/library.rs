@@ -1,0 +1,50 @@
+//! What the library files offer and need.
+
+use std::collections::BTreeSet;
+use std::process::Command;
+
+use crate::toolchain::{NATIVE_LIBS, library_dir, root, run, run_well};
+
+#[test]
+fn the_shared_library_exports_what_the_header_declares_and_nothing_else() {
+    let shared = library_dir().join("libdcd_ffi.so");
+    let symbols =
+        run_well(Command::new("nm").args(["--dynamic", "--defined-only", "--format=posix"]).arg(shared));
+    let exported: BTreeSet<&str> = symbols.lines().filter_map(|line| line.split(' ').next()).collect();
+    let header = std::fs::read_to_string(root().join("include/dcd.h")).unwrap();
+    // A declaration has DCD_API before it, on its line or the one above.
+    let declared: BTreeSet<&str> = header
+        .split("DCD_API")
+        .skip(1)
+        .filter_map(|rest| {
+            rest.split('(').next()?.split(|c: char| !(c.is_alphanumeric() || c == '_')).next_back()
+        })
+        .filter(|name| name.starts_with("dcd_"))
+        .collect();
+    assert!(declared.len() > 40, "{declared:?}");
+    assert_eq!(exported, declared);
+}
+
+#[test]
+fn the_list_of_native_libraries_is_the_compilers_own() {
+    // That the list is enough is shown by every program that links; here, that it has nothing too much and is the same
+    // everywhere. An empty library needs what Rust's standard library needs. The long way, which compiles dcd anew:
+    // cargo rustc -p dcd-ffi --crate-type staticlib -- --print native-static-libs
+    let dir = tempfile::tempdir().unwrap();
+    let source = dir.path().join("empty.rs");
+    std::fs::write(&source, "").unwrap();
+    let mut rustc = Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
+    rustc.args(["--crate-type", "staticlib", "--print", "native-static-libs", "--out-dir"]).arg(dir.path());
+    let outcome = run(rustc.arg(&source));
+    let list = outcome
+        .stderr
+        .lines()
+        .find_map(|line| line.split_once("native-static-libs: "))
+        .expect("rustc says it");
+    assert_eq!(list.1.split_whitespace().collect::<Vec<_>>(), NATIVE_LIBS);
+
+    let makefile = std::fs::read_to_string(root().join("examples-c/Makefile")).unwrap();
+    assert!(makefile.contains(&NATIVE_LIBS.join(" ")));
+    let cmake = std::fs::read_to_string(root().join("examples-c/CMakeLists.txt")).unwrap();
+    assert!(cmake.contains(&NATIVE_LIBS.map(|library| &library[2..]).join(" ")));
+}

@@ -1,0 +1,628 @@
+/* Every way to misuse the C API that the header has a code for: each must give its code, and nothing may crash. */
+#define _POSIX_C_SOURCE 200809L
+#include "dcd.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int checks, failures;
+
+#define EXPECT(call, code) expect((call), (code), #call, __LINE__)
+#define HOLDS(what) holds((what), #what, __LINE__)
+
+static void expect(DcdStatus status, DcdStatus code, const char *call, int line)
+{
+    char message[256] = "";
+    checks++;
+    if (status != code) {
+        dcd_last_error(message, sizeof message);
+        printf("line %d: %s is %s, not %s (%s)\n", line, call, dcd_status_string(status), dcd_status_string(code),
+               message);
+        failures++;
+    } else if (code != DCD_OK && dcd_last_error(message, sizeof message) < 20) {
+        printf("line %d: %s fails with too few words: \"%s\"\n", line, call, message);
+        failures++;
+    }
+}
+
+static void holds(bool what, const char *text, int line)
+{
+    checks++;
+    if (!what) {
+        printf("line %d: not so: %s\n", line, text);
+        failures++;
+    }
+}
+
+static const DcdWorld NO_WORLD = { 0 };
+static const DcdBodyId NO_BODY = { 0 };
+static const DcdShapeId NO_SHAPE = { 0 };
+static const DcdJointId NO_JOINT = { 0 };
+static const float HALF[3] = { 0.5f, 0.5f, 0.5f };
+static const float BAD[3] = { 0.0f, NAN, 0.0f };
+
+/* A pointer that is not aligned. */
+#define CROOKED(type, memory) ((type *)(void *)((char *)(memory) + 1))
+
+static DcdWorld make_world(uint32_t regions)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world = { 0 };
+    def.regions = regions;
+    EXPECT(dcd_world_create(&def, &world), DCD_OK);
+    return world;
+}
+
+static DcdShapeId make_box(DcdWorld world)
+{
+    DcdShapeId shape = { 0 };
+    EXPECT(dcd_shape_box(world, HALF, &shape), DCD_OK);
+    return shape;
+}
+
+static DcdBodyId make_body(DcdWorld world, DcdShapeId shape, DcdBodyType type, double y)
+{
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdBodyId body = { 0 };
+    def.shape = shape;
+    def.body_type = type;
+    def.pose.p[1] = y;
+    EXPECT(dcd_body_create(world, &def, &body), DCD_OK);
+    return body;
+}
+
+static void library(void)
+{
+    char small[8];
+    HOLDS(dcd_version() == DCD_VERSION);
+    HOLDS(dcd_version_check() == DCD_OK);
+    HOLDS(strlen(dcd_version_string()) >= 5);
+    HOLDS(strcmp(dcd_status_string(DCD_ERR_STALE_ID), "DCD_ERR_STALE_ID") == 0);
+    HOLDS(strcmp(dcd_status_string(12345), "(no DCD status)") == 0);
+    HOLDS(dcd_last_error(NULL, 0) == 0);
+    HOLDS(dcd_last_error(NULL, 100) == 0);
+    EXPECT(dcd_world_create(NULL, NULL), DCD_ERR_NULL);
+    HOLDS(dcd_last_error(small, sizeof small) > sizeof small);
+    HOLDS(strcmp(small, "dcd_wor") == 0);
+    HOLDS(dcd_last_error(small, 0) > 0);
+    EXPECT(dcd_log_set(NULL, NULL, 6), DCD_ERR_ARGUMENT);
+}
+
+static void worlds(void)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world = { 7 }, again;
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+
+    EXPECT(dcd_world_create(&def, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_world_create(NULL, &world), DCD_ERR_NULL);
+    def.struct_size = 0;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_STRUCT);
+    def.struct_size = UINT32_MAX;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_STRUCT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.regions = 65;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def.regions = UINT32_MAX;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.threads = UINT32_MAX;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.gravity[2] = INFINITY;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.dt = 0.0f;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def.dt = NAN;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.solver_iterations = 0;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.min[0] = NAN;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.min[0] = 65.0;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    HOLDS(world.v == 7); /* written on success only */
+
+    EXPECT(dcd_step(NO_WORLD), DCD_ERR_NULL);
+    EXPECT(dcd_world_destroy(NO_WORLD), DCD_ERR_NULL);
+    HOLDS(!dcd_world_is_valid(NO_WORLD));
+    HOLDS(!dcd_world_is_valid((DcdWorld){ UINT64_MAX }));
+    EXPECT(dcd_step((DcdWorld){ UINT64_MAX }), DCD_ERR_STALE_ID);
+
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.user_data = 99;
+    EXPECT(dcd_world_create(&def, &world), DCD_OK);
+    EXPECT(dcd_world_info(world, NULL), DCD_ERR_NULL);
+    info.struct_size--;
+    EXPECT(dcd_world_info(world, &info), DCD_ERR_STRUCT);
+    info.struct_size++;
+    EXPECT(dcd_world_info(world, &info), DCD_OK);
+    HOLDS(info.role == DCD_ROLE_LOCAL && info.user_data == 99 && info.regions == 1 && info.tick == 0);
+    HOLDS(info.dt == def.dt && info.gravity[1] == def.gravity[1]);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_world_destroy(world), DCD_ERR_STALE_ID);
+    EXPECT(dcd_step(world), DCD_ERR_STALE_ID);
+    again = make_world(1); /* takes the same place, not the same name */
+    HOLDS(again.v != world.v && !dcd_world_is_valid(world) && dcd_world_is_valid(again));
+    EXPECT(dcd_world_destroy(again), DCD_OK);
+}
+
+static void scenes(void)
+{
+    DcdWorld world = { 0 };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdBodyId body;
+    const char *few[] = { "n=3" }, *unknown[] = { "colour=3" }, *broken[] = { "n" }, *none[] = { NULL };
+
+    EXPECT(dcd_world_open_scene(NULL, NULL, 0, NULL, &world), DCD_ERR_NULL);
+    EXPECT(dcd_world_open_scene("tower", NULL, 0, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_world_open_scene("tower", NULL, 1, NULL, &world), DCD_ERR_NULL);
+    EXPECT(dcd_world_open_scene("tower", none, 1, NULL, &world), DCD_ERR_NULL);
+    EXPECT(dcd_world_open_scene("towr", NULL, 0, NULL, &world), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_world_open_scene("tow\xff", NULL, 0, NULL, &world), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_world_open_scene("tower", unknown, 1, NULL, &world), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_world_open_scene("tower", broken, 1, NULL, &world), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_world_open_scene("no/such/file.toml", NULL, 0, NULL, &world), DCD_ERR_IO);
+    def.struct_size = 4;
+    EXPECT(dcd_world_open_scene("tower", few, 1, &def, &world), DCD_ERR_STRUCT);
+    HOLDS(world.v == 0);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.regions = 2;
+    EXPECT(dcd_world_open_scene("tower", few, 1, &def, &world), DCD_OK);
+    EXPECT(dcd_step(world), DCD_OK);
+    EXPECT(dcd_body_at(world, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_at(world, 0, &body), DCD_OK);
+    HOLDS(dcd_body_is_valid(world, body));
+    EXPECT(dcd_body_at(world, UINT32_MAX, &body), DCD_ERR_STALE_ID);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_world_open_scene("tower", few, 1, NULL, &world), DCD_OK);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+}
+
+static void shapes(void)
+{
+    DcdWorld world = make_world(1), other = make_world(1);
+    DcdShapeId shape = { 5 }, parts[2];
+    DcdFrame frames[2] = { { { 0, 0, 0 }, { 0, 0, 0, 1 } }, { { 0, 1, 0 }, { 0, 0, 0, 1 } } };
+    const float flat[12] = { 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 1 };
+    const float solid[12] = { 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 0 };
+    const uint32_t triangle[3] = { 0, 1, 2 }, beyond[3] = { 0, 1, 4 };
+    const float zero[3] = { 1.0f, 0.0f, 1.0f };
+
+    EXPECT(dcd_shape_box(NO_WORLD, HALF, &shape), DCD_ERR_NULL);
+    EXPECT(dcd_shape_box(world, NULL, &shape), DCD_ERR_NULL);
+    EXPECT(dcd_shape_box(world, HALF, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_shape_box(world, CROOKED(const float, solid), &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_box(world, BAD, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_box(world, zero, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_sphere(world, -1.0f, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_sphere(world, INFINITY, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_capsule(world, NAN, 1.0f, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_cylinder(world, 1.0f, 0.0f, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_cone(world, 0.0f, 1.0f, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_hull(world, NULL, 4, &shape), DCD_ERR_NULL);
+    EXPECT(dcd_shape_hull(world, solid, 3, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_hull(world, solid, 0, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_hull(world, flat, 4, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_hull(world, solid, SIZE_MAX, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 0, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_mesh(world, solid, 4, beyond, 1, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_mesh(world, solid, 4, NULL, 1, &shape), DCD_ERR_NULL);
+    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, SIZE_MAX / 2, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_heightfield(world, solid, 1, 4, HALF, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_heightfield(world, solid, SIZE_MAX, SIZE_MAX, HALF, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_heightfield(world, solid, 2, 2, zero, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_compound(world, parts, frames, 0, &shape), DCD_ERR_ARGUMENT);
+    HOLDS(shape.v == 5);
+
+    EXPECT(dcd_shape_hull(world, solid, 4, &shape), DCD_OK);
+    EXPECT(dcd_shape_heightfield(world, solid, 2, 3, HALF, &shape), DCD_OK);
+    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 1, &shape), DCD_OK);
+    parts[0] = make_box(world);
+    parts[1] = shape;
+    EXPECT(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_ARGUMENT); /* a mesh is no part */
+    parts[1] = make_box(other);
+    EXPECT(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_STALE_ID);
+    parts[1] = parts[0];
+    frames[1].q[3] = 0.5f;
+    EXPECT(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_ARGUMENT);
+    frames[1].q[3] = 1.0f;
+    EXPECT(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_OK);
+
+    EXPECT(dcd_shape_destroy(world, NO_SHAPE), DCD_ERR_NULL);
+    EXPECT(dcd_shape_destroy(other, shape), DCD_ERR_STALE_ID);
+    EXPECT(dcd_shape_destroy(world, shape), DCD_OK);
+    EXPECT(dcd_shape_destroy(world, shape), DCD_ERR_STALE_ID);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_world_destroy(other), DCD_OK);
+}
+
+static void bodies(void)
+{
+    DcdWorld world = make_world(2), other = make_world(1);
+    DcdShapeId box = make_box(world);
+    DcdBodyDef good = DCD_BODY_DEF_INIT, def, defs[3];
+    DcdBodyId body = { 5 }, many[3] = { { 5 }, { 5 }, { 5 } }, fixed;
+    DcdPose pose = good.pose, read;
+    DcdVelocity velocity = good.velocity;
+    DcdBodyInfo info = DCD_BODY_INFO_INIT;
+    const double far_point[3] = { 0.0, INFINITY, 0.0 };
+    good.shape = box;
+
+    EXPECT(dcd_body_create(world, NULL, &body), DCD_ERR_NULL);
+    EXPECT(dcd_body_create(world, &good, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_create(NO_WORLD, &good, &body), DCD_ERR_NULL);
+    EXPECT(dcd_body_create(other, &good, &body), DCD_ERR_STALE_ID); /* the shape is of another world */
+#define REFUSED(member, value, code)                                                                                  \
+    def = good;                                                                                                       \
+    def.member = value;                                                                                               \
+    EXPECT(dcd_body_create(world, &def, &body), code)
+    REFUSED(struct_size, 8, DCD_ERR_STRUCT);
+    REFUSED(body_type, 3, DCD_ERR_ARGUMENT);
+    REFUSED(pose.p[0], (double)NAN, DCD_ERR_ARGUMENT);
+    REFUSED(pose.p[0], (double)INFINITY, DCD_ERR_ARGUMENT);
+    REFUSED(pose.q[3], 0.0f, DCD_ERR_ARGUMENT);
+    REFUSED(velocity.linear[1], NAN, DCD_ERR_ARGUMENT);
+    REFUSED(velocity.angular[1], INFINITY, DCD_ERR_ARGUMENT);
+    REFUSED(shape, NO_SHAPE, DCD_ERR_NULL);
+    REFUSED(density, 0.0f, DCD_ERR_ARGUMENT);
+    REFUSED(density, NAN, DCD_ERR_ARGUMENT);
+    REFUSED(friction, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(restitution, INFINITY, DCD_ERR_ARGUMENT);
+    REFUSED(linear_damping, -0.5f, DCD_ERR_ARGUMENT);
+    REFUSED(angular_damping, NAN, DCD_ERR_ARGUMENT);
+    REFUSED(gravity_scale, NAN, DCD_ERR_ARGUMENT);
+    REFUSED(flags, 16, DCD_ERR_ARGUMENT);
+    REFUSED(locked, 64, DCD_ERR_ARGUMENT);
+    REFUSED(events, 4, DCD_ERR_ARGUMENT);
+    REFUSED(force_threshold, -1.0f, DCD_ERR_ARGUMENT);
+    HOLDS(body.v == 5);
+
+    defs[0] = defs[1] = defs[2] = good;
+    defs[2].density = -1.0f;
+    EXPECT(dcd_bodies_create(world, defs, 3, many), DCD_ERR_ARGUMENT);
+    HOLDS(many[0].v == 5);
+    defs[2] = good;
+    defs[1].struct_size = 1000;
+    EXPECT(dcd_bodies_create(world, defs, 3, many), DCD_ERR_STRUCT);
+    EXPECT(dcd_bodies_create(world, defs, SIZE_MAX, many), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_bodies_create(world, NULL, 0, NULL), DCD_OK);
+    defs[1] = good;
+    EXPECT(dcd_bodies_create(world, defs, 3, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_bodies_create(world, defs, 3, many), DCD_OK);
+    fixed = make_body(world, box, DCD_FIXED, -5.0);
+
+    EXPECT(dcd_body_info(world, many[0], &info), DCD_OK);
+    HOLDS(fabsf(info.mass - 1000.0f) < 0.1f && info.body_type == DCD_DYNAMIC && info.region != DCD_NO_REGION);
+    EXPECT(dcd_body_info(world, fixed, &info), DCD_OK);
+    HOLDS(info.body_type == DCD_FIXED && info.region == DCD_NO_REGION && info.mass == 0.0f);
+    EXPECT(dcd_body_info(world, many[0], NULL), DCD_ERR_NULL);
+    info.struct_size = 0;
+    EXPECT(dcd_body_info(world, many[0], &info), DCD_ERR_STRUCT);
+
+    EXPECT(dcd_body_get(world, NO_BODY, &read, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_get(world, (DcdBodyId){ 1 }, &read, NULL), DCD_ERR_STALE_ID);
+    EXPECT(dcd_body_get(world, (DcdBodyId){ UINT64_MAX }, &read, NULL), DCD_ERR_STALE_ID);
+    EXPECT(dcd_body_get(other, many[0], &read, NULL), DCD_ERR_STALE_ID);
+    EXPECT(dcd_body_get(world, many[0], NULL, NULL), DCD_OK);
+    HOLDS(!dcd_body_is_valid(other, many[0]) && dcd_body_is_valid(world, many[0]));
+    HOLDS(!dcd_body_is_valid(world, NO_BODY) && !dcd_body_is_valid(NO_WORLD, many[0]));
+
+    EXPECT(dcd_body_set_pose(world, many[0], NULL), DCD_ERR_NULL);
+    pose.p[2] = (double)NAN;
+    EXPECT(dcd_body_set_pose(world, many[0], &pose), DCD_ERR_ARGUMENT);
+    pose.p[2] = 0.0;
+    pose.q[0] = 1.0f;
+    EXPECT(dcd_body_set_pose(world, many[0], &pose), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_velocity(world, fixed, &velocity), DCD_ERR_ARGUMENT);
+    velocity.linear[0] = NAN;
+    EXPECT(dcd_body_set_velocity(world, many[0], &velocity), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_apply_impulse(world, many[0], NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_apply_impulse(world, many[0], BAD, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_apply_impulse(world, many[0], HALF, far_point), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_apply_impulse(world, fixed, HALF, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_apply_torque_impulse(world, many[0], BAD), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_force(world, many[0], BAD, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_force(world, many[0], NULL, NULL), DCD_OK);
+    EXPECT(dcd_body_wake(world, NO_BODY), DCD_ERR_NULL);
+    EXPECT(dcd_body_sleep(world, many[0]), DCD_OK);
+    EXPECT(dcd_body_wake(world, many[0]), DCD_OK);
+
+    many[2] = many[0];
+    EXPECT(dcd_bodies_destroy(world, many, 3), DCD_ERR_STALE_ID); /* one of them twice */
+    HOLDS(dcd_body_is_valid(world, many[0]) && dcd_body_is_valid(world, many[1]));
+    EXPECT(dcd_bodies_destroy(world, NULL, 2), DCD_ERR_NULL);
+    EXPECT(dcd_bodies_destroy(world, many, SIZE_MAX), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_bodies_destroy(world, many, 2), DCD_OK);
+    EXPECT(dcd_body_destroy(world, many[0]), DCD_ERR_STALE_ID);
+    EXPECT(dcd_body_set_pose(world, many[1], &good.pose), DCD_ERR_STALE_ID);
+    EXPECT(dcd_step(world), DCD_OK);
+    body = make_body(world, box, DCD_DYNAMIC, 0.0); /* ids are not given again */
+    HOLDS(body.v != many[0].v && body.v != many[1].v && !dcd_body_is_valid(world, many[0]));
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_body_get(world, body, &read, NULL), DCD_ERR_STALE_ID);
+    EXPECT(dcd_world_destroy(other), DCD_OK);
+}
+
+static void joints(void)
+{
+    DcdWorld world = make_world(1), other = make_world(1);
+    DcdShapeId box = make_box(world);
+    DcdJointDef good = DCD_JOINT_DEF_INIT, def;
+    DcdJointId joint = { 5 };
+    good.a = make_body(world, box, DCD_FIXED, 0.0);
+    good.b = make_body(world, box, DCD_DYNAMIC, 2.0);
+
+    EXPECT(dcd_joint_create(world, NULL, &joint), DCD_ERR_NULL);
+    EXPECT(dcd_joint_create(world, &good, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_joint_create(other, &good, &joint), DCD_ERR_STALE_ID);
+#define UNTIED(member, value, code)                                                                                   \
+    def = good;                                                                                                       \
+    def.member = value;                                                                                               \
+    EXPECT(dcd_joint_create(world, &def, &joint), code)
+    UNTIED(struct_size, 0, DCD_ERR_STRUCT);
+    UNTIED(joint_type, 9, DCD_ERR_ARGUMENT);
+    UNTIED(a, NO_BODY, DCD_ERR_NULL);
+    UNTIED(a, good.b, DCD_ERR_ARGUMENT);
+    UNTIED(frame_a.p[0], NAN, DCD_ERR_ARGUMENT);
+    UNTIED(frame_b.q[0], 1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(flags, 8, DCD_ERR_ARGUMENT);
+    UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* a fixed joint has none */
+    UNTIED(flags, DCD_JOINT_MOTOR, DCD_ERR_ARGUMENT);
+    HOLDS(joint.v == 5);
+    EXPECT(dcd_joint_create(world, &good, &joint), DCD_OK);
+    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, 1.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, joint, NAN, 1.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, -1.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, NO_JOINT, 1.0f, 1.0f), DCD_ERR_NULL);
+    EXPECT(dcd_joint_destroy(other, joint), DCD_ERR_STALE_ID);
+    EXPECT(dcd_joint_destroy(world, NO_JOINT), DCD_ERR_NULL);
+    EXPECT(dcd_joint_destroy(world, joint), DCD_OK);
+    EXPECT(dcd_joint_destroy(world, joint), DCD_ERR_STALE_ID);
+    EXPECT(dcd_joint_create(world, &good, &joint), DCD_OK);
+    EXPECT(dcd_body_destroy(world, good.b), DCD_OK);
+    EXPECT(dcd_joint_destroy(world, joint), DCD_ERR_STALE_ID); /* it went with its body */
+    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, 1.0f), DCD_ERR_STALE_ID);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_world_destroy(other), DCD_OK);
+}
+
+static void bulk(void)
+{
+    DcdWorld world = make_world(2);
+    DcdShapeId box = make_box(world);
+    DcdBodyId ids[3];
+    DcdPose poses[3];
+    DcdStatus each[3];
+    DcdStateView view = DCD_STATE_VIEW_INIT, early = DCD_STATE_VIEW_INIT;
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    DcdRegionInfo regions[2];
+    DcdStats stats = DCD_STATS_INIT;
+    size_t count = 0;
+    char text[256], tiny[4] = "abc";
+    uint64_t hash = 0;
+
+    EXPECT(dcd_state_view(world, NULL), DCD_ERR_NULL);
+    view.struct_size = 1;
+    EXPECT(dcd_state_view(world, &view), DCD_ERR_STRUCT);
+    view.struct_size = sizeof view;
+    EXPECT(dcd_state_view(world, &view), DCD_OK);
+    HOLDS(view.count == 0 && view.ids == NULL);
+    for (int i = 0; i < 3; i++) {
+        ids[i] = make_body(world, box, DCD_DYNAMIC, 3.0 * i);
+    }
+    EXPECT(dcd_step(world), DCD_OK);
+    EXPECT(dcd_state_view(world, &early), DCD_OK);
+    HOLDS(early.count == 3 && early.tick == 1);
+    HOLDS(early.ids[2].v == ids[2].v);
+
+    /* A late reader reads old numbers until the step after next, never freed memory, even if the arrays grow. */
+    double height = early.poses[2].p[1];
+    EXPECT(dcd_step(world), DCD_OK);
+    HOLDS(early.poses[2].p[1] == height);
+    for (int i = 0; i < 40; i++) {
+        make_body(world, box, DCD_DYNAMIC, 10.0 + 3.0 * i);
+    }
+    EXPECT(dcd_step(world), DCD_OK);
+    EXPECT(dcd_step(world), DCD_OK);
+    HOLDS(isfinite(early.poses[2].p[1]));
+    EXPECT(dcd_state_view(world, &view), DCD_OK);
+    HOLDS(view.count == 43 && view.tick == 4);
+
+    EXPECT(dcd_state_read(world, NULL, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_state_read(world, ids, 3, 3, poses, 0, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 8, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, SIZE_MAX, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, SIZE_MAX / 2, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, NULL, 0, DCD_FIELD_POSE, NULL, 0, NULL), DCD_OK);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_OK);
+    EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_OK);
+    poses[0].p[0] = -1.0;
+    poses[1].q[3] = NAN;
+    EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_POSE, poses, sizeof poses[0], each), DCD_OK);
+    HOLDS(each[0] == DCD_OK && each[1] == DCD_ERR_ARGUMENT && each[2] == DCD_OK);
+    ids[1] = NO_BODY;
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_destroy(world, ids[2]), DCD_OK);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 0, each), DCD_OK);
+    HOLDS(each[0] == DCD_OK && each[1] == DCD_ERR_NULL && each[2] == DCD_ERR_STALE_ID);
+    HOLDS(poses[0].p[0] == -1.0 && isnan(poses[1].q[3])); /* bad bodies leave their place alone */
+
+    EXPECT(dcd_events(world, NULL), DCD_ERR_NULL);
+    events.struct_size = 0;
+    EXPECT(dcd_events(world, &events), DCD_ERR_STRUCT);
+    events.struct_size = sizeof events;
+    EXPECT(dcd_events(world, &events), DCD_OK);
+
+    EXPECT(dcd_regions(world, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_regions(world, NULL, 2, &count), DCD_ERR_NULL);
+    EXPECT(dcd_regions(world, NULL, 0, &count), DCD_ERR_SMALL_BUFFER);
+    HOLDS(count == 2);
+    EXPECT(dcd_regions(world, regions, 1, &count), DCD_ERR_SMALL_BUFFER);
+    EXPECT(dcd_regions(world, regions, 2, &count), DCD_OK);
+    HOLDS(regions[0].max[0] == 0.0 && isinf(regions[0].min[0]));
+    EXPECT(dcd_stats(world, NULL), DCD_ERR_NULL);
+    stats.struct_size = 0;
+    EXPECT(dcd_stats(world, &stats), DCD_ERR_STRUCT);
+    stats.struct_size = sizeof stats;
+    EXPECT(dcd_stats(world, &stats), DCD_OK);
+    HOLDS(stats.ticks == 4 && stats.bodies == 42 && stats.regions == 2);
+    EXPECT(dcd_stats_text(world, tiny, sizeof tiny, &count), DCD_ERR_SMALL_BUFFER);
+    HOLDS(strcmp(tiny, "abc") == 0);
+    EXPECT(dcd_stats_text(world, text, count, &count), DCD_OK);
+    HOLDS(strlen(text) + 1 == count);
+    EXPECT(dcd_state_hash(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_state_hash(world, &hash), DCD_OK);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+}
+
+static void rays(void)
+{
+    DcdWorld world = make_world(2);
+    DcdBodyId body = make_body(world, make_box(world), DCD_FIXED, 0.0);
+    DcdRay good = { { 0.0, 5.0, 0.0 }, { 0.0f, -2.0f, 0.0f }, 100.0f, { 0 }, 0xFFFFFFFFu, 0 }, ray;
+    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f };
+
+    EXPECT(dcd_step(world), DCD_OK);
+    EXPECT(dcd_cast_rays(world, NULL, 1, &hit), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays(world, &good, 1, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays(world, &good, SIZE_MAX, &hit), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_rays(world, NULL, 0, NULL), DCD_OK);
+#define BLIND(member, value, code)                                                                                    \
+    ray = good;                                                                                                       \
+    ray.member = value;                                                                                               \
+    EXPECT(dcd_cast_rays(world, &ray, 1, &hit), code)
+    BLIND(origin[0], (double)NAN, DCD_ERR_ARGUMENT);
+    BLIND(direction[1], 0.0f, DCD_ERR_ARGUMENT);
+    BLIND(direction[0], INFINITY, DCD_ERR_ARGUMENT);
+    BLIND(max_distance, 0.0f, DCD_ERR_ARGUMENT);
+    BLIND(max_distance, NAN, DCD_ERR_ARGUMENT);
+    BLIND(exclude, (DcdBodyId){ 77 }, DCD_ERR_STALE_ID);
+    EXPECT(dcd_cast_rays(world, &good, 1, &hit), DCD_OK);
+    HOLDS(hit.body.v == body.v && fabsf(hit.distance - 4.5f) < 1e-4f && hit.normal[1] > 0.99f);
+    BLIND(max_distance, INFINITY, DCD_OK);
+    HOLDS(hit.body.v == body.v);
+    BLIND(exclude, body, DCD_OK);
+    HOLDS(memcmp(&hit, &nothing, sizeof hit) == 0);
+    BLIND(mask, 0, DCD_OK);
+    HOLDS(hit.body.v == 0);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+}
+
+static DcdWorld logged_world;
+static DcdStatus logged_status;
+static int logged_lines;
+
+static void on_log(void *user, DcdLogLevel level, const char *message, size_t length)
+{
+    int *count = user;
+    if (level <= DCD_LOG_DEBUG && message != NULL && length > 0) {
+        ++*count;
+    }
+    logged_status = dcd_step(logged_world);
+}
+
+static void logging(void)
+{
+    logged_world = make_world(1);
+    EXPECT(dcd_log_set(on_log, &logged_lines, DCD_LOG_DEBUG), DCD_OK);
+    EXPECT(dcd_step(NO_WORLD), DCD_ERR_NULL); /* a failed call is a line */
+    HOLDS(logged_lines == 1);
+    HOLDS(logged_status == DCD_ERR_BUSY);
+    EXPECT(dcd_log_set(NULL, NULL, DCD_LOG_TRACE), DCD_OK);
+    EXPECT(dcd_step(NO_WORLD), DCD_ERR_NULL);
+    HOLDS(logged_lines == 1);
+    EXPECT(dcd_world_destroy(logged_world), DCD_OK);
+}
+
+/* One thread steps, one makes and destroys bodies, one reads, and at last the world is destroyed under all of them. Statuses
+ * are counted instead of EXPECTed there, since `checks` belongs to the main thread. */
+static DcdWorld shared;
+static DcdShapeId shared_box;
+
+static void *step_it(void *unused)
+{
+    (void)unused;
+    DcdStatus status = DCD_OK;
+    while (status == DCD_OK) {
+        status = dcd_step(shared);
+    }
+    return status == DCD_ERR_STALE_ID ? NULL : &shared;
+}
+
+static void *change_it(void *unused)
+{
+    (void)unused;
+    DcdStatus status = DCD_OK;
+    while (status == DCD_OK) {
+        DcdBodyDef def = DCD_BODY_DEF_INIT;
+        DcdBodyId body;
+        def.shape = shared_box;
+        status = dcd_body_create(shared, &def, &body);
+        if (status == DCD_OK) {
+            status = dcd_body_destroy(shared, body);
+        }
+    }
+    return status == DCD_ERR_STALE_ID ? NULL : &shared;
+}
+
+static void *read_it(void *unused)
+{
+    (void)unused;
+    DcdStatus status = DCD_OK;
+    while (status == DCD_OK) {
+        uint64_t hash;
+        DcdStats stats = DCD_STATS_INIT;
+        status = dcd_state_hash(shared, &hash);
+        if (status == DCD_OK) {
+            status = dcd_stats(shared, &stats);
+        }
+    }
+    return status == DCD_ERR_STALE_ID ? NULL : &shared;
+}
+
+static void threads(void)
+{
+    void *(*work[])(void *) = { step_it, step_it, change_it, read_it };
+    pthread_t running[4];
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    shared = make_world(2);
+    shared_box = make_box(shared);
+    make_body(shared, shared_box, DCD_DYNAMIC, 0.0);
+    for (int i = 0; i < 4; i++) {
+        HOLDS(pthread_create(&running[i], NULL, work[i], NULL) == 0);
+    }
+    while (info.tick < 50) {
+        EXPECT(dcd_world_info(shared, &info), DCD_OK);
+    }
+    EXPECT(dcd_world_destroy(shared), DCD_OK);
+    for (int i = 0; i < 4; i++) {
+        void *wrong = &shared;
+        HOLDS(pthread_join(running[i], &wrong) == 0);
+        HOLDS(wrong == NULL);
+    }
+}
+
+int main(void)
+{
+    library();
+    worlds();
+    scenes();
+    shapes();
+    bodies();
+    joints();
+    bulk();
+    rays();
+    logging();
+    threads();
+    printf("%d checks, %d failures\n", checks, failures);
+    return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
+}

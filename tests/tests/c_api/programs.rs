@@ -1,0 +1,134 @@
+//! The examples say what they should, and misuse gets its codes: bare, under the sanitizers, and under valgrind.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::toolchain::{build, is_installed, root, run_well};
+
+fn example(name: &str) -> PathBuf {
+    root().join("examples-c").join(name)
+}
+
+fn checker(name: &str) -> PathBuf {
+    root().join("tests/tests/c_api").join(name)
+}
+
+/// A program that stops at the first finding of AddressSanitizer, LeakSanitizer or UndefinedBehaviorSanitizer.
+const SANITIZED: [&str; 3] = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O1"];
+
+fn run_example(name: &str, flags: &[&str]) -> String {
+    let dir = tempfile::tempdir().unwrap();
+    run_well(&mut Command::new(build(&example(name), dir.path(), flags)))
+}
+
+#[test]
+fn hello_stacks_its_boxes_over_two_regions() {
+    let said = run_example("hello.c", &[]);
+    for (i, y) in ["0.50", "1.50", "2.50", "3.50", "4.49"].iter().enumerate() {
+        let line =
+            said.lines().find(|line| line.starts_with(&format!("box {i}: "))).expect("each box has a line");
+        assert!(line.contains(&format!("y = {y} m, 1000 kg")), "{said}");
+        assert!(line.ends_with("asleep"), "{said}");
+    }
+    assert!(said.contains("region 1") && said.contains("region 2"), "{said}");
+    assert!(said.contains("ticks        240\n"), "{said}");
+}
+
+#[test]
+fn game_loop_sees_contacts_and_transfers_and_draws_between_steps() {
+    let said = run_example("game_loop.c", &[]);
+    let last = said.lines().last().expect("it says something");
+    let numbers: Vec<u32> =
+        last.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
+    let [frames, steps, began, ended, transfers] = numbers[..] else { panic!("{said}") };
+    assert_eq!(frames, 300);
+    // 300 frames of 1/75 s and six of three times that, in steps of 1/60 s.
+    assert_eq!(steps, 249, "{said}");
+    assert!(began >= 16 && ended < began, "16 balls fall on the ground and some bounce: {said}");
+    assert!(transfers > 0, "balls roll across the borders: {said}");
+    assert!(said.contains("ball 0 is 0.25 m above something"), "{said}");
+}
+
+/// Runs a program that counts its own checks.
+fn run_checker(name: &str) {
+    let dir = tempfile::tempdir().unwrap();
+    let said = run_well(&mut Command::new(build(&checker(name), dir.path(), &[])));
+    assert!(said.contains(" checks, 0 failures"), "{said}");
+}
+
+#[test]
+fn functions_do_what_the_header_says() {
+    run_checker("behaviour.c");
+}
+
+#[test]
+fn misuse_gets_its_documented_codes() {
+    run_checker("misuse.c");
+}
+
+#[test]
+fn sanitizers_find_nothing_in_the_programs() {
+    let dir = tempfile::tempdir().unwrap();
+    for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c"), example("game_loop.c")] {
+        run_well(&mut Command::new(build(&source, dir.path(), &SANITIZED)));
+    }
+}
+
+#[test]
+fn random_calls_find_no_bug() {
+    let dir = tempfile::tempdir().unwrap();
+    let program = build(&checker("random_calls.c"), dir.path(), &SANITIZED);
+    for seed in 1..=8 {
+        run_well(Command::new(&program).args([seed.to_string(), "5000".to_owned()]));
+    }
+}
+
+#[test]
+fn valgrind_finds_nothing_in_the_programs() {
+    if !is_installed("valgrind") {
+        eprintln!("valgrind is not installed: nothing checked");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c")] {
+        let mut valgrind = Command::new("valgrind");
+        valgrind.args([
+            "--quiet",
+            "--error-exitcode=9",
+            "--leak-check=full",
+            "--errors-for-leak-kinds=definite",
+        ]);
+        valgrind.arg(format!("--suppressions={}", root().join("tests/tests/c_api/valgrind.supp").display()));
+        run_well(valgrind.arg(build(&source, dir.path(), &[])));
+    }
+}
+
+#[test]
+fn the_makefile_builds_the_examples() {
+    if !is_installed("make") {
+        eprintln!("make is not installed: nothing checked");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let mut make = Command::new("make");
+    make.current_dir(root().join("examples-c"));
+    make.arg(format!("LIB={}", crate::toolchain::library_dir().join("libdcd_ffi.a").display()));
+    make.arg(format!("BUILD={}", dir.path().join("made").display()));
+    run_well(&mut make);
+    assert!(run_well(&mut Command::new(dir.path().join("made/hello"))).contains("box 4"));
+}
+
+#[test]
+fn cmake_builds_the_examples() {
+    if !is_installed("cmake") {
+        eprintln!("cmake is not installed: nothing checked");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let library = crate::toolchain::library_dir().join("libdcd_ffi.a");
+    let mut configure = Command::new("cmake");
+    configure.arg("-S").arg(root().join("examples-c")).arg("-B").arg(dir.path());
+    run_well(configure.arg(format!("-DDCD_LIBRARY={}", library.display())));
+    run_well(Command::new("cmake").arg("--build").arg(dir.path()));
+    assert!(run_well(&mut Command::new(dir.path().join("hello"))).contains("box 4"));
+}

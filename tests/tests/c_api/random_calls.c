@@ -1,0 +1,238 @@
+/* Plays random calls on handles dead and alive, with numbers good and bad: none may crash, and none may find a bug of ours.
+ * The first argument is the seed, the second the number of calls. */
+#include "dcd.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { WORLDS = 4, KEPT = 32, MANY = 3 };
+
+static uint64_t state;
+
+/* xorshift64*, so that a seed means the same everywhere. */
+static uint32_t dice(uint32_t sides)
+{
+    state ^= state >> 12;
+    state ^= state << 25;
+    state ^= state >> 27;
+    return (uint32_t)((state * UINT64_C(2685821657736338717)) >> 33) % sides;
+}
+
+static float number(void)
+{
+    static const float odd[] = { 0.0f, -1.0f, NAN, INFINITY, -INFINITY, 1e-30f, 1e30f, 3.4e38f };
+    return dice(12) == 0 ? odd[dice(sizeof odd / sizeof odd[0])] : (float)dice(1000) / 100.0f - 2.0f;
+}
+
+static float size(void)
+{
+    return dice(20) == 0 ? number() : 0.2f + (float)dice(100) / 100.0f;
+}
+
+static uint64_t handle(uint64_t kept)
+{
+    return dice(30) == 0 ? kept ^ (UINT64_C(1) << dice(64)) : dice(60) == 0 ? 0 : kept;
+}
+
+static DcdWorld worlds[WORLDS];
+static DcdShapeId shapes[KEPT];
+static DcdBodyId bodies[KEPT];
+static DcdJointId joints[KEPT];
+
+static DcdPose some_pose(void)
+{
+    DcdPose pose = { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    for (int i = 0; i < 3; i++) {
+        pose.p[i] = (double)number();
+    }
+    if (dice(4) == 0) {
+        pose.q[0] = 0.6f;
+        pose.q[3] = dice(20) == 0 ? number() : 0.8f;
+    }
+    return pose;
+}
+
+static DcdVelocity some_velocity(void)
+{
+    DcdVelocity velocity;
+    for (int i = 0; i < 3; i++) {
+        velocity.linear[i] = number();
+        velocity.angular[i] = number();
+    }
+    return velocity;
+}
+
+static DcdBodyDef some_body(void)
+{
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    def.shape.v = handle(shapes[dice(KEPT)].v);
+    def.body_type = dice(8) == 0 ? dice(5) : DCD_DYNAMIC;
+    def.pose = some_pose();
+    def.density = dice(4) == 0 ? number() : def.density;
+    def.restitution = dice(4) == 0 ? number() : def.restitution;
+    def.flags = dice(8) == 0 ? dice(20) : 0;
+    def.locked = dice(8) == 0 ? dice(70) : 0;
+    def.events = dice(4);
+    def.mask = dice(8) == 0 ? dice(3) : def.mask;
+    def.struct_size -= dice(50) == 0;
+    return def;
+}
+
+static DcdStatus play(void)
+{
+    DcdWorld world = { handle(worlds[dice(WORLDS)].v) };
+    DcdBodyId *body = &bodies[dice(KEPT)];
+    DcdShapeId *shape = &shapes[dice(KEPT)];
+    DcdJointId *joint = &joints[dice(KEPT)];
+    DcdBodyId named = { handle(body->v) }, list[MANY];
+    DcdStatus each[MANY];
+    DcdPose pose = some_pose(), poses[MANY];
+    DcdVelocity velocity = some_velocity();
+    float three[3] = { size(), size(), size() };
+    float points[24];
+    uint32_t indices[12];
+    for (int i = 0; i < MANY; i++) {
+        list[i].v = handle(bodies[dice(KEPT)].v);
+        poses[i] = some_pose();
+    }
+    for (int i = 0; i < 24; i++) {
+        points[i] = number();
+    }
+    for (int i = 0; i < 12; i++) {
+        indices[i] = dice(dice(10) == 0 ? 20 : 8);
+    }
+
+    switch (dice(30)) {
+    case 0:
+        if (dice(20) == 0) {
+            DcdWorld *place = &worlds[dice(WORLDS)];
+            DcdWorldDef def = DCD_WORLD_DEF_INIT;
+            dcd_world_destroy(*place);
+            def.regions = dice(6);
+            def.threads = 1;
+            def.gravity[1] = dice(10) == 0 ? number() : -9.81f;
+            def.max[0] = dice(10) == 0 ? (double)number() : def.max[0];
+            return dcd_world_create(&def, place);
+        }
+        return DCD_OK;
+    case 1:
+        return dcd_shape_box(world, three, shape);
+    case 2:
+        return dcd_shape_sphere(world, three[0], shape);
+    case 3:
+        return dice(2) ? dcd_shape_capsule(world, three[0], three[1], shape)
+                       : dcd_shape_cylinder(world, three[0], three[1], shape);
+    case 4:
+        return dcd_shape_hull(world, points, dice(9), shape);
+    case 5:
+        return dcd_shape_mesh(world, points, 8, indices, dice(5), shape);
+    case 6:
+        return dcd_shape_heightfield(world, points, dice(5), dice(6), three, shape);
+    case 7: {
+        DcdFrame frames[2] = { { { number(), 0, 0 }, { 0, 0, 0, 1 } }, { { 0, number(), 0 }, { 0, 0, 0, 1 } } };
+        return dcd_shape_compound(world, &shapes[dice(KEPT - 1)], frames, dice(3), shape);
+    }
+    case 8:
+        return dcd_shape_destroy(world, *shape);
+    case 9:
+    case 10:
+    case 11: {
+        DcdBodyDef def = some_body();
+        return dcd_body_create(world, &def, body);
+    }
+    case 12: {
+        DcdBodyDef defs[MANY];
+        for (int i = 0; i < MANY; i++) {
+            defs[i] = some_body();
+        }
+        return dcd_bodies_create(world, defs, MANY, &bodies[dice(KEPT - MANY)]);
+    }
+    case 13:
+        return dcd_bodies_destroy(world, list, dice(MANY + 1));
+    case 14:
+        return dcd_body_set_pose(world, named, &pose);
+    case 15:
+        return dcd_body_set_velocity(world, named, &velocity);
+    case 16:
+        return dcd_body_apply_impulse(world, named, velocity.linear, dice(2) ? pose.p : NULL);
+    case 17:
+        return dcd_body_set_force(world, named, dice(2) ? velocity.linear : NULL, dice(2) ? velocity.angular : NULL);
+    case 18:
+        return dice(2) ? dcd_body_wake(world, named) : dcd_body_sleep(world, named);
+    case 19: {
+        DcdJointDef def = DCD_JOINT_DEF_INIT;
+        def.joint_type = dice(5);
+        def.a = named;
+        def.b = list[0];
+        def.frame_b.p[0] = number();
+        def.flags = dice(9);
+        def.limit[0] = number();
+        def.limit[1] = number();
+        def.motor_speed = number();
+        def.motor_max_force = number();
+        return dcd_joint_create(world, &def, joint);
+    }
+    case 20:
+        return dcd_joint_set_motor(world, *joint, number(), number());
+    case 21:
+        return dcd_joint_destroy(world, *joint);
+    case 22: {
+        DcdStateView view = DCD_STATE_VIEW_INIT;
+        double sum = 0.0;
+        DcdStatus status = dcd_state_view(world, &view);
+        for (size_t i = 0; i < view.count; i++) {
+            sum += view.poses[i].p[0] + (double)view.velocities[i].linear[0] + (double)view.flags[i];
+        }
+        return isnan(sum) ? DCD_ERR_PANIC : status; /* no NaN comes out, whatever goes in */
+    }
+    case 23: {
+        DcdEventView view = DCD_EVENT_VIEW_INIT;
+        return dcd_events(world, &view);
+    }
+    case 24:
+        return dcd_state_read(world, list, MANY, dice(4), poses, sizeof poses[0], dice(2) ? each : NULL);
+    case 25:
+        return dcd_state_write(world, list, MANY, dice(4), poses, sizeof poses[0], dice(2) ? each : NULL);
+    case 26: {
+        DcdRay ray = { { 0.0, 0.0, 0.0 }, { number(), number(), number() }, number(), { 0 }, 1 + dice(3), 0 };
+        DcdRayHit hit;
+        ray.origin[1] = (double)number();
+        ray.exclude = dice(3) == 0 ? named : ray.exclude;
+        return dcd_cast_rays(world, &ray, 1, &hit);
+    }
+    default:
+        return dcd_step(world);
+    }
+}
+
+int main(int count, char **texts)
+{
+    unsigned long calls = count > 2 ? strtoul(texts[2], NULL, 10) : 10000;
+    unsigned long good = 0;
+    state = count > 1 ? strtoull(texts[1], NULL, 10) : 1;
+    state = state * 2 + 1; /* never 0 */
+    for (int i = 0; i < WORLDS; i++) {
+        DcdWorldDef def = DCD_WORLD_DEF_INIT;
+        def.regions = (uint32_t)i + 1;
+        def.threads = 1;
+        if (dcd_world_create(&def, &worlds[i]) != DCD_OK) {
+            return EXIT_FAILURE;
+        }
+    }
+    for (unsigned long call = 0; call < calls; call++) {
+        DcdStatus status = play();
+        good += status == DCD_OK;
+        if (status == DCD_ERR_PANIC || status > DCD_OK || status < DCD_ERR_LIMIT) {
+            char message[1024] = "";
+            dcd_last_error(message, sizeof message);
+            printf("call %lu: %s: %s\n", call, dcd_status_string(status), message);
+            return EXIT_FAILURE;
+        }
+    }
+    for (int i = 0; i < WORLDS; i++) {
+        dcd_world_destroy(worlds[i]);
+    }
+    printf("%lu calls, %lu of them good\n", calls, good);
+    return EXIT_SUCCESS;
+}

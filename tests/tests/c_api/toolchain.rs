@@ -1,0 +1,123 @@
+//! The system's C compiler, and a fresh `libdcd_ffi.a` to link to.
+
+use std::ffi::OsStr;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+/// What Rust's standard library needs of a Linux system; `library.rs` checks that the list is right.
+pub(crate) const NATIVE_LIBS: [&str; 7] = ["-lgcc_s", "-lutil", "-lrt", "-lpthread", "-lm", "-ldl", "-lc"];
+
+/// Longer than any program of ours takes on a busy machine, valgrind included.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// The root of the repository.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package lies in the workspace").to_owned()
+}
+
+/// Where cargo put this test, as `target/debug`: there the library belongs too.
+fn profile_dir() -> PathBuf {
+    let test = std::env::current_exe().expect("a test has a path");
+    test.parent().and_then(Path::parent).expect("tests lie in <profile>/deps").to_owned()
+}
+
+/// Builds the C library once a test run, so that no stale one is tested. Returns the folder that has it.
+pub(crate) fn library_dir() -> &'static Path {
+    static DIR: OnceLock<PathBuf> = OnceLock::new();
+    DIR.get_or_init(|| {
+        let dir = profile_dir();
+        let profile = match dir.file_name().and_then(OsStr::to_str) {
+            Some("debug") | None => "dev",
+            Some(name) => name,
+        };
+        let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        cargo.current_dir(root()).args(["build", "--quiet", "--profile", profile]);
+        // With this package, so that the features are those of the test's own build and nothing is compiled twice.
+        cargo.args(["--package", "dcd-ffi", "--package", "dcd-tests"]);
+        // Where the test itself lies. Cargo holds no lock on it while tests run.
+        cargo.arg("--target-dir").arg(dir.parent().expect("profiles lie in the target directory"));
+        // What cargo tells this test about its package would make it build other packages anew.
+        for (name, _) in std::env::vars_os() {
+            if name
+                .to_str()
+                .is_some_and(|name| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_"))
+            {
+                cargo.env_remove(name);
+            }
+        }
+        let status = cargo.status().expect("cargo runs");
+        assert!(status.success(), "the C library does not build");
+        dir
+    })
+}
+
+/// A compiler of the system: `CC` or `cc`, `CXX` or `c++`.
+pub(crate) fn compiler(variable: &str, default: &str) -> Command {
+    let mut compiler = Command::new(std::env::var_os(variable).unwrap_or_else(|| default.into()));
+    compiler.arg("-I").arg(root().join("include"));
+    compiler
+}
+
+/// Compiles a C program and links it to the static library. Returns the program.
+pub(crate) fn build(source: &Path, out: &Path, flags: &[&str]) -> PathBuf {
+    let program = out.join(source.file_stem().expect("a source has a name"));
+    let mut cc = compiler("CC", "cc");
+    cc.args(["-std=c11", "-g", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wstrict-prototypes"])
+        .args(flags);
+    cc.arg(source).arg(library_dir().join("libdcd_ffi.a")).args(NATIVE_LIBS).arg("-o").arg(&program);
+    let output = cc.output().expect("the C compiler runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    program
+}
+
+/// What a program said.
+pub(crate) struct Outcome {
+    pub status: ExitStatus,
+    pub stdout: String,
+    pub stderr: String,
+}
+
+/// Runs a program to its end, or fails the test when it does not come.
+pub(crate) fn run(command: &mut Command) -> Outcome {
+    let mut child =
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let read = |mut from: Box<dyn Read + Send>| {
+        std::thread::spawn(move || {
+            let mut text = String::new();
+            from.read_to_string(&mut text).expect("the program writes text");
+            text
+        })
+    };
+    let stdout = read(Box::new(child.stdout.take().expect("it is piped")));
+    let stderr = read(Box::new(child.stderr.take().expect("it is piped")));
+    let deadline = Instant::now() + PATIENCE;
+    let status = loop {
+        if let Some(status) = child.try_wait().expect("a child can be waited for") {
+            break status;
+        }
+        if Instant::now() > deadline {
+            child.kill().expect("a child can be killed");
+            panic!("{command:?} does not end within {PATIENCE:?}");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let text = |reader: std::thread::JoinHandle<String>| reader.join().expect("the reader does not panic");
+    Outcome { status, stdout: text(stdout), stderr: text(stderr) }
+}
+
+/// Runs a program that must succeed, and returns what it said.
+pub(crate) fn run_well(command: &mut Command) -> String {
+    let outcome = run(command);
+    let Outcome { status, stdout, stderr } = &outcome;
+    assert!(status.success(), "{command:?} ends with {status}\n{stdout}\n{stderr}");
+    outcome.stdout
+}
+
+/// Whether a tool is installed.
+pub(crate) fn is_installed(tool: &str) -> bool {
+    let probe = Command::new(tool).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    probe.is_ok_and(|status| status.success())
+}

@@ -67,7 +67,7 @@ impl Demo {
             Ok(folder) => shipped(folder, &self.scene).unwrap_or_else(|| self.scene.clone()),
             Err(_) => self.scene.clone(),
         };
-        let hint = avatar(&Scene::open(&scene, &Params::new())?);
+        let hint = avatar(&Scene::open(&scene, &Params::new())?, self.seconds);
         let folder = tempfile::Builder::new().prefix("dcd-demo-").tempdir().map_err(|error| {
             Failure::run(format!(
                 "cannot make a temporary folder: {error}; point TMPDIR at one that can be written to"
@@ -139,7 +139,7 @@ impl Show<'_> {
         let mut playing = Command::new(program);
         playing.args([&address, &self.token(Role::Client)?, &demo.seconds.as_secs_f64().to_string()]);
         playing.args(hint.pose.translation.iter().map(f64::to_string));
-        playing.args(hint.drive_m_s.iter().map(f32::to_string));
+        playing.args(hint.drive_m_s.iter().chain(&hint.half_size_m).map(f32::to_string));
         let client = Process::start("the C program", &mut playing, false)?;
         self.common.say("the C program plays");
         let began = Instant::now();
@@ -219,10 +219,11 @@ fn shipped(workspace: &Path, name: &str) -> Option<String> {
     file.is_file().then(|| file.to_string_lossy().into_owned())
 }
 
-/// Where the avatar starts and goes: as the scene says, else along the ground through the middle.
-fn avatar(scene: &Scene) -> AvatarHint {
-    scene.avatar.unwrap_or_else(|| {
-        let (min, max) = (scene.bounds.min, scene.bounds.max);
+/// Where the avatar starts and goes: as the scene says, else along the ground through the middle; so slowly that it does
+/// not leave the world.
+fn avatar(scene: &Scene, time: Duration) -> AvatarHint {
+    let (min, max) = (scene.bounds.min, scene.bounds.max);
+    let mut hint = scene.avatar.unwrap_or_else(|| {
         let at = [min[0] + 0.1 * (max[0] - min[0]), min[1] + 0.7, 0.5 * (min[2] + max[2])];
         AvatarHint {
             pose: crate::protocol::WorldPose::at(at),
@@ -230,5 +231,30 @@ fn avatar(scene: &Scene) -> AvatarHint {
             mass_kg: 12.0,
             drive_m_s: [5.0, 0.0, 0.0],
         }
-    })
+    });
+    let mut share = 1.0_f64;
+    for axis in 0..3 {
+        let wall = if hint.drive_m_s[axis] > 0.0 { max[axis] } else { min[axis] };
+        let room_m = (wall - hint.pose.translation[axis]).abs() - f64::from(hint.half_size_m[axis]);
+        let way_m = f64::from(hint.drive_m_s[axis]).abs() * time.as_secs_f64();
+        if way_m > 0.0 {
+            share = share.min(room_m.max(0.0) / way_m);
+        }
+    }
+    hint.drive_m_s = hint.drive_m_s.map(|v| (f64::from(v) * share) as f32);
+    hint
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_avatar_does_not_leave_the_world() {
+        let scene = Scene::named("pile", &Params::new()).unwrap();
+        let hint = avatar(&scene, Duration::from_secs(1000));
+        let end = hint.pose.translation[0] + 1000.0 * f64::from(hint.drive_m_s[0]);
+        assert!(end < scene.bounds.max[0] && end > scene.bounds.max[0] - 1.0, "{hint:?}");
+        assert_eq!(avatar(&scene, Duration::from_millis(10)).drive_m_s, [5.0, 0.0, 0.0]);
+    }
 }

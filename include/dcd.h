@@ -118,6 +118,43 @@
 // In DcdContact.flags: one of them is a sensor.
 #define DCD_CONTACT_SENSOR 1
 
+// In DcdBodyChange.kind: a body of a served world came into it.
+#define DCD_BODY_APPEARED 1
+
+// In DcdBodyChange.kind: a body of a served world is gone; its id is stale.
+#define DCD_BODY_REMOVED 2
+
+// In DcdBodyChange.kind: what was asked of an avatar is refused. If it had not appeared yet it never will, and its id is
+// stale.
+#define DCD_BODY_REFUSED 3
+
+// In DcdBodyChange.reason: the program speaks another version of the protocol than the server.
+#define DCD_REFUSED_VERSION 1
+
+// In DcdBodyChange.reason: the body is not an avatar of this process.
+#define DCD_REFUSED_NOT_YOURS 2
+
+// In DcdBodyChange.reason: the avatar is not in the world.
+#define DCD_REFUSED_UNKNOWN 3
+
+// In DcdBodyChange.reason: an avatar with this id is waiting for its return; make another.
+#define DCD_REFUSED_EXISTS 4
+
+// In DcdBodyChange.reason: the velocity is above the limit that the server sets.
+#define DCD_REFUSED_TOO_FAST 5
+
+// In DcdBodyChange.reason: a newer wish was there before.
+#define DCD_REFUSED_LATE 6
+
+// In DcdBodyChange.reason: the shape did not arrive with the avatar.
+#define DCD_REFUSED_SHAPE 7
+
+// In DcdBodyChange.reason: too many avatars, or too much asked of them at a time.
+#define DCD_REFUSED_TOO_MANY 8
+
+// In DcdEventView.flags: the link to the server is gone; dcd_step says why.
+#define DCD_EVENTS_LOST 1
+
 // What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 typedef int32_t DcdStatus;
 
@@ -165,9 +202,9 @@ typedef uint32_t DcdRole;
 typedef struct DcdWorldInfo {
     // sizeof(DcdWorldInfo).
     uint32_t struct_size;
-    // DCD_ROLE_LOCAL.
+    // DCD_ROLE_LOCAL, _CLIENT or _PARTICIPANT.
     DcdRole role;
-    // Steps since the world began.
+    // Steps since the world began; the newest heard of in a served world.
     uint64_t tick;
     // Your own.
     uint64_t user_data;
@@ -177,9 +214,53 @@ typedef struct DcdWorldInfo {
     float dt;
     // m/s².
     float gravity[3];
+    // The number that the server knows this process by, from 1; 0 in a local world.
+    uint32_t client;
+} DcdWorldInfo;
+
+// How a client joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
+typedef struct DcdClientDef {
+    // sizeof(DcdClientDef).
+    uint32_t struct_size;
+    // Milliseconds to wait for the server and the world; 0 is 10,000.
+    uint32_t timeout_ms;
+    // Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port".
+    const char *server;
+    // What `dcd token --role client` printed; joining uses it up.
+    const char *token;
+    // A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
+    // were left behind. It holds a secret.
+    const char *identity_path;
+    // Your own; dcd_world_info gives it back.
+    uint64_t user_data;
+} DcdClientDef;
+
+// How a participant joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
+typedef struct DcdParticipantDef {
+    // sizeof(DcdParticipantDef).
+    uint32_t struct_size;
+    // As in DcdClientDef.
+    uint32_t timeout_ms;
+    // As in DcdClientDef.
+    const char *server;
+    // What `dcd token --role participant` printed; joining uses it up.
+    const char *token;
+    // As in DcdClientDef.
+    const char *identity_path;
+    // Your own; dcd_world_info gives it back.
+    uint64_t user_data;
+    // Regions computed at a time, 1 to 1024; 0 is one per core.
+    uint32_t threads;
     // 0.
     uint32_t reserved;
-} DcdWorldInfo;
+} DcdParticipantDef;
+
+// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
+// is stale in this one. It holds in this process only.
+typedef struct DcdBodyId {
+    // Opaque.
+    uint64_t v;
+} DcdBodyId;
 
 // A shape of one world. 0 is null.
 typedef struct DcdShapeId {
@@ -254,13 +335,6 @@ typedef struct DcdBodyDef {
     uint64_t user_data;
 } DcdBodyDef;
 
-// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
-// is stale in this one. It holds in this process only.
-typedef struct DcdBodyId {
-    // Opaque.
-    uint64_t v;
-} DcdBodyId;
-
 // What a body is now. Start from DCD_BODY_INFO_INIT.
 typedef struct DcdBodyInfo {
     // sizeof(DcdBodyInfo).
@@ -269,9 +343,10 @@ typedef struct DcdBodyInfo {
     DcdBodyType body_type;
     // Your own.
     uint64_t user_data;
-    // Kilograms; 0 for a fixed body.
+    // Kilograms; 0 for a fixed body, and in a served world, where it is not told.
     float mass;
-    // The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body.
+    // The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
+    // not appeared yet. In a served world, the region it is in.
     uint32_t region;
     // Whether it sleeps: it costs nothing until something wakes it.
     bool sleeping;
@@ -342,7 +417,8 @@ typedef struct DcdStateView {
 // What dcd_state_read and dcd_state_write copy.
 typedef uint32_t DcdField;
 
-// Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it.
+// Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
+// a served world, of avatars of this process.
 typedef struct DcdContact {
     // The body made first. It is stale when it was destroyed since.
     DcdBodyId a;
@@ -400,12 +476,25 @@ typedef struct DcdTransfer {
     uint32_t to;
 } DcdTransfer;
 
+// A body of a served world appeared or is gone, or a wish was refused. Bodies that were there on joining are not told of, and
+// nothing is in a local world.
+typedef struct DcdBodyChange {
+    // Which body; null when a refusal concerns none.
+    DcdBodyId body;
+    // Your own, or that of whoever made it.
+    uint64_t user_data;
+    // DCD_BODY_APPEARED, _REMOVED or _REFUSED.
+    uint32_t kind;
+    // DCD_REFUSED_… of a refusal, else 0.
+    uint32_t reason;
+} DcdBodyChange;
+
 // What happened in the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 typedef struct DcdEventView {
     // sizeof(DcdEventView).
     uint32_t struct_size;
-    // 0.
-    uint32_t reserved;
+    // DCD_EVENTS_… bits.
+    uint32_t flags;
     // After which step.
     uint64_t tick;
     // Contacts that began or ended, by bodies.
@@ -416,10 +505,14 @@ typedef struct DcdEventView {
     const DcdContactForce *forces;
     // How many.
     size_t force_count;
-    // Bodies that changed owner.
+    // Bodies that changed owner; none in a served world, where owners change unseen.
     const DcdTransfer *transfers;
     // How many.
     size_t transfer_count;
+    // Bodies of a served world that came and went, and refusals.
+    const DcdBodyChange *changes;
+    // How many.
+    size_t change_count;
 } DcdEventView;
 
 // A ray.
@@ -456,9 +549,9 @@ typedef struct DcdRayHit {
 typedef struct DcdRegionInfo {
     // Its number in the tree of regions; numbers need not be dense.
     uint32_t region;
-    // Bodies that it owns.
+    // Bodies that it owns; in a served world, that are in it.
     uint32_t bodies;
-    // Bodies of its neighbours that it computes along, since they are near.
+    // Bodies of its neighbours that it computes along, since they are near; 0 in a served world.
     uint32_t replicas;
     // 0.
     uint32_t reserved;
@@ -474,17 +567,19 @@ typedef struct DcdStats {
     uint32_t struct_size;
     // Regions that the world is cut into.
     uint32_t regions;
-    // Steps done.
+    // Steps done; the newest heard of in a served world.
     uint64_t ticks;
     // Movable bodies.
     uint64_t bodies;
-    // Copies of bodies held by regions that do not own them.
+    // Copies of bodies held by regions that do not own them; 0 in a served world, as the next two.
     uint64_t replicas;
     // Bodies that changed owner in a step, ever.
     uint64_t transfers;
     // Copies set aside because their numbers were not finite; 0 unless something is wrong.
     uint64_t quarantined;
-    // Wall time of the last step, seconds.
+    // Messages with states of bodies received, ever; 0 in a local world.
+    uint64_t updates;
+    // Wall time of the last step, seconds; of taking in what had come, in a served world.
     double last_step;
 } DcdStats;
 
@@ -527,6 +622,12 @@ typedef struct DcdStats {
 // Called from within the log callback, where worlds may not be used.
 #define DCD_ERR_BUSY (-6)
 
+// Nobody answered in time.
+#define DCD_ERR_TIMEOUT (-8)
+
+// The server refuses, or the link to it is gone.
+#define DCD_ERR_NETWORK (-9)
+
 // The header that the program was compiled with does not fit the library it runs with.
 #define DCD_ERR_VERSION (-10)
 
@@ -544,6 +645,12 @@ typedef struct DcdStats {
 
 // Computes all of it.
 #define DCD_ROLE_LOCAL 0
+
+// Hosts avatars in it; others compute it.
+#define DCD_ROLE_CLIENT 1
+
+// Hosts avatars in it, and computes a share of it.
+#define DCD_ROLE_PARTICIPANT 2
 
 // Never. Ground and walls.
 #define DCD_FIXED 0
@@ -623,7 +730,8 @@ DcdStatus dcd_world_open_scene(const char *name_or_path,
                                const DcdWorldDef *def,
                                DcdWorld *out);
 
-// Destroys a world with everything in it. Its handles become stale, and what dcd_state_view and dcd_events lent is freed.
+// Destroys a local world with everything in it, or leaves a served one, whose avatars wait for your return. Its handles
+// become stale, and what dcd_state_view and dcd_events lent is freed.
 //
 // A call that runs on the world in another thread is waited for; calls that wait behind it find the world gone.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
@@ -636,6 +744,41 @@ DCD_API bool dcd_world_is_valid(DcdWorld world);
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
+
+// Joins a world that a server holds and nodes compute, as a client, and waits until the whole world has come.
+//
+// The handle is used like that of a local world; what differs:
+// - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands
+//   where you put it; DCD_BODY_APPEARED tells that it is in the world, DCD_BODY_REFUSED that it is not to be, and then its
+//   id is stale.
+// - dcd_body_set_velocity drives an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends what was set. The
+//   server may set a limit to speed and refuse by DCD_BODY_REFUSED.
+// - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. Once the link to the
+//   server is gone it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
+// - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
+//   your own avatars, if they ask for them.
+// - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, rays, dcd_state_hash.
+// - dcd_world_destroy leaves in order. Avatars leave with you and come back when you join with the same identity file.
+//
+// `def` and its texts are read during the call. The library keeps threads of its own until the world is destroyed.
+// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a malformed address or token or a token for another role,
+// DCD_ERR_TIMEOUT when nobody answers, DCD_ERR_NETWORK when the server refuses (a used or expired token, another version) or
+// cannot be reached, DCD_ERR_IO for the identity file, DCD_ERR_LIMIT without threads.
+DCD_API DcdStatus dcd_client_connect(const DcdClientDef *def, DcdWorld *out);
+
+// Joins as a participant: a client as dcd_client_connect makes it, whose process also computes a share of the world.
+//
+// The share is computed by threads of the library, whether or not you call dcd_step. dcd_world_destroy first hands it
+// to the other nodes, which may take some seconds; a process that ends without it is found dead and replaced.
+// Errors: as dcd_client_connect, and DCD_ERR_ARGUMENT for threads out of range.
+DCD_API DcdStatus dcd_participant_join(const DcdParticipantDef *def, DcdWorld *out);
+
+// Lists the avatars that this process hosts: those it made, in the world or on their way, and those that an earlier stay
+// left behind, which come back soon after joining (DCD_BODY_APPEARED). Into `out`, which has `cap` entries, and their number
+// into `count`; with `cap` 0 `out` may be null, to ask for the number. Oldest first. None in a local world.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, size_t *count);
 
 // Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
 //
@@ -710,17 +853,18 @@ DCD_API DcdStatus dcd_shape_destroy(DcdWorld world, DcdShapeId shape);
 DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBodyId *out);
 
 // Makes `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
-// moves them.
+// moves them. In a served world they are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
 //
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
-// more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids.
+// more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids, DCD_ERR_UNSUPPORTED
+// for a fixed body in a served world, DCD_ERR_NETWORK when its link is gone.
 DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
 
 // Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (the world, a body, or a body named twice), DCD_ERR_ARGUMENT for more than
-// DCD_MAX_ITEMS.
+// DCD_MAX_ITEMS, DCD_ERR_UNSUPPORTED for a body of others in a served world.
 DCD_API DcdStatus dcd_bodies_destroy(DcdWorld world, const DcdBodyId *bodies, size_t count);
 
 // Destroys one body. As dcd_bodies_destroy.
@@ -745,31 +889,39 @@ DCD_API DcdStatus dcd_body_info(DcdWorld world, DcdBodyId body, DcdBodyInfo *out
 // Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
 DCD_API DcdStatus dcd_body_get(DcdWorld world, DcdBodyId body, DcdPose *pose, DcdVelocity *velocity);
 
-// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too.
+// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
+// avatars of this process, and the next dcd_step asks for it.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
-DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPose *pose);
+// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
+DCD_API
+DcdStatus dcd_body_set_pose(DcdWorld world,
+                            DcdBodyId body,
+                            const DcdPose *pose);
 
-// Sets how a dynamic or kinematic body moves, and wakes it.
+// Sets how a dynamic or kinematic body moves, and wakes it. In a served world only avatars of this process, and the next
+// dcd_step asks for it.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
-DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
+// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
+DCD_API
+DcdStatus dcd_body_set_velocity(DcdWorld world,
+                                DcdBodyId body,
+                                const DcdVelocity *velocity);
 
 // Wakes a body. Bodies wake by themselves when something that moves touches them.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
 
 // Puts a body to sleep: it stops, and costs nothing until something wakes it.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
 
 // Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 // is the centre of mass.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
-// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger.
+// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger. DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_body_apply_impulse(DcdWorld world, DcdBodyId body, const float *impulse, const double *point);
 
 // Turns a dynamic body once, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
@@ -781,12 +933,15 @@ DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, 
 // Errors: as dcd_body_apply_impulse.
 DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
 
-// Ties two bodies. What joints tie together is owned and moved whole by one region, so keep it small against a region.
+// Ties two bodies of a local world; in a served world the three joint functions are DCD_ERR_UNSUPPORTED. What joints tie together is owned and moved whole by one region, so keep it small against a region.
 //
 // `def` is read during the call. The joint is gone when either body is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
 // motor on a joint without one, or twice the same body.
-DCD_API DcdStatus dcd_joint_create(DcdWorld world, const DcdJointDef *def, DcdJointId *out);
+DCD_API
+DcdStatus dcd_joint_create(DcdWorld world,
+                           const DcdJointDef *def,
+                           DcdJointId *out);
 
 // Starts, changes or, with `max_force` 0, stops the motor of a revolute or prismatic joint, and wakes its bodies. `speed` in
 // rad/s or m/s, `max_force` in N m or N, 0 or more.
@@ -799,12 +954,16 @@ DCD_API DcdStatus dcd_joint_set_motor(DcdWorld world, DcdJointId joint, float sp
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
 DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
 
-// Advances the world by one step of its own length, DcdWorldDef.dt; call it as often as your clock says. The length is the
+// Advances the world by one step of its own length, DcdWorldInfo.dt; call it as often as your clock says. The length is the
 // world's and not an argument, since every process that computes the world must use the same.
+//
+// A served world advances by itself: there the call sends what was asked of avatars, takes in what has come since the last
+// call, and returns without waiting for anything.
 //
 // What dcd_state_view lent two steps ago is overwritten. Other calls on the world wait until the step is done; views lent
 // before may be read meanwhile.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC, DCD_ERR_NETWORK once the link to the server is gone or
+// the world has ended (the last state stays readable, and what came before the loss is in dcd_events).
 DCD_API DcdStatus dcd_step(DcdWorld world);
 
 // Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
@@ -859,7 +1018,7 @@ DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
 //
 // `rays` is read during the call; `hits` has `count` entries.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_ARGUMENT for numbers that are not finite, a
-// direction of length 0, a distance that is not above 0, or more than DCD_MAX_ITEMS.
+// direction of length 0, a distance that is not above 0, or more than DCD_MAX_ITEMS, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_cast_rays(DcdWorld world, const DcdRay *rays, size_t count, DcdRayHit *hits);
 
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
@@ -882,7 +1041,7 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // Computes one number from the pose and velocity of every movable body: equal worlds, equal numbers, whatever the number of
 // threads.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
 #ifdef __cplusplus
@@ -909,6 +1068,12 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0 }
 
+/* Ten seconds of patience, no identity file; one thread per core. */
+#define DCD_CLIENT_DEF_INIT \
+    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0 }
+#define DCD_PARTICIPANT_DEF_INIT \
+    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0 }
+
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
@@ -917,9 +1082,9 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 #define DCD_STATE_VIEW_INIT \
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \
-    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0 }
+    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_STATS_INIT \
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0.0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0.0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)
@@ -969,7 +1134,23 @@ DCD_ASSERT_(offsetof(DcdWorldInfo, user_data) == 16);
 DCD_ASSERT_(offsetof(DcdWorldInfo, regions) == 24);
 DCD_ASSERT_(offsetof(DcdWorldInfo, dt) == 28);
 DCD_ASSERT_(offsetof(DcdWorldInfo, gravity) == 32);
-DCD_ASSERT_(offsetof(DcdWorldInfo, reserved) == 44);
+DCD_ASSERT_(offsetof(DcdWorldInfo, client) == 44);
+DCD_ASSERT_(sizeof(DcdClientDef) == 40);
+DCD_ASSERT_(offsetof(DcdClientDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdClientDef, timeout_ms) == 4);
+DCD_ASSERT_(offsetof(DcdClientDef, server) == 8);
+DCD_ASSERT_(offsetof(DcdClientDef, token) == 16);
+DCD_ASSERT_(offsetof(DcdClientDef, identity_path) == 24);
+DCD_ASSERT_(offsetof(DcdClientDef, user_data) == 32);
+DCD_ASSERT_(sizeof(DcdParticipantDef) == 48);
+DCD_ASSERT_(offsetof(DcdParticipantDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdParticipantDef, timeout_ms) == 4);
+DCD_ASSERT_(offsetof(DcdParticipantDef, server) == 8);
+DCD_ASSERT_(offsetof(DcdParticipantDef, token) == 16);
+DCD_ASSERT_(offsetof(DcdParticipantDef, identity_path) == 24);
+DCD_ASSERT_(offsetof(DcdParticipantDef, user_data) == 32);
+DCD_ASSERT_(offsetof(DcdParticipantDef, threads) == 40);
+DCD_ASSERT_(offsetof(DcdParticipantDef, reserved) == 44);
 DCD_ASSERT_(sizeof(DcdBodyDef) == 136);
 DCD_ASSERT_(offsetof(DcdBodyDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyDef, body_type) == 4);
@@ -1046,9 +1227,14 @@ DCD_ASSERT_(offsetof(DcdTransfer, body) == 0);
 DCD_ASSERT_(offsetof(DcdTransfer, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdTransfer, from) == 16);
 DCD_ASSERT_(offsetof(DcdTransfer, to) == 20);
-DCD_ASSERT_(sizeof(DcdEventView) == 64);
+DCD_ASSERT_(sizeof(DcdBodyChange) == 24);
+DCD_ASSERT_(offsetof(DcdBodyChange, body) == 0);
+DCD_ASSERT_(offsetof(DcdBodyChange, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdBodyChange, kind) == 16);
+DCD_ASSERT_(offsetof(DcdBodyChange, reason) == 20);
+DCD_ASSERT_(sizeof(DcdEventView) == 80);
 DCD_ASSERT_(offsetof(DcdEventView, struct_size) == 0);
-DCD_ASSERT_(offsetof(DcdEventView, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdEventView, flags) == 4);
 DCD_ASSERT_(offsetof(DcdEventView, tick) == 8);
 DCD_ASSERT_(offsetof(DcdEventView, contacts) == 16);
 DCD_ASSERT_(offsetof(DcdEventView, contact_count) == 24);
@@ -1056,6 +1242,8 @@ DCD_ASSERT_(offsetof(DcdEventView, forces) == 32);
 DCD_ASSERT_(offsetof(DcdEventView, force_count) == 40);
 DCD_ASSERT_(offsetof(DcdEventView, transfers) == 48);
 DCD_ASSERT_(offsetof(DcdEventView, transfer_count) == 56);
+DCD_ASSERT_(offsetof(DcdEventView, changes) == 64);
+DCD_ASSERT_(offsetof(DcdEventView, change_count) == 72);
 DCD_ASSERT_(sizeof(DcdRay) == 56);
 DCD_ASSERT_(offsetof(DcdRay, origin) == 0);
 DCD_ASSERT_(offsetof(DcdRay, direction) == 24);
@@ -1076,7 +1264,7 @@ DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
 DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
-DCD_ASSERT_(sizeof(DcdStats) == 56);
+DCD_ASSERT_(sizeof(DcdStats) == 64);
 DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);
 DCD_ASSERT_(offsetof(DcdStats, ticks) == 8);
@@ -1084,7 +1272,8 @@ DCD_ASSERT_(offsetof(DcdStats, bodies) == 16);
 DCD_ASSERT_(offsetof(DcdStats, replicas) == 24);
 DCD_ASSERT_(offsetof(DcdStats, transfers) == 32);
 DCD_ASSERT_(offsetof(DcdStats, quarantined) == 40);
-DCD_ASSERT_(offsetof(DcdStats, last_step) == 48);
+DCD_ASSERT_(offsetof(DcdStats, updates) == 48);
+DCD_ASSERT_(offsetof(DcdStats, last_step) == 56);
 #undef DCD_ASSERT_
 #endif
 

@@ -9,13 +9,16 @@ use dcd::space::{BodyId, JointId, RegionId};
 use rapier3d::prelude::*;
 
 use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
+use crate::served::{Change, Served};
 use crate::status::Failure;
-use crate::world::{DCD_ROLE_LOCAL, DcdRole};
+use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
 /// A world by role.
 pub(crate) enum Backend {
     /// Computed whole in this process.
     Local(Box<DcdWorld>),
+    /// Computed by others, or in part by this process.
+    Served(Box<Served>),
 }
 
 /// A body as far as C asks about it.
@@ -24,6 +27,7 @@ pub(crate) struct BodyView {
     pub velocity: Velocity,
     pub kind: DcdBodyType,
     pub sleeping: bool,
+    /// 0 for an immovable body, and where it is not known.
     pub mass_kg: f32,
     pub user_data: u64,
     /// `None` for an immovable body.
@@ -70,30 +74,64 @@ impl Backend {
     pub(crate) fn role(&self) -> DcdRole {
         match self {
             Self::Local(_) => DCD_ROLE_LOCAL,
+            Self::Served(world) if world.is_participant() => DCD_ROLE_PARTICIPANT,
+            Self::Served(_) => DCD_ROLE_CLIENT,
+        }
+    }
+
+    /// The world that is computed here, or why this role cannot do `what`, and what to do instead.
+    pub(crate) fn local(&self, what: &str, instead: &str) -> Result<&DcdWorld, Failure> {
+        match self {
+            Self::Local(world) => Ok(world),
+            Self::Served(world) => Err(world.unsupported(what, instead)),
+        }
+    }
+
+    fn local_mut(&mut self, what: &str, instead: &str) -> Result<&mut DcdWorld, Failure> {
+        match self {
+            Self::Local(world) => Ok(world),
+            Self::Served(world) => Err(world.unsupported(what, instead)),
+        }
+    }
+
+    /// Whether this role ties bodies together.
+    pub(crate) fn check_joints(&self) -> Result<(), Failure> {
+        self.local("make, drive or destroy joints", NO_JOINTS).map(drop)
+    }
+
+    /// The number of the client that this process is; 0 in a local world.
+    pub(crate) fn client(&self) -> u32 {
+        match self {
+            Self::Local(_) => 0,
+            Self::Served(world) => world.client(),
         }
     }
 
     pub(crate) fn dt_s(&self) -> f32 {
         match self {
             Self::Local(world) => world.host().settings().dt_s,
+            Self::Served(world) => world.environment().dt_s,
         }
     }
 
     pub(crate) fn gravity(&self) -> [f32; 3] {
         match self {
             Self::Local(world) => world.host().settings().gravity,
+            Self::Served(world) => world.environment().gravity,
         }
     }
 
     pub(crate) fn tick(&self) -> u64 {
         match self {
             Self::Local(world) => world.tick().0,
+            Self::Served(world) => world.tick(),
         }
     }
 
     pub(crate) fn step(&mut self) -> Result<(), Failure> {
         match self {
             Self::Local(world) => Ok(world.step()?),
+            Self::Served(world) => world.step(),
         }
     }
 
@@ -105,36 +143,42 @@ impl Backend {
     ) -> Result<BodyId, Failure> {
         match self {
             Self::Local(world) => Ok(world.insert_at(pose, body, vec![collider])?),
+            Self::Served(world) => world.spawn(pose, &body, collider),
         }
     }
 
     pub(crate) fn remove(&mut self, id: BodyId) -> Result<(), Failure> {
         match self {
             Self::Local(world) => Ok(world.remove(id)?),
+            Self::Served(world) => world.despawn(id),
         }
     }
 
     pub(crate) fn contains(&self, id: BodyId) -> bool {
         match self {
             Self::Local(world) => world.body(id).is_some(),
+            Self::Served(world) => world.contains(id),
         }
     }
 
     pub(crate) fn pose(&self, id: BodyId) -> Option<WorldPose> {
         match self {
             Self::Local(world) => world.pose(id),
+            Self::Served(world) => world.body(id).map(|body| body.pose),
         }
     }
 
     pub(crate) fn velocity(&self, id: BodyId) -> Option<Velocity> {
         match self {
             Self::Local(world) => world.velocity(id),
+            Self::Served(world) => world.body(id).map(|body| body.velocity),
         }
     }
 
     pub(crate) fn user_data(&self, id: BodyId) -> Option<u64> {
         match self {
             Self::Local(world) => world.body(id).map(|body| body.user_data as u64),
+            Self::Served(world) => world.user_data(id),
         }
     }
 
@@ -152,51 +196,55 @@ impl Backend {
                     owner: world.owner_of(id),
                 })
             }
+            Self::Served(world) => world.body(id),
         }
     }
 
-    /// The centre of mass of a body, in world space.
+    /// Avatars that this process hosts, in id order; none in a local world.
+    pub(crate) fn own_avatars(&self) -> Vec<BodyId> {
+        match self {
+            Self::Local(_) => Vec::new(),
+            Self::Served(world) => world.own_avatars(),
+        }
+    }
+
+    /// The centre of mass of a body computed here, in world space.
     pub(crate) fn centre_of_mass(&self, id: BodyId) -> Option<[f64; 3]> {
-        match self {
-            Self::Local(world) => {
-                let (body, pose) = (world.body(id)?, world.pose(id)?);
-                let arm = (*body.rotation() * body.local_center_of_mass()).to_array();
-                Some(std::array::from_fn(|i| pose.translation[i] + f64::from(arm[i])))
-            }
-        }
+        let Self::Local(world) = self else { return None };
+        let (body, pose) = (world.body(id)?, world.pose(id)?);
+        let arm = (*body.rotation() * body.local_center_of_mass()).to_array();
+        Some(std::array::from_fn(|i| pose.translation[i] + f64::from(arm[i])))
     }
 
-    /// How a body would move after these impulses; infinities and NaN included.
+    /// How a body computed here would move after these impulses; infinities and NaN included.
     pub(crate) fn kicked(&self, id: BodyId, push: Vector, turn: Vector) -> Option<Velocity> {
-        match self {
-            Self::Local(world) => {
-                let body = world.body(id)?;
-                let mass = body.mass_properties();
-                Some(Velocity {
-                    linear: (body.linvel() + push * mass.effective_inv_mass).to_array(),
-                    angular: (body.angvel() + mass.effective_world_inv_inertia * turn).to_array(),
-                })
-            }
-        }
+        let Self::Local(world) = self else { return None };
+        let body = world.body(id)?;
+        let mass = body.mass_properties();
+        Some(Velocity {
+            linear: (body.linvel() + push * mass.effective_inv_mass).to_array(),
+            angular: (body.angvel() + mass.effective_world_inv_inertia * turn).to_array(),
+        })
     }
 
     pub(crate) fn set_pose(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Failure> {
         match self {
             Self::Local(world) => Ok(world.set_pose(id, pose)?),
+            Self::Served(world) => world.jump(id, pose),
         }
     }
 
     pub(crate) fn set_velocity(&mut self, id: BodyId, velocity: Velocity) -> Result<(), Failure> {
         match self {
             Self::Local(world) => Ok(world.set_velocity(id, velocity)?),
+            Self::Served(world) => world.drive(id, velocity),
         }
     }
 
     /// Changes a body by Rapier's setters, in every copy.
     pub(crate) fn update(&mut self, id: BodyId, change: impl FnMut(&mut RigidBody)) -> Result<(), Failure> {
-        match self {
-            Self::Local(world) => Ok(world.update(id, change)?),
-        }
+        let instead = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
+        Ok(self.local_mut("change a body in place", instead)?.update(id, change)?)
     }
 
     pub(crate) fn insert_joint(
@@ -205,15 +253,11 @@ impl Backend {
         b: BodyId,
         joint: GenericJoint,
     ) -> Result<JointId, Failure> {
-        match self {
-            Self::Local(world) => Ok(world.insert_joint(a, b, joint)?),
-        }
+        Ok(self.local_mut("make joints", NO_JOINTS)?.insert_joint(a, b, joint)?)
     }
 
     pub(crate) fn remove_joint(&mut self, id: JointId) -> Result<(), Failure> {
-        match self {
-            Self::Local(world) => Ok(world.remove_joint(id)?),
-        }
+        Ok(self.local_mut("destroy joints", NO_JOINTS)?.remove_joint(id)?)
     }
 
     pub(crate) fn update_joint(
@@ -221,45 +265,67 @@ impl Backend {
         id: JointId,
         change: impl FnMut(&mut GenericJoint),
     ) -> Result<(), Failure> {
-        match self {
-            Self::Local(world) => Ok(world.update_joint(id, change)?),
-        }
+        Ok(self.local_mut("drive joints", NO_JOINTS)?.update_joint(id, change)?)
     }
 
     /// How many movable bodies there are.
     pub(crate) fn movable(&self) -> usize {
         match self {
             Self::Local(world) => world.host().owned_count(),
+            Self::Served(world) => world.movable(),
         }
     }
 
-    /// Every movable body in id order.
-    pub(crate) fn states(&self) -> impl Iterator<Item = StateRow> {
+    /// Looks at up to `most` movable bodies in id order.
+    pub(crate) fn each_state(&self, most: usize, look: impl FnMut(StateRow)) {
         match self {
-            Self::Local(world) => world.states().map(|(id, region, pose, velocity)| {
-                let body = world.body(id);
-                StateRow {
-                    id,
-                    region,
-                    pose,
-                    velocity,
-                    user_data: body.map_or(0, |body| body.user_data as u64),
-                    sleeping: body.is_some_and(RigidBody::is_sleeping),
-                }
-            }),
+            Self::Local(world) => {
+                let row = |(id, region, pose, velocity)| {
+                    let body = world.body(id);
+                    StateRow {
+                        id,
+                        region,
+                        pose,
+                        velocity,
+                        user_data: body.map_or(0, |body| body.user_data as u64),
+                        sleeping: body.is_some_and(RigidBody::is_sleeping),
+                    }
+                };
+                world.states().map(row).take(most).for_each(look);
+            }
+            Self::Served(world) => world.states().take(most).for_each(look),
         }
     }
 
-    /// Every movable body with its owner, in id order.
+    /// Every movable body of a world computed here with its owner, in id order.
     pub(crate) fn owners(&self) -> impl Iterator<Item = (BodyId, RegionId)> {
-        match self {
-            Self::Local(world) => world.states().map(|(id, region, ..)| (id, region)),
-        }
+        let local = match self {
+            Self::Local(world) => Some(world),
+            Self::Served(_) => None,
+        };
+        local.into_iter().flat_map(|world| world.states()).map(|(id, region, ..)| (id, region))
     }
 
     pub(crate) fn events(&self) -> &WorldEvents {
         match self {
             Self::Local(world) => world.events(),
+            Self::Served(world) => world.events(),
+        }
+    }
+
+    /// Bodies that came and went, and refusals; who computes the world alone knows them without.
+    pub(crate) fn changes(&self) -> &[Change] {
+        match self {
+            Self::Local(_) => &[],
+            Self::Served(world) => world.changes(),
+        }
+    }
+
+    /// Whether the link to the server is gone.
+    pub(crate) fn is_lost(&self) -> bool {
+        match self {
+            Self::Local(_) => false,
+            Self::Served(world) => world.is_lost(),
         }
     }
 
@@ -267,46 +333,63 @@ impl Backend {
     pub(crate) fn transfers(&self) -> u64 {
         match self {
             Self::Local(world) => world.host().transfers(),
+            Self::Served(_) => 0,
         }
     }
 
     pub(crate) fn stats(&self) -> Stats {
         match self {
             Self::Local(world) => world.stats(),
+            Self::Served(world) => world.stats(),
         }
     }
 
-    pub(crate) fn state_hash(&self) -> u64 {
+    /// Messages with states received; none in a local world.
+    pub(crate) fn updates(&self) -> u64 {
         match self {
-            Self::Local(world) => world.state_hash(),
+            Self::Local(_) => 0,
+            Self::Served(world) => world.updates(),
         }
+    }
+
+    pub(crate) fn state_hash(&self) -> Result<u64, Failure> {
+        let instead =
+            "it hears of bodies at different ticks; ask the server for the hash of a world that ended";
+        Ok(self.local("compute the state's hash", instead)?.state_hash())
     }
 
     pub(crate) fn region_count(&self) -> usize {
         match self {
             Self::Local(world) => world.regions().len(),
+            Self::Served(world) => world.environment().tree.leaf_count(),
         }
     }
 
-    pub(crate) fn regions(&self) -> impl Iterator<Item = RegionView> {
+    pub(crate) fn regions(&self) -> Vec<RegionView> {
         match self {
-            Self::Local(world) => world.regions().iter().map(|region| RegionView {
-                id: region.id(),
-                owned: region.owned_count(),
-                replicas: region.replica_count(),
-                min: region.cell().min,
-                max: region.cell().max,
-            }),
+            Self::Local(world) => {
+                let view = |region: &dcd::physics::Region| RegionView {
+                    id: region.id(),
+                    owned: region.owned_count(),
+                    replicas: region.replica_count(),
+                    min: region.cell().min,
+                    max: region.cell().max,
+                };
+                world.regions().iter().map(view).collect()
+            }
+            Self::Served(world) => world.regions(),
         }
     }
 
     /// The first body that a ray meets and does not overlook.
-    pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Option<RayAnswer> {
-        match self {
-            Self::Local(world) => crate::query::cast_locally(world, ray),
-        }
+    pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Result<Option<RayAnswer>, Failure> {
+        let instead =
+            "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
+        Ok(crate::query::cast_locally(self.local("cast rays", instead)?, ray))
     }
 }
+
+const NO_JOINTS: &str = "joints belong to the scene that the server was given";
 
 fn kind_of(body: &RigidBody) -> DcdBodyType {
     match (body.is_fixed(), body.is_dynamic()) {

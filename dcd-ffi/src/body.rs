@@ -122,11 +122,12 @@ pub unsafe extern "C" fn dcd_body_create(
 }
 
 /// Makes `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
-/// moves them.
+/// moves them. In a served world they are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
 ///
 /// `defs` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
-/// more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids.
+/// more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids, DCD_ERR_UNSUPPORTED
+/// for a fixed body in a served world, DCD_ERR_NETWORK when its link is gone.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bodies_create(
     world: DcdWorld,
@@ -259,7 +260,7 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<(WorldPose, RigidBodyBuilder
 /// Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (the world, a body, or a body named twice), DCD_ERR_ARGUMENT for more than
-/// DCD_MAX_ITEMS.
+/// DCD_MAX_ITEMS, DCD_ERR_UNSUPPORTED for a body of others in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bodies_destroy(
     world: DcdWorld,

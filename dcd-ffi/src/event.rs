@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dcd::protocol::ContactKey;
+use dcd::protocol::{ContactKey, Refusal};
 use dcd::space::{BodyId, RegionId};
 
 use crate::backend::Backend;
@@ -11,6 +11,7 @@ use crate::guard::guard;
 use crate::handle::Mark;
 use crate::pinned::Pinned;
 use crate::pointer::{Out, Sized32};
+use crate::served::Change;
 use crate::status::DcdStatus;
 use crate::world::{DcdWorld, with};
 
@@ -22,7 +23,8 @@ pub const DCD_CONTACT_ENDED: u32 = 1;
 /// In DcdContact.flags: one of them is a sensor.
 pub const DCD_CONTACT_SENSOR: u32 = 1;
 
-/// Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it.
+/// Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
+/// a served world, of avatars of this process.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdContact {
@@ -86,14 +88,57 @@ pub struct DcdTransfer {
     pub to: u32,
 }
 
+/// In DcdBodyChange.kind: a body of a served world came into it.
+pub const DCD_BODY_APPEARED: u32 = 1;
+/// In DcdBodyChange.kind: a body of a served world is gone; its id is stale.
+pub const DCD_BODY_REMOVED: u32 = 2;
+/// In DcdBodyChange.kind: what was asked of an avatar is refused. If it had not appeared yet it never will, and its id is
+/// stale.
+pub const DCD_BODY_REFUSED: u32 = 3;
+
+/// In DcdBodyChange.reason: the program speaks another version of the protocol than the server.
+pub const DCD_REFUSED_VERSION: u32 = 1;
+/// In DcdBodyChange.reason: the body is not an avatar of this process.
+pub const DCD_REFUSED_NOT_YOURS: u32 = 2;
+/// In DcdBodyChange.reason: the avatar is not in the world.
+pub const DCD_REFUSED_UNKNOWN: u32 = 3;
+/// In DcdBodyChange.reason: an avatar with this id is waiting for its return; make another.
+pub const DCD_REFUSED_EXISTS: u32 = 4;
+/// In DcdBodyChange.reason: the velocity is above the limit that the server sets.
+pub const DCD_REFUSED_TOO_FAST: u32 = 5;
+/// In DcdBodyChange.reason: a newer wish was there before.
+pub const DCD_REFUSED_LATE: u32 = 6;
+/// In DcdBodyChange.reason: the shape did not arrive with the avatar.
+pub const DCD_REFUSED_SHAPE: u32 = 7;
+/// In DcdBodyChange.reason: too many avatars, or too much asked of them at a time.
+pub const DCD_REFUSED_TOO_MANY: u32 = 8;
+
+/// A body of a served world appeared or is gone, or a wish was refused. Bodies that were there on joining are not told of, and
+/// nothing is in a local world.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdBodyChange {
+    /// Which body; null when a refusal concerns none.
+    pub body: DcdBodyId,
+    /// Your own, or that of whoever made it.
+    pub user_data: u64,
+    /// DCD_BODY_APPEARED, _REMOVED or _REFUSED.
+    pub kind: u32,
+    /// DCD_REFUSED_… of a refusal, else 0.
+    pub reason: u32,
+}
+
+/// In DcdEventView.flags: the link to the server is gone; dcd_step says why.
+pub const DCD_EVENTS_LOST: u32 = 1;
+
 /// What happened in the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdEventView {
     /// sizeof(DcdEventView).
     pub struct_size: u32,
-    /// 0.
-    pub reserved: u32,
+    /// DCD_EVENTS_… bits.
+    pub flags: u32,
     /// After which step.
     pub tick: u64,
     /// Contacts that began or ended, by bodies.
@@ -104,10 +149,14 @@ pub struct DcdEventView {
     pub forces: *const DcdContactForce,
     /// How many.
     pub force_count: usize,
-    /// Bodies that changed owner.
+    /// Bodies that changed owner; none in a served world, where owners change unseen.
     pub transfers: *const DcdTransfer,
     /// How many.
     pub transfer_count: usize,
+    /// Bodies of a served world that came and went, and refusals.
+    pub changes: *const DcdBodyChange,
+    /// How many.
+    pub change_count: usize,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
@@ -131,9 +180,11 @@ pub(crate) struct EventBuffers {
 #[derive(Default)]
 struct EventArrays {
     tick: u64,
+    flags: u32,
     contacts: Pinned<DcdContact>,
     forces: Pinned<DcdContactForce>,
     transfers: Pinned<DcdTransfer>,
+    changes: Pinned<DcdBodyChange>,
 }
 
 impl EventBuffers {
@@ -154,6 +205,17 @@ impl EventBuffers {
         let events = backend.events();
         let user = |id| backend.user_data(id).or_else(|| self.departed.get(&id).copied()).unwrap_or(0);
         arrays.tick = backend.tick();
+        arrays.flags = if backend.is_lost() { DCD_EVENTS_LOST } else { 0 };
+        let changes = backend.changes();
+        arrays.changes.refill(changes.len()).extend(changes.iter().map(|change| {
+            let (body, kind, reason, user_data) = match *change {
+                Change::Appeared(id) => (Some(id), DCD_BODY_APPEARED, 0, user(id)),
+                Change::Removed(id) => (Some(id), DCD_BODY_REMOVED, 0, user(id)),
+                Change::Refused(id, reason, user_data) => (id, DCD_BODY_REFUSED, code_of(reason), user_data),
+            };
+            let body = body.map_or(DcdBodyId { v: 0 }, |id| mark.body(id));
+            DcdBodyChange { body, user_data, kind, reason }
+        }));
         arrays.contacts.refill(events.touches.len()).extend(events.touches.iter().map(|touch| {
             let ContactKey { a, b, collider_a, collider_b } = touch.key;
             DcdContact {
@@ -221,7 +283,7 @@ impl EventBuffers {
         let arrays = &self.sets[self.newest];
         DcdEventView {
             struct_size: size_of::<DcdEventView>() as u32,
-            reserved: 0,
+            flags: arrays.flags,
             tick: arrays.tick,
             contacts: arrays.contacts.as_ptr(),
             contact_count: arrays.contacts.len(),
@@ -229,7 +291,22 @@ impl EventBuffers {
             force_count: arrays.forces.len(),
             transfers: arrays.transfers.as_ptr(),
             transfer_count: arrays.transfers.len(),
+            changes: arrays.changes.as_ptr(),
+            change_count: arrays.changes.len(),
         }
+    }
+}
+
+fn code_of(refusal: Refusal) -> u32 {
+    match refusal {
+        Refusal::Version { .. } => DCD_REFUSED_VERSION,
+        Refusal::NotYours => DCD_REFUSED_NOT_YOURS,
+        Refusal::Unknown => DCD_REFUSED_UNKNOWN,
+        Refusal::Exists => DCD_REFUSED_EXISTS,
+        Refusal::TooFast => DCD_REFUSED_TOO_FAST,
+        Refusal::Late => DCD_REFUSED_LATE,
+        Refusal::Shape => DCD_REFUSED_SHAPE,
+        Refusal::TooMany => DCD_REFUSED_TOO_MANY,
     }
 }
 

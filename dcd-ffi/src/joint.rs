@@ -73,7 +73,7 @@ unsafe impl Sized32 for DcdJointDef {
 /// How hard a velocity motor pulls towards its speed, per second: stiff enough to be there within a few steps.
 const MOTOR_GAIN: f32 = 1000.0;
 
-/// Ties two bodies. What joints tie together is owned and moved whole by one region, so keep it small against a region.
+/// Ties two bodies of a local world; in a served world the three joint functions are DCD_ERR_UNSUPPORTED. What joints tie together is owned and moved whole by one region, so keep it small against a region.
 ///
 /// `def` is read during the call. The joint is gone when either body is destroyed.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
@@ -89,6 +89,7 @@ pub unsafe extern "C" fn dcd_joint_create(
         let (def, out) = unsafe { (pointer::read_sized(def, "def")?, Out::new(out, "out")?) };
         let joint = parse(&def)?;
         with(world, |world| {
+            world.backend.check_joints()?;
             let (a, b) = (body::find(world, def.a)?, body::find(world, def.b)?);
             if a == b {
                 return Err(Failure::argument("a and b are one body; a joint needs two"));
@@ -114,6 +115,7 @@ pub extern "C" fn dcd_joint_set_motor(
     guard("dcd_joint_set_motor", || {
         check_motor(speed, max_force)?;
         with(world, |world| {
+            world.backend.check_joints()?;
             let id = world.mark.joint_id(joint)?;
             let mut has_motor = true;
             let change = |joint: &mut GenericJoint| match free_axis(joint.locked_axes) {
@@ -133,6 +135,7 @@ pub extern "C" fn dcd_joint_set_motor(
 pub extern "C" fn dcd_joint_destroy(world: DcdWorld, joint: DcdJointId) -> DcdStatus {
     guard("dcd_joint_destroy", || {
         with(world, |world| {
+            world.backend.check_joints()?;
             let id = world.mark.joint_id(joint)?;
             world.backend.remove_joint(id).map_err(|_| stale("joint", joint.v))
         })

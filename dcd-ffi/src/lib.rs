@@ -19,6 +19,7 @@ mod handle;
 mod log;
 mod pinned;
 mod pointer;
+mod served;
 
 // In the order in which the header presents them, which `rustfmt` keeps within groups only.
 pub mod library;
@@ -26,6 +27,8 @@ pub mod status;
 pub mod types;
 
 pub mod world;
+
+pub mod join;
 
 pub mod shape;
 

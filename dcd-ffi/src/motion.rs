@@ -22,9 +22,10 @@ pub struct DcdBodyInfo {
     pub body_type: DcdBodyType,
     /// Your own.
     pub user_data: u64,
-    /// Kilograms; 0 for a fixed body.
+    /// Kilograms; 0 for a fixed body, and in a served world, where it is not told.
     pub mass: f32,
-    /// The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body.
+    /// The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
+    /// not appeared yet. In a served world, the region it is in.
     pub region: u32,
     /// Whether it sleeps: it costs nothing until something wakes it.
     pub sleeping: bool,
@@ -93,9 +94,10 @@ pub unsafe extern "C" fn dcd_body_get(
     })
 }
 
-/// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too.
+/// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
+/// avatars of this process, and the next dcd_step asks for it.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
+/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_pose(
     world: DcdWorld,
@@ -112,9 +114,10 @@ pub unsafe extern "C" fn dcd_body_set_pose(
     })
 }
 
-/// Sets how a dynamic or kinematic body moves, and wakes it.
+/// Sets how a dynamic or kinematic body moves, and wakes it. In a served world only avatars of this process, and the next
+/// dcd_step asks for it.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
+/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(
     world: DcdWorld,
@@ -133,7 +136,7 @@ pub unsafe extern "C" fn dcd_body_set_velocity(
 
 /// Wakes a body. Bodies wake by themselves when something that moves touches them.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     guard("dcd_body_wake", || {
@@ -146,7 +149,7 @@ pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
 
 /// Puts a body to sleep: it stops, and costs nothing until something wakes it.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_sleep(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     guard("dcd_body_sleep", || {

@@ -14,7 +14,7 @@ use crate::world::{DcdWorld, World, with};
 /// is the centre of mass.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
-/// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger.
+/// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger. DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_apply_impulse(
     world: DcdWorld,
@@ -105,6 +105,8 @@ pub unsafe extern "C" fn dcd_body_set_force(
 }
 
 fn find_dynamic(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
+    let instead = "it drives its own avatars, which push what they meet (dcd_body_set_velocity)";
+    world.backend.local("push bodies by force", instead)?;
     if view(world, body)?.kind != DCD_DYNAMIC {
         return Err(Failure::argument("the body is not dynamic; forces move dynamic bodies only"));
     }

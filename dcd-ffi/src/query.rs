@@ -49,7 +49,7 @@ pub struct DcdRayHit {
 ///
 /// `rays` is read during the call; `hits` has `count` entries.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_ARGUMENT for numbers that are not finite, a
-/// direction of length 0, a distance that is not above 0, or more than DCD_MAX_ITEMS.
+/// direction of length 0, a distance that is not above 0, or more than DCD_MAX_ITEMS, DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_cast_rays(
     world: DcdWorld,
@@ -68,8 +68,8 @@ pub unsafe extern "C" fn dcd_cast_rays(
                 parse(world, ray).map_err(|f| Failure::new(f.status, format!("rays[{i}]: {}", f.message)))
             };
             let queries = rays.iter().enumerate().map(parse_at).collect::<Result<Vec<_>, _>>()?;
-            for (i, query) in queries.iter().enumerate() {
-                let hit = answer(world, query);
+            let answers = queries.iter().map(|query| answer(world, query)).collect::<Result<Vec<_>, _>>()?;
+            for (i, hit) in answers.into_iter().enumerate() {
                 // SAFETY: not null, aligned, and the caller vouches for `count` entries.
                 unsafe { hits.add(i).write(hit) };
             }
@@ -101,8 +101,8 @@ fn parse(world: &World, ray: &DcdRay) -> Result<RayQuery, Failure> {
     })
 }
 
-fn answer(world: &World, query: &RayQuery) -> DcdRayHit {
-    match world.backend.cast_ray(query) {
+fn answer(world: &World, query: &RayQuery) -> Result<DcdRayHit, Failure> {
+    Ok(match world.backend.cast_ray(query)? {
         Some(hit) => DcdRayHit {
             body: world.mark.body(hit.body),
             user_data: world.backend.user_data(hit.body).unwrap_or(0),
@@ -117,7 +117,7 @@ fn answer(world: &World, query: &RayQuery) -> DcdRayHit {
             normal: [0.0; 3],
             distance: 0.0,
         },
-    }
+    })
 }
 
 /// The nearest of what the regions answer. `dcd` has the same without mask and exclusion.

@@ -86,15 +86,15 @@ impl StateArrays {
         let user_data = self.user_data.refill(count);
         let flags = self.flags.refill(count);
         let regions = self.regions.refill(count);
-        // `take` keeps the arrays where they are, whatever the backend counts.
-        for row in backend.states().take(count) {
+        // No more than `count`, which keeps the arrays where they are.
+        backend.each_state(count, |row| {
             ids.push(mark.body(row.id));
             poses.push(row.pose.into());
             velocities.push(row.velocity.into());
             user_data.push(row.user_data);
             flags.push(if row.sleeping { DCD_STATE_SLEEPING } else { 0 });
             regions.push(row.region.0);
-        }
+        });
     }
 }
 

@@ -3,8 +3,7 @@
 use std::ffi::c_char;
 use std::fmt::Write;
 
-use dcd::runtime::Stats;
-
+use crate::backend::Backend;
 use crate::guard::guard;
 use crate::pointer::{self, Out, Sized32};
 use crate::status::{self, DcdStatus};
@@ -16,9 +15,9 @@ use crate::world::{DcdWorld, with};
 pub struct DcdRegionInfo {
     /// Its number in the tree of regions; numbers need not be dense.
     pub region: u32,
-    /// Bodies that it owns.
+    /// Bodies that it owns; in a served world, that are in it.
     pub bodies: u32,
-    /// Bodies of its neighbours that it computes along, since they are near.
+    /// Bodies of its neighbours that it computes along, since they are near; 0 in a served world.
     pub replicas: u32,
     /// 0.
     pub reserved: u32,
@@ -36,17 +35,19 @@ pub struct DcdStats {
     pub struct_size: u32,
     /// Regions that the world is cut into.
     pub regions: u32,
-    /// Steps done.
+    /// Steps done; the newest heard of in a served world.
     pub ticks: u64,
     /// Movable bodies.
     pub bodies: u64,
-    /// Copies of bodies held by regions that do not own them.
+    /// Copies of bodies held by regions that do not own them; 0 in a served world, as the next two.
     pub replicas: u64,
     /// Bodies that changed owner in a step, ever.
     pub transfers: u64,
     /// Copies set aside because their numbers were not finite; 0 unless something is wrong.
     pub quarantined: u64,
-    /// Wall time of the last step, seconds.
+    /// Messages with states of bodies received, ever; 0 in a local world.
+    pub updates: u64,
+    /// Wall time of the last step, seconds; of taking in what had come, in a served world.
     pub last_step: f64,
 }
 
@@ -74,7 +75,7 @@ pub unsafe extern "C" fn dcd_regions(
         }
         with(world, |world| {
             pointer::fits(world.backend.region_count(), cap, count, "out")?;
-            for (i, region) in world.backend.regions().enumerate() {
+            for (i, region) in world.backend.regions().into_iter().enumerate() {
                 let info = DcdRegionInfo {
                     region: region.id.0,
                     bodies: region.owned as u32,
@@ -109,6 +110,7 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
                 replicas: stats.replicas as u64,
                 transfers: stats.transfers,
                 quarantined: stats.quarantined as u64,
+                updates: world.backend.updates(),
                 last_step: stats.last_step.as_secs_f64(),
             });
             Ok(())
@@ -134,7 +136,7 @@ pub unsafe extern "C" fn dcd_stats_text(
             pointer::check(buf, "buf")?;
         }
         with(world, |world| {
-            let text = describe(world.backend.region_count(), &world.backend.stats());
+            let text = describe(&world.backend);
             pointer::fits(text.len() + 1, cap, needed, "buf")?;
             // SAFETY: not null, and `cap` bytes are enough.
             unsafe { status::copy_text(&text, buf, cap) };
@@ -146,28 +148,30 @@ pub unsafe extern "C" fn dcd_stats_text(
 /// Computes one number from the pose and velocity of every movable body: equal worlds, equal numbers, whatever the number of
 /// threads.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_state_hash(world: DcdWorld, out: *mut u64) -> DcdStatus {
     guard("dcd_state_hash", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::new(out, "out")? };
         with(world, |world| {
-            out.write(world.backend.state_hash());
+            out.write(world.backend.state_hash()?);
             Ok(())
         })
     })
 }
 
-fn describe(regions: usize, stats: &Stats) -> String {
+fn describe(backend: &Backend) -> String {
+    let stats = backend.stats();
     let mut text = String::new();
     let rows = [
         ("ticks", stats.ticks),
-        ("regions", regions as u64),
+        ("regions", backend.region_count() as u64),
         ("bodies", stats.bodies as u64),
         ("replicas", stats.replicas as u64),
         ("transfers", stats.transfers),
         ("quarantined", stats.quarantined as u64),
+        ("updates", backend.updates()),
     ];
     for (name, value) in rows {
         // Writing to a string cannot fail.

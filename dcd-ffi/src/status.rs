@@ -3,8 +3,9 @@
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
 
+use dcd::net::NetError;
 use dcd::physics::HostError;
-use dcd::runtime::WorldError;
+use dcd::runtime::{ProcessError, WorldError};
 use dcd::scene::SceneError;
 
 /// What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
@@ -24,6 +25,10 @@ pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
 pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
 /// Called from within the log callback, where worlds may not be used.
 pub const DCD_ERR_BUSY: DcdStatus = -6;
+/// Nobody answered in time.
+pub const DCD_ERR_TIMEOUT: DcdStatus = -8;
+/// The server refuses, or the link to it is gone.
+pub const DCD_ERR_NETWORK: DcdStatus = -9;
 /// The header that the program was compiled with does not fit the library it runs with.
 pub const DCD_ERR_VERSION: DcdStatus = -10;
 /// The library has a bug. The world that was called can only be destroyed; other worlds go on.
@@ -63,6 +68,30 @@ impl From<WorldError> for Failure {
     }
 }
 
+impl From<ProcessError> for Failure {
+    fn from(error: ProcessError) -> Self {
+        let status = match &error {
+            ProcessError::Timeout { .. } | ProcessError::Net(NetError::Unreachable { .. }) => DCD_ERR_TIMEOUT,
+            ProcessError::Net(
+                NetError::File { .. } | NetError::Damaged { .. } | NetError::FolderTaken { .. },
+            ) => DCD_ERR_IO,
+            ProcessError::Thread(_) | ProcessError::Net(NetError::Threads(_)) => DCD_ERR_LIMIT,
+            ProcessError::Net(NetError::Token(_))
+            | ProcessError::Token(_)
+            | ProcessError::Role { .. }
+            | ProcessError::Tree(_)
+            | ProcessError::Shape(_)
+            | ProcessError::Host(_) => DCD_ERR_ARGUMENT,
+            ProcessError::Net(_)
+            | ProcessError::Device(_)
+            | ProcessError::ServerGone { .. }
+            | ProcessError::Refused(_)
+            | ProcessError::Stopped => DCD_ERR_NETWORK,
+        };
+        Self::new(status, error.to_string())
+    }
+}
+
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
         let status = if matches!(error, SceneError::Read { .. }) { DCD_ERR_IO } else { DCD_ERR_ARGUMENT };
@@ -95,6 +124,8 @@ pub(crate) fn name(status: DcdStatus) -> &'static CStr {
         DCD_ERR_ARGUMENT => c"DCD_ERR_ARGUMENT",
         DCD_ERR_SMALL_BUFFER => c"DCD_ERR_SMALL_BUFFER",
         DCD_ERR_BUSY => c"DCD_ERR_BUSY",
+        DCD_ERR_TIMEOUT => c"DCD_ERR_TIMEOUT",
+        DCD_ERR_NETWORK => c"DCD_ERR_NETWORK",
         DCD_ERR_VERSION => c"DCD_ERR_VERSION",
         DCD_ERR_PANIC => c"DCD_ERR_PANIC",
         DCD_ERR_UNSUPPORTED => c"DCD_ERR_UNSUPPORTED",

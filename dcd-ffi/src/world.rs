@@ -32,6 +32,10 @@ pub type DcdRole = u32;
 
 /// Computes all of it.
 pub const DCD_ROLE_LOCAL: DcdRole = 0;
+/// Hosts avatars in it; others compute it.
+pub const DCD_ROLE_CLIENT: DcdRole = 1;
+/// Hosts avatars in it, and computes a share of it.
+pub const DCD_ROLE_PARTICIPANT: DcdRole = 2;
 
 /// How a local world is made. Start from DCD_WORLD_DEF_INIT.
 #[repr(C)]
@@ -64,9 +68,9 @@ pub struct DcdWorldDef {
 pub struct DcdWorldInfo {
     /// sizeof(DcdWorldInfo).
     pub struct_size: u32,
-    /// DCD_ROLE_LOCAL.
+    /// DCD_ROLE_LOCAL, _CLIENT or _PARTICIPANT.
     pub role: DcdRole,
-    /// Steps since the world began.
+    /// Steps since the world began; the newest heard of in a served world.
     pub tick: u64,
     /// Your own.
     pub user_data: u64,
@@ -76,8 +80,8 @@ pub struct DcdWorldInfo {
     pub dt: f32,
     /// m/s².
     pub gravity: [f32; 3],
-    /// 0.
-    pub reserved: u32,
+    /// The number that the server knows this process by, from 1; 0 in a local world.
+    pub client: u32,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -123,7 +127,7 @@ pub(crate) fn with<R>(
     work(place.as_mut().ok_or_else(|| stale("world", world.v))?)
 }
 
-fn add(backend: Backend, user_data: u64) -> DcdWorld {
+pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
     static COUNT: AtomicU32 = AtomicU32::new(1);
     let mark = Mark::new(COUNT.fetch_add(1, Ordering::Relaxed));
     let world = World {
@@ -140,7 +144,7 @@ fn add(backend: Backend, user_data: u64) -> DcdWorld {
 }
 
 /// How many threads are meant; 0 is as many as are of use.
-fn threads(asked: u32, regions: usize) -> usize {
+pub(crate) fn threads(asked: u32, regions: usize) -> usize {
     match asked {
         0 => std::thread::available_parallelism().map_or(1, |cores| cores.get()).min(regions),
         asked => asked as usize,
@@ -222,7 +226,8 @@ pub unsafe extern "C" fn dcd_world_open_scene(
     })
 }
 
-/// Destroys a world with everything in it. Its handles become stale, and what dcd_state_view and dcd_events lent is freed.
+/// Destroys a local world with everything in it, or leaves a served one, whose avatars wait for your return. Its handles
+/// become stale, and what dcd_state_view and dcd_events lent is freed.
 ///
 /// A call that runs on the world in another thread is waited for; calls that wait behind it find the world gone.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
@@ -263,7 +268,7 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
                 regions: world.backend.region_count() as u32,
                 dt: world.backend.dt_s(),
                 gravity: world.backend.gravity(),
-                reserved: 0,
+                client: world.backend.client(),
             });
             Ok(())
         })

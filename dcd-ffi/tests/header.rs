@@ -8,6 +8,7 @@ use std::path::Path;
 
 use dcd_ffi::body::*;
 use dcd_ffi::event::*;
+use dcd_ffi::join::*;
 use dcd_ffi::joint::*;
 use dcd_ffi::motion::*;
 use dcd_ffi::query::*;
@@ -44,7 +45,11 @@ fn layouts() -> Vec<Layout> {
         DcdVelocity { linear, angular }
         DcdFrame { p, q }
         DcdWorldDef { struct_size, threads, regions, solver_iterations, gravity, dt, min, max, user_data }
-        DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, reserved }
+        DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, client }
+        DcdClientDef { struct_size, timeout_ms, server, token, identity_path, user_data }
+        DcdParticipantDef {
+            struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved
+        }
         DcdBodyDef {
             struct_size, body_type, pose, velocity, shape, density, friction, restitution, linear_damping,
             angular_damping, gravity_scale, flags, locked, events, force_threshold, groups, mask, user_data
@@ -57,13 +62,15 @@ fn layouts() -> Vec<Layout> {
         DcdContact { a, b, user_a, user_b, point, normal, speed, kind, flags, part_a, part_b }
         DcdContactForce { a, b, user_a, user_b, force, magnitude, part_a, part_b }
         DcdTransfer { body, user_data, from, to }
+        DcdBodyChange { body, user_data, kind, reason }
         DcdEventView {
-            struct_size, reserved, tick, contacts, contact_count, forces, force_count, transfers, transfer_count
+            struct_size, flags, tick, contacts, contact_count, forces, force_count, transfers, transfer_count,
+            changes, change_count
         }
         DcdRay { origin, direction, max_distance, exclude, mask, reserved }
         DcdRayHit { body, user_data, point, normal, distance }
         DcdRegionInfo { region, bodies, replicas, reserved, min, max }
-        DcdStats { struct_size, regions, ticks, bodies, replicas, transfers, quarantined, last_step }
+        DcdStats { struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, last_step }
     }
 }
 
@@ -87,6 +94,12 @@ const MACROS: &str = "
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0 }
 
+/* Ten seconds of patience, no identity file; one thread per core. */
+#define DCD_CLIENT_DEF_INIT \\
+    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0 }
+#define DCD_PARTICIPANT_DEF_INIT \\
+    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0 }
+
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \\
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
@@ -95,9 +108,9 @@ const MACROS: &str = "
 #define DCD_STATE_VIEW_INIT \\
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \\
-    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0 }
+    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_STATS_INIT \\
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0.0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0.0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)

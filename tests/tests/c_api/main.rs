@@ -3,4 +3,5 @@
 mod header;
 mod library;
 mod programs;
+mod served;
 mod toolchain;

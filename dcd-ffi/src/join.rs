@@ -1,0 +1,238 @@
+//! Entering a world that a server holds.
+
+use std::ffi::c_char;
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+use dcd::net::NetError;
+use dcd::runtime::{ClientWorld, JoinConfig, ProcessError};
+
+use crate::backend::Backend;
+use crate::body::DcdBodyId;
+use crate::guard::guard;
+use crate::pointer::{self, Out, Sized32};
+use crate::served::Served;
+use crate::status::{DCD_ERR_NETWORK, DcdStatus, Failure};
+use crate::world::{self, DcdWorld, with};
+
+/// How a client joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdClientDef {
+    /// sizeof(DcdClientDef).
+    pub struct_size: u32,
+    /// Milliseconds to wait for the server and the world; 0 is 10,000.
+    pub timeout_ms: u32,
+    /// Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port".
+    pub server: *const c_char,
+    /// What `dcd token --role client` printed; joining uses it up.
+    pub token: *const c_char,
+    /// A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
+    /// were left behind. It holds a secret.
+    pub identity_path: *const c_char,
+    /// Your own; dcd_world_info gives it back.
+    pub user_data: u64,
+}
+
+/// How a participant joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdParticipantDef {
+    /// sizeof(DcdParticipantDef).
+    pub struct_size: u32,
+    /// As in DcdClientDef.
+    pub timeout_ms: u32,
+    /// As in DcdClientDef.
+    pub server: *const c_char,
+    /// What `dcd token --role participant` printed; joining uses it up.
+    pub token: *const c_char,
+    /// As in DcdClientDef.
+    pub identity_path: *const c_char,
+    /// Your own; dcd_world_info gives it back.
+    pub user_data: u64,
+    /// Regions computed at a time, 1 to 1024; 0 is one per core.
+    pub threads: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
+unsafe impl Sized32 for DcdClientDef {
+    const NAME: &'static str = "DcdClientDef";
+}
+// SAFETY: as above.
+unsafe impl Sized32 for DcdParticipantDef {
+    const NAME: &'static str = "DcdParticipantDef";
+}
+
+/// Joins a world that a server holds and nodes compute, as a client, and waits until the whole world has come.
+///
+/// The handle is used like that of a local world; what differs:
+/// - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands
+///   where you put it; DCD_BODY_APPEARED tells that it is in the world, DCD_BODY_REFUSED that it is not to be, and then its
+///   id is stale.
+/// - dcd_body_set_velocity drives an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends what was set. The
+///   server may set a limit to speed and refuse by DCD_BODY_REFUSED.
+/// - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. Once the link to the
+///   server is gone it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
+/// - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
+///   your own avatars, if they ask for them.
+/// - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, rays, dcd_state_hash.
+/// - dcd_world_destroy leaves in order. Avatars leave with you and come back when you join with the same identity file.
+///
+/// `def` and its texts are read during the call. The library keeps threads of its own until the world is destroyed.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a malformed address or token or a token for another role,
+/// DCD_ERR_TIMEOUT when nobody answers, DCD_ERR_NETWORK when the server refuses (a used or expired token, another version) or
+/// cannot be reached, DCD_ERR_IO for the identity file, DCD_ERR_LIMIT without threads.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_client_connect(def: *const DcdClientDef, out: *mut DcdWorld) -> DcdStatus {
+    guard("dcd_client_connect", || {
+        // SAFETY: the caller vouches for both pointers and for the texts.
+        let (entry, out) = unsafe {
+            let def = pointer::read_sized(def, "def")?;
+            let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
+            (entry, Out::new(out, "out")?)
+        };
+        entry.enter(1, ClientWorld::connect, out)
+    })
+}
+
+/// Joins as a participant: a client as dcd_client_connect makes it, whose process also computes a share of the world.
+///
+/// The share is computed by threads of the library, whether or not you call dcd_step. dcd_world_destroy first hands it
+/// to the other nodes, which may take some seconds; a process that ends without it is found dead and replaced.
+/// Errors: as dcd_client_connect, and DCD_ERR_ARGUMENT for threads out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_participant_join(
+    def: *const DcdParticipantDef,
+    out: *mut DcdWorld,
+) -> DcdStatus {
+    guard("dcd_participant_join", || {
+        // SAFETY: the caller vouches for both pointers and for the texts.
+        let (entry, threads, out) = unsafe {
+            let def = pointer::read_sized(def, "def")?;
+            let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
+            (entry, def.threads, Out::new(out, "out")?)
+        };
+        if threads > 1024 {
+            return Err(Failure::argument(format!("threads is {threads}; give 1 to 1024, or 0")));
+        }
+        entry.enter(world::threads(threads, usize::MAX), ClientWorld::participate, out)
+    })
+}
+
+/// Lists the avatars that this process hosts: those it made, in the world or on their way, and those that an earlier stay
+/// left behind, which come back soon after joining (DCD_BODY_APPEARED). Into `out`, which has `cap` entries, and their number
+/// into `count`; with `cap` 0 `out` may be null, to ask for the number. Oldest first. None in a local world.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_own_avatars(
+    world: DcdWorld,
+    out: *mut DcdBodyId,
+    cap: usize,
+    count: *mut usize,
+) -> DcdStatus {
+    guard("dcd_own_avatars", || {
+        // SAFETY: the caller vouches for the pointer.
+        let count = unsafe { Out::new(count, "count")? };
+        if cap > 0 {
+            pointer::check(out, "out")?;
+        }
+        with(world, |world| {
+            let avatars = world.backend.own_avatars();
+            pointer::fits(avatars.len(), cap, count, "out")?;
+            for (i, id) in avatars.into_iter().enumerate() {
+                // SAFETY: not null, aligned, and `cap` entries are enough.
+                unsafe { out.add(i).write(world.mark.body(id)) };
+            }
+            Ok(())
+        })
+    })
+}
+
+/// The checked members that both definitions share.
+struct Entry {
+    server: String,
+    token: String,
+    identity: Option<std::path::PathBuf>,
+    timeout: Duration,
+    user_data: u64,
+}
+
+impl Entry {
+    /// # Safety
+    /// The texts are null or NUL-terminated.
+    unsafe fn read(
+        server: *const c_char,
+        token: *const c_char,
+        identity: *const c_char,
+        timeout_ms: u32,
+        user_data: u64,
+    ) -> Result<Self, Failure> {
+        // SAFETY: passed on.
+        unsafe {
+            Ok(Self {
+                server: pointer::text(server, "server")?.to_owned(),
+                token: pointer::text(token, "token")?.to_owned(),
+                identity: if identity.is_null() {
+                    None
+                } else {
+                    Some(pointer::text(identity, "identity_path")?.into())
+                },
+                timeout: Duration::from_millis(if timeout_ms == 0 { 10_000 } else { timeout_ms.into() }),
+                user_data,
+            })
+        }
+    }
+
+    /// Tries each address that the server's name stands for until one answers.
+    fn enter(
+        self,
+        threads: usize,
+        join: impl Fn(&JoinConfig) -> Result<ClientWorld, ProcessError>,
+        out: Out<DcdWorld>,
+    ) -> Result<(), Failure> {
+        let deadline = Instant::now() + self.timeout;
+        let addresses = resolve(&self.server)?;
+        let count = addresses.len() as u32;
+        for (i, server) in addresses.into_iter().enumerate() {
+            let left = count - i as u32;
+            let config = JoinConfig {
+                server,
+                token: self.token.clone(),
+                identity: self.identity.clone(),
+                timeout: deadline.saturating_duration_since(Instant::now()) / left,
+                threads,
+            };
+            match join(&config) {
+                Err(ProcessError::Net(NetError::Unreachable { .. })) if left > 1 => {}
+                result => {
+                    let world = Served::new(result?)?;
+                    out.write(world::add(Backend::Served(Box::new(world)), self.user_data));
+                    return Ok(());
+                }
+            }
+        }
+        Err(Failure::new(DCD_ERR_NETWORK, format!("{} stands for no address; give host:port", self.server)))
+    }
+}
+
+/// The addresses behind "host:port".
+fn resolve(server: &str) -> Result<Vec<SocketAddr>, Failure> {
+    let port = server.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
+    if port.is_none_or(|port| port == 0) {
+        return Err(Failure::argument(format!(
+            "server is \"{server}\"; give host:port, as \"127.0.0.1:4433\" or \"[::1]:4433\""
+        )));
+    }
+    match server.to_socket_addrs() {
+        Ok(addresses) => Ok(addresses.collect()),
+        Err(cause) => Err(Failure::new(
+            DCD_ERR_NETWORK,
+            format!(
+                "cannot find the address of \"{server}\" ({cause}); check the name and your name service"
+            ),
+        )),
+    }
+}

@@ -1,0 +1,360 @@
+//! A world that nodes compute, as one of its clients sees it: what was heard up to the last step, and what was asked since.
+//!
+//! Between two steps nothing changes but by the caller's own doing, as in a local world: each step takes a copy of what the
+//! client heard, and sends what was asked of avatars.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
+
+use dcd::cluster::BodyView as Heard;
+use dcd::protocol::{BodyKind, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose};
+use dcd::runtime::{ClientWorld, ProcessError, Stats};
+use dcd::space::{BodyId, RegionId};
+use rapier3d::prelude::*;
+
+use crate::backend::{BodyView, RegionView, StateRow};
+use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
+use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
+
+/// A client's or participant's world.
+pub(crate) struct Served {
+    world: ClientWorld,
+    environment: EnvironmentProperties,
+    /// As heard up to the last step, in id order.
+    bodies: Vec<Heard>,
+    /// Avatars asked for and not heard of yet.
+    awaited: BTreeMap<BodyId, Awaited>,
+    /// What is asked of avatars since the last step.
+    wishes: BTreeMap<BodyId, Wish>,
+    /// The newest velocity asked of each kinematic avatar, which is heard back some ticks later.
+    driven: BTreeMap<BodyId, Velocity>,
+    /// Avatars told to go that are still heard of.
+    leaving: BTreeSet<BodyId>,
+    /// User data of bodies that went: contacts that end name them.
+    departed: BTreeMap<BodyId, u64>,
+    events: WorldEvents,
+    changes: Vec<Change>,
+    tick: u64,
+    last_step: Duration,
+    /// Why the world is lost, said by every later step.
+    lost: Option<(DcdStatus, String)>,
+}
+
+/// A body came or went, or something asked of it was refused.
+pub(crate) enum Change {
+    Appeared(BodyId),
+    Removed(BodyId),
+    Refused(Option<BodyId>, Refusal, u64),
+}
+
+struct Awaited {
+    pose: WorldPose,
+    velocity: Velocity,
+    kind: DcdBodyType,
+    user_data: u64,
+}
+
+#[derive(Default)]
+struct Wish {
+    velocity: Option<Velocity>,
+    pose: Option<WorldPose>,
+}
+
+impl Served {
+    pub(crate) fn new(world: ClientWorld) -> Result<Self, Failure> {
+        let environment = world.environment().ok_or(ProcessError::Stopped)?;
+        let mut served = Self {
+            world,
+            environment,
+            bodies: Vec::new(),
+            awaited: BTreeMap::new(),
+            wishes: BTreeMap::new(),
+            driven: BTreeMap::new(),
+            leaving: BTreeSet::new(),
+            departed: BTreeMap::new(),
+            events: WorldEvents::default(),
+            changes: Vec::new(),
+            tick: 0,
+            last_step: Duration::ZERO,
+            lost: None,
+        };
+        served.listen();
+        Ok(served)
+    }
+
+    pub(crate) fn is_participant(&self) -> bool {
+        self.world.node().is_some()
+    }
+
+    pub(crate) fn client(&self) -> u32 {
+        self.world.id().0
+    }
+
+    pub(crate) fn environment(&self) -> &EnvironmentProperties {
+        &self.environment
+    }
+
+    pub(crate) fn tick(&self) -> u64 {
+        self.tick
+    }
+
+    /// Sends what was asked and takes in what has come; waits for nothing.
+    pub(crate) fn step(&mut self) -> Result<(), Failure> {
+        let start = Instant::now();
+        if self.lost.is_none() {
+            self.lost = self.send_wishes().and_then(|()| self.world.check()).err().map(|error| {
+                let Failure { status, message } = error.into();
+                // Whatever ended it, what C must know is that the world goes on without us.
+                (if status == crate::status::DCD_ERR_TIMEOUT { status } else { DCD_ERR_NETWORK }, message)
+            });
+        }
+        self.listen();
+        self.last_step = start.elapsed();
+        match &self.lost {
+            None => Ok(()),
+            Some((status, message)) => Err(Failure::new(*status, message.clone())),
+        }
+    }
+
+    pub(crate) fn is_lost(&self) -> bool {
+        self.lost.is_some()
+    }
+
+    fn listen(&mut self) {
+        let heard = self.world.take_events();
+        self.departed.clear();
+        for &id in &heard.disappeared {
+            let user_data = self.user_data(id).unwrap_or(0);
+            self.departed.insert(id, user_data);
+            self.driven.remove(&id);
+            self.leaving.remove(&id);
+        }
+        for id in heard.refusals.iter().filter_map(|(id, _)| *id) {
+            self.leaving.remove(&id);
+        }
+        let (bodies, leaving, tick) = (&mut self.bodies, &self.leaving, &mut self.tick);
+        bodies.clear();
+        self.world.with_bodies(|body| {
+            *tick = (*tick).max(body.tick.0);
+            if !leaving.contains(&body.body.id) {
+                bodies.push(body.clone());
+            }
+            None::<()>
+        });
+        for body in bodies.iter() {
+            self.awaited.remove(&body.body.id);
+        }
+        self.events.touches.clear();
+        self.events.touches.extend(heard.touches.into_iter().map(|(_, touch)| touch));
+        self.events.forces.clear();
+        self.events.forces.extend(heard.forces.into_iter().map(|(_, force)| force));
+        self.changes.clear();
+        self.changes.extend(heard.appeared.into_iter().map(Change::Appeared));
+        self.changes.extend(heard.disappeared.into_iter().map(Change::Removed));
+        for (id, reason) in heard.refusals {
+            let user_data = id.and_then(|id| self.user_data(id)).unwrap_or(0);
+            // Nothing else is asked of an avatar before it is there.
+            id.and_then(|id| self.awaited.remove(&id));
+            self.changes.push(Change::Refused(id, reason, user_data));
+        }
+    }
+
+    fn send_wishes(&mut self) -> Result<(), ProcessError> {
+        let (waiting, due): (BTreeMap<_, _>, BTreeMap<_, _>) =
+            std::mem::take(&mut self.wishes).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
+        self.wishes = waiting;
+        for (id, wish) in due {
+            let Some(body) = self.heard(id) else { continue };
+            let kinematic = body.body.traits.kind != BodyKind::Dynamic;
+            let now = body.body.state.velocity;
+            let driven = if kinematic { self.driven.get(&id).copied() } else { None };
+            let velocity = wish.velocity.or(driven).unwrap_or(now);
+            self.driven.insert(id, velocity);
+            self.world.drive(id, velocity, wish.pose)?;
+        }
+        Ok(())
+    }
+
+    pub(crate) fn spawn(
+        &mut self,
+        pose: WorldPose,
+        body: &RigidBodyBuilder,
+        collider: ColliderBuilder,
+    ) -> Result<BodyId, Failure> {
+        let awaited = Awaited {
+            pose,
+            velocity: Velocity { linear: body.linvel.to_array(), angular: body.angvel.to_array() },
+            kind: match body.body_type {
+                RigidBodyType::Fixed => {
+                    return Err(self.unsupported(
+                        "make fixed bodies",
+                        "give the scene the fixed body, or make a kinematic one",
+                    ));
+                }
+                RigidBodyType::Dynamic => DCD_DYNAMIC,
+                _ => DCD_KINEMATIC,
+            },
+            user_data: body.user_data as u64,
+        };
+        let id = self.world.spawn(pose, body, &[collider])?;
+        self.awaited.insert(id, awaited);
+        Ok(id)
+    }
+
+    pub(crate) fn despawn(&mut self, id: BodyId) -> Result<(), Failure> {
+        self.check_own(id, "destroy bodies of others")?;
+        self.world.despawn(id)?;
+        self.leaving.insert(id);
+        self.awaited.remove(&id);
+        self.wishes.remove(&id);
+        self.driven.remove(&id);
+        if let Ok(place) = self.place(id) {
+            self.bodies.remove(place);
+        }
+        Ok(())
+    }
+
+    pub(crate) fn drive(&mut self, id: BodyId, velocity: Velocity) -> Result<(), Failure> {
+        self.check_own(id, "drive bodies of others")?;
+        self.wishes.entry(id).or_default().velocity = Some(velocity);
+        if let Some(awaited) = self.awaited.get_mut(&id) {
+            awaited.velocity = velocity;
+        }
+        Ok(())
+    }
+
+    pub(crate) fn jump(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Failure> {
+        self.check_own(id, "move bodies of others")?;
+        self.wishes.entry(id).or_default().pose = Some(pose);
+        if let Some(awaited) = self.awaited.get_mut(&id) {
+            awaited.pose = pose;
+        }
+        Ok(())
+    }
+
+    fn check_own(&self, id: BodyId, what: &str) -> Result<(), Failure> {
+        if id.client() == Some(self.world.id()) {
+            return Ok(());
+        }
+        Err(self.unsupported(what, "it has its own avatars (dcd_own_avatars) to meet them with"))
+    }
+
+    /// What this role cannot do, and what to do instead.
+    pub(crate) fn unsupported(&self, what: &str, instead: &str) -> Failure {
+        let role = if self.is_participant() { "participant" } else { "client" };
+        Failure::new(DCD_ERR_UNSUPPORTED, format!("a {role} cannot {what}: {instead}"))
+    }
+
+    fn place(&self, id: BodyId) -> Result<usize, usize> {
+        self.bodies.binary_search_by_key(&id, |body| body.body.id)
+    }
+
+    fn heard(&self, id: BodyId) -> Option<&Heard> {
+        self.place(id).ok().map(|place| &self.bodies[place])
+    }
+
+    pub(crate) fn contains(&self, id: BodyId) -> bool {
+        self.place(id).is_ok() || self.awaited.contains_key(&id)
+    }
+
+    pub(crate) fn body(&self, id: BodyId) -> Option<BodyView> {
+        if let Some(Awaited { pose, velocity, kind, user_data }) = self.awaited.get(&id) {
+            return Some(BodyView {
+                pose: *pose,
+                velocity: *velocity,
+                kind: *kind,
+                sleeping: false,
+                mass_kg: 0.0,
+                user_data: *user_data,
+                owner: None,
+            });
+        }
+        let body = &self.heard(id)?.body;
+        let kind = match body.traits.kind {
+            BodyKind::Fixed => DCD_FIXED,
+            BodyKind::Dynamic => DCD_DYNAMIC,
+            BodyKind::KinematicPosition | BodyKind::KinematicVelocity => DCD_KINEMATIC,
+        };
+        Some(BodyView {
+            pose: body.state.pose,
+            velocity: body.state.velocity,
+            kind,
+            sleeping: body.state.sleeping,
+            mass_kg: 0.0,
+            user_data: body.traits.user_data as u64,
+            owner: (kind != DCD_FIXED).then(|| self.region_at(&body.state.pose)),
+        })
+    }
+
+    pub(crate) fn user_data(&self, id: BodyId) -> Option<u64> {
+        self.heard(id)
+            .map(|body| body.body.traits.user_data as u64)
+            .or_else(|| self.awaited.get(&id).map(|awaited| awaited.user_data))
+            .or_else(|| self.departed.get(&id).copied())
+    }
+
+    /// Owners are not told; a body belongs to the region it is in but for a moment at borders, or while joints tie it to
+    /// one in another region.
+    fn region_at(&self, pose: &WorldPose) -> RegionId {
+        self.environment.tree.leaf_at(pose.translation)
+    }
+
+    fn movable_bodies(&self) -> impl Iterator<Item = &Heard> {
+        self.bodies.iter().filter(|body| body.body.traits.kind != BodyKind::Fixed)
+    }
+
+    pub(crate) fn movable(&self) -> usize {
+        self.movable_bodies().count()
+    }
+
+    pub(crate) fn states(&self) -> impl Iterator<Item = StateRow> {
+        self.movable_bodies().map(|Heard { body, .. }| StateRow {
+            id: body.id,
+            region: self.region_at(&body.state.pose),
+            pose: body.state.pose,
+            velocity: body.state.velocity,
+            user_data: body.traits.user_data as u64,
+            sleeping: body.state.sleeping,
+        })
+    }
+
+    /// Avatars of this client that are in the world or on their way, in id order.
+    pub(crate) fn own_avatars(&self) -> Vec<BodyId> {
+        let own = |id: &BodyId| id.client() == Some(self.world.id());
+        let mut ids: Vec<_> = self.bodies.iter().map(|body| body.body.id).filter(own).collect();
+        ids.extend(self.awaited.keys());
+        ids.sort_unstable();
+        ids
+    }
+
+    pub(crate) fn events(&self) -> &WorldEvents {
+        &self.events
+    }
+
+    pub(crate) fn changes(&self) -> &[Change] {
+        &self.changes
+    }
+
+    pub(crate) fn updates(&self) -> u64 {
+        self.world.updates()
+    }
+
+    pub(crate) fn stats(&self) -> Stats {
+        Stats { ticks: self.tick, bodies: self.movable(), last_step: self.last_step, ..Stats::default() }
+    }
+
+    pub(crate) fn regions(&self) -> Vec<RegionView> {
+        let mut owned = BTreeMap::<RegionId, usize>::new();
+        for body in self.movable_bodies() {
+            *owned.entry(self.region_at(&body.body.state.pose)).or_default() += 1;
+        }
+        let tree = &self.environment.tree;
+        tree.leaves()
+            .map(|id| {
+                let cell = tree.cell(id);
+                let owned = owned.get(&id).copied().unwrap_or(0);
+                RegionView { id, owned, replicas: 0, min: cell.min, max: cell.max }
+            })
+            .collect()
+    }
+}

@@ -52,11 +52,13 @@ impl Scaling {
             let bodies = if self.quick { bodies / 10 } else { bodies };
             rows.extend(self.measure(name, bodies, seconds)?);
         }
-        let mut csv =
-            String::from("scene,bodies,regions,threads,mean_ms,p50_ms,p99_ms,replicas_mean,speedup_over_bare\n");
+        let mut csv = String::from(
+            "scene,bodies,regions,threads,mean_ms,p50_ms,p99_ms,replicas_mean,speedup_over_bare\n",
+        );
         println!("scene    bodies regions threads  mean ms   p50 ms   p99 ms  replicas  over bare");
         for row in &rows {
-            let Measured { scene, bodies, regions, threads, mean_ms, p50_ms, p99_ms, replicas, speedup } = row;
+            let Measured { scene, bodies, regions, threads, mean_ms, p50_ms, p99_ms, replicas, speedup } =
+                row;
             println!(
                 "{scene:8} {bodies:6} {regions:7} {threads:7} {mean_ms:8.3} {p50_ms:8.3} {p99_ms:8.3} {replicas:9.0} {speedup:9.3}x"
             );

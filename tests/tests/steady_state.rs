@@ -64,7 +64,9 @@ fn a_step_allocates_nothing_per_body() {
     for regions in [1, 2, 8] {
         let (small, small_bare) = allocations(500, regions);
         let (large, large_bare) = allocations(2_000, regions);
-        println!("{regions} regions: {small} and {large} allocations a step, bare {small_bare} and {large_bare}");
+        println!(
+            "{regions} regions: {small} and {large} allocations a step, bare {small_bare} and {large_bare}"
+        );
         // Four times the bodies: what Rapier allocates in each region, and a fixed number for the exchange.
         let fixed = 8 + 4 * regions as u64;
         assert!(small <= regions as u64 * small_bare.max(1) + fixed, "{small} allocations with 500 bodies");

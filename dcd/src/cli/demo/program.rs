@@ -46,7 +46,18 @@ pub(super) fn build(
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut building = Command::new(cargo);
     building.current_dir(workspace);
-    building.args(["build", "--package", "dcd-ffi", "--message-format", "json-render-diagnostics"]);
+    // With `dcd` itself, so that the dependencies' features are those of the running binary and nothing is built twice.
+    building.args(["build", "--package", "dcd-ffi", "--package", "dcd", "--lib"]);
+    building.args(["--message-format", "json-render-diagnostics"]);
+    // `cargo run` tells its child of the package it runs; build scripts that listen to that would build anew.
+    for (name, _) in std::env::vars_os() {
+        let told = name.to_str().is_some_and(|name| {
+            ["CARGO_PKG_", "CARGO_MANIFEST_"].iter().any(|prefix| name.starts_with(prefix))
+        });
+        if told {
+            building.env_remove(&name);
+        }
+    }
     if !cfg!(debug_assertions) {
         building.arg("--release");
     }

@@ -87,6 +87,8 @@ impl From<ProcessError> for Failure {
             ProcessError::Net(_)
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
+            | ProcessError::Evicted { .. }
+            | ProcessError::NotReleased { .. }
             | ProcessError::Refused(_)
             | ProcessError::Evicted { .. }
             | ProcessError::Stopped => DCD_ERR_NETWORK,

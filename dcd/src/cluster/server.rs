@@ -256,9 +256,15 @@ impl Server {
     }
 
     fn welcome_client(&mut self, client: ClientId) {
+        // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
+        self.bring_back(client);
         self.send_client(client, ToClient::Welcome { id: client, world: self.config.world.clone() });
         let mut parts = self.record.shape_chunks(&mut BTreeSet::new());
-        parts.extend(chunks(self.record.present().cloned(), Chunk::Bodies));
+        // Those that are still on their way out stand where they were until they are back.
+        let returning = self.record.avatars(client).into_iter().filter_map(|(id, life)| {
+            self.record.body(id).filter(|_| matches!(life, Life::Removing { back: true, .. }))
+        });
+        parts.extend(chunks(self.record.present().chain(returning).cloned(), Chunk::Bodies));
         parts.extend(self.record.joint_chunks(|_| true));
         for chunk in parts {
             self.send_client(client, ToClient::Chunk(chunk));
@@ -267,7 +273,6 @@ impl Server {
         let leader = self.leader_is();
         self.send_client(client, leader);
         self.clients.insert(client);
-        self.bring_back(client);
     }
 
     fn leader_is(&self) -> ToClient {

@@ -88,9 +88,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
             | ProcessError::Evicted { .. }
-            | ProcessError::NotReleased { .. }
             | ProcessError::Refused(_)
-            | ProcessError::Evicted { .. }
             | ProcessError::Stopped => DCD_ERR_NETWORK,
         };
         Self::new(status, error.to_string())

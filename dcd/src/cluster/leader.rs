@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
-    ContactForce, ContactKey, Dispatch, Done, Drive, EnvironmentProperties, Pace, Refusal, RegionEvents,
-    Report, SharedState, TickStats, ToClient, Touch, View, ViewNumber, WorldOp,
+    ContactForce, ContactKey, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, Pace, Refusal,
+    RegionEvents, Report, SharedState, TickStats, ToClient, Touch, View, ViewNumber, WorldEvents, WorldOp,
 };
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
@@ -40,7 +40,7 @@ pub struct Leader {
     latest: BTreeMap<BodyId, (SharedState, Tick)>,
     moved: BTreeSet<BodyId>,
     reminded: BodyId,
-    touching: BTreeMap<ContactKey, BTreeSet<RegionId>>,
+    contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
     messages: Vec<(ClientId, ToClient)>,
 }
@@ -68,7 +68,7 @@ impl Leader {
             latest: BTreeMap::new(),
             moved: BTreeSet::new(),
             reminded: BodyId::default(),
-            touching: BTreeMap::new(),
+            contacts: ContactLedger::default(),
             clients: participants.collect(),
             messages: Vec::new(),
         }
@@ -222,39 +222,23 @@ impl Leader {
         self.drives.remove(&id);
         self.latest.remove(&id);
         self.moved.remove(&id);
-        self.touching.retain(|key, _| key.a != id && key.b != id);
+        self.contacts.forget_body(id);
     }
 
     /// A pair that two regions hold is seen by both: it begins with the first and ends with the last of them.
     fn forward_contacts(&mut self) {
+        let mut seen = WorldEvents::default();
+        self.contacts.merge(std::mem::take(&mut self.events).values(), &mut seen);
         let mut touches: BTreeMap<ClientId, Vec<Touch>> = BTreeMap::new();
         let mut forces: BTreeMap<ClientId, Vec<ContactForce>> = BTreeMap::new();
-        let mut pressed = BTreeSet::new();
-        for (region, events) in std::mem::take(&mut self.events) {
-            for touch in events.touches {
-                let regions = self.touching.entry(touch.key).or_default();
-                let before = regions.is_empty();
-                if touch.began {
-                    regions.insert(region)
-                } else {
-                    regions.remove(&region)
-                };
-                let after = regions.is_empty();
-                if after {
-                    self.touching.remove(&touch.key);
-                }
-                if before != after {
-                    for client in hosts(touch.key) {
-                        touches.entry(client).or_default().push(touch);
-                    }
-                }
+        for touch in seen.touches {
+            for client in hosts(touch.key) {
+                touches.entry(client).or_default().push(touch);
             }
-            for force in events.forces {
-                if pressed.insert(force.key) {
-                    for client in hosts(force.key) {
-                        forces.entry(client).or_default().push(force);
-                    }
-                }
+        }
+        for force in seen.forces {
+            for client in hosts(force.key) {
+                forces.entry(client).or_default().push(force);
             }
         }
         let concerned: BTreeSet<_> = touches.keys().chain(forces.keys()).copied().collect();

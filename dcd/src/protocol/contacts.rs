@@ -18,7 +18,7 @@ pub struct WorldEvents {
 
 /// Remembers which regions see which contact. A contact begins when the first region sees it and ceases when the last
 /// one does not any more, so a body that changes region does not seem to let go.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct ContactLedger {
     seen_by: BTreeMap<ContactKey, Vec<RegionId>>,
 }
@@ -66,18 +66,9 @@ impl ContactLedger {
         out.forces.dedup_by_key(|force| force.key);
     }
 
-    /// Forgets what a region saw, as when its node died; the region that takes over will see the contacts anew.
-    pub fn forget_region(&mut self, region: RegionId) {
-        for seen_by in self.seen_by.values_mut() {
-            seen_by.retain(|&other| other != region);
-        }
-    }
-
-    /// The bodies that touch this one now, in id order.
-    pub fn touching(&self, body: BodyId) -> impl Iterator<Item = BodyId> {
-        self.seen_by.iter().filter(|(_, seen_by)| !seen_by.is_empty()).filter_map(move |(key, _)| {
-            if key.a == body { Some(key.b) } else { (key.b == body).then_some(key.a) }
-        })
+    /// Forgets the contacts of a body that is no longer in the world.
+    pub fn forget_body(&mut self, body: BodyId) {
+        self.seen_by.retain(|key, _| key.a != body && key.b != body);
     }
 }
 
@@ -113,7 +104,6 @@ mod tests {
     fn a_contact_seen_by_two_regions_begins_and_ceases_once() {
         let mut ledger = ContactLedger::default();
         assert_eq!(merged(&mut ledger, &[seen(1, &[true]), seen(2, &[true])]), [true]);
-        assert_eq!(ledger.touching(BodyId::persistent(2)).collect::<Vec<_>>(), [BodyId::persistent(1)]);
         assert_eq!(merged(&mut ledger, &[seen(1, &[false])]), [] as [bool; 0]);
         assert_eq!(merged(&mut ledger, &[seen(2, &[false])]), [false]);
     }

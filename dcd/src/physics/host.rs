@@ -297,7 +297,7 @@ impl RegionHost {
             let Some(handle) = region.handle_of(id) else { continue };
             let owner = region.slot(handle).role == Role::Owner;
             let returned = change(&mut region.world_mut().bodies[handle]);
-            region.refresh_traits(handle);
+            region.refresh(handle);
             if owner || result.is_none() {
                 result = Some(returned);
             }
@@ -350,6 +350,7 @@ impl RegionHost {
             if let Some(handle) = region.handle_of(id) {
                 let pose = convert::region_from_world(region.anchor(), &pose);
                 region.world_mut().bodies[handle].set_position(pose, true);
+                region.refresh(handle);
                 held = true;
             }
         }

@@ -95,6 +95,9 @@ pub struct Region {
     pub(super) fresh: Vec<Link>,
     /// Bodies that became this region's own in the last exchange.
     pub(super) arrived: Vec<Link>,
+    /// By Rapier's body index: the tick at which the coupling must look at the body again. Kept apart from the slots, so
+    /// that passing over a body far from any border touches four bytes.
+    pub(super) due: Vec<u32>,
     /// Scratch of the coupling, kept for its memory.
     pub(super) looked_at: Vec<RigidBodyHandle>,
     /// The same.
@@ -134,6 +137,7 @@ impl Region {
                 .collect(),
             fresh: Vec::new(),
             arrived: Vec::new(),
+            due: Vec::new(),
             looked_at: Vec::new(),
             changes: Vec::new(),
         }
@@ -240,7 +244,9 @@ impl Region {
         let index = handle.into_raw_parts().0 as usize;
         if self.slots.len() <= index {
             self.slots.resize_with(index + 1, || None);
+            self.due.resize(index + 1, 0);
         }
+        self.due[index] = 0;
         self.slots[index] = Some(Slot {
             id: body.id,
             epoch: body.epoch,
@@ -386,8 +392,9 @@ impl Region {
         }
     }
 
-    /// Reads the traits anew after a user changed the body in place.
-    pub(super) fn refresh_traits(&mut self, handle: RigidBodyHandle) {
+    /// A user changed the body in place: reads the traits anew, and lets the coupling look at it soon.
+    pub(super) fn refresh(&mut self, handle: RigidBodyHandle) {
+        self.due[handle.into_raw_parts().0 as usize] = 0;
         let old = &self.slot(handle).traits;
         let new = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
         if new != **old {

@@ -4,16 +4,19 @@
 //! *applies* the messages of its neighbours in rank order. Values go in and come out; who carries them (memory, a
 //! simulator, QUIC) is not known here.
 
+mod held;
+mod holders;
 mod owner;
 
+pub(super) use holders::Change;
 use serde::{Deserialize, Serialize};
 
 use super::partition::Partition;
-use super::region::{Link, Region};
+use super::region::Region;
 use super::shapes::ShapeLibrary;
 use super::statics::Statics;
 use crate::protocol::BorderMessage;
-use crate::space::{RegionSet, Tick};
+use crate::space::Tick;
 
 /// The methods, by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -38,13 +41,15 @@ impl Coupling {
 
     /// Fills `region.outbox` with what neighbours must hold of the bodies inserted since the last step.
     pub(super) fn announce(self, region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-        match self {
-            Self::Owner => owner::announce(region, partition, tick, dt_s),
-        }
+        holders::announce(region, partition, tick, dt_s);
     }
 
     /// Fills `region.outbox` after a step.
     pub(super) fn gather(self, region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
+        if partition.len() == 1 {
+            region.fresh.clear();
+            return;
+        }
         match self {
             Self::Owner => owner::gather(region, partition, tick, dt_s),
         }
@@ -69,12 +74,4 @@ pub(super) struct Ground<'a> {
     pub partition: &'a Partition,
     pub shapes: &'a ShapeLibrary,
     pub statics: &'a Statics,
-}
-
-/// A body that is to be held, or owned, by other regions than before.
-#[derive(Debug)]
-pub(super) struct Change {
-    link: Link,
-    holders: RegionSet,
-    owner: usize,
 }

@@ -1,0 +1,126 @@
+//! Taking in what others say of who holds and owns what: the other end of `holders`.
+
+use rapier3d::prelude::*;
+
+use super::Ground;
+use crate::physics::ShapeError;
+use crate::physics::convert;
+use crate::physics::partition::HUB_REACH_M;
+use crate::physics::region::{Link, Region, Role};
+use crate::protocol::{BodyRecord, BorderMessage, Transfer};
+use crate::space::RegionSet;
+
+/// Bodies and joints that come, as owned or as replicas.
+pub(super) fn arrive(
+    region: &mut Region,
+    message: &BorderMessage,
+    sender: usize,
+    ground: Ground<'_>,
+) -> Result<(), ShapeError> {
+    for transfer in &message.transfers {
+        take_over(region, transfer, sender, ground)?;
+    }
+    for body in &message.replicas {
+        hold(region, body, sender, ground)?;
+    }
+    for joint in &message.joints {
+        ground.statics.ensure(region, joint, ground.shapes)?;
+        region.insert_joint(joint);
+    }
+    Ok(())
+}
+
+/// Replicas that are needed no more, and owned bodies that something elsewhere has stirred.
+pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize) {
+    for &id in &message.drops {
+        let handle = region.handle_of(id);
+        // The word may have crossed a transfer: only a replica of the sender's is dropped.
+        if handle.is_some_and(|handle| region.slot(handle).role == Role::Replica { owner: sender }) {
+            region.remove(id);
+        }
+    }
+    for &id in &message.wakes {
+        if let Some(handle) = region.handle_of(id)
+            && region.slot(handle).role == Role::Owner
+        {
+            region.world_mut().wake_up(handle, true);
+        }
+    }
+}
+
+/// Large bodies reach far out of the cell: the ground under all of them must be here.
+pub(super) fn cover_hubs(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError> {
+    for index in 0..region.shared.len() + region.replicas.len() {
+        let owned = region.shared.len();
+        let link = if index < owned { region.shared[index] } else { region.replicas[index - owned] };
+        if region.slot(link.handle).reach_m > HUB_REACH_M {
+            ground.statics.cover(region, link.handle, ground.shapes)?;
+        }
+    }
+    Ok(())
+}
+
+fn take_over(
+    region: &mut Region,
+    transfer: &Transfer,
+    sender: usize,
+    ground: Ground<'_>,
+) -> Result<(), ShapeError> {
+    let body = &transfer.body;
+    let holders = RegionSet::from_bits(transfer.holders).without(RegionSet::only(region.rank()));
+    let handle = match region.handle_of(body.id) {
+        None => {
+            hold(region, body, sender, ground)?;
+            region.handle_of(body.id).expect("just inserted")
+        }
+        Some(handle) => handle,
+    };
+    assert!(
+        region.slot(handle).role != Role::Owner,
+        "{} is transferred to {} which owns it already",
+        body.id,
+        region.id()
+    );
+    region.set_role(handle, Role::Owner, holders, body.epoch);
+    region.arrived.push(Link { id: body.id, handle });
+    write_whole(region, handle, body);
+    Ok(())
+}
+
+/// Inserts a replica, or renews one that is here already.
+fn hold(region: &mut Region, body: &BodyRecord, sender: usize, ground: Ground<'_>) -> Result<(), ShapeError> {
+    let role = Role::Replica { owner: sender };
+    if let Some(handle) = region.handle_of(body.id) {
+        let slot = region.slot(handle);
+        if slot.role == Role::Owner {
+            return Ok(());
+        }
+        if slot.traits == body.traits && slot.epoch <= body.epoch {
+            region.set_role(handle, role, RegionSet::EMPTY, body.epoch);
+            region.slot_mut(handle).confirmed = true;
+            write_whole(region, handle, body);
+            return Ok(());
+        }
+        region.remove(body.id);
+    }
+    let handle = region.insert(body, role, RegionSet::EMPTY, ground.shapes)?;
+    ground.statics.cover(region, handle, ground.shapes)
+}
+
+/// Makes a copy that is here already equal to the record.
+fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) {
+    let state = &body.state;
+    let pose = convert::region_from_world(region.anchor(), &state.pose);
+    let rigid_body = &mut region.world_mut().bodies[handle];
+    rigid_body.set_position(pose, false);
+    rigid_body.set_linvel(convert::vector(state.velocity.linear), false);
+    rigid_body.set_angvel(convert::vector(state.velocity.angular), false);
+    rigid_body.reset_forces(false);
+    rigid_body.reset_torques(false);
+    rigid_body.add_force(convert::vector(state.force), false);
+    rigid_body.add_torque(convert::vector(state.torque), false);
+    rigid_body.activation_mut().time_since_can_sleep = state.still_s;
+    if !state.sleeping && rigid_body.is_sleeping() {
+        region.world_mut().wake_up(handle, true);
+    }
+}

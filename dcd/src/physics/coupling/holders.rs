@@ -1,0 +1,252 @@
+//! Who must hold which body, and who owns it: the part of a coupling that is the same for all methods. Bodies that come
+//! near a neighbour are announced to it, those that leave its neighbourhood are called back, and a body whose centre has
+//! left the region is handed over. A body is replicated before it is transferred (thesis 3.3.3), so its contacts and
+//! their warm start are there when authority changes.
+
+use rapier3d::prelude::*;
+
+use crate::physics::convert;
+use crate::physics::partition::{HALO_HYSTERESIS_M, HUB_REACH_M, OWNER_HYSTERESIS_M, Partition};
+use crate::physics::region::{Link, Region, Role};
+use crate::protocol::{BodyRecord, Transfer};
+use crate::space::{Bounds, RegionSet, Tick};
+
+/// Bodies far from any border are looked at again after at most so many ticks.
+const LONGEST_REST: u32 = 8;
+/// By how much a body may be sped up meanwhile without being seen late.
+const SURPRISE_M_S: f32 = 10.0;
+
+/// A body that is to be held, or owned, by other regions than before.
+#[derive(Debug)]
+pub(in crate::physics) struct Change {
+    link: Link,
+    holders: RegionSet,
+    owner: usize,
+}
+
+/// Says which regions must hold the bodies inserted since the last step.
+pub(super) fn announce(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
+    clear_outbox(region, tick);
+    region.update_assemblies();
+    let fresh = std::mem::take(&mut region.fresh);
+    let here = fresh.iter().filter(|link| region.handle_of(link.id) == Some(link.handle));
+    let handles: Vec<_> = here.map(|link| link.handle).collect();
+    tell_changes(region, partition, tick, dt_s, handles.into_iter());
+}
+
+/// Says who must hold what after a step. Only awake bodies, and those inserted since the last step, can need a change.
+pub(super) fn tell(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
+    let mut looked_at = std::mem::take(&mut region.looked_at);
+    looked_at.clear();
+    let is_here = |link: &&Link| region.handle_of(link.id) == Some(link.handle);
+    looked_at.extend(region.fresh.iter().filter(is_here).map(|link| link.handle));
+    region.fresh.clear();
+    let now = tick.0 as u32;
+    let due = |handle: &RigidBodyHandle| region.due[handle.into_raw_parts().0 as usize] <= now;
+    looked_at.extend(region.physics().islands.active_bodies().filter(due));
+    tell_changes(region, partition, tick, dt_s, looked_at.iter().copied());
+    region.looked_at = looked_at;
+}
+
+/// Begins a new exchange.
+pub(super) fn clear_outbox(region: &mut Region, tick: Tick) {
+    for message in &mut region.outbox {
+        message.clear();
+        message.tick = tick;
+    }
+}
+
+/// Says of each of these bodies, as far as it is owned here, what is new about its holders and its owner.
+fn tell_changes(
+    region: &mut Region,
+    partition: &Partition,
+    tick: Tick,
+    dt_s: f32,
+    handles: impl Iterator<Item = RigidBodyHandle>,
+) {
+    let mut changes = std::mem::take(&mut region.changes);
+    find_changes(region, partition, tick, dt_s, handles, &mut changes);
+    for change in changes.drain(..) {
+        tell_change(region, &change);
+    }
+    region.changes = changes;
+}
+
+/// Looks at these bodies and at every assembly with one of them; `changes` come out in id order, each body once.
+fn find_changes(
+    region: &mut Region,
+    partition: &Partition,
+    tick: Tick,
+    dt_s: f32,
+    handles: impl Iterator<Item = RigidBodyHandle>,
+    changes: &mut Vec<Change>,
+) {
+    let inner = Inner::of(region, partition);
+    let mut assemblies = Vec::new();
+    for handle in handles {
+        let slot = region.slot(handle);
+        if slot.role != Role::Owner {
+            continue;
+        }
+        if let Some(assembly) = slot.assembly {
+            assemblies.push(assembly);
+            continue;
+        }
+        let rest = inner.ticks_within(region, handle, dt_s);
+        if slot.holders.is_empty() && rest > 0 {
+            region.due[handle.into_raw_parts().0 as usize] = tick.0 as u32 + rest;
+            continue;
+        }
+        let near = Near::of(region, partition, handle, dt_s);
+        let com = region.physics().bodies[handle].center_of_mass();
+        let centre = convert::world_point(region.anchor(), com);
+        let link = Link { id: slot.id, handle };
+        propose(region, link, near, new_owner(region, partition, centre), changes);
+    }
+    assemblies.sort_unstable();
+    assemblies.dedup();
+    for index in assemblies {
+        let members = std::mem::take(&mut region.assemblies[index as usize].members);
+        look_at_assembly(region, partition, &inner, &members, tick, dt_s, changes);
+        region.assemblies[index as usize].members = members;
+    }
+    changes.sort_unstable_by_key(|change| change.link.id);
+    changes.dedup_by_key(|change| change.link.id);
+}
+
+/// The same for bodies that joints tie together: what one of them needs, all get.
+fn look_at_assembly(
+    region: &mut Region,
+    partition: &Partition,
+    inner: &Inner,
+    members: &[Link],
+    tick: Tick,
+    dt_s: f32,
+    changes: &mut Vec<Change>,
+) {
+    let rest = members.iter().map(|link| inner.ticks_within(region, link.handle, dt_s)).min().unwrap_or(0);
+    let shared = members.iter().any(|link| !region.slot(link.handle).holders.is_empty());
+    if rest > 0 && !shared {
+        for link in members {
+            region.due[link.handle.into_raw_parts().0 as usize] = tick.0 as u32 + rest;
+        }
+        return;
+    }
+    let near = members
+        .iter()
+        .fold(Near::default(), |near, link| near.union(Near::of(region, partition, link.handle, dt_s)));
+    // The lowest member leads: where it goes, all go.
+    let lead = region.physics().bodies[members[0].handle].center_of_mass();
+    let owner = new_owner(region, partition, convert::world_point(region.anchor(), lead));
+    for &link in members {
+        propose(region, link, near, owner, changes);
+    }
+}
+
+fn propose(region: &Region, link: Link, near: Near, owner: usize, changes: &mut Vec<Change>) {
+    let own = RegionSet::only(region.rank());
+    let held = region.slot(link.handle).holders;
+    let still_near = RegionSet::from_bits(held.bits() & near.within_hysteresis.bits());
+    let holders = near.within_halo.union(still_near).without(own);
+    if holders != held || owner != region.rank() {
+        changes.push(Change { link, holders, owner });
+    }
+}
+
+/// The region of the centre, once the centre has left the present one for good.
+fn new_owner(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize {
+    if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
+        partition.rank_at(centre)
+    } else {
+        region.rank()
+    }
+}
+
+/// Sends the body to its new holders, calls it back from those that need it no more, and hands over authority.
+fn tell_change(region: &mut Region, change: &Change) {
+    let Change { link, holders, owner } = *change;
+    let own = RegionSet::only(region.rank());
+    let slot = region.slot(link.handle);
+    let (before, epoch) = (slot.holders, slot.epoch);
+    let record = region.body_record(link.handle);
+    let joints: Vec<_> = region.joints_of(link.handle).collect();
+    let leaving = owner != region.rank();
+    let target = RegionSet::only(owner);
+    let added = holders.without(before).without(if leaving { target } else { RegionSet::EMPTY });
+    for rank in added.iter() {
+        region.outbox[rank].replicas.push(record.clone());
+        region.outbox[rank].joints.extend_from_slice(&joints);
+    }
+    for rank in before.without(holders).without(if leaving { target } else { RegionSet::EMPTY }).iter() {
+        region.outbox[rank].drops.push(link.id);
+    }
+    if leaving {
+        let holders = holders.union(own).without(target);
+        let body = BodyRecord { epoch: epoch.next(), ..record };
+        let message = &mut region.outbox[owner];
+        message.transfers.push(Transfer { body, holders: holders.bits() });
+        message.joints.extend(joints);
+        region.set_role(link.handle, Role::Replica { owner }, RegionSet::EMPTY, epoch.next());
+    } else {
+        region.set_role(link.handle, Role::Owner, holders, epoch);
+    }
+}
+
+/// The part of a region where nothing concerns its neighbours, in region space.
+struct Inner {
+    min: Vector,
+    max: Vector,
+}
+
+impl Inner {
+    fn of(region: &Region, partition: &Partition) -> Self {
+        let (cell, halo) = (region.cell(), partition.halo_m());
+        Self {
+            min: convert::region_point(region.anchor(), cell.min.map(|v| v + halo)),
+            max: convert::region_point(region.anchor(), cell.max.map(|v| v - halo)),
+        }
+    }
+
+    /// For how many ticks a body surely stays within, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
+    /// [`LONGEST_REST`]. A body that is hit harder is seen at most so many ticks late: it is replicated late, never lost.
+    fn ticks_within(&self, region: &Region, handle: RigidBodyHandle, dt_s: f32) -> u32 {
+        let body = &region.physics().bodies[handle];
+        let centre = body.center_of_mass();
+        let gap_m = (centre - self.min).min(self.max - centre).min_element() - region.slot(handle).reach_m;
+        let step_m = (body.linvel().length() + SURPRISE_M_S) * dt_s;
+        ((gap_m / step_m).max(0.0) as u32).min(LONGEST_REST)
+    }
+}
+
+/// The regions whose cell a body comes near.
+#[derive(Clone, Copy, Default)]
+struct Near {
+    within_halo: RegionSet,
+    within_hysteresis: RegionSet,
+}
+
+impl Near {
+    fn of(region: &Region, partition: &Partition, handle: RigidBodyHandle, dt_s: f32) -> Self {
+        let slot = region.slot(handle);
+        let body = &region.physics().bodies[handle];
+        let travel_m = f64::from(body.linvel().length() * dt_s);
+        let bounds = if slot.reach_m > HUB_REACH_M {
+            region.world_bounds(handle)
+        } else {
+            let centre = convert::world_point(region.anchor(), body.center_of_mass());
+            Bounds::around(centre, [f64::from(slot.reach_m); 3])
+        };
+        let halo = bounds.grown(partition.halo_m() + travel_m);
+        Self {
+            within_halo: partition.touching(&halo),
+            within_hysteresis: partition.touching(&halo.grown(HALO_HYSTERESIS_M)),
+        }
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self {
+            within_halo: self.within_halo.union(other.within_halo),
+            within_hysteresis: self.within_hysteresis.union(other.within_hysteresis),
+        }
+    }
+}

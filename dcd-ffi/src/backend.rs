@@ -353,7 +353,8 @@ impl Backend {
     }
 
     pub(crate) fn state_hash(&self) -> Result<u64, Failure> {
-        let instead = "it hears of bodies at different ticks; ask the server for the hash of a world that ended";
+        let instead =
+            "it hears of bodies at different ticks; ask the server for the hash of a world that ended";
         Ok(self.local("compute the state's hash", instead)?.state_hash())
     }
 
@@ -382,7 +383,8 @@ impl Backend {
 
     /// The first body that a ray meets and does not overlook.
     pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Result<Option<RayAnswer>, Failure> {
-        let instead = "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
+        let instead =
+            "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
         Ok(crate::query::cast_locally(self.local("cast rays", instead)?, ray))
     }
 }

@@ -6,12 +6,12 @@ use dcd::protocol::{ContactKey, Refusal};
 use dcd::space::{BodyId, RegionId};
 
 use crate::backend::Backend;
-use crate::served::Change;
 use crate::body::DcdBodyId;
 use crate::guard::guard;
 use crate::handle::Mark;
 use crate::pinned::Pinned;
 use crate::pointer::{Out, Sized32};
+use crate::served::Change;
 use crate::status::DcdStatus;
 use crate::world::{DcdWorld, with};
 

@@ -230,7 +230,9 @@ fn resolve(server: &str) -> Result<Vec<SocketAddr>, Failure> {
         Ok(addresses) => Ok(addresses.collect()),
         Err(cause) => Err(Failure::new(
             DCD_ERR_NETWORK,
-            format!("cannot find the address of \"{server}\" ({cause}); check the name and your name service"),
+            format!(
+                "cannot find the address of \"{server}\" ({cause}); check the name and your name service"
+            ),
         )),
     }
 }

@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
 
-use dcd::physics::HostError;
 use dcd::net::NetError;
+use dcd::physics::HostError;
 use dcd::runtime::{ProcessError, WorldError};
 use dcd::scene::SceneError;
 

@@ -97,6 +97,9 @@
 // As DcdBodyInfo.region of a fixed body, which has no owner.
 #define DCD_NO_REGION UINT32_MAX
 
+// In place of a part's number: all shapes of the body.
+#define DCD_ALL_PARTS UINT32_MAX
+
 // In DcdJointDef.flags: `limit` counts.
 #define DCD_JOINT_LIMIT 1
 
@@ -464,7 +467,7 @@ typedef struct DcdContactForce {
     uint32_t part_b;
 } DcdContactForce;
 
-// A body has another owner than after the step before.
+// A body changed owner in the step. Putting it elsewhere by hand is not told of.
 typedef struct DcdTransfer {
     // Which body.
     DcdBodyId body;
@@ -806,7 +809,8 @@ DCD_API DcdStatus dcd_shape_cone(DcdWorld world, float half_height, float radius
 DCD_API DcdStatus dcd_shape_hull(DcdWorld world, const float *xyz, size_t count, DcdShapeId *out);
 
 // Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
-// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no mass: use it for fixed bodies.
+// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no
+// mass: use it for fixed bodies.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
 // an area, or an index past the vertices.
@@ -932,6 +936,43 @@ DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, 
 //
 // Errors: as dcd_body_apply_impulse.
 DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
+
+// Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
+// newtons. `part` is the number of one of its shapes, from 0, or DCD_ALL_PARTS.
+//
+// Of a contact that is there already, the end is told only if the beginning was.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, unknown bits or a threshold below 0,
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_set_events(DcdWorld world,
+                              DcdBodyId body,
+                              uint32_t part,
+                              uint32_t events,
+                              float force_threshold);
+
+// Sets how a body slides and bounces: Coulomb coefficient, 0 or more, and restitution, 0 to 1. `part` as in
+// dcd_body_set_events.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or a coefficient out of range,
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_set_material(DcdWorld world,
+                                DcdBodyId body,
+                                uint32_t part,
+                                float friction,
+                                float restitution);
+
+// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `part` as in
+// dcd_body_set_events.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, DCD_ERR_UNSUPPORTED in a served
+// world.
+DCD_API
+DcdStatus dcd_body_set_groups(DcdWorld world,
+                              DcdBodyId body,
+                              uint32_t part,
+                              uint32_t groups,
+                              uint32_t mask);
 
 // Ties two bodies of a local world; in a served world the three joint functions are DCD_ERR_UNSUPPORTED. What joints tie together is owned and moved whole by one region, so keep it small against a region.
 //

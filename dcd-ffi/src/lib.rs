@@ -38,6 +38,8 @@ pub mod motion;
 
 pub mod push;
 
+pub mod surface;
+
 pub mod joint;
 
 pub mod step;

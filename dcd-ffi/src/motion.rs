@@ -168,7 +168,6 @@ pub(crate) fn view(world: &World, body: DcdBodyId) -> Result<BodyView, Failure> 
 
 pub(crate) fn set_pose(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {
     check_pose(&pose)?;
-    world.events.owners_changed();
     world.backend.set_pose(id, pose.into())
 }
 

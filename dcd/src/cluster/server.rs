@@ -255,6 +255,8 @@ impl Server {
 
     fn welcome_client(&mut self, client: ClientId) {
         self.send_client(client, ToClient::Welcome { id: client, world: self.config.world.clone() });
+        // Before its world is written, so that the client finds its avatars in it.
+        self.bring_back(client);
         let mut parts = self.record.shape_chunks(&mut BTreeSet::new());
         parts.extend(chunks(self.record.present().cloned(), Chunk::Bodies));
         parts.extend(self.record.joint_chunks(|_| true));
@@ -265,7 +267,6 @@ impl Server {
         let leader = self.leader_is();
         self.send_client(client, leader);
         self.clients.insert(client);
-        self.bring_back(client);
     }
 
     fn leader_is(&self) -> ToClient {

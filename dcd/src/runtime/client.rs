@@ -101,9 +101,8 @@ impl ClientWorld {
         if !member.shared.wait(left, joined) {
             return Err(ProcessError::Timeout { server: config.server, waited: config.timeout });
         }
-        let mut world = Self { member, client, next_avatar: 0, shapes: ShapeLibrary::default() };
+        let world = Self { member, client, next_avatar: 0, shapes: ShapeLibrary::default() };
         world.check()?;
-        world.next_avatar = world.own_avatars().last().map_or(0, |id| id.index() + 1);
         Ok(world)
     }
 
@@ -142,6 +141,9 @@ impl ClientWorld {
         body: &RigidBodyBuilder,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyId, ProcessError> {
+        // Avatars that an earlier stay left behind return some time after joining.
+        let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
+        self.next_avatar = self.next_avatar.max(after);
         let id = BodyId::avatar(self.client, self.next_avatar);
         let body = self.shapes.describe(id, pose, body, colliders)?;
         self.member.wish(ClientEvent::Spawn { body, shapes: self.shapes.records() })?;

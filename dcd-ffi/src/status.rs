@@ -88,6 +88,8 @@ impl From<ProcessError> for Failure {
             ProcessError::Net(_)
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
+            | ProcessError::Evicted { .. }
+            | ProcessError::NotReleased { .. }
             | ProcessError::Refused(_)
             | ProcessError::Stopped => DCD_ERR_NETWORK,
         };

@@ -31,6 +31,23 @@ impl Common {
         let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
     }
 
+    /// Whether people want to know nothing but the result.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
+    /// Whether people want to know details.
+    pub(super) fn is_verbose(&self) -> bool {
+        self.verbose > 0
+    }
+
+    /// A word to people on standard error, unless they want none.
+    pub(super) fn say(&self, text: &str) {
+        if !self.quiet {
+            eprintln!("{text}");
+        }
+    }
+
     /// A bar on standard error, hidden unless a person is looking on.
     pub(super) fn progress(&self, length: u64, unit: &str, json: bool) -> ProgressBar {
         if json || self.quiet || !std::io::stderr().is_terminal() {

@@ -2,7 +2,8 @@
 
 use std::process::ExitCode;
 
-use crate::runtime::WorldError;
+use crate::net::NetError;
+use crate::runtime::{ProcessError, WorldError};
 use crate::scene::SceneError;
 
 /// Why a subcommand did not do what was asked.
@@ -21,6 +22,11 @@ impl Failure {
     /// Something failed while it ran.
     pub(super) fn run(message: impl Into<String>) -> Self {
         Self { message: message.into(), code: 1 }
+    }
+
+    /// Ctrl-C, where there is nothing to report.
+    pub(super) fn interrupted() -> Self {
+        Self { message: "ended by Ctrl-C".to_owned(), code: 130 }
     }
 
     /// Says it on standard error.
@@ -47,5 +53,22 @@ impl From<WorldError> for Failure {
             WorldError::Tree(_) | WorldError::Setting { .. } => Self::usage(message),
             _ => Self::run(message),
         }
+    }
+}
+
+impl From<ProcessError> for Failure {
+    fn from(error: ProcessError) -> Self {
+        let message = error.to_string();
+        match error {
+            // Nothing was said to a server yet.
+            ProcessError::Token(_) | ProcessError::Tree(_) => Self::usage(message),
+            _ => Self::run(message),
+        }
+    }
+}
+
+impl From<NetError> for Failure {
+    fn from(error: NetError) -> Self {
+        ProcessError::from(error).into()
     }
 }

@@ -1,5 +1,6 @@
-//! Ctrl-C: the first asks a command to end in order, the second ends it at once.
+//! Ctrl-C and SIGTERM: the first asks a command to end in order, the second ends it at once.
 
+use std::io::Read;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +10,8 @@ use super::failure::Failure;
 /// Exit code of what was ended by Ctrl-C: 128 + SIGINT.
 const EXIT: u8 = 130;
 
-static ASKED: AtomicBool = AtomicBool::new(false);
+static SIGNALLED: AtomicBool = AtomicBool::new(false);
+static ABANDONED: AtomicBool = AtomicBool::new(false);
 static INSTALLED: OnceLock<Result<(), String>> = OnceLock::new();
 
 /// Proof that Ctrl-C is heard from here on.
@@ -20,7 +22,7 @@ impl Interrupt {
     /// Takes Ctrl-C over for the rest of the process.
     pub(super) fn listen() -> Result<Self, Failure> {
         let handler = || {
-            if ASKED.swap(true, Ordering::SeqCst) {
+            if SIGNALLED.swap(true, Ordering::SeqCst) {
                 std::process::exit(EXIT.into());
             }
         };
@@ -34,13 +36,24 @@ impl Interrupt {
         }
     }
 
+    /// The end of standard input asks for an end too: a parent process ends its children in order with it, on every
+    /// system, and they do not outlive a parent that is killed.
+    pub(super) fn listen_to_stdin(self) {
+        std::thread::spawn(|| {
+            let mut stdin = std::io::stdin().lock();
+            let mut ignored = [0; 64];
+            while matches!(stdin.read(&mut ignored), Ok(1..)) {}
+            ABANDONED.store(true, Ordering::SeqCst);
+        });
+    }
+
     /// Whether the user asked for an end.
     pub(super) fn asked(self) -> bool {
-        ASKED.load(Ordering::SeqCst)
+        SIGNALLED.load(Ordering::SeqCst) || ABANDONED.load(Ordering::SeqCst)
     }
 
     /// The exit code of a command that ended in order.
     pub(super) fn exit_code(self) -> ExitCode {
-        if self.asked() { ExitCode::from(EXIT) } else { ExitCode::SUCCESS }
+        if SIGNALLED.load(Ordering::SeqCst) { ExitCode::from(EXIT) } else { ExitCode::SUCCESS }
     }
 }

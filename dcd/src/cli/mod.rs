@@ -3,11 +3,19 @@
 //! To add one: a file with a struct that derives [`clap::Args`] (its doc comment is the help text) and has
 //! `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`, its `mod` line, and a line in `subcommands!`.
 
+mod client;
 mod common;
+mod demo;
 mod failure;
 mod interrupt;
+mod node;
 mod run;
 mod scenes;
+mod serve;
+mod summary;
+mod token;
+mod values;
+mod world;
 
 use std::process::ExitCode;
 
@@ -37,6 +45,11 @@ macro_rules! subcommands {
 subcommands! {
     Run in run,
     Scenes in scenes,
+    Serve in serve,
+    Node in node,
+    Client in client,
+    Token in token,
+    Demo in demo,
 }
 
 /// One rigid-body world computed by many Rapier worlds, on the cores of one machine or on many machines.

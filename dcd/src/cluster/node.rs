@@ -77,8 +77,13 @@ pub enum NodeOutput {
     Client(ToClient),
     /// A tick is complete here.
     Settled(Tick),
-    /// The end; for people.
-    Stopped(String),
+    /// The end.
+    Stopped {
+        /// Neither asked for nor the end of the world.
+        evicted: bool,
+        /// For people.
+        reason: String,
+    },
 }
 
 /// What was dropped, and why.
@@ -282,7 +287,9 @@ impl Node {
         self.links.remove(&peer);
         self.pinger.remove(peer);
         match peer {
-            Peer::Server => self.stop("the server is gone: start it again and let the node join anew".into()),
+            Peer::Server => {
+                self.stop(true, "the server is gone: start it again and let the node join anew".into());
+            }
             // Only the server decides that a member is dead; until then its messages are waited for.
             Peer::Node(node) if self.others.contains(&node) => {
                 self.send_server(ToServer::LinkLost { view: self.number(), node });
@@ -296,10 +303,10 @@ impl Node {
         }
     }
 
-    fn stop(&mut self, reason: String) {
+    fn stop(&mut self, evicted: bool, reason: String) {
         self.stopped = true;
         self.leader = None;
-        self.outputs.push_back(NodeOutput::Stopped(reason));
+        self.outputs.push_back(NodeOutput::Stopped { evicted, reason });
     }
 
     fn message(&mut self, now: Duration, from: Peer, message: Message) {

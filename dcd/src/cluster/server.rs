@@ -223,7 +223,9 @@ impl Server {
     fn hello(&mut self, from: Peer, hello: Hello) {
         let refusal = Refusal::Version { theirs: hello.version, ours: VERSION };
         match (from, hello.role) {
-            (Peer::Node(node), _) if hello.version != VERSION => self.dismiss(node, refusal.to_string()),
+            (Peer::Node(node), _) if hello.version != VERSION => {
+                self.dismiss(node, true, refusal.to_string())
+            }
             (Peer::Client(client), _) if hello.version != VERSION => {
                 self.send_client(client, ToClient::Rejected { body: None, reason: refusal });
                 self.outputs.push_back(ServerOutput::Close(from));
@@ -304,6 +306,7 @@ impl Server {
                 if self.is_member(other) {
                     self.dismiss(
                         other,
+                        true,
                         format!("{node} cannot reach this node: check the network and join anew"),
                     );
                     self.begin_change();
@@ -332,8 +335,8 @@ impl Server {
     }
 
     /// A node is told to go, and is no longer known.
-    fn dismiss(&mut self, node: NodeId, reason: String) {
-        self.send_node(node, ToNode::Shutdown { reason });
+    fn dismiss(&mut self, node: NodeId, evicted: bool, reason: String) {
+        self.send_node(node, ToNode::Shutdown { evicted, reason });
         self.outputs.push_back(ServerOutput::Close(Peer::Node(node)));
         self.nodes.remove(&node);
     }
@@ -354,7 +357,7 @@ impl Server {
     /// Everybody is told that the world is over.
     fn end(&mut self) {
         for node in self.nodes.keys().copied().collect::<Vec<_>>() {
-            self.dismiss(node, "the server ends the world".into());
+            self.dismiss(node, false, "the server ends the world".into());
         }
         for client in std::mem::take(&mut self.clients) {
             self.outputs.push_back(ServerOutput::Close(Peer::Client(client)));

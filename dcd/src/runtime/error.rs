@@ -48,6 +48,25 @@ pub enum ProcessError {
         /// As the network or the server put it.
         reason: String,
     },
+    /// The server no longer wants it.
+    #[error("the server at {server} ended this node: {reason}")]
+    Evicted {
+        /// Where it is.
+        server: SocketAddr,
+        /// Its words, with cause and remedy.
+        reason: String,
+    },
+    /// The user asked to go, and the server did not let go in time.
+    #[error(
+        "the server at {server} did not take this process's share over within {waited:?}; it is gone without: the others \
+         go on from the last checkpoint"
+    )]
+    NotReleased {
+        /// Where it is.
+        server: SocketAddr,
+        /// How long we waited.
+        waited: Duration,
+    },
     /// The world did not come in time.
     #[error(
         "no world from the server at {server} within {waited:?}: it may be waiting for nodes, or be overloaded"

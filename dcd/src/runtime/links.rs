@@ -16,6 +16,7 @@ const WAITING_BYTES: usize = 256 << 20;
 
 /// What happens on links, in the cluster's words.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
 pub(super) enum LinkEvent {
     /// A link is up.
     Connected(Peer),

@@ -1,7 +1,7 @@
 //! The loop of a process that is a node, a client, or both (a participant, the thesis's normal case): one thread that
 //! feeds links, physics and the user's wishes to the state machines and does what they ask for.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -23,6 +23,8 @@ use crate::space::{BodyId, NodeId, Tick};
 const RETRY: Duration = Duration::from_millis(2);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
+/// A server that lives takes over within a second; a node does not stay longer for one that does not.
+const RELEASE: Duration = Duration::from_secs(5);
 /// Tick times kept for the summary: four hours at 60 a second.
 const TIMES: usize = 1 << 20;
 
@@ -50,7 +52,7 @@ impl MemberConfig {
         Self {
             server,
             identity,
-            listen: SocketAddr::new(server.ip().to_canonical(), 0),
+            listen: SocketAddr::new(interface_towards(server.ip().to_canonical()), 0),
             advertise: None,
             threads: 1,
             report_every: 3,
@@ -175,6 +177,7 @@ impl Member {
             node,
             device: PhysicsDevice::new(config.threads),
             shared: shared.clone(),
+            release_by: None,
             end: None,
         };
         let thread = std::thread::Builder::new()
@@ -237,6 +240,15 @@ impl Drop for Member {
     }
 }
 
+/// Where to listen for others: on this machine alone if the server is on it and not to be reached from elsewhere.
+fn interface_towards(server: IpAddr) -> IpAddr {
+    match server {
+        server if server.is_loopback() => server,
+        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+    }
+}
+
 /// The address that others can use: one on the interface that leads to the server, if all are listened on.
 fn reachable(bound: SocketAddr, server: SocketAddr) -> SocketAddr {
     if !bound.ip().is_unspecified() {
@@ -278,6 +290,8 @@ struct Loop {
     node: Option<Node>,
     device: PhysicsDevice,
     shared: Arc<Shared>,
+    /// When the user's wish to go is carried out without the server.
+    release_by: Option<Duration>,
     end: Option<Result<(), ProcessError>>,
 }
 
@@ -302,6 +316,9 @@ impl Loop {
                 node.handle_timeout(now);
             }
             self.pump();
+            if self.end.is_none() && self.release_by.is_some_and(|by| by <= now) {
+                self.end = Some(Err(ProcessError::NotReleased { server: self.server, waited: RELEASE }));
+            }
         }
         let end = self.end.take().unwrap_or(Ok(()));
         let mut state = self.shared.lock();
@@ -322,7 +339,11 @@ impl Loop {
             Input::Leave => {
                 self.client(ClientEvent::Leave);
                 match &mut self.node {
-                    Some(node) => node.handle(self.start.elapsed(), NodeEvent::Leave),
+                    Some(node) => {
+                        let now = self.start.elapsed();
+                        self.release_by.get_or_insert(now + RELEASE);
+                        node.handle(now, NodeEvent::Leave);
+                    }
                     None => {
                         self.pump();
                         self.end = Some(Ok(()));
@@ -333,13 +354,6 @@ impl Loop {
     }
 
     fn link_event(&mut self, event: LinkEvent) {
-        if std::env::var("DBG").is_ok() {
-            eprintln!(
-                "{:?} < {}",
-                self.shared.lock().summary.node,
-                &format!("{event:?}").chars().take(90).collect::<String>()
-            );
-        }
         let now = self.start.elapsed();
         match event {
             LinkEvent::Connected(peer) => {
@@ -401,16 +415,7 @@ impl Loop {
 
     fn node_output(&mut self, output: NodeOutput) {
         match output {
-            NodeOutput::Send { to, message } => {
-                if std::env::var("DBG").is_ok() {
-                    eprintln!(
-                        "{:?} > {to:?} {}",
-                        self.shared.lock().summary.node,
-                        &format!("{message:?}").chars().take(90).collect::<String>()
-                    );
-                }
-                self.links.send(to, &message)
-            }
+            NodeOutput::Send { to, message } => self.links.send(to, &message),
             NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
             NodeOutput::Disconnect(node) => self.links.close(Peer::Node(node), "no longer a member"),
             NodeOutput::Physics(command) => self.compute(command),
@@ -424,9 +429,12 @@ impl Loop {
                 drop(state);
                 self.shared.changed.notify_all();
             }
-            NodeOutput::Stopped(reason) => {
+            NodeOutput::Stopped { evicted, reason } => {
                 info!(reason, "the node stops");
-                self.end = Some(Ok(()));
+                self.end = Some(match evicted {
+                    true => Err(ProcessError::Evicted { server: self.server, reason }),
+                    false => Ok(()),
+                });
             }
         }
     }
@@ -475,9 +483,25 @@ impl Loop {
 
 fn is_update(event: &ClientEvent) -> bool {
     use crate::protocol::ToClient;
-    match event {
-        ClientEvent::Message { message: Message::ToClient(_, ToClient::States { .. }), .. } => true,
-        ClientEvent::Node(ToClient::States { .. }) => true,
-        _ => false,
+    matches!(
+        event,
+        ClientEvent::Message { message: Message::ToClient(_, ToClient::States { .. }), .. }
+            | ClientEvent::Node(ToClient::States { .. })
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_node_of_a_far_server_listens_where_that_server_and_others_reach_it() {
+        for (server, listens) in
+            [("127.0.0.1", "127.0.0.1"), ("192.0.2.7", "0.0.0.0"), ("::1", "::1"), ("2001:db8::7", "::")]
+        {
+            assert_eq!(interface_towards(server.parse().unwrap()), listens.parse::<IpAddr>().unwrap());
+        }
+        let loopback = reachable("0.0.0.0:7".parse().unwrap(), "127.0.0.1:9".parse().unwrap());
+        assert_eq!(loopback, "127.0.0.1:7".parse().unwrap());
     }
 }

@@ -21,6 +21,8 @@ use crate::space::Tick;
 
 /// How often what could not be sent at once is tried again.
 const RETRY: Duration = Duration::from_millis(2);
+/// A last audit that takes longer than this is given up: dead members are found much sooner.
+const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
 
@@ -59,6 +61,8 @@ pub struct ServerSummary {
     pub lost: usize,
     /// Of the last audit: bodies that two nodes owned.
     pub doubled: usize,
+    /// Members did not answer the last audit in time: nobody knows what is lost or doubled.
+    pub unaudited: bool,
     /// Hash of all movable bodies in id order, after the last tick of a world that ended by [`ServeConfig::last_tick`].
     pub state_hash: Option<u64>,
     /// Bytes received and sent.
@@ -124,8 +128,15 @@ impl ServerProcess {
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         shared.lock().summary.regions = environment.tree.leaf_count();
         let server = Server::new(ServerConfig { world: environment, min_nodes: config.nodes.max(1) }, record);
-        let running =
-            Loop { links: Some(Links::new(net)), server, shared: shared.clone(), began: None, over: false };
+        let running = Loop {
+            links: Some(Links::new(net)),
+            server,
+            shared: shared.clone(),
+            began: None,
+            end_by: None,
+            audited: false,
+            over: false,
+        };
         let thread = std::thread::Builder::new()
             .name("dcd-server".into())
             .spawn(move || running.run(&inputs))
@@ -227,6 +238,9 @@ struct Loop {
     server: Server,
     shared: Arc<Shared>,
     began: Option<Instant>,
+    /// When the world ends even without an audit.
+    end_by: Option<Instant>,
+    audited: bool,
     over: bool,
 }
 
@@ -245,23 +259,25 @@ impl Loop {
                                 self.server.handle(ServerEvent::Disconnected(peer));
                             }
                             LinkEvent::Message { from, message } => {
-                                if std::env::var("DBG").is_ok() {
-                                    eprintln!(
-                                        "server < {from:?} {}",
-                                        &format!("{message:?}").chars().take(90).collect::<String>()
-                                    );
-                                }
                                 self.server.handle(ServerEvent::Message { from, message });
                             }
                         }
                     }
                 }
-                Ok(Input::Stop) => self.server.handle(ServerEvent::Stop),
+                Ok(Input::Stop) => {
+                    self.end_by.get_or_insert(Instant::now() + AUDIT);
+                    self.server.handle(ServerEvent::Stop);
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             self.pump();
             self.publish();
+            if !self.over && self.end_by.is_some_and(|by| by <= Instant::now()) {
+                warn!("the last audit is given up: members do not answer");
+                self.shared.lock().summary.unaudited = true;
+                break;
+            }
         }
         let totals = self.links.take().map(Links::shutdown);
         self.finish(totals);
@@ -271,16 +287,12 @@ impl Loop {
         while let Some(output) = self.server.poll_output() {
             let Some(links) = &mut self.links else { return };
             match output {
-                ServerOutput::Send { to, message } => {
-                    if std::env::var("DBG").is_ok() {
-                        eprintln!(
-                            "server > {to:?} {}",
-                            &format!("{message:?}").chars().take(90).collect::<String>()
-                        );
-                    }
-                    links.send(to, &message)
+                ServerOutput::Send { to, message } => links.send(to, &message),
+                ServerOutput::Close(peer) => {
+                    let ending = self.audited || self.end_by.is_some();
+                    links
+                        .close(peer, if ending { "the world has ended" } else { "the server ends the link" });
                 }
-                ServerOutput::Close(peer) => links.close(peer, "the server ends the link"),
                 ServerOutput::Began(view) => {
                     self.began.get_or_insert_with(Instant::now);
                     info!(view = view.number.0, members = view.members.len(), "a view begins");
@@ -299,6 +311,7 @@ impl Loop {
                 ServerOutput::Audited { lost, doubled } => {
                     let mut state = self.shared.lock();
                     (state.summary.lost, state.summary.doubled) = (lost.len(), doubled.len());
+                    self.audited = true;
                 }
                 ServerOutput::Ended => self.over = true,
             }

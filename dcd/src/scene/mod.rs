@@ -11,6 +11,8 @@ mod model;
 mod params;
 mod records;
 
+#[cfg(feature = "cli")]
+pub(crate) use dice::Dice;
 pub use error::SceneError;
 pub use library::{SceneInfo, library};
 pub use model::{AvatarHint, Scene, SceneBody, SceneJoint};

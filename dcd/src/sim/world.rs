@@ -381,7 +381,7 @@ impl Sim {
                         self.client_event(client, ClientEvent::Node(message));
                     }
                 }
-                NodeOutput::Stopped(_) => {
+                NodeOutput::Stopped { .. } => {
                     self.nodes.remove(&id);
                     self.checker.died();
                     self.network.crash(self.now, Peer::Node(id), &mut self.random);

@@ -7,17 +7,13 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::scenes;
-use crate::physics::Coupling;
+use super::world::{CutArgs, explained};
 use crate::runtime::measure::{Plan, run};
-use crate::runtime::{Partitioning, WorldConfig, WorldError};
 use crate::scene::{Params, Scene};
-use crate::space::{Axis, TreeError};
 
 /// Steps a scene on this machine and measures it
 ///
@@ -38,18 +34,11 @@ pub(super) struct Run {
     /// [default: what the scene says, else 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=64), conflicts_with = "cut")]
     regions: Option<u8>,
-    /// Cuts the whole world by a plane, as x=0 or y=2.5 (metres), instead of halving; may be given several times
-    #[arg(long, value_name = "AXIS=VALUE", value_parser = plane)]
-    cut: Vec<(Axis, f64)>,
+    #[command(flatten)]
+    cuts: CutArgs,
     /// Regions stepped at a time [default: one a region, as far as there are cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// How regions agree on the bodies that they share
-    #[arg(long, value_name = "NAME", default_value = Coupling::default().name(), value_parser = coupling())]
-    coupling: Coupling,
-    /// Micro-steps a tick, with an exchange between regions after each
-    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
-    exchanges: u8,
     /// How long to run, in simulated seconds
     #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = seconds)]
     seconds: f64,
@@ -97,21 +86,7 @@ impl Run {
         if self.regions == Some(0) {
             return Ok(Plan { config: None, ticks });
         }
-        let mut config = WorldConfig::for_scene(scene);
-        if let Some(count) = self.regions {
-            config.partitioning = Partitioning::Regions(count.into());
-        }
-        if !self.cut.is_empty() {
-            for &(axis, at) in &self.cut {
-                let (min, max) = (scene.bounds.min[axis.index()], scene.bounds.max[axis.index()]);
-                if !(min < at && at < max) {
-                    return Err(outside(axis, at, scene));
-                }
-            }
-            config.partitioning = Partitioning::Cuts(self.cut.clone());
-        }
-        config.step.coupling = self.coupling;
-        config.step.exchanges = self.exchanges.into();
+        let mut config = self.cuts.config(scene, self.regions)?;
         let regions = config.tree().map_err(|error| explained(error.into(), scene))?.leaf_count();
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         config.threads = self.threads.map_or(regions.min(cores), usize::from);
@@ -129,26 +104,6 @@ fn after_help() -> String {
     )
 }
 
-fn coupling() -> impl TypedValueParser<Value = Coupling> {
-    PossibleValuesParser::new(Coupling::ALL.map(Coupling::name)).map(|name| {
-        let named = Coupling::ALL.into_iter().find(|coupling| coupling.name() == name);
-        named.expect("only names of couplings get here")
-    })
-}
-
-fn plane(text: &str) -> Result<(Axis, f64), String> {
-    let wrong = || "write an axis and metres, as x=0 or y=2.5".to_owned();
-    let (axis, at) = text.split_once('=').ok_or_else(wrong)?;
-    let axis = match axis.trim() {
-        "x" => Axis::X,
-        "y" => Axis::Y,
-        "z" => Axis::Z,
-        _ => return Err(wrong()),
-    };
-    let at: f64 = at.trim().parse().map_err(|_| wrong())?;
-    if at.is_finite() { Ok((axis, at)) } else { Err(wrong()) }
-}
-
 /// At most 30 years: more would not end, and ticks are counted in whole numbers.
 const MOST_SECONDS: f64 = 1e9;
 
@@ -159,21 +114,4 @@ fn seconds(text: &str) -> Result<f64, String> {
     } else {
         Err(format!("write simulated seconds above 0 and up to {MOST_SECONDS}"))
     }
-}
-
-fn explained(error: WorldError, scene: &Scene) -> Failure {
-    match error {
-        WorldError::Tree(TreeError::Plane { axis, at }) => outside(axis, at, scene),
-        error => error.into(),
-    }
-}
-
-fn outside(axis: Axis, at: f64, scene: &Scene) -> Failure {
-    let (min, max) = (scene.bounds.min, scene.bounds.max);
-    let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", min[i], max[i]));
-    Failure::usage(format!(
-        "the plane {}={at} cuts no region of `{}`; give each plane once, within the world: x from {x}, y from {y}, z from {z}",
-        ["x", "y", "z"][axis.index()],
-        scene.name
-    ))
 }

@@ -53,7 +53,7 @@ impl Node {
                 Some(leader) if leader.view() == view => leader.apply(ops),
                 _ => self.counters.stale += 1,
             },
-            ToNode::Shutdown { reason } => self.stop(reason),
+            ToNode::Shutdown { evicted, reason } => self.stop(evicted, reason),
         }
     }
 

@@ -59,7 +59,7 @@ impl Server {
             .map(|(&node, _)| node)
             .collect();
         for node in idle_leavers {
-            self.dismiss(node, "leave granted".into());
+            self.dismiss(node, false, "leave granted".into());
         }
         let ready = self.nodes.values().filter(|entry| entry.loaded).count();
         let due = match &self.view {
@@ -280,7 +280,7 @@ impl Server {
             self.adopt(members, allocation, placed, &drop, &owners, &change.surveys);
         }
         for node in leavers {
-            self.dismiss(node, "leave granted".into());
+            self.dismiss(node, false, "leave granted".into());
         }
         let leader = self.leader_is();
         self.send_clients(leader);

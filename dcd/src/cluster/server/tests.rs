@@ -23,7 +23,7 @@ fn tell(server: &mut Server, node: u32, message: Message) -> Vec<ServerOutput> {
 fn a_node_of_another_version_is_told_so_and_let_go() {
     let outputs = hello(&mut server(), 1, VERSION + 1);
     let [
-        ServerOutput::Send { message: Message::ToNode(ToNode::Shutdown { reason }), .. },
+        ServerOutput::Send { message: Message::ToNode(ToNode::Shutdown { evicted: true, reason }), .. },
         ServerOutput::Close(_),
     ] = &outputs[..]
     else {

@@ -59,6 +59,8 @@ pub enum ToNode {
     },
     /// Stop: the world ends, the node's leave is granted, or it was evicted.
     Shutdown {
+        /// Neither asked for nor the end of the world.
+        evicted: bool,
         /// For people.
         reason: String,
     },

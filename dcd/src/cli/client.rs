@@ -1,0 +1,251 @@
+//! `dcd client`: avatars that wander through a served world, for load.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use rapier3d::prelude::*;
+use serde::Serialize;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::interrupt::Interrupt;
+use super::summary::Summary;
+use super::values::{SERVER, address, speed, wall_seconds};
+use crate::protocol::{Velocity, WorldPose};
+use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
+use crate::scene::Dice;
+use crate::space::{BodyId, Bounds};
+
+/// How often the user's wish to end is looked for when the world stands still.
+const LOOK: Duration = Duration::from_millis(100);
+/// An avatar that has not reached its goal by then chooses another.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Half the edge of an avatar's box.
+const HALF_M: f32 = 0.4;
+
+/// Moves avatars through the world that a server holds
+///
+/// Each avatar is a box that goes from one random place to the next and pushes what is in its way.
+///
+/// Example:
+///   dcd client --token $(dcd token --role client) --avatars 10 --seconds 60
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_long_help = "Prints `joined as CLIENT` first and a summary last; with --json as an object with the keys client avatars updates\n\
+                       contacts refusals moved_m seconds."
+)]
+pub(super) struct Client {
+    /// Where the server is
+    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
+    server: SocketAddr,
+    /// From `dcd token --role client`, or `participant` with --compute
+    #[arg(long)]
+    token: String,
+    /// How many avatars
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(0..=1024))]
+    avatars: u16,
+    /// How long to stay, in seconds [default: until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = wall_seconds)]
+    seconds: Option<Duration>,
+    /// How fast avatars go, m/s
+    #[arg(long, value_name = "M_S", default_value_t = 3.0, value_parser = speed)]
+    speed: f32,
+    /// Also compute a share of the world, as players' machines do
+    #[arg(long)]
+    compute: bool,
+    /// File that keeps who the client is: with it, it continues with the same avatars where they were
+    #[arg(long, value_name = "FILE")]
+    identity: Option<PathBuf>,
+    /// Print the summary as one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// What it prints at its end.
+#[derive(Serialize)]
+struct Played {
+    client: String,
+    avatars: usize,
+    updates: u64,
+    contacts: u64,
+    refusals: u64,
+    moved_m: f64,
+    seconds: f64,
+}
+
+impl Summary for Played {
+    fn rows(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("client", self.client.clone()),
+            (
+                "avatars",
+                format!("{}, which moved {:.1} m in {:.1} s", self.avatars, self.moved_m, self.seconds),
+            ),
+            ("updates", self.updates.to_string()),
+            ("contacts", format!("{} beginnings and ends", self.contacts)),
+            ("refusals", self.refusals.to_string()),
+        ]
+    }
+}
+
+impl Client {
+    pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        let interrupt = Interrupt::listen()?;
+        let (json, compute, limit) = (self.json, self.compute, self.seconds);
+        let join = JoinConfig { identity: self.identity, ..JoinConfig::new(self.server, self.token) };
+        let world = if compute { ClientWorld::participate(&join)? } else { ClientWorld::connect(&join)? };
+        print(&format!("joined as {}", world.id()))?;
+        let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed)?;
+        let end = loop {
+            let late = limit.is_some_and(|limit| crowd.start.elapsed() >= limit);
+            if late || interrupt.asked() {
+                break Ok(());
+            }
+            if let Err(error) = crowd.step() {
+                break Err(error);
+            }
+        };
+        crowd.played().show(json)?;
+        end?;
+        if interrupt.asked() {
+            common.say("leaving: the avatars wait at the server");
+        }
+        crowd.world.leave()?;
+        Ok(interrupt.exit_code())
+    }
+}
+
+/// A client's avatars and where they want to go.
+struct Crowd {
+    world: ClientWorld,
+    bounds: Bounds,
+    speed_m_s: f32,
+    dice: Dice,
+    start: Instant,
+    walkers: BTreeMap<BodyId, Walker>,
+    contacts: u64,
+    refusals: u64,
+    moved_m: f64,
+}
+
+struct Walker {
+    goal: [f64; 3],
+    since: Instant,
+    seen: Option<[f64; 3]>,
+}
+
+impl Crowd {
+    /// Avatars of an earlier stay go on; only missing ones are made.
+    fn enter(mut world: ClientWorld, count: usize, speed_m_s: f32) -> Result<Self, Failure> {
+        let environment = world.environment().ok_or(ProcessError::Stopped)?;
+        let limit = environment.avatar_speed_limit;
+        if speed_m_s > limit {
+            return Err(Failure::run(format!(
+                "this world lets avatars go {limit} m/s at most, not {speed_m_s}; give a lower --speed"
+            )));
+        }
+        let bounds = environment.tree.bounds();
+        // Unlike clients go unlike ways.
+        let mut dice = Dice::new(world.id().0.into());
+        let former = world.own_avatars();
+        let missing = count.saturating_sub(former.len());
+        let mut avatars = former;
+        let half = Vector::splat(HALF_M);
+        let body = RigidBodyBuilder::kinematic_velocity_based();
+        let collider =
+            ColliderBuilder::cuboid(half.x, half.y, half.z).active_events(ActiveEvents::COLLISION_EVENTS);
+        for _ in 0..missing {
+            let place = somewhere(&bounds, &mut dice);
+            avatars.push(world.spawn(WorldPose::at(place), &body, std::slice::from_ref(&collider))?);
+        }
+        let start = Instant::now();
+        let walkers = avatars
+            .into_iter()
+            .map(|id| (id, Walker { goal: somewhere(&bounds, &mut dice), since: start, seen: None }))
+            .collect();
+        let (contacts, refusals, moved_m) = (0, 0, 0.0);
+        Ok(Self { world, bounds, speed_m_s, dice, start, walkers, contacts, refusals, moved_m })
+    }
+
+    /// Waits for news of the world and answers each avatar's.
+    fn step(&mut self) -> Result<(), ProcessError> {
+        let seen = self.world.updates();
+        self.world.wait_update(seen, LOOK);
+        self.world.check()?;
+        let events = self.world.take_events();
+        self.contacts += events.touches.len() as u64;
+        self.refusals += events.refusals.len() as u64;
+        for (&id, walker) in &mut self.walkers {
+            let Some(body) = self.world.body(id) else { continue };
+            let place = body.body.state.pose.translation;
+            self.moved_m += walker.seen.map_or(0.0, |former| distance_m(former, place));
+            walker.seen = Some(place);
+            let left_m = distance_m(place, walker.goal);
+            if left_m < 1.0 || walker.since.elapsed() > PATIENCE {
+                *walker = Walker {
+                    goal: somewhere(&self.bounds, &mut self.dice),
+                    since: Instant::now(),
+                    seen: walker.seen,
+                };
+            }
+            let towards = std::array::from_fn(|i| walker.goal[i] - place[i]);
+            self.world.drive(id, pace(towards, self.speed_m_s), None)?;
+        }
+        Ok(())
+    }
+
+    fn played(&self) -> Played {
+        Played {
+            client: self.world.id().to_string(),
+            avatars: self.world.own_avatars().len(),
+            updates: self.world.updates(),
+            contacts: self.contacts,
+            refusals: self.refusals,
+            moved_m: self.moved_m,
+            seconds: self.start.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+/// A place near the ground of the world's box, where most things are.
+fn somewhere(bounds: &Bounds, dice: &mut Dice) -> [f64; 3] {
+    let unit = [dice.between(0.05, 0.95), dice.between(0.0, 1.0), dice.between(0.05, 0.95)].map(f64::from);
+    let size: [f64; 3] = std::array::from_fn(|i| bounds.max[i] - bounds.min[i]);
+    let above_ground_m = (f64::from(HALF_M) + 0.1 + unit[1]).min(size[1]);
+    [bounds.min[0] + unit[0] * size[0], bounds.min[1] + above_ground_m, bounds.min[2] + unit[2] * size[2]]
+}
+
+fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// This speed in that direction.
+fn pace(towards: [f64; 3], speed_m_s: f32) -> Velocity {
+    let length = distance_m(towards, [0.0; 3]).max(1e-9);
+    // A hair below the speed, so that rounding does not break the world's limit.
+    let scale = f64::from(speed_m_s) * 0.999 / length;
+    Velocity { linear: towards.map(|v| (v * scale) as f32), angular: [0.0; 3] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn avatars_stay_inside_and_keep_the_speed() {
+        let bounds = Bounds::new([-20.0, 0.0, -14.0], [20.0, 8.0, 14.0]);
+        let mut dice = Dice::new(1);
+        for _ in 0..100 {
+            let place = somewhere(&bounds, &mut dice);
+            assert!((0..3).all(|i| bounds.min[i] < place[i] && place[i] < bounds.max[i]), "{place:?}");
+            let velocity = pace(place, 5.0).linear.map(f64::from);
+            let speed = distance_m(velocity, [0.0; 3]);
+            assert!((4.9..5.0).contains(&speed), "{speed}");
+        }
+        assert_eq!(pace([0.0; 3], 5.0).linear, [0.0; 3]);
+    }
+}

@@ -1,0 +1,84 @@
+//! `dcd node`: computes a share of a served world.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::interrupt::Interrupt;
+use super::summary::{Computed, Summary};
+use super::values::{SERVER, address};
+use crate::net::Role;
+use crate::runtime::{JoinConfig, Member, MemberConfig};
+
+/// How often the user's wish to go is looked for.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Computes a share of the world that a server holds
+///
+/// Example:
+///   dcd node --server 192.0.2.7:7420 --token $(dcd token --role node)
+///
+/// Prints `joined as NODE` first and a summary last. Ctrl-C hands its regions over to other nodes, or back to the server.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_long_help = "--json prints the summary with the keys node tick bodies regions tick_ms{mean,p50,p99,max} transfers replicas_mean bytes\n\
+                       bytes_per_s seconds; tick_ms is the time of computing, without waiting for others, from the 31st tick on."
+)]
+pub(super) struct Node {
+    /// Where the server is
+    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
+    server: SocketAddr,
+    /// From `dcd token --role node`
+    #[arg(long)]
+    token: String,
+    /// Where to listen for other nodes and clients [default: any free port]
+    #[arg(long, value_name = "ADDR", value_parser = address)]
+    listen: Option<SocketAddr>,
+    /// The address that others reach this node at, if it is not the one it listens on
+    #[arg(long, value_name = "ADDR", value_parser = address)]
+    advertise: Option<SocketAddr>,
+    /// Regions stepped at a time [default: as many as there are cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// File that keeps who the node is: with it, it joins under the same name again
+    #[arg(long, value_name = "FILE")]
+    identity: Option<PathBuf>,
+    /// Print the summary as one JSON object
+    #[arg(long)]
+    json: bool,
+    /// End in order when standard input ends
+    #[arg(long, hide = true)]
+    until_stdin_ends: bool,
+}
+
+impl Node {
+    pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        let interrupt = Interrupt::listen()?;
+        if self.until_stdin_ends {
+            interrupt.listen_to_stdin();
+        }
+        let join = JoinConfig { identity: self.identity, ..JoinConfig::new(self.server, self.token) };
+        let mut config = MemberConfig::new(self.server, join.join(Role::Node)?);
+        config.listen = self.listen.unwrap_or(config.listen);
+        config.advertise = self.advertise;
+        config.threads = self
+            .threads
+            .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
+        let node = Member::start(config)?;
+        print(&format!("joined as {}", node.summary().node))?;
+        while !node.wait_over(LOOK) && !interrupt.asked() {}
+        if interrupt.asked() {
+            common.say("leaving: regions are handed over first");
+            node.leave();
+        }
+        // Bounded: who asked to leave is gone a few seconds later whatever the server does.
+        while !node.wait_over(LOOK) {}
+        Computed::from(&node.summary()).show(self.json)?;
+        node.finish()?;
+        Ok(interrupt.exit_code())
+    }
+}

@@ -1,0 +1,165 @@
+//! `dcd serve`: a world that other processes compute and play in.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::interrupt::Interrupt;
+use super::scenes;
+use super::summary::{Served, Summary};
+use super::values::{SERVER, address, speed};
+use super::world::{CutArgs, explained};
+use crate::protocol::{Pace, View, ViewNumber};
+use crate::runtime::{ServeConfig, ServerProcess};
+use crate::scene::{Params, Scene};
+use crate::space::Tick;
+
+/// How often the user's wish to end is looked for.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Serves a world that nodes compute and clients play in
+///
+/// Examples:
+///   dcd serve playground.toml
+///   dcd node --token $(dcd token --role node)
+///   dcd client --token $(dcd token --role client) --avatars 10
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment, after_long_help = after_help())]
+pub(super) struct Serve {
+    /// A scene of the library (`dcd scenes` lists them) or a scene file (TOML)
+    scene: String,
+    /// Sets a parameter of the scene; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Where to listen; port 0 takes any free one, 0.0.0.0 listens to other machines too
+    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
+    listen: SocketAddr,
+    /// Folder that keeps the server's keys, and which tokens were used
+    #[arg(long, value_name = "DIR", default_value = "dcd-data")]
+    data: PathBuf,
+    /// Nodes to wait for before the first tick
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    nodes: u16,
+    /// Regions, by halving the largest [default: what the scene says, else 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=64), conflicts_with = "cut")]
+    regions: Option<u8>,
+    #[command(flatten)]
+    cuts: CutArgs,
+    /// Steps as fast as the nodes can, rather than in real time
+    #[arg(long)]
+    unpaced: bool,
+    /// Ends the world after so many ticks [default: when told to]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    ticks: Option<u64>,
+    /// The fastest that clients may move their avatars, m/s
+    #[arg(long, value_name = "M_S", default_value_t = 20.0, value_parser = speed)]
+    avatar_speed: f32,
+    /// Print the summary as one JSON object
+    #[arg(long)]
+    json: bool,
+    /// End in order when standard input ends
+    #[arg(long, hide = true)]
+    until_stdin_ends: bool,
+}
+
+impl Serve {
+    pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        let scene = Scene::open(&self.scene, &Params::from_args(&self.set)?)?;
+        let world = self.cuts.config(&scene, self.regions)?;
+        world.tree().map_err(|error| explained(error.into(), &scene))?;
+        let interrupt = Interrupt::listen()?;
+        if self.until_stdin_ends {
+            interrupt.listen_to_stdin();
+        }
+        let last_tick = self.ticks.map(Tick);
+        let config = ServeConfig {
+            listen: self.listen,
+            data: self.data.clone(),
+            world,
+            nodes: self.nodes.into(),
+            pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
+            last_tick,
+            avatar_speed_limit: self.avatar_speed,
+        };
+        let server = ServerProcess::start(&scene, config)?;
+        print(&format!("listening {}", server.address))?;
+        let waits_for = if self.nodes == 1 { "a node".to_owned() } else { format!("{} nodes", self.nodes) };
+        common.say(&format!(
+            "the world waits for {waits_for}: dcd node --server {} --token $(dcd token --data {} --role node)",
+            server.address,
+            self.data.display()
+        ));
+        self.watch(&server, interrupt, common)?;
+        if interrupt.asked() {
+            common.say("ending the world");
+        }
+        let summary = server.stop();
+        Served::new(&summary, last_tick).show(self.json)?;
+        if summary.unaudited {
+            return Err(Failure::run(
+                "the nodes did not say at the end what they own, so nobody knows whether bodies are lost; see their logs",
+            ));
+        }
+        if summary.lost + summary.doubled > 0 {
+            return Err(Failure::run(format!(
+                "{} bodies are lost and {} doubled: this is a fault of dcd; please report it with the logs (-vv)",
+                summary.lost, summary.doubled
+            )));
+        }
+        Ok(interrupt.exit_code())
+    }
+
+    /// Tells of memberships until the world ends or the user wants it to.
+    fn watch(&self, server: &ServerProcess, interrupt: Interrupt, common: &Common) -> Result<(), Failure> {
+        let bar = common.progress(self.ticks.unwrap_or(0), "ticks", self.json || self.ticks.is_none());
+        let mut told = None;
+        while !server.is_over() && !interrupt.asked() {
+            server.wait(LOOK, |_, view| number(view) != told);
+            let view = server.view();
+            bar.set_position(server.summary().tick.0);
+            if number(view.as_ref()) != told {
+                told = number(view.as_ref());
+                bar.suspend(|| print(&membership(view.as_ref())))?;
+            }
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+}
+
+fn number(view: Option<&View>) -> Option<ViewNumber> {
+    view.map(|view| view.number)
+}
+
+/// Who computes what, in one line.
+fn membership(view: Option<&View>) -> String {
+    let Some(view) = view else { return "view none: no node is left; the world waits for one".to_owned() };
+    let shares: Vec<_> = view
+        .members
+        .iter()
+        .map(|member| {
+            let regions: Vec<_> = view
+                .allocation
+                .iter()
+                .filter(|(_, node)| **node == member.node)
+                .map(|(region, _)| region.to_string())
+                .collect();
+            let does = if regions.is_empty() { "waits".to_owned() } else { regions.join(" ") };
+            format!("{} {does}", member.node)
+        })
+        .collect();
+    format!("view {} at tick {}: {}; {} leads", view.number.0, view.tick.0, shares.join(", "), view.leader)
+}
+
+fn after_help() -> String {
+    format!(
+        "Prints `listening ADDR` first, then a line `view NUMBER at tick T: n1 r1, n2 r2; n1 leads` whenever the nodes or\n\
+         their shares change, and the summary last; with --json as an object with the keys tick bodies regions nodes\n\
+         views lost doubled state_hash bytes seconds (state_hash with --ticks only). Exits with 1 when the last look at\n\
+         the world finds bodies lost or doubled.\n\n{}",
+        scenes::overview()
+    )
+}

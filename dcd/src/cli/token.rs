@@ -1,0 +1,54 @@
+//! `dcd token`: lets processes in.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, SystemTime};
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::values::duration;
+use crate::net::{Authority, Role};
+
+/// Prints tokens, one a line, each of which lets one process join the server of a data folder
+///
+/// Works while the server runs, and before. Whoever may read the folder may mint tokens.
+///
+/// Example:
+///   dcd node --server 192.0.2.7:7420 --token $(dcd token --role node)
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Token {
+    /// The server's data folder
+    #[arg(long, value_name = "DIR", default_value = "dcd-data")]
+    data: PathBuf,
+    /// What the process joins as: node, client, or participant (both in one process)
+    #[arg(long, value_parser = role)]
+    role: Role,
+    /// For how long the token can be used: 90s, 10m, 2h, 1d
+    #[arg(long, value_name = "TIME", default_value = "10m", value_parser = duration)]
+    valid: Duration,
+    /// How many
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    count: u16,
+}
+
+impl Token {
+    pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        let Self { data, role, valid, count } = self;
+        if !data.join("authority.pem").exists() {
+            common.say(&format!("no server has used {} yet; it is made for one", data.display()));
+        }
+        let authority = Authority::load_or_create(&data)?;
+        for _ in 0..count {
+            print(&authority.issue_token(role, valid, SystemTime::now())?.to_string())?;
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+fn role(text: &str) -> Result<Role, String> {
+    match text.parse() {
+        Ok(Role::Server) | Err(_) => Err("write node, client or participant".to_owned()),
+        Ok(role) => Ok(role),
+    }
+}

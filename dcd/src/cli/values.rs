@@ -1,0 +1,93 @@
+//! Values that several subcommands take.
+
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::time::Duration;
+
+/// Where servers listen and are looked for unless told otherwise.
+pub(super) const SERVER: &str = "127.0.0.1:7420";
+
+/// An address with its port; names are looked up.
+pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
+    if let Ok(address) = text.parse() {
+        return Ok(address);
+    }
+    if !text.contains(':') {
+        return Err(format!("write address and port, as {text}:7420"));
+    }
+    let found = text.to_socket_addrs().map_err(|error| {
+        format!("`{text}` is no address ({error}); write one with its port, as 192.0.2.7:7420")
+    })?;
+    // Most servers listen on IPv4 when a name has both.
+    let mut found: Vec<_> = found.collect();
+    found.sort_by_key(SocketAddr::is_ipv6);
+    found.first().copied().ok_or_else(|| format!("`{text}` has no address; write it as numbers"))
+}
+
+/// A time with its unit: 90s, 10m, 2h, 1d.
+pub(super) fn duration(text: &str) -> Result<Duration, String> {
+    let wrong = || "write a time with its unit, from 1s to 365d: 90s, 10m, 2h or 1d".to_owned();
+    let unit = text.chars().next_back().ok_or_else(wrong)?;
+    let unit_s = match unit {
+        's' => 1,
+        'm' => 60,
+        'h' => 3600,
+        'd' => 24 * 3600,
+        _ => return Err(wrong()),
+    };
+    let count: u64 = text[..text.len() - 1].parse().map_err(|_| wrong())?;
+    match count.checked_mul(unit_s) {
+        Some(seconds) if (1..=365 * 24 * 3600).contains(&seconds) => Ok(Duration::from_secs(seconds)),
+        _ => Err(wrong()),
+    }
+}
+
+/// Seconds of real time, at most a year.
+pub(super) fn wall_seconds(text: &str) -> Result<Duration, String> {
+    let wrong = || "write seconds above 0 and up to a year, as 10 or 0.5".to_owned();
+    let value: f64 = text.parse().map_err(|_| wrong())?;
+    if value > 0.0 && value <= 366.0 * 24.0 * 3600.0 {
+        Ok(Duration::from_secs_f64(value))
+    } else {
+        Err(wrong())
+    }
+}
+
+/// Metres a second, above 0.
+pub(super) fn speed(text: &str) -> Result<f32, String> {
+    let wrong = || "write metres a second, above 0 and up to 100000".to_owned();
+    let value: f32 = text.parse().map_err(|_| wrong())?;
+    if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_a_unit() {
+        assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
+        assert_eq!(duration("10m"), Ok(Duration::from_secs(600)));
+        assert_eq!(duration("365d"), Ok(Duration::from_secs(365 * 86_400)));
+        for wrong in ["", "10", "m", "0s", "366d", "-1s", "1.5h", "10 m", "99999999999999999999d", "1\u{e9}"]
+        {
+            assert!(duration(wrong).unwrap_err().contains("90s"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn addresses_have_a_port_and_names_are_looked_up() {
+        assert_eq!(address("192.0.2.7:1"), Ok("192.0.2.7:1".parse().unwrap()));
+        assert_eq!(address("[::1]:1"), Ok("[::1]:1".parse().unwrap()));
+        assert_eq!(address("localhost:9").unwrap().port(), 9);
+        assert!(address("192.0.2.7").unwrap_err().contains("192.0.2.7:7420"));
+        assert!(address("192.0.2.7:port").unwrap_err().contains("is no address"));
+    }
+
+    #[test]
+    fn numbers_have_a_range() {
+        assert!(wall_seconds("0.5").is_ok() && speed("5").is_ok());
+        for wrong in ["0", "-1", "nan", "inf", "x"] {
+            assert!(wall_seconds(wrong).is_err() && speed(wrong).is_err(), "{wrong}");
+        }
+    }
+}

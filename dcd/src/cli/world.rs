@@ -1,0 +1,82 @@
+//! How a scene becomes a world, for every subcommand that makes one.
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use super::failure::Failure;
+use crate::physics::Coupling;
+use crate::runtime::{Partitioning, WorldConfig, WorldError};
+use crate::scene::Scene;
+use crate::space::{Axis, TreeError};
+
+/// How the world is cut and how its regions agree.
+#[derive(clap::Args)]
+pub(super) struct CutArgs {
+    /// Cuts the whole world by a plane, as x=0 or y=2.5 (metres), instead of halving; may be given several times
+    #[arg(long, value_name = "AXIS=VALUE", value_parser = plane)]
+    cut: Vec<(Axis, f64)>,
+    /// How regions agree on the bodies that they share
+    #[arg(long, value_name = "NAME", default_value = Coupling::default().name(), value_parser = coupling())]
+    coupling: Coupling,
+    /// Micro-steps a tick, with an exchange between regions after each
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
+    exchanges: u8,
+}
+
+impl CutArgs {
+    /// The world that the scene and the arguments ask for; `regions` are made by halving.
+    pub(super) fn config(&self, scene: &Scene, regions: Option<u8>) -> Result<WorldConfig, Failure> {
+        let mut config = WorldConfig::for_scene(scene);
+        if let Some(count) = regions {
+            config.partitioning = Partitioning::Regions(count.into());
+        }
+        if !self.cut.is_empty() {
+            for &(axis, at) in &self.cut {
+                let (min, max) = (scene.bounds.min[axis.index()], scene.bounds.max[axis.index()]);
+                if !(min < at && at < max) {
+                    return Err(outside(axis, at, scene));
+                }
+            }
+            config.partitioning = Partitioning::Cuts(self.cut.clone());
+        }
+        config.step.coupling = self.coupling;
+        config.step.exchanges = self.exchanges.into();
+        Ok(config)
+    }
+}
+
+fn coupling() -> impl TypedValueParser<Value = Coupling> {
+    PossibleValuesParser::new(Coupling::ALL.map(Coupling::name)).map(|name| {
+        let named = Coupling::ALL.into_iter().find(|coupling| coupling.name() == name);
+        named.expect("only names of couplings get here")
+    })
+}
+
+fn plane(text: &str) -> Result<(Axis, f64), String> {
+    let wrong = || "write an axis and metres, as x=0 or y=2.5".to_owned();
+    let (axis, at) = text.split_once('=').ok_or_else(wrong)?;
+    let axis = match axis.trim() {
+        "x" => Axis::X,
+        "y" => Axis::Y,
+        "z" => Axis::Z,
+        _ => return Err(wrong()),
+    };
+    let at: f64 = at.trim().parse().map_err(|_| wrong())?;
+    if at.is_finite() { Ok((axis, at)) } else { Err(wrong()) }
+}
+
+pub(super) fn explained(error: WorldError, scene: &Scene) -> Failure {
+    match error {
+        WorldError::Tree(TreeError::Plane { axis, at }) => outside(axis, at, scene),
+        error => error.into(),
+    }
+}
+
+fn outside(axis: Axis, at: f64, scene: &Scene) -> Failure {
+    let (min, max) = (scene.bounds.min, scene.bounds.max);
+    let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", min[i], max[i]));
+    Failure::usage(format!(
+        "the plane {}={at} cuts no region of `{}`; give each plane once, within the world: x from {x}, y from {y}, z from {z}",
+        ["x", "y", "z"][axis.index()],
+        scene.name
+    ))
+}

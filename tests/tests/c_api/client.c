@@ -236,6 +236,7 @@ static void comes_back(const char *server, const char *first, const char *second
         }
     }
     HOLDS(count == 1 && pose_of(world, found).p[0] > -9.0);
+    def = avatar_def(world);
     OK(dcd_body_create(world, &def, &avatar));
     HOLDS(avatar.v != found.v);
     await_change(world, avatar, DCD_BODY_APPEARED);

@@ -331,6 +331,18 @@ static void bodies(void)
     EXPECT(dcd_body_apply_torque_impulse(world, many[0], BAD), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_force(world, many[0], BAD, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_force(world, many[0], NULL, NULL), DCD_OK);
+    EXPECT(dcd_body_set_events(world, NO_BODY, 0, 0, 0.0f), DCD_ERR_NULL);
+    EXPECT(dcd_body_set_events(other, many[0], 0, 0, 0.0f), DCD_ERR_STALE_ID);
+    EXPECT(dcd_body_set_events(world, many[0], 1, 0, 0.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_events(world, many[0], 0, 4, 0.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_events(world, many[0], 0, 3, NAN), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_events(world, many[0], DCD_ALL_PARTS, 3, 1.0f), DCD_OK);
+    EXPECT(dcd_body_set_material(world, many[0], 0, -1.0f, 0.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_material(world, many[0], 0, 0.0f, INFINITY), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_material(world, fixed, 0, 0.5f, 0.0f), DCD_OK);
+    EXPECT(dcd_body_set_groups(world, many[0], 7, 1, 1), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_groups(world, many[0], 0, 0xFFFFFFFFu, 0xFFFFFFFFu), DCD_OK);
+    EXPECT(dcd_own_avatars(world, NULL, 0, NULL), DCD_ERR_NULL);
     EXPECT(dcd_body_wake(world, NO_BODY), DCD_ERR_NULL);
     EXPECT(dcd_body_sleep(world, many[0]), DCD_OK);
     EXPECT(dcd_body_wake(world, many[0]), DCD_OK);

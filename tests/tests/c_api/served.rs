@@ -91,6 +91,20 @@ fn join_drives_an_avatar_through_towers_and_hears_of_contacts() {
     cluster.stop();
 }
 
+#[test]
+fn a_game_loop_written_for_a_local_world_joins_a_served_one() {
+    let cluster = Cluster::start(2);
+    let program = build(&root().join("examples-c/game_loop.c"), cluster.folder.path(), &[]);
+    let mut game = Command::new(program);
+    let said = run_well(game.arg(cluster.server.address.to_string()).arg(cluster.token(Role::Client)));
+    let last = said.lines().last().expect("it says something");
+    let numbers: Vec<u32> =
+        last.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
+    let [300, 249, began, ..] = numbers[..] else { panic!("{said}") };
+    assert!(began >= 16, "16 balls fall on the ground: {said}");
+    cluster.stop();
+}
+
 fn check(said: &str) {
     assert!(said.contains(" checks, 0 failures"), "{said}");
 }

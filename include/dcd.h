@@ -259,7 +259,8 @@ typedef struct DcdParticipantDef {
 } DcdParticipantDef;
 
 // A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
-// is stale in this one. It holds in this process only.
+// is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
+// later handles of the same world, know it by other ids.
 typedef struct DcdBodyId {
     // Opaque.
     uint64_t v;
@@ -582,6 +583,12 @@ typedef struct DcdStats {
     uint64_t quarantined;
     // Messages with states of bodies received, ever; 0 in a local world.
     uint64_t updates;
+    // Bytes received, without those of QUIC itself; 0 in a local world, as the next two. A tenth of a second old.
+    uint64_t bytes_in;
+    // Bytes sent.
+    uint64_t bytes_out;
+    // Time to the slowest peer and back, seconds.
+    double rtt;
     // Wall time of the last step, seconds; of taking in what had come, in a served world.
     double last_step;
 } DcdStats;
@@ -1125,7 +1132,7 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_STATS_INIT \
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0.0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)
@@ -1305,7 +1312,7 @@ DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
 DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
-DCD_ASSERT_(sizeof(DcdStats) == 64);
+DCD_ASSERT_(sizeof(DcdStats) == 88);
 DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);
 DCD_ASSERT_(offsetof(DcdStats, ticks) == 8);
@@ -1314,7 +1321,10 @@ DCD_ASSERT_(offsetof(DcdStats, replicas) == 24);
 DCD_ASSERT_(offsetof(DcdStats, transfers) == 32);
 DCD_ASSERT_(offsetof(DcdStats, quarantined) == 40);
 DCD_ASSERT_(offsetof(DcdStats, updates) == 48);
-DCD_ASSERT_(offsetof(DcdStats, last_step) == 56);
+DCD_ASSERT_(offsetof(DcdStats, bytes_in) == 56);
+DCD_ASSERT_(offsetof(DcdStats, bytes_out) == 64);
+DCD_ASSERT_(offsetof(DcdStats, rtt) == 72);
+DCD_ASSERT_(offsetof(DcdStats, last_step) == 80);
 #undef DCD_ASSERT_
 #endif
 

@@ -3,6 +3,7 @@
 //! The entry points check and convert; what a role does is decided here, so that a new role is a new variant and the
 //! compiler lists what it must answer.
 
+use dcd::net::PeerStats;
 use dcd::physics::{Handover, RayFilter, RayHit, Region};
 use dcd::protocol::{Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
@@ -356,6 +357,14 @@ impl Backend {
         match self {
             Self::Local(_) => 0,
             Self::Served(world) => world.updates(),
+        }
+    }
+
+    /// What has passed over the network; nothing in a local world.
+    pub(crate) fn traffic(&self) -> PeerStats {
+        match self {
+            Self::Local(_) => PeerStats::default(),
+            Self::Served(world) => world.traffic(),
         }
     }
 

@@ -17,7 +17,8 @@ use crate::types::{DcdPose, DcdVelocity};
 use crate::world::{DcdWorld, World, with};
 
 /// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
-/// is stale in this one. It holds in this process only.
+/// is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
+/// later handles of the same world, know it by other ids.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcdBodyId {

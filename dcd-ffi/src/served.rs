@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use dcd::cluster::BodyView as Heard;
+use dcd::net::PeerStats;
 use dcd::protocol::{BodyKind, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
@@ -340,6 +341,10 @@ impl Served {
 
     pub(crate) fn updates(&self) -> u64 {
         self.world.updates()
+    }
+
+    pub(crate) fn traffic(&self) -> PeerStats {
+        self.world.traffic()
     }
 
     pub(crate) fn stats(&self) -> Stats {

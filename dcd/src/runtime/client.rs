@@ -9,7 +9,7 @@ use std::net::SocketAddr;
 
 use super::{Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, ClientEvent};
-use crate::net::{Identity, Role, Token, join};
+use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{ContactForce, EnvironmentProperties, Refusal, Touch, Velocity, WorldPose};
 use crate::space::{BodyId, ClientId, NodeId, Tick};
@@ -201,6 +201,11 @@ impl ClientWorld {
     /// State messages received so far.
     pub fn updates(&self) -> u64 {
         self.member.shared.lock().updates
+    }
+
+    /// What has passed over all links, as of a tenth of a second ago; its round trip is that of the slowest.
+    pub fn traffic(&self) -> PeerStats {
+        self.member.shared.lock().traffic
     }
 
     /// Waits until another state message has come; says whether one came in time.

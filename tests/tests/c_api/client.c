@@ -195,6 +195,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(count == 2 && regions[0].bodies + regions[1].bodies == 101);
     DcdStats stats = DCD_STATS_INIT;
     OK(dcd_stats(world, &stats));
+    HOLDS(stats.bytes_in > 0 && stats.bytes_out > 0 && stats.rtt > 0.0);
     HOLDS(stats.updates > 0 && stats.bodies == 101 && stats.ticks > 0);
 
     /* Too fast: refused by an event, and the avatar stays as it is. */

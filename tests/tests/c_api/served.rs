@@ -9,6 +9,7 @@ use dcd::protocol::Pace;
 use dcd::runtime::{JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, WorldConfig};
 use dcd::scene::{Params, Scene};
 
+use crate::programs::SANITIZED;
 use crate::toolchain::{build, root, run_well};
 
 const LIMIT: Duration = Duration::from_secs(60);
@@ -56,8 +57,12 @@ impl Cluster {
 
     /// A C program that counts its own checks, with where the server is as its second argument.
     fn program(&self, mode: &str) -> Command {
+        self.program_with(mode, &[])
+    }
+
+    fn program_with(&self, mode: &str, flags: &[&str]) -> Command {
         let source = root().join("tests/tests/c_api/client.c");
-        let mut program = Command::new(build(&source, self.folder.path(), &[]));
+        let mut program = Command::new(build(&source, self.folder.path(), flags));
         program.arg(mode).arg(self.server.address.to_string());
         program
     }
@@ -113,6 +118,13 @@ fn check(said: &str) {
 fn a_client_can_do_what_the_header_says_and_names_its_role_for_the_rest() {
     let cluster = Cluster::start(2);
     check(&run_well(cluster.program("play").arg(cluster.token(Role::Client))));
+    cluster.stop();
+}
+
+#[test]
+fn sanitizers_find_nothing_in_a_client() {
+    let cluster = Cluster::start(1);
+    check(&run_well(cluster.program_with("play", &SANITIZED).arg(cluster.token(Role::Client))));
     cluster.stop();
 }
 

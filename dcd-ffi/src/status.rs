@@ -74,7 +74,9 @@ impl From<WorldError> for Failure {
 impl From<ProcessError> for Failure {
     fn from(error: ProcessError) -> Self {
         let status = match &error {
-            ProcessError::Timeout { .. } | ProcessError::Net(NetError::Unreachable { .. }) => DCD_ERR_TIMEOUT,
+            ProcessError::Timeout { .. }
+            | ProcessError::NotReleased { .. }
+            | ProcessError::Net(NetError::Unreachable { .. }) => DCD_ERR_TIMEOUT,
             ProcessError::Net(
                 NetError::File { .. } | NetError::Damaged { .. } | NetError::FolderTaken { .. },
             ) => DCD_ERR_IO,
@@ -91,6 +93,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::Evicted { .. }
             | ProcessError::NotReleased { .. }
             | ProcessError::Refused(_)
+            | ProcessError::Evicted { .. }
             | ProcessError::Stopped => DCD_ERR_NETWORK,
         };
         Self::new(status, error.to_string())

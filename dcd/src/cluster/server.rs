@@ -256,11 +256,17 @@ impl Server {
     }
 
     fn welcome_client(&mut self, client: ClientId) {
+        // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
+        self.bring_back(client);
         self.send_client(client, ToClient::Welcome { id: client, world: self.config.world.clone() });
         // Before its world is written, so that the client finds its avatars in it.
         self.bring_back(client);
         let mut parts = self.record.shape_chunks(&mut BTreeSet::new());
-        parts.extend(chunks(self.record.present().cloned(), Chunk::Bodies));
+        // Those that are still on their way out stand where they were until they are back.
+        let returning = self.record.avatars(client).into_iter().filter_map(|(id, life)| {
+            self.record.body(id).filter(|_| matches!(life, Life::Removing { back: true, .. }))
+        });
+        parts.extend(chunks(self.record.present().chain(returning).cloned(), Chunk::Bodies));
         parts.extend(self.record.joint_chunks(|_| true));
         for chunk in parts {
             self.send_client(client, ToClient::Chunk(chunk));

@@ -280,9 +280,15 @@ fn an_avatar_returns_with_its_client_where_it_was() {
         }
         sim.run_events(seed * 10).unwrap();
         sim.start_client(Some(client));
+        sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
+        assert!(
+            sim.client(client).body(avatar(client)).is_some(),
+            "who has joined knows its avatars, seed {seed}"
+        );
         sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
         assert_eq!(sim.states()[&avatar(client)].pose, parked, "seed {seed}");
-        sim.run_until(|sim| sim.client(client).body(avatar(client)).is_some()).unwrap();
+        let seen = |sim: &Sim| sim.client(client).body(avatar(client)).map(|view| view.body.state.pose);
+        sim.run_until(|sim| seen(sim) == Some(parked)).unwrap();
     }
 }
 
@@ -293,6 +299,11 @@ fn a_client_that_rejoins_while_its_avatar_is_being_removed_gets_it_back_once() {
         sim.crash(Peer::Client(client));
         sim.run_events(seed).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         sim.start_client(Some(client));
+        sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
+        assert!(
+            sim.client(client).body(avatar(client)).is_some(),
+            "who has joined knows its avatars, seed {seed}"
+        );
         let tick = sim.tick();
         sim.run_to(Tick(tick.0 + 30)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         assert_eq!(sim.checker().owned(), 41, "seed {seed}");

@@ -18,12 +18,19 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// Lines of its standard error that are kept to explain a failure.
 const KEPT: usize = 30;
 
+/// The end of a child's standard error.
+#[derive(Clone)]
+struct Errors {
+    lines: Arc<Mutex<VecDeque<String>>>,
+    echoed: bool,
+}
+
 /// A running child. Its standard input stays open until it is to end.
 pub(super) struct Process {
     name: String,
     child: Child,
     lines: Receiver<String>,
-    errors: Arc<Mutex<VecDeque<String>>>,
+    errors: Errors,
     readers: Vec<JoinHandle<()>>,
 }
 
@@ -61,7 +68,7 @@ impl Process {
                 });
             }),
         ];
-        Ok(Self { name, child, lines, errors, readers })
+        Ok(Self { name, child, lines, errors: Errors { lines: errors, echoed: echo }, readers })
     }
 
     /// Waits for the next line on its standard output that begins with `prefix`.
@@ -159,10 +166,12 @@ fn each_line(from: impl Read, mut take: impl FnMut(String)) {
     }
 }
 
-fn explained(name: &str, what: &str, errors: &Mutex<VecDeque<String>>) -> Failure {
-    let errors = errors.lock().unwrap_or_else(PoisonError::into_inner);
+fn explained(name: &str, what: &str, errors: &Errors) -> Failure {
+    let echoed = errors.echoed;
+    let errors = errors.lines.lock().unwrap_or_else(PoisonError::into_inner);
     let said = match errors.is_empty() {
         true => "it said nothing on standard error".to_owned(),
+        false if echoed => "see what it said above".to_owned(),
         false => format!("its last words:\n  {}", errors.iter().cloned().collect::<Vec<_>>().join("\n  ")),
     };
     Failure::run(format!("{name} {what}; {said}"))

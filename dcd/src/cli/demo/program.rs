@@ -46,11 +46,32 @@ pub(super) fn build(
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut building = Command::new(cargo);
     building.current_dir(workspace);
-    building.args(["build", "--package", "dcd-ffi", "--message-format", "json-render-diagnostics"]);
+    // With `dcd` itself, so that the dependencies' features are those of the running binary and nothing is built twice.
+    building.args(["build", "--package", "dcd-ffi", "--package", "dcd", "--lib"]);
+    building.args(["--message-format", "json-render-diagnostics"]);
+    // `cargo run` tells its child of the package it runs; build scripts that listen to that would build anew.
+    for (name, _) in std::env::vars_os() {
+        let told = name.to_str().is_some_and(|name| {
+            ["CARGO_PKG_", "CARGO_MANIFEST_"].iter().any(|prefix| name.starts_with(prefix))
+        });
+        if told {
+            building.env_remove(&name);
+        }
+    }
     if !cfg!(debug_assertions) {
         building.arg("--release");
     }
-    common.say("building the C library: cargo build --package dcd-ffi");
+    if let Some(target) = std::env::current_exe().ok().as_deref().and_then(target_of) {
+        building.arg("--target-dir").arg(target);
+    }
+    // What cargo told this process about its package would make build scripts run anew.
+    for (name, _) in std::env::vars_os() {
+        let name = name.to_string_lossy();
+        if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") {
+            building.env_remove(&*name);
+        }
+    }
+    common.say("building the C library: cargo build --package dcd-ffi --package dcd");
     let said = Process::start("cargo build", &mut building, !common.is_quiet())?.succeed(BUILD, interrupt)?;
     let library = said.iter().rev().find_map(|line| static_library(line)).ok_or_else(|| {
         Failure::run("cargo built no static library of dcd-ffi; check its crate-type in dcd-ffi/Cargo.toml")
@@ -64,6 +85,12 @@ pub(super) fn build(
     compiling.arg(library).args(SYSTEM_LIBRARIES).arg("-o").arg(&program);
     Process::start("the C compiler", &mut compiling, !common.is_quiet())?.succeed(BUILD, interrupt)?;
     Ok(program)
+}
+
+/// Cargo's target folder, if this binary lies in one.
+fn target_of(binary: &Path) -> Option<PathBuf> {
+    let target = binary.ancestors().skip(2).take(2).find(|folder| folder.join("CACHEDIR.TAG").is_file());
+    target.map(Path::to_owned)
 }
 
 /// The library's file, in the message in which cargo tells of it.

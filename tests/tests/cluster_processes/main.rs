@@ -1,0 +1,146 @@
+//! Server, nodes and clients as real processes: what they compute, how they end, how they die.
+#![cfg(unix)]
+
+mod demo;
+mod process;
+mod takeover;
+mod wrong;
+
+use dcd::protocol::WorldPose;
+use dcd::runtime::{ClientWorld, JoinConfig};
+use process::{Process, Server, dcd};
+
+#[test]
+fn a_world_of_processes_equals_a_local_one_bit_for_bit() {
+    let scene = ["terrain", "--set", "n=300", "--regions", "2"];
+    let server = Server::start(&[&scene[..], &["--nodes", "2", "--unpaced", "--ticks", "200"]].concat());
+    let nodes = [server.node(), server.node()];
+    let served = server.process.end();
+    assert_eq!(served.code(), Some(0), "{served:?}");
+    let mut transfers = 0;
+    for (_, node) in nodes {
+        let ended = node.end();
+        assert_eq!((ended.code(), ended.json()["tick"].as_u64()), (Some(0), Some(200)), "{ended:?}");
+        transfers += ended.json()["transfers"].as_u64().unwrap();
+    }
+    let local = Process::start(dcd(&["run", "--json", "--seconds", "3.3333333"]).args(scene)).end().json();
+    let served = served.json();
+    assert_eq!((&served["tick"], &local["ticks"]), (&200.into(), &200.into()));
+    assert_eq!((&served["lost"], &served["doubled"]), (&0.into(), &0.into()));
+    assert!(transfers > 0, "the test needs traffic");
+    assert_eq!(transfers, local["transfers"]);
+    assert_eq!(served["state_hash"], local["state_hash"]);
+}
+
+#[test]
+fn a_client_of_many_avatars_wanders_and_everybody_tells_what_happened() {
+    let mut server = Server::playground("2");
+    let nodes = [server.node(), server.node()];
+    assert!(server.view().starts_with("1 at tick 0: n1 r1, n2 r2; n1 leads"));
+    let token = server.token("client");
+    let args = ["client", "--json", "--avatars", "5", "--seconds", "2", "--server", &server.address];
+    let mut client = Process::start(dcd(&args).args(["--token", &token]));
+    assert_eq!(client.line("joined as "), "c1");
+    let ended = client.end();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    let played = ended.json();
+    assert_eq!((&played["avatars"], &played["refusals"]), (&5.into(), &0.into()), "{played}");
+    assert!(played["updates"].as_u64().unwrap() > 10, "{played}");
+    assert!(played["moved_m"].as_f64().unwrap() > 2.0, "{played}");
+    let served = server.stop();
+    assert_eq!(
+        (&served["nodes"], &served["regions"], &served["bodies"]),
+        (&2.into(), &2.into(), &155.into())
+    );
+    for (name, node) in nodes {
+        let ended = node.end();
+        assert_eq!(ended.code(), Some(0), "a world that ends is no failure of its nodes: {ended:?}");
+        let computed = ended.json();
+        assert_eq!((computed["node"].as_str(), &computed["regions"]), (Some(&*name), &1.into()));
+        for key in ["tick", "bodies", "bytes", "bytes_per_s", "seconds"] {
+            assert!(computed[key].as_f64().unwrap() > 0.0, "{key}: {computed}");
+        }
+        for key in ["mean", "p50", "p99", "max"] {
+            assert!(computed["tick_ms"][key].as_f64().unwrap() > 0.0, "{key}: {computed}");
+        }
+    }
+}
+
+#[test]
+fn a_killed_client_continues_where_it_was() {
+    let server = Server::playground("1");
+    let _node = server.node();
+    let me = server.folder.path().join("me");
+    let token = server.token("client");
+    let mut client = dcd(&["client", "--json", "--server", &server.address, "--token", &token, "--identity"]);
+    let mut client = Process::start(client.arg(&me));
+    assert_eq!(client.line("joined as "), "c1");
+    let server_address = server.address.parse().unwrap();
+    let observer = ClientWorld::connect(&JoinConfig::new(server_address, server.token("client"))).unwrap();
+    // Until it has moved, and from its death on until it is taken out of the world.
+    let avatar = dcd::space::BodyId::avatar(dcd::space::ClientId(1), 0);
+    assert!(observer.wait_body(avatar, process::LIMIT));
+    let place = || observer.body(avatar).map(|body| body.body.state.pose.translation);
+    let first = place().unwrap();
+    let mut last = first;
+    let distance =
+        |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    while distance(first, last) < 1.0 {
+        assert!(observer.wait_update(observer.updates(), process::LIMIT));
+        last = place().unwrap();
+    }
+    client.kill();
+    while let Some(place) = place() {
+        last = place;
+        assert!(observer.wait_update(observer.updates(), process::LIMIT));
+    }
+    let config = JoinConfig { identity: Some(me), ..JoinConfig::new(server_address, server.token("client")) };
+    let mut back = ClientWorld::connect(&config).unwrap();
+    assert_eq!((back.id().0, back.own_avatars()), (1, vec![avatar]));
+    assert!(back.wait_body(avatar, process::LIMIT));
+    let now = back.body(avatar).unwrap().body.state.pose.translation;
+    // The last report before it was taken out is up to three ticks old.
+    assert!(distance(now, last) < 1.0, "{now:?} {last:?}");
+    let body = rapier3d::prelude::RigidBodyBuilder::kinematic_velocity_based();
+    let ball = rapier3d::prelude::ColliderBuilder::ball(0.5);
+    let second = back.spawn(WorldPose::at([0.0, 20.0, 0.0]), &body, &[ball]).unwrap();
+    assert_ne!(second, avatar);
+    drop((back, observer));
+    server.stop();
+}
+
+#[test]
+fn a_node_that_is_told_to_go_hands_its_regions_over_first() {
+    let mut server = Server::playground("2");
+    let (_, stays) = server.node();
+    let (_, goes) = server.node();
+    assert!(server.view().contains("n1 r1, n2 r2"));
+    goes.interrupt();
+    let ended = goes.end();
+    assert_eq!(ended.code(), Some(130), "{ended:?}");
+    assert!(ended.errors.contains("handed over"), "{ended:?}");
+    assert!(server.view().contains("n1 r1 r2; n1 leads"));
+    // The last one gives the world back to the server, which keeps it for the next.
+    stays.interrupt();
+    assert_eq!(stays.end().code(), Some(130));
+    assert!(server.view().starts_with("none"));
+    let (name, _next) = server.node();
+    assert!(server.view().contains(&format!("{name} r1 r2")));
+    assert_eq!(server.stop()["views"], 3);
+}
+
+#[test]
+fn a_server_that_is_told_to_end_tells_everybody() {
+    let mut server = Server::playground("1");
+    let (_, node) = server.node();
+    server.view();
+    let token = server.token("client");
+    let mut client = Process::start(&mut dcd(&["client", "--server", &server.address, "--token", &token]));
+    client.line("joined as ");
+    server.stop();
+    assert_eq!(node.end().code(), Some(0));
+    let ended = client.end();
+    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    assert!(ended.errors.contains("the world has ended"), "{ended:?}");
+    assert!(ended.lines.iter().any(|line| line.starts_with("avatars")), "{ended:?}");
+}

@@ -1,0 +1,199 @@
+//! Real processes of the command line, waited for with a bound and killed by handle when a test is over.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// Nothing here takes nearly as long, even on a busy machine.
+pub(crate) const LIMIT: Duration = Duration::from_secs(30);
+
+/// The command line under test.
+pub(crate) fn dcd(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
+    command.args(args).env_remove("RUST_LOG");
+    command
+}
+
+/// A running child.
+pub(crate) struct Process {
+    child: Child,
+    lines: Receiver<String>,
+    reader: Option<JoinHandle<()>>,
+    errors: Option<JoinHandle<String>>,
+}
+
+/// How a child ended, and what it said since it was last asked.
+#[derive(Debug)]
+pub(crate) struct Ended {
+    pub(crate) status: ExitStatus,
+    pub(crate) lines: Vec<String>,
+    pub(crate) errors: String,
+}
+
+impl Process {
+    pub(crate) fn start(command: &mut Command) -> Self {
+        let mut child = command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the binary was built for this test");
+        let (sender, lines) = mpsc::channel();
+        let out = BufReader::new(child.stdout.take().unwrap());
+        let mut err = child.stderr.take().unwrap();
+        let reader = std::thread::spawn(move || {
+            for line in out.lines().map_while(Result::ok) {
+                let _ = sender.send(line);
+            }
+        });
+        let errors = std::thread::spawn(move || {
+            let mut text = String::new();
+            let _ = err.read_to_string(&mut text);
+            text
+        });
+        Self { child, lines, reader: Some(reader), errors: Some(errors) }
+    }
+
+    /// The rest of the next line that begins with `prefix`.
+    pub(crate) fn line(&mut self, prefix: &str) -> String {
+        let deadline = Instant::now() + LIMIT;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.lines.recv_timeout(left) {
+                Ok(line) => {
+                    if let Some(rest) = line.strip_prefix(prefix) {
+                        return rest.to_owned();
+                    }
+                }
+                Err(error) => {
+                    self.kill();
+                    let said = self.errors.take().map(|errors| errors.join().unwrap_or_default());
+                    panic!("no line `{prefix}…` ({error}); standard error: {said:?}");
+                }
+            }
+        }
+    }
+
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// What Ctrl-C does.
+    pub(crate) fn interrupt(&self) {
+        let killed = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().unwrap();
+        assert!(killed.success());
+    }
+
+    /// What a crash does.
+    pub(crate) fn kill(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    /// Waits for its end.
+    pub(crate) fn end(mut self) -> Ended {
+        self.end_within(LIMIT)
+    }
+
+    pub(crate) fn end_within(&mut self, limit: Duration) -> Ended {
+        let deadline = Instant::now() + limit;
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(Instant::now() < deadline, "it did not end within {limit:?}");
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        let _ = self.reader.take().map(JoinHandle::join);
+        let errors = self.errors.take().map(|errors| errors.join().unwrap()).unwrap_or_default();
+        Ended { status, lines: self.lines.try_iter().collect(), errors }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+impl Ended {
+    /// The JSON object in its last line.
+    pub(crate) fn json(&self) -> Value {
+        let last = self.lines.last().unwrap_or_else(|| panic!("it printed nothing: {}", self.errors));
+        serde_json::from_str(last).unwrap_or_else(|_| panic!("{last}: {}", self.errors))
+    }
+
+    pub(crate) fn code(&self) -> Option<i32> {
+        self.status.code()
+    }
+}
+
+/// A server process with its data folder.
+pub(crate) struct Server {
+    pub(crate) process: Process,
+    pub(crate) address: String,
+    pub(crate) folder: tempfile::TempDir,
+}
+
+impl Server {
+    /// Serves a scene with JSON at the end.
+    pub(crate) fn start(args: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = dcd(&["serve", "--listen", "127.0.0.1:0", "--json", "--data"]);
+        let mut process = Process::start(command.arg(folder.path().join("data")).args(args));
+        let address = process.line("listening ");
+        Self { process, address, folder }
+    }
+
+    /// The demo's world, in two regions.
+    pub(crate) fn playground(nodes: &str) -> Self {
+        Self::start(&[playground().to_str().unwrap(), "--nodes", nodes])
+    }
+
+    pub(crate) fn data(&self) -> PathBuf {
+        self.folder.path().join("data")
+    }
+
+    pub(crate) fn token(&self, role: &str) -> String {
+        token(&self.data(), role)
+    }
+
+    /// A node, with its name.
+    pub(crate) fn node(&self) -> (String, Process) {
+        let token = self.token("node");
+        let args = ["node", "--json", "--threads", "1", "--server", &self.address, "--token", &token];
+        let mut node = Process::start(&mut dcd(&args));
+        let name = node.line("joined as ");
+        (name, node)
+    }
+
+    /// The next membership.
+    pub(crate) fn view(&mut self) -> String {
+        self.process.line("view ")
+    }
+
+    /// Ctrl-C, and the summary, in which nothing may be lost.
+    pub(crate) fn stop(self) -> Value {
+        self.process.interrupt();
+        let ended = self.process.end();
+        let summary = ended.json();
+        assert_eq!((&summary["lost"], &summary["doubled"]), (&0.into(), &0.into()), "{ended:?}");
+        assert_eq!(ended.code(), Some(130), "{ended:?}");
+        summary
+    }
+}
+
+pub(crate) fn playground() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../dcd/scenes/playground.toml")
+}
+
+pub(crate) fn token(data: &Path, role: &str) -> String {
+    let ended = Process::start(dcd(&["token", "--role", role, "--data"]).arg(data)).end();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    ended.lines[0].clone()
+}

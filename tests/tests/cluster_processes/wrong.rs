@@ -1,0 +1,125 @@
+//! What is wrong is said, with its cause and remedy, and nothing hangs.
+
+use std::net::UdpSocket;
+use std::time::Duration;
+
+use crate::process::{LIMIT, Process, Server, dcd, token};
+
+/// What a command that must fail says.
+fn error(args: &[&str], code: i32) -> String {
+    let ended = Process::start(&mut dcd(args)).end();
+    assert_eq!(ended.code(), Some(code), "{args:?}: {ended:?}");
+    assert!(ended.errors.contains("error: "), "{args:?}: {ended:?}");
+    ended.errors
+}
+
+fn has(said: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(said.contains(part), "`{part}` is missing in: {said}");
+    }
+}
+
+#[test]
+fn a_server_that_cannot_start_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().to_str().unwrap();
+    has(&error(&["serve", "towr", "--data", data], 2), &["no scene `towr`", "did you mean `tower`?"]);
+    has(&error(&["serve", "nowhere.toml", "--data", data], 1), &["cannot read scene file nowhere.toml"]);
+    has(&error(&["serve", "tower", "--cut", "y=99", "--data", data], 2), &["plane y=99 cuts no region"]);
+    has(&error(&["serve", "tower", "--listen", "here", "--data", data], 2), &["here:7420"]);
+    let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let said = error(&["serve", "tower", "--listen", &address, "--data", data], 1);
+    has(&said, &[&address, "in use by another process", "port 0"]);
+    let server = Server::start(&["tower"]);
+    let data = server.data();
+    let said = error(&["serve", "tower", "--listen", "127.0.0.1:0", "--data", data.to_str().unwrap()], 1);
+    has(&said, &["another server is running with the data folder", "choose another folder"]);
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    has(&error(&["token", "--role", "node", "--data", file.to_str().unwrap()], 1), &["cannot use", "file"]);
+    for wrong in
+        [&["--role", "server"][..], &["--role", "node", "--valid", "10"], &["--role", "node", "--count", "0"]]
+    {
+        error(&[&["token"], wrong].concat(), 2);
+    }
+}
+
+#[test]
+fn a_process_that_is_not_let_in_says_why() {
+    let server = Server::start(&["tower"]);
+    let join =
+        |kind: &str, token: &str, code| error(&[kind, "--server", &server.address, "--token", token], code);
+    let good = server.token("node");
+    has(&join("client", &good, 2), &["token is for a node", "dcd token --role client"]);
+    has(&join("node", &server.token("client"), 2), &["token is for a client", "dcd token --role node"]);
+    let other = if good.ends_with('a') { "b" } else { "a" };
+    let mistyped = format!("{}{other}", &good[..good.len() - 1]);
+    has(&join("node", &mistyped, 2), &["mistyped or cut off", "copy the whole line"]);
+    has(&join("node", "hello", 2), &["no dcd token", "dcd1-"]);
+    let foreign = token(&server.folder.path().join("other"), "node");
+    has(&join("node", &foreign, 1), &["check the address", "token"]);
+    // It can be used once.
+    let mut node = Process::start(&mut dcd(&["node", "--server", &server.address, "--token", &good]));
+    node.line("joined as ");
+    has(&join("node", &good, 1), &["has been used already", "dcd token"]);
+    let mut short = dcd(&["token", "--role", "client", "--valid", "1s", "--data"]);
+    let short = Process::start(short.arg(server.data())).end().lines[0].clone();
+    // Whole seconds are compared: one that is valid for a second may last for two.
+    std::thread::sleep(Duration::from_millis(2_100));
+    has(&join("client", &short, 1), &["has expired", "dcd token"]);
+    let fast = ["client", "--server", &server.address, "--token", &server.token("client"), "--speed", "99"];
+    has(&error(&fast, 1), &["20 m/s at most", "--speed"]);
+}
+
+#[test]
+fn many_tokens_are_one_a_line_and_each_lets_one_in() {
+    let server = Server::start(&["tower"]);
+    let mut command = dcd(&["token", "--role", "client", "--count", "3", "--data"]);
+    let ended = Process::start(command.arg(server.data())).end();
+    assert_eq!((ended.code(), ended.lines.len()), (Some(0), 3), "{ended:?}");
+    for (i, token) in ended.lines.iter().enumerate() {
+        let args =
+            ["client", "--avatars", "0", "--seconds", "0.1", "--server", &server.address, "--token", token];
+        let mut client = Process::start(&mut dcd(&args));
+        assert_eq!(client.line("joined as "), format!("c{}", i + 1));
+        assert_eq!(client.end().code(), Some(0));
+    }
+}
+
+#[test]
+fn a_server_that_is_not_there_or_goes_away_is_named() {
+    let closed = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let folder = tempfile::tempdir().unwrap();
+    let said = error(&["node", "--server", &closed, "--token", &token(folder.path(), "node")], 1);
+    has(&said, &[&closed, "no answer", "check that it is running"]);
+    let mut server = Server::playground("1");
+    let (_, mut node) = server.node();
+    server.view();
+    let token = server.token("client");
+    let mut client = Process::start(&mut dcd(&["client", "--server", &server.address, "--token", &token]));
+    client.line("joined as ");
+    server.process.kill();
+    for process in [&mut node, &mut client] {
+        let ended = process.end_within(LIMIT);
+        assert_eq!(ended.code(), Some(1), "{ended:?}");
+        has(&ended.errors, &[&server.address, "is gone", "start the server again"]);
+    }
+}
+
+#[test]
+fn a_hung_server_does_not_keep_a_node_that_wants_to_go() {
+    let mut server = Server::playground("1");
+    let (_, node) = server.node();
+    server.view();
+    let signal = |name: &str| {
+        let id = server.process.id().to_string();
+        assert!(std::process::Command::new("kill").args([name, &id]).status().unwrap().success());
+    };
+    signal("-STOP");
+    node.interrupt();
+    let ended = node.end();
+    signal("-CONT");
+    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    has(&ended.errors, &["is gone"]);
+}

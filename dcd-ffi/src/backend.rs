@@ -7,12 +7,13 @@ use dcd::net::PeerStats;
 use dcd::physics::{Handover, RayFilter, RayHit, Region};
 use dcd::protocol::{Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
-use dcd::space::{BodyId, JointId, RegionId};
+use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
 
 use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
 use crate::served::{Change, Served};
 use crate::status::Failure;
+use crate::view::{BodyView, RayQuery, RegionView, StateRow};
 use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
 /// A world by role.
@@ -21,47 +22,6 @@ pub(crate) enum Backend {
     Local(Box<DcdWorld>),
     /// Computed by others, or in part by this process.
     Served(Box<Served>),
-}
-
-/// A body as far as C asks about it.
-pub(crate) struct BodyView {
-    pub pose: WorldPose,
-    pub velocity: Velocity,
-    pub kind: DcdBodyType,
-    pub sleeping: bool,
-    /// 0 for an immovable body, and where it is not known.
-    pub mass_kg: f32,
-    pub user_data: u64,
-    /// `None` for an immovable body.
-    pub owner: Option<RegionId>,
-}
-
-/// A movable body after a step.
-pub(crate) struct StateRow {
-    pub id: BodyId,
-    pub region: RegionId,
-    pub pose: WorldPose,
-    pub velocity: Velocity,
-    pub user_data: u64,
-    pub sleeping: bool,
-}
-
-/// A region of the world.
-pub(crate) struct RegionView {
-    pub id: RegionId,
-    pub owned: usize,
-    pub replicas: usize,
-    pub min: [f64; 3],
-    pub max: [f64; 3],
-}
-
-/// A ray and what it does not see.
-pub(crate) struct RayQuery {
-    pub origin: [f64; 3],
-    pub direction: [f32; 3],
-    pub max_m: f32,
-    pub mask: u32,
-    pub exclude: Option<BodyId>,
 }
 
 impl Backend {

@@ -20,6 +20,7 @@ mod log;
 mod pinned;
 mod pointer;
 mod served;
+mod view;
 
 // In the order in which the header presents them, which `rustfmt` keeps within groups only.
 pub mod library;

@@ -2,11 +2,11 @@
 
 use rapier3d::prelude::Vector;
 
-use crate::backend::RayQuery;
 use crate::body::{self, DcdBodyId};
 use crate::guard::guard;
 use crate::pointer::{self, check_numbers, check_point};
 use crate::status::{DcdStatus, Failure};
+use crate::view::RayQuery;
 use crate::world::{DcdWorld, World, with};
 
 /// A ray.

@@ -13,9 +13,9 @@ use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
 use rapier3d::prelude::*;
 
-use crate::backend::{BodyView, RegionView, StateRow};
 use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
+use crate::view::{BodyView, RegionView, StateRow};
 
 /// A client's or participant's world.
 pub(crate) struct Served {

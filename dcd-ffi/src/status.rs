@@ -90,8 +90,6 @@ impl From<ProcessError> for Failure {
             ProcessError::Net(_)
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
-            | ProcessError::Evicted { .. }
-            | ProcessError::NotReleased { .. }
             | ProcessError::Refused(_)
             | ProcessError::Evicted { .. }
             | ProcessError::Stopped => DCD_ERR_NETWORK,

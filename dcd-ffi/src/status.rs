@@ -91,7 +91,6 @@ impl From<ProcessError> for Failure {
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
             | ProcessError::Refused(_)
-            | ProcessError::Evicted { .. }
             | ProcessError::Stopped => DCD_ERR_NETWORK,
         };
         Self::new(status, error.to_string())

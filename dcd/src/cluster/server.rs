@@ -97,6 +97,7 @@ pub struct Server {
     /// Members that have told all they know of the world's last tick.
     at_last_tick: BTreeSet<NodeId>,
     stopping: bool,
+    ended: bool,
     /// Bodies that the leader was told to insert and that no node has spoken of yet.
     arriving: BTreeSet<BodyId>,
     change: Option<Change>,
@@ -121,6 +122,7 @@ impl Server {
             begun: false,
             at_last_tick: BTreeSet::new(),
             stopping: false,
+            ended: false,
             arriving: BTreeSet::new(),
             change: None,
             stale: 0,
@@ -370,6 +372,7 @@ impl Server {
         }
         self.view = None;
         self.change = None;
+        self.ended = true;
         self.outputs.push_back(ServerOutput::Ended);
     }
 }

@@ -133,25 +133,21 @@ impl RegionHost {
             handovers: Vec::new(),
         };
         for &region in hosted {
-            host.add_region(region)?;
+            host.add_region(region);
         }
         Ok(host)
     }
 
-    /// Takes on one more region, empty but for what is immovable in it.
-    fn add_region(&mut self, id: RegionId) -> Result<(), HostError> {
+    /// Takes on one more region, empty.
+    fn add_region(&mut self, id: RegionId) {
         let rank = self.partition.rank_of(id).expect("a region is a leaf of the tree");
         assert!(self.place_of[rank].is_none(), "{id} is hosted here already");
         let part = self.partition.tree().part(id);
         let cell = *self.partition.cell(rank);
-        let mut region = Region::new(id, rank, cell, &part, self.settings.gravity, self.partition.leaves());
-        for body in self.statics.bodies() {
-            self.statics.insert_near(body.id, &mut region, &self.shapes)?;
-        }
+        let region = Region::new(id, rank, cell, &part, self.settings.gravity, self.partition.leaves());
         let place = self.regions.partition_point(|other| other.rank() < rank);
         self.regions.insert(place, region);
         self.index();
-        Ok(())
     }
 
     /// Gives a region up, with all that it holds.
@@ -224,9 +220,11 @@ impl RegionHost {
         }
         for &id in hosted {
             if !self.regions.iter().any(|region| region.id() == id) {
-                self.add_region(id)?;
+                self.add_region(id);
             }
         }
+        // New regions get what is immovable in the same pass, so that all is inserted in id order, as in a new world.
+        placed.extend(self.statics.bodies().map(|body| (RegionId(0), body.clone())));
         placed.sort_by_key(|(_, body)| body.id);
         let owners: Vec<_> =
             placed.iter().map(|(region, _)| self.partition.rank_of(*region).unwrap_or(usize::MAX)).collect();
@@ -660,21 +658,21 @@ impl RegionHost {
             .collect()
     }
 
-    /// Immovable bodies first, then the others, in id order; `owners` are ranks.
+    /// In id order, as one Rapier world would be filled; `owners` are ranks.
     fn insert_placed(
         &mut self,
         bodies: Vec<BodyRecord>,
         owners: &[usize],
         joints: &[JointRecord],
     ) -> Result<(), HostError> {
-        for body in bodies.iter().filter(|body| body.traits.kind == BodyKind::Fixed) {
-            self.statics.add(body.clone(), &self.shapes)?;
-            for region in &mut self.regions {
-                self.statics.insert_near(body.id, region, &self.shapes)?;
-            }
-        }
         for (body, &owner) in bodies.iter().zip(owners) {
             if body.traits.kind == BodyKind::Fixed {
+                if self.statics.body(body.id).is_none() {
+                    self.statics.add(body.clone(), &self.shapes)?;
+                }
+                for region in &mut self.regions {
+                    self.statics.insert_near(body.id, region, &self.shapes)?;
+                }
                 continue;
             }
             self.partition.widen_halo(reach_of_record(body, &self.shapes)?);

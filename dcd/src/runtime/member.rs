@@ -504,6 +504,8 @@ fn is_update(event: &ClientEvent) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::net::{Authority, Role};
+    use crate::runtime::JoinConfig;
 
     #[test]
     fn a_node_of_a_far_server_listens_where_that_server_and_others_reach_it() {
@@ -514,5 +516,27 @@ mod tests {
         }
         let loopback = reachable("0.0.0.0:7".parse().unwrap(), "127.0.0.1:9".parse().unwrap());
         assert_eq!(loopback, "127.0.0.1:7".parse().unwrap());
+    }
+
+    #[test]
+    fn a_server_that_lives_but_never_answers_does_not_keep_a_node() {
+        let folder = tempfile::tempdir().unwrap();
+        let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
+        let net = NetConfig {
+            listen: "127.0.0.1:0".parse().unwrap(),
+            identity: authority.server_identity().unwrap(),
+            authority: Some(authority.clone()),
+            limits: Limits::default(),
+        };
+        let (net, _events) = Net::start(net).unwrap();
+        let now = std::time::SystemTime::now();
+        let token = authority.issue_token(Role::Node, Duration::from_secs(60), now).unwrap();
+        let join = JoinConfig::new(net.local_addr(), token.to_string());
+        let node =
+            Member::start(MemberConfig::new(net.local_addr(), join.join(Role::Node).unwrap())).unwrap();
+        node.leave();
+        assert!(node.wait_over(2 * RELEASE), "it must not wait for ever");
+        let error = node.finish().unwrap_err();
+        assert!(matches!(error, ProcessError::NotReleased { waited: RELEASE, .. }), "{error}");
     }
 }

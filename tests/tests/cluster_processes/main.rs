@@ -130,6 +130,17 @@ fn a_node_that_is_told_to_go_hands_its_regions_over_first() {
 }
 
 #[test]
+fn a_hung_node_does_not_keep_a_server_that_is_to_end() {
+    let mut server = Server::playground("2");
+    let (hangs, node) = (server.node(), server.node());
+    server.view();
+    hangs.1.signal("-STOP");
+    let served = server.stop();
+    assert_eq!(served["bodies"], 155);
+    assert_eq!(node.1.end().code(), Some(0));
+}
+
+#[test]
 fn a_server_that_is_told_to_end_tells_everybody() {
     let mut server = Server::playground("1");
     let (_, node) = server.node();

@@ -112,14 +112,9 @@ fn a_hung_server_does_not_keep_a_node_that_wants_to_go() {
     let mut server = Server::playground("1");
     let (_, node) = server.node();
     server.view();
-    let signal = |name: &str| {
-        let id = server.process.id().to_string();
-        assert!(std::process::Command::new("kill").args([name, &id]).status().unwrap().success());
-    };
-    signal("-STOP");
+    server.process.signal("-STOP");
     node.interrupt();
     let ended = node.end();
-    signal("-CONT");
     assert_eq!(ended.code(), Some(1), "{ended:?}");
     has(&ended.errors, &["is gone"]);
 }

@@ -45,8 +45,16 @@ impl Server {
 
     /// Begins a view change if membership is not as it should be.
     pub(super) fn reconsider(&mut self) {
-        if self.change.is_some() || self.stopping {
+        if self.change.is_some() {
             return;
+        }
+        if self.stopping {
+            // Somebody died during the last survey. What it owned has been taken over: now all can be asked.
+            return match self.view {
+                Some(_) => self.begin_change(),
+                None if self.ended => {}
+                None => self.end(),
+            };
         }
         let is_done = |view: &View| view.members.iter().all(|m| self.at_last_tick.contains(&m.node));
         if self.view.as_ref().is_some_and(is_done) {
@@ -137,7 +145,9 @@ impl Server {
         if change.surveys.len() < change.survivors.len() {
             return;
         }
-        if self.stopping {
+        let is_whole =
+            self.view.iter().flat_map(|view| &view.members).all(|m| change.survivors.contains(&m.node));
+        if self.stopping && is_whole {
             return self.audit();
         }
         let members: Vec<_> = self

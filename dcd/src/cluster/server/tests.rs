@@ -1,7 +1,9 @@
 //! Rules of the server that a calm simulation does not show.
 
 use super::*;
+use crate::protocol::Claim;
 use crate::sim::{sim_body, sim_world};
+use crate::space::Epoch;
 
 fn server() -> Server {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
@@ -69,4 +71,42 @@ fn strangers_and_earlier_views_are_counted_and_change_nothing() {
     assert_eq!(server.record().body(body.id).unwrap().epoch.0, 0, "node 2 is nobody");
     tell(&mut server, 1, Message::ToServer(new));
     assert_eq!(server.record().body(body.id).unwrap().epoch.0, 9);
+}
+
+#[test]
+fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
+    let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
+    let config = ServerConfig { world: sim_world(2), min_nodes: 2 };
+    let mut server = Server::new(config, Record::new(bodies, Vec::new(), Vec::new()));
+    for node in [1, 2] {
+        hello(&mut server, node, VERSION);
+        tell(&mut server, node, Message::ToServer(ToServer::Loaded));
+    }
+    assert_eq!(server.view().unwrap().members.len(), 2);
+    server.handle(ServerEvent::Stop);
+    server.handle(ServerEvent::Disconnected(Peer::Node(NodeId(2))));
+    while server.poll_output().is_some() {}
+    let answer = |server: &mut Server, claims| {
+        let view = server.number;
+        tell(server, 1, Message::ToServer(ToServer::Settling { view, dispatch: None }));
+        tell(server, 1, Message::ToServer(ToServer::Survey { view, tick: Tick(0), claims }))
+    };
+    answer(&mut server, Vec::new());
+    // It owns nothing and holds no copy: all comes from the record.
+    let view = server.number;
+    let found = ToServer::Found { view, bodies: Vec::new(), last: true };
+    let outputs = tell(&mut server, 1, Message::ToServer(found));
+    let began =
+        outputs.iter().any(|output| matches!(output, ServerOutput::Began(view) if view.members.len() == 1));
+    assert!(began, "{outputs:?}");
+    let region = server.config.world.tree.leaves().next().unwrap();
+    let claim = |i| Claim { id: BodyId::persistent(i), epoch: Epoch(0), region };
+    let outputs = answer(&mut server, (0..3).map(claim).collect());
+    assert!(
+        outputs.contains(&ServerOutput::Audited { lost: Vec::new(), doubled: Vec::new() }),
+        "{outputs:?}"
+    );
+    assert_eq!(outputs.last(), Some(&ServerOutput::Ended));
+    server.handle(ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    assert_eq!(server.poll_output(), None, "it ends once");
 }

@@ -1,11 +1,17 @@
 /* The loop of a game around a world: frames of uneven length, steps of fixed length, and drawing between two of them.
  *
- * The frames are simulated, so that the program needs no clock and always prints the same. A real game takes the length of
- * its last frame from its own clock and draws where this program prints. */
+ *   game_loop                 a world of its own
+ *   game_loop SERVER TOKEN    a served world, as a client: only the lines that make the world differ
+ *
+ * The frames are simulated, so that the program always prints the same in a world of its own. A real game takes the length
+ * of its last frame from its own clock and draws where this program prints. */
+#define _POSIX_C_SOURCE 200809L /* nanosleep */
+
 #include "dcd.h"
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <time.h>
 
 enum { FRAMES = 300, SIDE = 4, BALLS = SIDE * SIDE };
 
@@ -30,19 +36,43 @@ static double mix(double a, double b, double t)
     return a + (b - a) * t;
 }
 
-static void fill(DcdWorld world)
+/* Waits for the world, which others compute as time goes by. */
+static void sleep_for(double seconds)
 {
-    const float ground_half[3] = { 20.0f, 0.5f, 20.0f };
-    DcdShapeId shape;
-    DcdBodyId id;
+    struct timespec time = { 0, (long)(seconds * 1e9) };
+    nanosleep(&time, NULL);
+}
 
-    check(dcd_shape_box(world, ground_half, &shape));
+static DcdWorld make(void)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world;
+    def.regions = 4;
+    check(dcd_world_create(&def, &world));
+
+    const float half[3] = { 20.0f, 0.5f, 20.0f };
     DcdBodyDef ground = DCD_BODY_DEF_INIT;
+    DcdBodyId id;
+    check(dcd_shape_box(world, half, &ground.shape));
     ground.body_type = DCD_FIXED;
-    ground.shape = shape;
     ground.pose.p[1] = -0.5;
     check(dcd_body_create(world, &ground, &id));
+    return world;
+}
 
+static DcdWorld join(const char *server, const char *token)
+{
+    DcdClientDef def = DCD_CLIENT_DEF_INIT;
+    DcdWorld world;
+    def.server = server;
+    def.token = token;
+    check(dcd_client_connect(&def, &world));
+    return world;
+}
+
+static void add_balls(DcdWorld world, DcdBodyId balls[BALLS])
+{
+    DcdShapeId shape;
     check(dcd_shape_sphere(world, 0.25f, &shape));
     for (int i = 0; i < BALLS; i++) {
         DcdBodyDef ball = DCD_BODY_DEF_INIT;
@@ -54,17 +84,23 @@ static void fill(DcdWorld world)
         ball.velocity.linear[0] = ball.pose.p[0] > 0.0 ? -1.0f : 1.0f; /* towards the border at x = 0 */
         ball.events = DCD_EVENT_CONTACT;
         ball.user_data = (uint64_t)i;
-        check(dcd_body_create(world, &ball, &id));
+        check(dcd_body_create(world, &ball, &balls[i]));
     }
 }
 
-int main(void)
+int main(int argc, char **argv)
 {
-    DcdWorldDef def = DCD_WORLD_DEF_INIT;
-    def.regions = 4;
-    DcdWorld world;
-    check(dcd_world_create(&def, &world));
-    fill(world);
+    if (argc != 1 && argc != 3) {
+        fprintf(stderr, "usage: game_loop [SERVER TOKEN]\n");
+        return EXIT_FAILURE;
+    }
+    const bool joined = argc == 3;
+    DcdWorld world = joined ? join(argv[1], argv[2]) : make();
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    check(dcd_world_info(world, &info));
+    const double dt = (double)info.dt;
+    DcdBodyId balls[BALLS];
+    add_balls(world, balls);
 
     /* Two views: the world after the last step and after the one before. Both stay readable, without copying, until the
      * step after next begins, which is when they are taken anew. */
@@ -77,8 +113,8 @@ int main(void)
     unsigned steps = 0, began = 0, ended = 0, transfers = 0;
     for (int frame = 0; frame < FRAMES; frame++) {
         owed += frame_length(frame);
-        while (owed >= (double)def.dt) {
-            owed -= (double)def.dt;
+        while (owed >= dt) {
+            owed -= dt;
             check(dcd_step(world));
             steps++;
 
@@ -98,16 +134,20 @@ int main(void)
             transfers += (unsigned)events.transfer_count;
         }
 
-        /* Draw what lies between the two last steps. Both views have the same bodies here; a game that makes and destroys
-         * bodies matches before.ids with now.ids. */
-        double t = owed / (double)def.dt;
+        /* Draw what lies between the two last steps. Both views have the same bodies, but where some came or went; a game
+         * in which that happens often keeps a table by id. */
+        double t = owed / dt;
         highest = 0.0;
         for (size_t i = 0; i < now.count; i++) {
-            double y = mix(before.poses[i].p[1], now.poses[i].p[1], t);
+            bool was_there = i < before.count && before.ids[i].v == now.ids[i].v;
+            double y = mix((was_there ? before : now).poses[i].p[1], now.poses[i].p[1], t);
             highest = y > highest ? y : highest;
         }
         if (frame % 60 == 59) {
-            printf("frame %3d, tick %3u: highest ball at %.2f m\n", frame, (unsigned)now.tick, highest);
+            printf("frame %3d, tick %3u: highest body at %.2f m\n", frame, (unsigned)now.tick, highest);
+        }
+        if (joined) {
+            sleep_for(frame_length(frame));
         }
     }
 
@@ -118,7 +158,7 @@ int main(void)
     } sprites[BALLS / 4];
     DcdBodyId ids[BALLS / 4];
     for (int i = 0; i < BALLS / 4; i++) {
-        ids[i] = now.ids[4 * i];
+        ids[i] = balls[4 * i];
     }
     check(dcd_state_read(world, ids, BALLS / 4, DCD_FIELD_POSE, &sprites[0].pose, sizeof sprites[0], NULL));
 
@@ -129,8 +169,14 @@ int main(void)
     }
     ray.exclude = ids[0];
     DcdRayHit hit;
-    check(dcd_cast_rays(world, &ray, 1, &hit));
-    printf("ball 0 is %.2f m above %s\n", (double)hit.distance, hit.body.v != 0 ? "something" : "nothing");
+    DcdStatus cast = dcd_cast_rays(world, &ray, 1, &hit);
+    if (joined && cast == DCD_ERR_UNSUPPORTED) {
+        puts("a client casts no rays");
+    } else {
+        check(cast);
+        printf("ball 0 is %.2f m above %s\n", (double)hit.distance,
+               hit.body.v != 0 ? "something" : "nothing");
+    }
 
     printf("%d frames, %u steps, %u contacts began, %u ended, %u transfers\n", FRAMES, steps, began, ended,
            transfers);

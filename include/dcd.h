@@ -97,6 +97,9 @@
 // As DcdBodyInfo.region of a fixed body, which has no owner.
 #define DCD_NO_REGION UINT32_MAX
 
+// In place of a part's number: all shapes of the body.
+#define DCD_ALL_PARTS UINT32_MAX
+
 // In DcdJointDef.flags: `limit` counts.
 #define DCD_JOINT_LIMIT 1
 
@@ -256,7 +259,8 @@ typedef struct DcdParticipantDef {
 } DcdParticipantDef;
 
 // A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
-// is stale in this one. It holds in this process only.
+// is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
+// later handles of the same world, know it by other ids.
 typedef struct DcdBodyId {
     // Opaque.
     uint64_t v;
@@ -464,7 +468,7 @@ typedef struct DcdContactForce {
     uint32_t part_b;
 } DcdContactForce;
 
-// A body has another owner than after the step before.
+// A body changed owner in the step. Putting it elsewhere by hand is not told of.
 typedef struct DcdTransfer {
     // Which body.
     DcdBodyId body;
@@ -579,6 +583,12 @@ typedef struct DcdStats {
     uint64_t quarantined;
     // Messages with states of bodies received, ever; 0 in a local world.
     uint64_t updates;
+    // Bytes received, without those of QUIC itself; 0 in a local world, as the next two. A tenth of a second old.
+    uint64_t bytes_in;
+    // Bytes sent.
+    uint64_t bytes_out;
+    // Time to the slowest peer and back, seconds.
+    double rtt;
     // Wall time of the last step, seconds; of taking in what had come, in a served world.
     double last_step;
 } DcdStats;
@@ -806,7 +816,8 @@ DCD_API DcdStatus dcd_shape_cone(DcdWorld world, float half_height, float radius
 DCD_API DcdStatus dcd_shape_hull(DcdWorld world, const float *xyz, size_t count, DcdShapeId *out);
 
 // Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
-// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no mass: use it for fixed bodies.
+// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no
+// mass: use it for fixed bodies.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
 // an area, or an index past the vertices.
@@ -932,6 +943,43 @@ DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, 
 //
 // Errors: as dcd_body_apply_impulse.
 DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
+
+// Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
+// newtons. `part` is the number of one of its shapes, from 0, or DCD_ALL_PARTS.
+//
+// Of a contact that is there already, the end is told only if the beginning was.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, unknown bits or a threshold below 0,
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_set_events(DcdWorld world,
+                              DcdBodyId body,
+                              uint32_t part,
+                              uint32_t events,
+                              float force_threshold);
+
+// Sets how a body slides and bounces: Coulomb coefficient, 0 or more, and restitution, 0 to 1. `part` as in
+// dcd_body_set_events.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or a coefficient out of range,
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_set_material(DcdWorld world,
+                                DcdBodyId body,
+                                uint32_t part,
+                                float friction,
+                                float restitution);
+
+// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `part` as in
+// dcd_body_set_events.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, DCD_ERR_UNSUPPORTED in a served
+// world.
+DCD_API
+DcdStatus dcd_body_set_groups(DcdWorld world,
+                              DcdBodyId body,
+                              uint32_t part,
+                              uint32_t groups,
+                              uint32_t mask);
 
 // Ties two bodies of a local world; in a served world the three joint functions are DCD_ERR_UNSUPPORTED. What joints tie together is owned and moved whole by one region, so keep it small against a region.
 //
@@ -1084,7 +1132,7 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_STATS_INIT \
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0.0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)
@@ -1264,7 +1312,7 @@ DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
 DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
-DCD_ASSERT_(sizeof(DcdStats) == 64);
+DCD_ASSERT_(sizeof(DcdStats) == 88);
 DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);
 DCD_ASSERT_(offsetof(DcdStats, ticks) == 8);
@@ -1273,7 +1321,10 @@ DCD_ASSERT_(offsetof(DcdStats, replicas) == 24);
 DCD_ASSERT_(offsetof(DcdStats, transfers) == 32);
 DCD_ASSERT_(offsetof(DcdStats, quarantined) == 40);
 DCD_ASSERT_(offsetof(DcdStats, updates) == 48);
-DCD_ASSERT_(offsetof(DcdStats, last_step) == 56);
+DCD_ASSERT_(offsetof(DcdStats, bytes_in) == 56);
+DCD_ASSERT_(offsetof(DcdStats, bytes_out) == 64);
+DCD_ASSERT_(offsetof(DcdStats, rtt) == 72);
+DCD_ASSERT_(offsetof(DcdStats, last_step) == 80);
 #undef DCD_ASSERT_
 #endif
 

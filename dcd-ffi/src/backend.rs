@@ -3,14 +3,17 @@
 //! The entry points check and convert; what a role does is decided here, so that a new role is a new variant and the
 //! compiler lists what it must answer.
 
+use dcd::net::PeerStats;
+use dcd::physics::{Handover, RayFilter, RayHit, Region};
 use dcd::protocol::{Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
-use dcd::space::{BodyId, JointId, RegionId};
+use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
 
 use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
 use crate::served::{Change, Served};
 use crate::status::Failure;
+use crate::view::{BodyView, RayQuery, RegionView, StateRow};
 use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
 /// A world by role.
@@ -19,55 +22,6 @@ pub(crate) enum Backend {
     Local(Box<DcdWorld>),
     /// Computed by others, or in part by this process.
     Served(Box<Served>),
-}
-
-/// A body as far as C asks about it.
-pub(crate) struct BodyView {
-    pub pose: WorldPose,
-    pub velocity: Velocity,
-    pub kind: DcdBodyType,
-    pub sleeping: bool,
-    /// 0 for an immovable body, and where it is not known.
-    pub mass_kg: f32,
-    pub user_data: u64,
-    /// `None` for an immovable body.
-    pub owner: Option<RegionId>,
-}
-
-/// A movable body after a step.
-pub(crate) struct StateRow {
-    pub id: BodyId,
-    pub region: RegionId,
-    pub pose: WorldPose,
-    pub velocity: Velocity,
-    pub user_data: u64,
-    pub sleeping: bool,
-}
-
-/// A region of the world.
-pub(crate) struct RegionView {
-    pub id: RegionId,
-    pub owned: usize,
-    pub replicas: usize,
-    pub min: [f64; 3],
-    pub max: [f64; 3],
-}
-
-/// A ray and what it does not see.
-pub(crate) struct RayQuery {
-    pub origin: [f64; 3],
-    pub direction: [f32; 3],
-    pub max_m: f32,
-    pub mask: u32,
-    pub exclude: Option<BodyId>,
-}
-
-/// What a ray met.
-pub(crate) struct RayAnswer {
-    pub body: BodyId,
-    pub point: [f64; 3],
-    pub normal: [f32; 3],
-    pub distance_m: f32,
 }
 
 impl Backend {
@@ -247,6 +201,29 @@ impl Backend {
         Ok(self.local_mut("change a body in place", instead)?.update(id, change)?)
     }
 
+    /// How many colliders a body has; 0 where it is not computed.
+    pub(crate) fn parts(&self, id: BodyId) -> usize {
+        match self {
+            Self::Local(world) => world.body(id).map_or(0, |body| body.colliders().len()),
+            Self::Served(_) => 0,
+        }
+    }
+
+    /// Changes one collider of a body by Rapier's setters, in every copy.
+    pub(crate) fn update_collider(
+        &mut self,
+        id: BodyId,
+        part: usize,
+        change: impl FnMut(&mut Collider),
+    ) -> Result<(), Failure> {
+        Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.update_collider(id, part, change)?)
+    }
+
+    /// Whether this role changes surfaces of bodies.
+    pub(crate) fn check_surfaces(&self) -> Result<(), Failure> {
+        self.local("change the surface of a body", NO_SURFACE).map(drop)
+    }
+
     pub(crate) fn insert_joint(
         &mut self,
         a: BodyId,
@@ -297,15 +274,6 @@ impl Backend {
         }
     }
 
-    /// Every movable body of a world computed here with its owner, in id order.
-    pub(crate) fn owners(&self) -> impl Iterator<Item = (BodyId, RegionId)> {
-        let local = match self {
-            Self::Local(world) => Some(world),
-            Self::Served(_) => None,
-        };
-        local.into_iter().flat_map(|world| world.states()).map(|(id, region, ..)| (id, region))
-    }
-
     pub(crate) fn events(&self) -> &WorldEvents {
         match self {
             Self::Local(world) => world.events(),
@@ -329,11 +297,11 @@ impl Backend {
         }
     }
 
-    /// Bodies that changed owner in a step, ever.
-    pub(crate) fn transfers(&self) -> u64 {
+    /// Bodies that changed owner in the last step, as far as known here.
+    pub(crate) fn handovers(&self) -> &[Handover] {
         match self {
-            Self::Local(world) => world.host().transfers(),
-            Self::Served(_) => 0,
+            Self::Local(world) => world.handovers(),
+            Self::Served(_) => &[],
         }
     }
 
@@ -349,6 +317,14 @@ impl Backend {
         match self {
             Self::Local(_) => 0,
             Self::Served(world) => world.updates(),
+        }
+    }
+
+    /// What has passed over the network; nothing in a local world.
+    pub(crate) fn traffic(&self) -> PeerStats {
+        match self {
+            Self::Local(_) => PeerStats::default(),
+            Self::Served(world) => world.traffic(),
         }
     }
 
@@ -368,7 +344,7 @@ impl Backend {
     pub(crate) fn regions(&self) -> Vec<RegionView> {
         match self {
             Self::Local(world) => {
-                let view = |region: &dcd::physics::Region| RegionView {
+                let view = |region: &Region| RegionView {
                     id: region.id(),
                     owned: region.owned_count(),
                     replicas: region.replica_count(),
@@ -382,13 +358,20 @@ impl Backend {
     }
 
     /// The first body that a ray meets and does not overlook.
-    pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Result<Option<RayAnswer>, Failure> {
+    pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Result<Option<RayHit>, Failure> {
         let instead =
             "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
-        Ok(crate::query::cast_locally(self.local("cast rays", instead)?, ray))
+        let filter = RayFilter {
+            groups: Group::from_bits_retain(ray.mask),
+            exclude: ray.exclude.as_slice(),
+            ..RayFilter::default()
+        };
+        let world = self.local("cast rays", instead)?;
+        Ok(world.cast_ray(ray.origin, ray.direction, ray.max_m, &filter))
     }
 }
 
+const NO_SURFACE: &str = "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene";
 const NO_JOINTS: &str = "joints belong to the scene that the server was given";
 
 fn kind_of(body: &RigidBody) -> DcdBodyType {

@@ -12,11 +12,13 @@ use crate::motion::{check_pose, check_velocity};
 use crate::pointer::{self, Out, Sized32, check_numbers, is_in_range};
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
+use crate::surface;
 use crate::types::{DcdPose, DcdVelocity};
 use crate::world::{DcdWorld, World, with};
 
 /// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
-/// is stale in this one. It holds in this process only.
+/// is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
+/// later handles of the same world, know it by other ids.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcdBodyId {
@@ -177,7 +179,6 @@ unsafe fn create(
                 }
             }
         }
-        world.events.owners_changed();
         for (i, &id) in made.iter().enumerate() {
             // SAFETY: not null, aligned, and the caller vouches for `count` entries.
             unsafe { out.add(i).write(world.mark.body(id)) };
@@ -228,9 +229,6 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<(WorldPose, RigidBodyBuilder
     check_bits(def.locked, 63, "locked")?;
     check_bits(def.events, DCD_EVENT_CONTACT | DCD_EVENT_FORCE, "events")?;
 
-    let mut events = ActiveEvents::empty();
-    events.set(ActiveEvents::COLLISION_EVENTS, def.events & DCD_EVENT_CONTACT != 0);
-    events.set(ActiveEvents::CONTACT_FORCE_EVENTS, def.events & DCD_EVENT_FORCE != 0);
     let body = RigidBodyBuilder::new(kind)
         .linvel(Vector::from_array(def.velocity.linear))
         .angvel(Vector::from_array(def.velocity.angular))
@@ -247,13 +245,9 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<(WorldPose, RigidBodyBuilder
         .friction(def.friction)
         .restitution(def.restitution)
         .sensor(def.flags & DCD_BODY_SENSOR != 0)
-        .active_events(events)
+        .active_events(surface::active_events(def.events))
         .contact_force_event_threshold(def.force_threshold)
-        .collision_groups(InteractionGroups::new(
-            Group::from_bits_retain(def.groups),
-            Group::from_bits_retain(def.mask),
-            InteractionTestMode::And,
-        ));
+        .collision_groups(surface::interaction(def.groups, def.mask));
     Ok((def.pose.into(), body, collider))
 }
 
@@ -282,7 +276,6 @@ pub unsafe extern "C" fn dcd_bodies_destroy(
                 world.events.departs(id, world.backend.user_data(id).unwrap_or(0));
                 world.backend.remove(id)?;
             }
-            world.events.owners_changed();
             Ok(())
         })
     })
@@ -326,7 +319,7 @@ pub(crate) fn find(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
     if world.backend.contains(id) { Ok(id) } else { Err(stale("body", body.v)) }
 }
 
-fn check_bits(bits: u32, known: u32, name: &str) -> Result<(), Failure> {
+pub(crate) fn check_bits(bits: u32, known: u32, name: &str) -> Result<(), Failure> {
     if bits & !known == 0 {
         return Ok(());
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use dcd::protocol::{ContactKey, Refusal};
-use dcd::space::{BodyId, RegionId};
+use dcd::space::BodyId;
 
 use crate::backend::Backend;
 use crate::body::DcdBodyId;
@@ -74,7 +74,7 @@ pub struct DcdContactForce {
     pub part_b: u32,
 }
 
-/// A body has another owner than after the step before.
+/// A body changed owner in the step. Putting it elsewhere by hand is not told of.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdTransfer {
@@ -164,17 +164,13 @@ unsafe impl Sized32 for DcdEventView {
     const NAME: &'static str = "DcdEventView";
 }
 
-/// Events of the last two steps, lent as the state is, and what is needed to tell of transfers.
+/// Events of the last two steps, lent as the state is.
 #[derive(Default)]
 pub(crate) struct EventBuffers {
     sets: [EventArrays; 2],
     newest: usize,
     /// User data of bodies destroyed since the last step: their contacts end in the next.
     departed: BTreeMap<BodyId, u64>,
-    /// After the last look, in id order.
-    owners: Vec<(BodyId, RegionId)>,
-    owners_stale: bool,
-    transfers_seen: u64,
 }
 
 #[derive(Default)]
@@ -188,11 +184,6 @@ struct EventArrays {
 }
 
 impl EventBuffers {
-    /// Bodies were made, destroyed, tied or moved by hand.
-    pub(crate) fn owners_changed(&mut self) {
-        self.owners_stale = true;
-    }
-
     /// A body is about to be destroyed.
     pub(crate) fn departs(&mut self, id: BodyId, user_data: u64) {
         self.departed.insert(id, user_data);
@@ -245,38 +236,14 @@ impl EventBuffers {
                 part_b: u32::from(collider_b),
             }
         }));
-        let moved = self.look_for_transfers(backend);
-        let transfers = self.sets[self.newest].transfers.refill(moved.len());
-        transfers.extend(moved.into_iter().map(|(id, from, to)| DcdTransfer {
-            body: mark.body(id),
-            user_data: backend.user_data(id).unwrap_or(0),
-            from: from.0,
-            to: to.0,
+        let handovers = backend.handovers();
+        arrays.transfers.refill(handovers.len()).extend(handovers.iter().map(|handover| DcdTransfer {
+            body: mark.body(handover.body),
+            user_data: user(handover.body),
+            from: handover.from.0,
+            to: handover.to.0,
         }));
         self.departed.clear();
-    }
-
-    /// Compares owners with those of the last look; only when something can have changed, since it looks at every body.
-    fn look_for_transfers(&mut self, backend: &Backend) -> Vec<(BodyId, RegionId, RegionId)> {
-        let seen = backend.transfers();
-        if backend.region_count() < 2 || (!self.owners_stale && seen == self.transfers_seen) {
-            return Vec::new();
-        }
-        (self.owners_stale, self.transfers_seen) = (false, seen);
-        let before = std::mem::take(&mut self.owners);
-        self.owners.reserve(backend.movable());
-        let mut moved = Vec::new();
-        let mut old = before.iter().peekable();
-        for (id, to) in backend.owners() {
-            while old.next_if(|(other, _)| *other < id).is_some() {}
-            if let Some(&(_, from)) = old.next_if(|(other, _)| *other == id)
-                && from != to
-            {
-                moved.push((id, from, to));
-            }
-            self.owners.push((id, to));
-        }
-        moved
     }
 
     fn view(&self) -> DcdEventView {

@@ -94,7 +94,6 @@ pub unsafe extern "C" fn dcd_joint_create(
             if a == b {
                 return Err(Failure::argument("a and b are one body; a joint needs two"));
             }
-            world.events.owners_changed();
             out.write(world.mark.joint(world.backend.insert_joint(a, b, joint)?));
             Ok(())
         })

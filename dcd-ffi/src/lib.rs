@@ -20,6 +20,7 @@ mod log;
 mod pinned;
 mod pointer;
 mod served;
+mod view;
 
 // In the order in which the header presents them, which `rustfmt` keeps within groups only.
 pub mod library;
@@ -37,6 +38,8 @@ pub mod body;
 pub mod motion;
 
 pub mod push;
+
+pub mod surface;
 
 pub mod joint;
 

@@ -3,13 +3,13 @@
 use dcd::protocol::WorldPose;
 use dcd::space::BodyId;
 
-use crate::backend::BodyView;
 use crate::body::{DCD_FIXED, DCD_NO_REGION, DcdBodyId, DcdBodyType, find};
 use crate::guard::guard;
 use crate::handle::stale;
 use crate::pointer::{self, Out, Sized32, check_numbers, check_point};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, DcdVelocity};
+use crate::view::BodyView;
 use crate::world::{DcdWorld, World, with};
 
 /// What a body is now. Start from DCD_BODY_INFO_INIT.
@@ -168,7 +168,6 @@ pub(crate) fn view(world: &World, body: DcdBodyId) -> Result<BodyView, Failure> 
 
 pub(crate) fn set_pose(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {
     check_pose(&pose)?;
-    world.events.owners_changed();
     world.backend.set_pose(id, pose.into())
 }
 

@@ -1,14 +1,12 @@
 //! Rays.
 
-use dcd::physics::{Region, Role};
-use dcd::runtime::DcdWorld as LocalWorld;
-use rapier3d::prelude::*;
+use rapier3d::prelude::Vector;
 
-use crate::backend::{RayAnswer, RayQuery};
 use crate::body::{self, DcdBodyId};
 use crate::guard::guard;
 use crate::pointer::{self, check_numbers, check_point};
 use crate::status::{DcdStatus, Failure};
+use crate::view::RayQuery;
 use crate::world::{DcdWorld, World, with};
 
 /// A ray.
@@ -108,7 +106,7 @@ fn answer(world: &World, query: &RayQuery) -> Result<DcdRayHit, Failure> {
             user_data: world.backend.user_data(hit.body).unwrap_or(0),
             point: hit.point,
             normal: hit.normal,
-            distance: hit.distance_m,
+            distance: hit.distance_m as f32,
         },
         None => DcdRayHit {
             body: DcdBodyId { v: 0 },
@@ -117,43 +115,5 @@ fn answer(world: &World, query: &RayQuery) -> Result<DcdRayHit, Failure> {
             normal: [0.0; 3],
             distance: 0.0,
         },
-    })
-}
-
-/// The nearest of what the regions answer. `dcd` has the same without mask and exclusion.
-pub(crate) fn cast_locally(world: &LocalWorld, ray: &RayQuery) -> Option<RayAnswer> {
-    let mut best: Option<RayAnswer> = None;
-    for region in world.regions() {
-        let reach_m = best.as_ref().map_or(ray.max_m, |hit| hit.distance_m);
-        if let Some(hit) = cast_in_region(region, ray, reach_m)
-            && best.as_ref().is_none_or(|best| (hit.distance_m, hit.body) < (best.distance_m, best.body))
-        {
-            best = Some(hit);
-        }
-    }
-    best
-}
-
-/// Replicas are left to their owners, so that no body answers twice from two slightly different places.
-fn cast_in_region(region: &Region, ray: &RayQuery, reach_m: f32) -> Option<RayAnswer> {
-    let answers = |_: ColliderHandle, collider: &Collider| {
-        let role = collider.parent().and_then(|parent| region.role_of(parent));
-        let groups = collider.collision_groups().memberships.bits();
-        role.is_some_and(|(id, role)| {
-            !matches!(role, Role::Replica { .. }) && ray.exclude != Some(id) && groups & ray.mask != 0
-        })
-    };
-    let filter = QueryFilter::default().predicate(&answers);
-    let anchor = region.anchor();
-    let origin = std::array::from_fn(|i| (ray.origin[i] - anchor[i]) as f32);
-    let rapier_ray = Ray::new(Vector::from_array(origin), Vector::from_array(ray.direction).normalize());
-    let (handle, hit) = region.physics().cast_ray_and_get_normal(&rapier_ray, reach_m, true, filter)?;
-    let (body, _) = region.role_of(region.physics().colliders.get(handle)?.parent()?)?;
-    let at = rapier_ray.point_at(hit.time_of_impact).to_array();
-    Some(RayAnswer {
-        body,
-        point: std::array::from_fn(|i| f64::from(at[i]) + anchor[i]),
-        normal: hit.normal.to_array(),
-        distance_m: hit.time_of_impact,
     })
 }

@@ -3,18 +3,19 @@
 //! Between two steps nothing changes but by the caller's own doing, as in a local world: each step takes a copy of what the
 //! client heard, and sends what was asked of avatars.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use dcd::cluster::BodyView as Heard;
+use dcd::net::PeerStats;
 use dcd::protocol::{BodyKind, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
 use rapier3d::prelude::*;
 
-use crate::backend::{BodyView, RegionView, StateRow};
 use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
+use crate::view::{BodyView, RegionView, StateRow};
 
 /// A client's or participant's world.
 pub(crate) struct Served {
@@ -28,8 +29,8 @@ pub(crate) struct Served {
     wishes: BTreeMap<BodyId, Wish>,
     /// The newest velocity asked of each kinematic avatar, which is heard back some ticks later.
     driven: BTreeMap<BodyId, Velocity>,
-    /// Avatars told to go that are still heard of.
-    leaving: BTreeSet<BodyId>,
+    /// Avatars told to go that are still heard of, with their user data.
+    leaving: BTreeMap<BodyId, u64>,
     /// User data of bodies that went: contacts that end name them.
     departed: BTreeMap<BodyId, u64>,
     events: WorldEvents,
@@ -70,7 +71,7 @@ impl Served {
             awaited: BTreeMap::new(),
             wishes: BTreeMap::new(),
             driven: BTreeMap::new(),
-            leaving: BTreeSet::new(),
+            leaving: BTreeMap::new(),
             departed: BTreeMap::new(),
             events: WorldEvents::default(),
             changes: Vec::new(),
@@ -102,14 +103,17 @@ impl Served {
     pub(crate) fn step(&mut self) -> Result<(), Failure> {
         let start = Instant::now();
         if self.lost.is_none() {
-            self.lost = self.send_wishes().and_then(|()| self.world.check()).err().map(|error| {
-                let Failure { status, message } = error.into();
-                // Whatever ended it, what C must know is that the world goes on without us.
-                (if status == crate::status::DCD_ERR_TIMEOUT { status } else { DCD_ERR_NETWORK }, message)
-            });
+            // Whatever ended it, what C must know is that the world goes on without us.
+            let sent = self.world.check().and_then(|()| self.send_wishes());
+            self.lost = sent.err().map(|error| (DCD_ERR_NETWORK, error.to_string()));
         }
         self.listen();
         self.last_step = start.elapsed();
+        self.check_link()
+    }
+
+    /// Nothing can be asked of a world that is lost.
+    fn check_link(&self) -> Result<(), Failure> {
         match &self.lost {
             None => Ok(()),
             Some((status, message)) => Err(Failure::new(*status, message.clone())),
@@ -124,10 +128,9 @@ impl Served {
         let heard = self.world.take_events();
         self.departed.clear();
         for &id in &heard.disappeared {
-            let user_data = self.user_data(id).unwrap_or(0);
-            self.departed.insert(id, user_data);
+            let user_data = self.leaving.remove(&id).or_else(|| self.user_data(id));
+            self.departed.insert(id, user_data.unwrap_or(0));
             self.driven.remove(&id);
-            self.leaving.remove(&id);
         }
         for id in heard.refusals.iter().filter_map(|(id, _)| *id) {
             self.leaving.remove(&id);
@@ -136,7 +139,7 @@ impl Served {
         bodies.clear();
         self.world.with_bodies(|body| {
             *tick = (*tick).max(body.tick.0);
-            if !leaving.contains(&body.body.id) {
+            if !leaving.contains_key(&body.body.id) {
                 bodies.push(body.clone());
             }
             None::<()>
@@ -196,6 +199,7 @@ impl Served {
             },
             user_data: body.user_data as u64,
         };
+        self.check_link()?;
         let id = self.world.spawn(pose, body, &[collider])?;
         self.awaited.insert(id, awaited);
         Ok(id)
@@ -204,7 +208,7 @@ impl Served {
     pub(crate) fn despawn(&mut self, id: BodyId) -> Result<(), Failure> {
         self.check_own(id, "destroy bodies of others")?;
         self.world.despawn(id)?;
-        self.leaving.insert(id);
+        self.leaving.insert(id, self.user_data(id).unwrap_or(0));
         self.awaited.remove(&id);
         self.wishes.remove(&id);
         self.driven.remove(&id);
@@ -234,7 +238,7 @@ impl Served {
 
     fn check_own(&self, id: BodyId, what: &str) -> Result<(), Failure> {
         if id.client() == Some(self.world.id()) {
-            return Ok(());
+            return self.check_link();
         }
         Err(self.unsupported(what, "it has its own avatars (dcd_own_avatars) to meet them with"))
     }
@@ -337,6 +341,10 @@ impl Served {
 
     pub(crate) fn updates(&self) -> u64 {
         self.world.updates()
+    }
+
+    pub(crate) fn traffic(&self) -> PeerStats {
+        self.world.traffic()
     }
 
     pub(crate) fn stats(&self) -> Stats {

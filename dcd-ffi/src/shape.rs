@@ -1,5 +1,6 @@
 //! Shapes: made once, used by any number of bodies.
 
+use dcd::physics::ShapeLibrary;
 use rapier3d::parry::utils::Array2;
 use rapier3d::prelude::{SharedShape, Vector};
 
@@ -23,11 +24,19 @@ pub struct DcdShapeId {
 pub const DCD_MIN_SIZE: f32 = 1.0e-4;
 
 fn add(world: DcdWorld, shape: SharedShape, out: Out<DcdShapeId>) -> Result<(), Failure> {
+    let shape = checked(&shape)?;
     with(world, |world| {
         let slot = world.shapes.insert(shape);
         out.write(world.mark.shape(slot));
         Ok(())
     })
+}
+
+/// The shape as a world will hold it, or why none can; better said here than when a body is made with it.
+fn checked(shape: &SharedShape) -> Result<SharedShape, Failure> {
+    let mut library = ShapeLibrary::default();
+    let name = library.intern(shape)?;
+    Ok(library.shape(name)?)
 }
 
 /// The shape behind a handle.
@@ -43,12 +52,6 @@ fn check_sizes(sizes: &[(f32, &str)]) -> Result<(), Failure> {
             "{name} is {size}; give metres from DCD_MIN_SIZE ({DCD_MIN_SIZE}) to DCD_MAX_NUMBER ({DCD_MAX_NUMBER})"
         ))),
     }
-}
-
-/// Whether a hull is more than a sheet; Parry makes flat ones too, which would have no mass.
-fn has_volume(hull: &SharedShape) -> bool {
-    let size = hull.compute_local_aabb().extents();
-    hull.mass_properties(1.0).mass() > 1e-6 * size.max_element().powi(3)
 }
 
 /// # Safety
@@ -152,12 +155,13 @@ pub unsafe extern "C" fn dcd_shape_hull(
         let refused =
             || Failure::argument("the points span no volume; give at least 4 that are not in a plane");
         let hull = if points.len() < 4 { None } else { SharedShape::convex_hull(&points) };
-        add(world, hull.filter(has_volume).ok_or_else(refused)?, out)
+        add(world, hull.ok_or_else(refused)?, out)
     })
 }
 
 /// Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
-/// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no mass: use it for fixed bodies.
+/// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no
+/// mass: use it for fixed bodies.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
 /// an area, or an index past the vertices.

@@ -47,6 +47,12 @@ pub struct DcdStats {
     pub quarantined: u64,
     /// Messages with states of bodies received, ever; 0 in a local world.
     pub updates: u64,
+    /// Bytes received, without those of QUIC itself; 0 in a local world, as the next two. A tenth of a second old.
+    pub bytes_in: u64,
+    /// Bytes sent.
+    pub bytes_out: u64,
+    /// Time to the slowest peer and back, seconds.
+    pub rtt: f64,
     /// Wall time of the last step, seconds; of taking in what had come, in a served world.
     pub last_step: f64,
 }
@@ -101,7 +107,7 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
-            let stats = world.backend.stats();
+            let (stats, traffic) = (world.backend.stats(), world.backend.traffic());
             out.write(DcdStats {
                 struct_size: size_of::<DcdStats>() as u32,
                 regions: world.backend.region_count() as u32,
@@ -111,6 +117,9 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
                 transfers: stats.transfers,
                 quarantined: stats.quarantined as u64,
                 updates: world.backend.updates(),
+                bytes_in: traffic.bytes_in,
+                bytes_out: traffic.bytes_out,
+                rtt: traffic.rtt.as_secs_f64(),
                 last_step: stats.last_step.as_secs_f64(),
             });
             Ok(())
@@ -162,7 +171,7 @@ pub unsafe extern "C" fn dcd_state_hash(world: DcdWorld, out: *mut u64) -> DcdSt
 }
 
 fn describe(backend: &Backend) -> String {
-    let stats = backend.stats();
+    let (stats, traffic) = (backend.stats(), backend.traffic());
     let mut text = String::new();
     let rows = [
         ("ticks", stats.ticks),
@@ -172,11 +181,14 @@ fn describe(backend: &Backend) -> String {
         ("transfers", stats.transfers),
         ("quarantined", stats.quarantined as u64),
         ("updates", backend.updates()),
+        ("bytes in", traffic.bytes_in),
+        ("bytes out", traffic.bytes_out),
     ];
     for (name, value) in rows {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{name:<12} {value}");
     }
+    let _ = writeln!(text, "{:<12} {:.3} ms", "round trip", traffic.rtt.as_secs_f64() * 1e3);
     let _ = writeln!(text, "{:<12} {:.3} ms", "last step", stats.last_step.as_secs_f64() * 1e3);
     text
 }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
 
 use dcd::net::NetError;
-use dcd::physics::HostError;
+use dcd::physics::{HostError, ShapeError};
 use dcd::runtime::{ProcessError, WorldError};
 use dcd::scene::SceneError;
 
@@ -62,7 +62,10 @@ impl From<WorldError> for Failure {
         let status = match &error {
             WorldError::NoBody(_) | WorldError::NoJoint(_) => DCD_ERR_STALE_ID,
             WorldError::Full | WorldError::Host(HostError::Threads { .. }) => DCD_ERR_LIMIT,
-            WorldError::Tree(_) | WorldError::Host(_) | WorldError::Setting { .. } => DCD_ERR_ARGUMENT,
+            WorldError::Tree(_)
+            | WorldError::Host(_)
+            | WorldError::Setting { .. }
+            | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,
         };
         Self::new(status, error.to_string())
     }
@@ -92,6 +95,12 @@ impl From<ProcessError> for Failure {
             | ProcessError::Stopped => DCD_ERR_NETWORK,
         };
         Self::new(status, error.to_string())
+    }
+}
+
+impl From<ShapeError> for Failure {
+    fn from(error: ShapeError) -> Self {
+        Self::argument(error.to_string())
     }
 }
 

@@ -70,7 +70,7 @@ fn layouts() -> Vec<Layout> {
         DcdRay { origin, direction, max_distance, exclude, mask, reserved }
         DcdRayHit { body, user_data, point, normal, distance }
         DcdRegionInfo { region, bodies, replicas, reserved, min, max }
-        DcdStats { struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, last_step }
+        DcdStats { struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out, rtt, last_step }
     }
 }
 
@@ -110,7 +110,7 @@ const MACROS: &str = "
 #define DCD_EVENT_VIEW_INIT \\
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_STATS_INIT \\
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0.0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)

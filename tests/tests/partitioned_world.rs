@@ -1,5 +1,6 @@
 //! A partitioned world through its public API: what is true of one Rapier world stays true of many.
 
+use dcd::physics::RayFilter;
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
 use dcd::space::{Axis, BodyId, Bounds};
@@ -332,14 +333,75 @@ fn rays_find_the_nearest_body_of_any_region_and_no_replica() {
     let near = insert_ball(&mut world, 0.4, 0.5, 0.0);
     let far = insert_ball(&mut world, 6.0, 0.5, 0.0);
     world.step().unwrap();
-    let hit = world.cast_ray([-10.0, 0.5, 0.0], [2.0, 0.0, 0.0], 100.0).unwrap();
+    let all = RayFilter::default();
+    let hit = world.cast_ray([-10.0, 0.5, 0.0], [2.0, 0.0, 0.0], 100.0, &all).unwrap();
     assert_eq!(hit.body, near);
     assert!((hit.distance_m - 9.9).abs() < 1e-2 && hit.normal[0] < -0.99, "{hit:?}");
     world.remove(near).unwrap();
     world.step().unwrap();
-    assert_eq!(world.cast_ray([-10.0, 0.5, 0.0], [1.0, 0.0, 0.0], 100.0).unwrap().body, far);
-    assert_eq!(world.cast_ray([-10.0, 0.5, 0.0], [1.0, 0.0, 0.0], 5.0), None);
-    assert_eq!(world.cast_ray([0.0, 0.5, 0.0], [0.0, 0.0, 0.0], 5.0), None);
+    assert_eq!(world.cast_ray([-10.0, 0.5, 0.0], [1.0, 0.0, 0.0], 100.0, &all).unwrap().body, far);
+    assert_eq!(world.cast_ray([-10.0, 0.5, 0.0], [1.0, 0.0, 0.0], 5.0, &all), None);
+    assert_eq!(world.cast_ray([0.0, 0.5, 0.0], [0.0, 0.0, 0.0], 5.0, &all), None);
+}
+
+#[test]
+fn rays_overlook_what_their_filter_names() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut insert = |x: f32, collider: ColliderBuilder| {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.0, 0.0));
+        world.insert(body, collider).unwrap()
+    };
+    let sensor = insert(-6.0, ColliderBuilder::ball(0.5).sensor(true));
+    let groups = InteractionGroups::new(Group::GROUP_2, Group::ALL, InteractionTestMode::And);
+    let other_group = insert(-4.0, ColliderBuilder::ball(0.5).collision_groups(groups));
+    let first = insert(2.0, ColliderBuilder::ball(0.5));
+    let second = insert(4.0, ColliderBuilder::ball(0.5));
+    world.step().unwrap();
+    let seen = |filter: RayFilter<'_>| world.cast_ray([-10.0, 0.0, 0.0], [1.0, 0.0, 0.0], 100.0, &filter);
+    let body = |filter| seen(filter).map(|hit| hit.body);
+    assert_eq!(body(RayFilter::default()), Some(sensor));
+    assert_eq!(body(RayFilter { sensors: false, ..RayFilter::default() }), Some(other_group));
+    let group_1 = RayFilter { groups: Group::GROUP_1, sensors: false, ..RayFilter::default() };
+    assert_eq!(body(group_1), Some(first));
+    let both = [first, second];
+    assert_eq!(body(RayFilter { exclude: &both[..1], ..group_1 }), Some(second));
+    assert_eq!(body(RayFilter { exclude: &both, ..group_1 }), None);
+}
+
+#[test]
+fn a_changed_collider_is_changed_in_every_region_and_stays_so() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let ball = insert_ball(&mut world, -2.0, 0.0, 2.0);
+    let wall = insert_floor(&mut world);
+    for body in [ball, wall] {
+        world.update_collider(body, 0, |collider| collider.set_friction(0.125)).unwrap();
+        world
+            .update_collider(body, 0, |collider| collider.set_active_events(ActiveEvents::COLLISION_EVENTS))
+            .unwrap();
+    }
+    world.update(wall, |body| body.user_data = 77).unwrap();
+    let mut handovers = Vec::new();
+    for _ in 0..120 {
+        world.step().unwrap();
+        handovers.extend_from_slice(world.handovers());
+    }
+    let [handover] = handovers[..] else { panic!("{handovers:?}") };
+    assert_eq!((handover.body, Some(handover.to)), (ball, world.owner_of(ball)));
+    assert_ne!(handover.from, handover.to);
+    for id in [ball, wall] {
+        let record = world.host().record(id).unwrap();
+        assert_eq!(record.traits.colliders[0].friction, 0.125);
+        for region in world.regions() {
+            let Some(handle) = region.handle_of(id) else { continue };
+            let physics = region.physics();
+            let collider = &physics.colliders[physics.bodies[handle].colliders()[0]];
+            assert_eq!(collider.friction(), 0.125);
+            assert_eq!(collider.active_events(), ActiveEvents::COLLISION_EVENTS);
+        }
+    }
+    assert_eq!(world.host().record(wall).unwrap().traits.user_data, 77);
+    let missing = world.update_collider(ball, 1, |_| ());
+    assert!(matches!(missing, Err(WorldError::NoCollider { index: 1, count: 1, .. })), "{missing:?}");
 }
 
 #[test]

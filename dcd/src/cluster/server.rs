@@ -261,6 +261,8 @@ impl Server {
         // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
         self.bring_back(client);
         self.send_client(client, ToClient::Welcome { id: client, world: self.config.world.clone() });
+        // Before its world is written, so that the client finds its avatars in it.
+        self.bring_back(client);
         let mut parts = self.record.shape_chunks(&mut BTreeSet::new());
         // Those that are still on their way out stand where they were until they are back.
         let returning = self.record.avatars(client).into_iter().filter_map(|(id, life)| {

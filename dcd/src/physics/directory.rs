@@ -4,7 +4,18 @@ use std::collections::BTreeMap;
 
 use rapier3d::prelude::RigidBodyHandle;
 
-use crate::space::BodyId;
+use crate::space::{BodyId, RegionId};
+
+/// A body changed owner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Handover {
+    /// Which body.
+    pub body: BodyId,
+    /// The region that owned it.
+    pub from: RegionId,
+    /// The region that owns it now.
+    pub to: RegionId,
+}
 
 /// Rank of the region and Rapier's handle there.
 #[derive(Clone, Copy, Debug, PartialEq)]

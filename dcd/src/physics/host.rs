@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::assembly::Groups;
 use super::coupling::{Coupling, Ground};
-use super::directory::{Directory, Home};
+use super::directory::{Directory, Handover, Home};
 use super::partition::Partition;
 use super::region::{Region, Role};
 use super::shapes::{ShapeError, ShapeLibrary};
@@ -94,6 +94,8 @@ pub struct RegionHost {
     incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
     tick: Tick,
     transfers: u64,
+    /// Of the last step, and of insertions since.
+    handovers: Vec<Handover>,
 }
 
 impl RegionHost {
@@ -128,6 +130,7 @@ impl RegionHost {
             incoming: BTreeMap::new(),
             tick: Tick(0),
             transfers: 0,
+            handovers: Vec::new(),
         };
         for &region in hosted {
             host.add_region(region);
@@ -293,10 +296,36 @@ impl RegionHost {
         let mut result = None;
         for region in &mut self.regions {
             let Some(handle) = region.handle_of(id) else { continue };
-            let owner = region.slot(handle).role == Role::Owner;
+            let role = region.slot(handle).role;
             let returned = change(&mut region.world_mut().bodies[handle]);
             region.refresh(handle);
-            if owner || result.is_none() {
+            if role == Role::Immovable {
+                self.statics.set_traits(id, &region.slot(handle).traits);
+            }
+            if role == Role::Owner || result.is_none() {
+                result = Some(returned);
+            }
+        }
+        result
+    }
+
+    /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.
+    /// Returns what [`RegionHost::update`] would. Shape, position and mass must stay as they are.
+    pub fn update_collider<R>(
+        &mut self,
+        id: BodyId,
+        index: usize,
+        mut change: impl FnMut(&mut Collider) -> R,
+    ) -> Option<R> {
+        let mut result = None;
+        for region in &mut self.regions {
+            let Some(handle) = region.handle_of(id) else { continue };
+            let role = region.slot(handle).role;
+            let returned = region.update_collider(handle, index, &mut change)?;
+            if role == Role::Immovable {
+                self.statics.set_traits(id, &region.slot(handle).traits);
+            }
+            if role == Role::Owner || result.is_none() {
                 result = Some(returned);
             }
         }
@@ -418,10 +447,13 @@ impl RegionHost {
             self.partition.len(),
             "a node's exchange needs its neighbours' messages"
         );
+        self.handovers.clear();
         for _ in 0..self.settings.exchanges {
             self.compute();
             self.exchange()?;
         }
+        // Stable: a body that went twice has its ways in order.
+        self.handovers.sort_by_key(|handover| handover.body);
         self.end_tick();
         Ok(())
     }
@@ -472,6 +504,11 @@ impl RegionHost {
     /// Bodies that changed owner since the host was made, counted by the new owner.
     pub fn transfers(&self) -> u64 {
         self.transfers
+    }
+
+    /// Bodies that regions here gave to others in the last [`RegionHost::step`], in id order.
+    pub fn handovers(&self) -> &[Handover] {
+        &self.handovers
     }
 
     /// The owner's copy of a movable body, if its region is computed here.
@@ -556,6 +593,7 @@ impl RegionHost {
         for message in self.regions.iter().flat_map(|region| &region.outbox) {
             for transfer in &message.transfers {
                 self.directory.remove(transfer.body.id);
+                self.handovers.push(Handover { body: transfer.body.id, from: message.from, to: message.to });
             }
         }
         for region in &self.regions {

@@ -16,10 +16,11 @@ mod statics;
 mod watch;
 
 pub use coupling::Coupling;
+pub use directory::Handover;
 pub use host::{HostError, RegionHost, StepSettings};
 pub use joints::joint_record;
 pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;
-pub use query::RayHit;
+pub use query::{RayFilter, RayHit};
 pub use region::{Region, Role};
 pub use shapes::{ShapeError, ShapeLibrary};

@@ -20,9 +20,32 @@ pub struct RayHit {
     pub distance_m: f64,
 }
 
+/// What a ray looks for; the default meets everything.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayFilter<'a> {
+    /// Meets colliders that belong to any of these groups.
+    pub groups: Group,
+    /// Passes through these bodies, as through the one that looks.
+    pub exclude: &'a [BodyId],
+    /// Whether it meets sensors too.
+    pub sensors: bool,
+}
+
+impl Default for RayFilter<'_> {
+    fn default() -> Self {
+        Self { groups: Group::ALL, exclude: &[], sensors: true }
+    }
+}
+
 impl RegionHost {
-    /// The first body computed here that a ray meets.
-    pub fn cast_ray(&self, origin: [f64; 3], direction: [f32; 3], max_m: f32) -> Option<RayHit> {
+    /// The first body computed here that a ray meets and does not overlook.
+    pub fn cast_ray(
+        &self,
+        origin: [f64; 3],
+        direction: [f32; 3],
+        max_m: f32,
+        filter: &RayFilter<'_>,
+    ) -> Option<RayHit> {
         let direction = convert::vector(direction);
         if !(direction.length() > 0.0 && direction.is_finite() && origin.iter().all(|v| v.is_finite())) {
             return None;
@@ -31,7 +54,7 @@ impl RegionHost {
         let mut best: Option<RayHit> = None;
         for region in self.regions() {
             let reach_m = best.map_or(f64::from(max_m), |hit| hit.distance_m);
-            let hit = cast_in_region(region, origin, direction, reach_m);
+            let hit = cast_in_region(region, origin, direction, reach_m, filter);
             if let Some(hit) = hit
                 && best.is_none_or(|best| (hit.distance_m, hit.body) < (best.distance_m, best.body))
             {
@@ -43,10 +66,18 @@ impl RegionHost {
 }
 
 /// Replicas are left to their owners, so that no body answers twice from two slightly different places.
-fn cast_in_region(region: &Region, origin: [f64; 3], direction: Vector, max_m: f64) -> Option<RayHit> {
+fn cast_in_region(
+    region: &Region,
+    origin: [f64; 3],
+    direction: Vector,
+    max_m: f64,
+    filter: &RayFilter<'_>,
+) -> Option<RayHit> {
     let answers = |_: ColliderHandle, collider: &Collider| {
         let role = collider.parent().and_then(|parent| region.role_of(parent));
-        role.is_some_and(|(_, role)| !matches!(role, Role::Replica { .. }))
+        role.is_some_and(|(id, role)| !matches!(role, Role::Replica { .. }) && !filter.exclude.contains(&id))
+            && collider.collision_groups().memberships.intersects(filter.groups)
+            && (filter.sensors || !collider.is_sensor())
     };
     let filter = QueryFilter::default().predicate(&answers);
     let ray = Ray::new(convert::region_point(region.anchor(), origin), direction);

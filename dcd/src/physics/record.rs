@@ -192,6 +192,28 @@ fn collider_record(
     })
 }
 
+/// The record of a collider whose user changed it in place; its shape, position and mass are as they were.
+pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider) -> ColliderRecord {
+    ColliderRecord {
+        shape: record.shape,
+        pose: record.pose,
+        mass: record.mass,
+        friction: collider.friction(),
+        friction_rule: combine_rule(collider.friction_combine_rule()),
+        restitution: collider.restitution(),
+        restitution_rule: combine_rule(collider.restitution_combine_rule()),
+        sensor: collider.is_sensor(),
+        enabled: collider.is_enabled(),
+        collision_groups: groups(collider.collision_groups()),
+        solver_groups: groups(collider.solver_groups()),
+        collision_types: collider.active_collision_types().bits(),
+        events: collider.active_events().bits(),
+        force_event_threshold_n: collider.contact_force_event_threshold(),
+        contact_skin_m: collider.contact_skin(),
+        user_data: collider.user_data,
+    }
+}
+
 fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Collider, ShapeError> {
     let builder = ColliderBuilder::new(shapes.shape(record.shape)?)
         .position(convert::pose(record.pose))

@@ -402,6 +402,27 @@ impl Region {
         }
     }
 
+    /// Changes one collider of a body, and its record with it. `None` if the body has no such collider.
+    pub(super) fn update_collider<R>(
+        &mut self,
+        handle: RigidBodyHandle,
+        index: usize,
+        change: impl FnOnce(&mut Collider) -> R,
+    ) -> Option<R> {
+        let collider = *self.world.bodies[handle].colliders().get(index)?;
+        let collider = &mut self.world.colliders[collider];
+        let result = change(collider);
+        let slot = self.slots[handle.into_raw_parts().0 as usize].as_mut()?;
+        let new = record::renewed(&slot.traits.colliders[index], collider);
+        if new != slot.traits.colliders[index] {
+            Arc::make_mut(&mut slot.traits).colliders[index] = new;
+        }
+        // Its skin may reach farther than before.
+        slot.reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
+        self.due[handle.into_raw_parts().0 as usize] = 0;
+        Some(result)
+    }
+
     /// Whether immovable bodies that touch this box are held here already; if not, from now on they must be: returns the
     /// box to look for them in.
     pub(super) fn widen_cover(&mut self, bounds: &Bounds) -> Option<Bounds> {

@@ -28,6 +28,9 @@ pub enum ShapeError {
     /// A number is NaN or infinite, or a size is not positive.
     #[error("a {0} has a size that is not a positive finite number")]
     Size(&'static str),
+    /// A triangle without area, or a hull in a plane: it has no normal, or no mass.
+    #[error("a {0} is flat: give it an area if it is a triangle, a volume if it is a hull")]
+    Flat(&'static str),
     /// A record refers to a shape that is not here.
     #[error("shape {0} is not known here; it must be sent before the bodies that use it")]
     Unknown(ShapeHash),
@@ -96,7 +99,11 @@ impl ShapeLibrary {
                 ShapeRecord::ConvexPolyhedron(points(&vertices), triangles)
             }
             TypedShape::TriMesh(s) => {
-                ShapeRecord::TriMesh(points(s.vertices()), s.indices().to_vec(), s.flags().bits())
+                let vertices = points(s.vertices());
+                // Triangles without area carry nothing, and Parry stops at them in a step.
+                let mut triangles = s.indices().to_vec();
+                triangles.retain(|triangle| has_area(triangle.map(|i| vertices[i as usize])));
+                ShapeRecord::TriMesh(vertices, triangles, s.flags().bits())
             }
             TypedShape::Polyline(s) => ShapeRecord::Polyline(points(s.vertices()), s.indices().to_vec()),
             TypedShape::HeightField(s) => {
@@ -152,10 +159,14 @@ impl ShapeLibrary {
             ShapeRecord::Triangle([a, b, c]) => SharedShape::triangle(v(*a), v(*b), v(*c)),
             ShapeRecord::HalfSpace(normal) => SharedShape::halfspace(v(*normal)),
             ShapeRecord::ConvexPolyhedron(vertices, triangles) => {
-                SharedShape::convex_mesh(vectors(vertices), triangles).ok_or_else(|| ShapeError::Broken {
-                    what: "convex polyhedron",
-                    cause: "its triangles do not close a convex surface".into(),
-                })?
+                let hull = SharedShape::convex_mesh(vectors(vertices), triangles).ok_or_else(|| {
+                    let cause = "its triangles do not close a convex surface".into();
+                    ShapeError::Broken { what: "convex polyhedron", cause }
+                })?;
+                if !has_volume(&hull) {
+                    return Err(ShapeError::Flat("convex polyhedron"));
+                }
+                hull
             }
             ShapeRecord::TriMesh(vertices, triangles, flags) => {
                 let flags = TriMeshFlags::from_bits_truncate(*flags);
@@ -209,17 +220,21 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
         ShapeRecord::Cylinder(h, r) => positive("cylinder", &[*h, *r]),
         ShapeRecord::Cone(h, r) => positive("cone", &[*h, *r]),
         ShapeRecord::Segment(points) => finite("segment", points),
-        ShapeRecord::Triangle(points) => finite("triangle", points),
+        ShapeRecord::Triangle(points) => {
+            finite("triangle", points)?;
+            if has_area(*points) { Ok(()) } else { Err(ShapeError::Flat("triangle")) }
+        }
         ShapeRecord::HalfSpace(normal) => finite("half-space", &[*normal]),
         ShapeRecord::ConvexPolyhedron(vertices, triangles) => finite("convex polyhedron", vertices).and(
             indexed("convex polyhedron", vertices.len(), triangles.as_flattened().iter(), triangles.len()),
         ),
-        ShapeRecord::TriMesh(vertices, triangles, _) => finite("triangle mesh", vertices).and(indexed(
-            "triangle mesh",
-            vertices.len(),
-            triangles.as_flattened().iter(),
-            triangles.len(),
-        )),
+        ShapeRecord::TriMesh(vertices, triangles, _) => {
+            finite("triangle mesh", vertices)?;
+            let indices = triangles.as_flattened().iter();
+            indexed("triangle mesh", vertices.len(), indices, triangles.len())?;
+            let flat = |triangle: &[u32; 3]| !has_area(triangle.map(|i| vertices[i as usize]));
+            if triangles.iter().any(flat) { Err(ShapeError::Flat("triangle mesh")) } else { Ok(()) }
+        }
         ShapeRecord::Polyline(vertices, edges) => finite("polyline", vertices).and(indexed(
             "polyline",
             vertices.len(),
@@ -250,6 +265,20 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
             }
         }
     }
+}
+
+/// Whether a triangle has a normal. One whose height is below the rounding of its longest edge has none to speak of.
+fn has_area(points: [[f32; 3]; 3]) -> bool {
+    let [a, b, c] = points.map(convert::vector);
+    let normal = (b - a).cross(c - a);
+    let longest2 = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    normal.length() > 1e-6 * longest2 && normal.try_normalize().is_some()
+}
+
+/// Whether a hull is more than a sheet; Parry makes flat ones too, which have no mass.
+fn has_volume(hull: &SharedShape) -> bool {
+    let size = hull.compute_local_aabb().extents();
+    hull.mass_properties(1.0).mass() > 1e-6 * size.max_element().powi(3)
 }
 
 #[cfg(test)]
@@ -307,6 +336,31 @@ mod tests {
         assert_eq!(a, b);
         assert_ne!(a, c);
         assert_eq!(library.records().len(), 2);
+    }
+
+    #[test]
+    fn triangles_without_area_are_dropped_from_meshes_of_users_and_refused_from_peers() {
+        let corners = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [2., 0., 0.]];
+        let (good, flat) = ([0, 1, 2], [0, 1, 3]);
+        let mut library = ShapeLibrary::default();
+        let mesh = SharedShape::trimesh(corners.map(convert::vector).to_vec(), vec![good, flat]).unwrap();
+        let hash = library.intern(&mesh).unwrap();
+        assert_eq!(library.shape(hash).unwrap().as_trimesh().unwrap().indices(), [good]);
+        let only_flat = SharedShape::trimesh(corners.map(convert::vector).to_vec(), vec![flat]).unwrap();
+        assert!(library.intern(&only_flat).is_err());
+        let record = ShapeRecord::TriMesh(corners.to_vec(), vec![good, flat], 0);
+        assert_eq!(library.add(record), Err(ShapeError::Flat("triangle mesh")));
+        let triangle = ShapeRecord::Triangle([corners[0], corners[1], corners[3]]);
+        assert_eq!(library.add(triangle), Err(ShapeError::Flat("triangle")));
+    }
+
+    #[test]
+    fn hulls_without_volume_are_refused() {
+        let corners = [[0., 0., 0.], [1., 0., 0.], [0., 0., 1.], [1., 0., 1.]];
+        let sheet = SharedShape::convex_hull(&corners.map(convert::vector));
+        let mut library = ShapeLibrary::default();
+        assert!(sheet.is_none_or(|sheet| library.intern(&sheet).is_err()));
+        assert!(library.records().is_empty());
     }
 
     #[test]

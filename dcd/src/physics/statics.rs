@@ -1,11 +1,13 @@
 //! Immovable geometry: known to the whole process, held by each region that it touches (thesis 3.3.4).
 
+use std::sync::Arc;
+
 use rapier3d::prelude::RigidBodyHandle;
 
 use super::record;
 use super::region::{Region, Role};
 use super::shapes::{ShapeError, ShapeLibrary};
-use crate::protocol::{BodyRecord, JointRecord};
+use crate::protocol::{BodyRecord, BodyTraits, JointRecord};
 use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Every immovable body of the world, in id order.
@@ -32,6 +34,13 @@ impl Statics {
     /// An immovable body by name.
     pub(super) fn body(&self, id: BodyId) -> Option<&BodyRecord> {
         self.place(id).map(|place| &self.bodies[place].0)
+    }
+
+    /// A user changed a body in place: regions that come to hold it later must have it so too.
+    pub(super) fn set_traits(&mut self, id: BodyId, traits: &Arc<BodyTraits>) {
+        if let Some(place) = self.place(id) {
+            self.bodies[place].0.traits = traits.clone();
+        }
     }
 
     /// All of them, in id order.

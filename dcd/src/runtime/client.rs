@@ -9,7 +9,7 @@ use std::net::SocketAddr;
 
 use super::{Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, ClientEvent};
-use crate::net::{Identity, Role, Token, join};
+use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{ContactForce, EnvironmentProperties, Refusal, Touch, Velocity, WorldPose};
 use crate::space::{BodyId, ClientId, NodeId, Tick};
@@ -101,9 +101,8 @@ impl ClientWorld {
         if !member.shared.wait(left, joined) {
             return Err(ProcessError::Timeout { server: config.server, waited: config.timeout });
         }
-        let mut world = Self { member, client, next_avatar: 0, shapes: ShapeLibrary::default() };
+        let world = Self { member, client, next_avatar: 0, shapes: ShapeLibrary::default() };
         world.check()?;
-        world.next_avatar = world.own_avatars().last().map_or(0, |id| id.index() + 1);
         Ok(world)
     }
 
@@ -142,6 +141,9 @@ impl ClientWorld {
         body: &RigidBodyBuilder,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyId, ProcessError> {
+        // Avatars that an earlier stay left behind return some time after joining.
+        let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
+        self.next_avatar = self.next_avatar.max(after);
         let id = BodyId::avatar(self.client, self.next_avatar);
         let body = self.shapes.describe(id, pose, body, colliders)?;
         self.member.wish(ClientEvent::Spawn { body, shapes: self.shapes.records() })?;
@@ -199,6 +201,11 @@ impl ClientWorld {
     /// State messages received so far.
     pub fn updates(&self) -> u64 {
         self.member.shared.lock().updates
+    }
+
+    /// What has passed over all links, as of a tenth of a second ago; its round trip is that of the slowest.
+    pub fn traffic(&self) -> PeerStats {
+        self.member.shared.lock().traffic
     }
 
     /// Waits until another state message has come; says whether one came in time.

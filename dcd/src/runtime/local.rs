@@ -4,7 +4,9 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 
-use crate::physics::{Coupling, HostError, Partition, RayHit, Region, RegionHost, Role, StepSettings};
+use crate::physics::{
+    Coupling, Handover, HostError, Partition, RayFilter, RayHit, Region, RegionHost, Role, StepSettings,
+};
 use crate::protocol::{ContactLedger, StateHasher, Velocity, WorldEvents, WorldPose};
 use crate::scene::Scene;
 use crate::space::{Axis, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
@@ -98,6 +100,16 @@ pub enum WorldError {
     /// No such body.
     #[error("{0} is not in the world: it was removed, or its id belongs to another world")]
     NoBody(BodyId),
+    /// No such collider.
+    #[error("{body} has {count} colliders, there is none of index {index}; count from 0")]
+    NoCollider {
+        /// Which body.
+        body: BodyId,
+        /// The index asked for.
+        index: usize,
+        /// How many it has.
+        count: usize,
+    },
     /// No such joint.
     #[error("{0} is not in the world: it was removed, or one of its bodies was")]
     NoJoint(JointId),
@@ -335,6 +347,27 @@ impl DcdWorld {
         self.host.update(body, change).ok_or(WorldError::NoBody(body))
     }
 
+    /// Changes a collider of a body in place, in every copy: what it touches and how, what it reports. `index` counts the
+    /// body's colliders in order of insertion. Shape, position and mass must stay; remove and insert the body for these.
+    ///
+    /// ```
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
+    /// world.update_collider(ball, 0, |collider| collider.set_active_events(ActiveEvents::COLLISION_EVENTS))?;
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn update_collider<R>(
+        &mut self,
+        body: BodyId,
+        index: usize,
+        change: impl FnMut(&mut Collider) -> R,
+    ) -> Result<R, WorldError> {
+        let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
+        self.host.update_collider(body, index, change).ok_or(WorldError::NoCollider { body, index, count })
+    }
+
     /// Puts a body elsewhere at once.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
         if self.host.teleport(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
@@ -361,11 +394,22 @@ impl DcdWorld {
         &self.events
     }
 
-    /// The first body that a ray meets. `direction` need not be a unit vector; `max_m` is in metres.
+    /// Bodies that changed owner in the last step, in id order.
+    pub fn handovers(&self) -> &[Handover] {
+        self.host.handovers()
+    }
+
+    /// The first body that a ray meets and `filter` lets it see. `direction` need not be a unit vector; `max_m` is in metres.
     ///
     /// Rays are followed in f32 within each region, from the point where they enter its reach.
-    pub fn cast_ray(&self, origin: [f64; 3], direction: [f32; 3], max_m: f32) -> Option<RayHit> {
-        self.host.cast_ray(origin, direction, max_m)
+    pub fn cast_ray(
+        &self,
+        origin: [f64; 3],
+        direction: [f32; 3],
+        max_m: f32,
+        filter: &RayFilter<'_>,
+    ) -> Option<RayHit> {
+        self.host.cast_ray(origin, direction, max_m, filter)
     }
 
     /// Every movable body in id order: id, owner, pose, velocity.

@@ -15,7 +15,7 @@ use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand,
     PhysicsEvent,
 };
-use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents};
+use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
 use crate::protocol::{Message, Refusal};
 use crate::space::{BodyId, NodeId, Tick};
 
@@ -25,6 +25,8 @@ const RETRY: Duration = Duration::from_millis(2);
 const QUEUE: usize = 4_096;
 /// A server that lives takes over within a second; a node does not stay longer for one that does not.
 const RELEASE: Duration = Duration::from_secs(5);
+/// How often the network's counters are read for the user.
+const COUNT: Duration = Duration::from_millis(100);
 /// Tick times kept for the summary: four hours at 60 a second.
 const TIMES: usize = 1 << 20;
 
@@ -107,6 +109,7 @@ pub(super) struct State {
     pub appeared: Vec<BodyId>,
     pub disappeared: Vec<BodyId>,
     pub updates: u64,
+    pub traffic: PeerStats,
     pub summary: NodeSummary,
     pub end: Option<Result<(), ProcessError>>,
 }
@@ -162,6 +165,7 @@ impl Member {
             appeared: Vec::new(),
             disappeared: Vec::new(),
             updates: 0,
+            traffic: PeerStats::default(),
             summary,
             end: None,
         };
@@ -178,6 +182,7 @@ impl Member {
             device: PhysicsDevice::new(config.threads),
             shared: shared.clone(),
             release_by: None,
+            count_at: Duration::ZERO,
             end: None,
         };
         let thread = std::thread::Builder::new()
@@ -292,6 +297,8 @@ struct Loop {
     shared: Arc<Shared>,
     /// When the user's wish to go is carried out without the server.
     release_by: Option<Duration>,
+    /// When the network's counters are read next.
+    count_at: Duration,
     end: Option<Result<(), ProcessError>>,
 }
 
@@ -316,6 +323,10 @@ impl Loop {
                 node.handle_timeout(now);
             }
             self.pump();
+            if self.count_at <= now {
+                self.count_at = now + COUNT;
+                self.shared.lock().traffic = self.links.totals().traffic;
+            }
             if self.end.is_none() && self.release_by.is_some_and(|by| by <= now) {
                 self.end = Some(Err(ProcessError::NotReleased { server: self.server, waited: RELEASE }));
             }

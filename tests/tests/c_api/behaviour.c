@@ -287,6 +287,43 @@ static void a_transfer_is_told_once(void)
     OK(dcd_world_destroy(world));
 }
 
+/* What DcdBodyDef says can be changed later, of the bodies of scenes too. */
+static void surfaces_can_be_changed(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyId ground = add_floor(world);
+    DcdBodyDef def = crate(world, -10.0, 0.5);
+    def.velocity.linear[0] = 5.0f;
+    DcdBodyId slides = add(world, def);
+    def.pose.p[0] = 10.0;
+    DcdBodyId stops = add(world, def);
+    def.velocity.linear[0] = 0.0f;
+    def.pose.p[2] = 10.0;
+    DcdBodyId falls = add(world, def);
+    OK(dcd_body_set_material(world, ground, 0, 0.0f, 0.0f));
+    OK(dcd_body_set_material(world, slides, DCD_ALL_PARTS, 0.0f, 0.0f));
+    OK(dcd_body_set_material(world, stops, DCD_ALL_PARTS, 1.0f, 0.0f));
+    OK(dcd_body_set_groups(world, falls, 0, 1, 0));
+    steps(world, 120);
+    NEAR(velocity_of(world, slides).linear[0], 5.0, 0.01);
+    NEAR(velocity_of(world, stops).linear[0], 0.0, 0.01);
+    HOLDS(pose_of(world, falls).p[1] < -10.0);
+    OK(dcd_world_destroy(world));
+
+    OK(dcd_world_open_scene("tower", NULL, 0, NULL, &world));
+    DcdBodyId box = { 0 };
+    OK(dcd_body_at(world, 1, &box));
+    OK(dcd_body_set_events(world, box, 0, DCD_EVENT_CONTACT | DCD_EVENT_FORCE, 0.0f));
+    OK(dcd_step(world));
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    OK(dcd_events(world, &events));
+    HOLDS(events.contact_count > 0 && events.force_count > 0 && events.change_count == 0 && events.flags == 0);
+    for (size_t i = 0; i < events.contact_count; i++) {
+        HOLDS(events.contacts[i].a.v == box.v || events.contacts[i].b.v == box.v);
+    }
+    OK(dcd_world_destroy(world));
+}
+
 /* A post at the origin and a crate beside it, tied at the post. */
 static DcdJointDef tied(DcdWorld world, DcdJointType type)
 {
@@ -488,6 +525,7 @@ int main(void)
     pushes_push();
     events_tell();
     a_transfer_is_told_once();
+    surfaces_can_be_changed();
     joints_hold();
     every_shape_rests_on_every_ground();
     views_and_bulk_agree();

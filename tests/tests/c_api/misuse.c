@@ -194,6 +194,7 @@ static void shapes(void)
     const float flat[12] = { 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 1 };
     const float solid[12] = { 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 0 };
     const uint32_t triangle[3] = { 0, 1, 2 }, beyond[3] = { 0, 1, 4 };
+    const uint32_t line[6] = { 0, 1, 1, 0, 1, 2 };
     const float zero[3] = { 1.0f, 0.0f, 1.0f };
 
     EXPECT(dcd_shape_box(NO_WORLD, HALF, &shape), DCD_ERR_NULL);
@@ -214,6 +215,7 @@ static void shapes(void)
     EXPECT(dcd_shape_hull(world, solid, SIZE_MAX, &shape), DCD_ERR_ARGUMENT);
     EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 0, &shape), DCD_ERR_ARGUMENT);
     EXPECT(dcd_shape_mesh(world, solid, 4, beyond, 1, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_mesh(world, solid, 4, line, 1, &shape), DCD_ERR_ARGUMENT); /* no area */
     EXPECT(dcd_shape_mesh(world, solid, 4, NULL, 1, &shape), DCD_ERR_NULL);
     EXPECT(dcd_shape_mesh(world, solid, 4, triangle, SIZE_MAX / 2, &shape), DCD_ERR_ARGUMENT);
     EXPECT(dcd_shape_heightfield(world, solid, 1, 4, HALF, &shape), DCD_ERR_ARGUMENT);
@@ -224,6 +226,7 @@ static void shapes(void)
 
     EXPECT(dcd_shape_hull(world, solid, 4, &shape), DCD_OK);
     EXPECT(dcd_shape_heightfield(world, solid, 2, 3, HALF, &shape), DCD_OK);
+    EXPECT(dcd_shape_mesh(world, solid, 4, line, 2, &shape), DCD_OK); /* the good one is left */
     EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 1, &shape), DCD_OK);
     parts[0] = make_box(world);
     parts[1] = shape;
@@ -331,6 +334,18 @@ static void bodies(void)
     EXPECT(dcd_body_apply_torque_impulse(world, many[0], BAD), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_force(world, many[0], BAD, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_force(world, many[0], NULL, NULL), DCD_OK);
+    EXPECT(dcd_body_set_events(world, NO_BODY, 0, 0, 0.0f), DCD_ERR_NULL);
+    EXPECT(dcd_body_set_events(other, many[0], 0, 0, 0.0f), DCD_ERR_STALE_ID);
+    EXPECT(dcd_body_set_events(world, many[0], 1, 0, 0.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_events(world, many[0], 0, 4, 0.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_events(world, many[0], 0, 3, NAN), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_events(world, many[0], DCD_ALL_PARTS, 3, 1.0f), DCD_OK);
+    EXPECT(dcd_body_set_material(world, many[0], 0, -1.0f, 0.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_material(world, many[0], 0, 0.0f, INFINITY), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_material(world, fixed, 0, 0.5f, 0.0f), DCD_OK);
+    EXPECT(dcd_body_set_groups(world, many[0], 7, 1, 1), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_groups(world, many[0], 0, 0xFFFFFFFFu, 0xFFFFFFFFu), DCD_OK);
+    EXPECT(dcd_own_avatars(world, NULL, 0, NULL), DCD_ERR_NULL);
     EXPECT(dcd_body_wake(world, NO_BODY), DCD_ERR_NULL);
     EXPECT(dcd_body_sleep(world, many[0]), DCD_OK);
     EXPECT(dcd_body_wake(world, many[0]), DCD_OK);

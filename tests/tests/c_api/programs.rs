@@ -14,7 +14,7 @@ fn checker(name: &str) -> PathBuf {
 }
 
 /// A program that stops at the first finding of AddressSanitizer, LeakSanitizer or UndefinedBehaviorSanitizer.
-const SANITIZED: [&str; 3] = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O1"];
+pub(crate) const SANITIZED: [&str; 3] = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O1"];
 
 fn run_example(name: &str, flags: &[&str]) -> String {
     let dir = tempfile::tempdir().unwrap();

@@ -103,7 +103,7 @@ static DcdStatus play(void)
         indices[i] = dice(dice(10) == 0 ? 20 : 8);
     }
 
-    switch (dice(30)) {
+    switch (dice(33)) {
     case 0:
         if (dice(20) == 0) {
             DcdWorld *place = &worlds[dice(WORLDS)];
@@ -201,6 +201,12 @@ static DcdStatus play(void)
         ray.exclude = dice(3) == 0 ? named : ray.exclude;
         return dcd_cast_rays(world, &ray, 1, &hit);
     }
+    case 27:
+        return dcd_body_set_events(world, named, dice(2), dice(5), number());
+    case 28:
+        return dcd_body_set_material(world, named, dice(2) ? DCD_ALL_PARTS : dice(2), number(), number());
+    case 29:
+        return dcd_body_set_groups(world, named, 0, dice(4), dice(4));
     default:
         return dcd_step(world);
     }

@@ -1,6 +1,7 @@
-//! C programs in a world that a server of this process holds and two nodes of this process compute.
+//! C programs in a world that a server of this process holds and nodes of this process compute.
 
-use std::process::Command;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use dcd::net::Role;
@@ -8,6 +9,7 @@ use dcd::protocol::Pace;
 use dcd::runtime::{JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, WorldConfig};
 use dcd::scene::{Params, Scene};
 
+use crate::programs::SANITIZED;
 use crate::toolchain::{build, root, run_well};
 
 const LIMIT: Duration = Duration::from_secs(60);
@@ -53,6 +55,18 @@ impl Cluster {
         self.server.token(role, LIMIT).unwrap()
     }
 
+    /// A C program that counts its own checks, with where the server is as its second argument.
+    fn program(&self, mode: &str) -> Command {
+        self.program_with(mode, &[])
+    }
+
+    fn program_with(&self, mode: &str, flags: &[&str]) -> Command {
+        let source = root().join("tests/tests/c_api/client.c");
+        let mut program = Command::new(build(&source, self.folder.path(), flags));
+        program.arg(mode).arg(self.server.address.to_string());
+        program
+    }
+
     /// The world must have come through it whole.
     fn stop(self) {
         let summary = self.server.stop();
@@ -79,5 +93,82 @@ fn join_drives_an_avatar_through_towers_and_hears_of_contacts() {
     assert!(value("updates") > 5.0 && value("contacts") > 0.0, "{said}");
     assert!((5.0..25.0).contains(&value("moved_m")), "{said}");
     assert_eq!(value("bodies"), 101.0, "{said}");
+    cluster.stop();
+}
+
+#[test]
+fn a_game_loop_written_for_a_local_world_joins_a_served_one() {
+    let cluster = Cluster::start(2);
+    let program = build(&root().join("examples-c/game_loop.c"), cluster.folder.path(), &[]);
+    let mut game = Command::new(program);
+    let said = run_well(game.arg(cluster.server.address.to_string()).arg(cluster.token(Role::Client)));
+    let last = said.lines().last().expect("it says something");
+    let numbers: Vec<u32> =
+        last.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
+    let [300, 249, began, ..] = numbers[..] else { panic!("{said}") };
+    assert!(began >= 16, "16 balls fall on the ground: {said}");
+    cluster.stop();
+}
+
+fn check(said: &str) {
+    assert!(said.contains(" checks, 0 failures"), "{said}");
+}
+
+#[test]
+fn a_client_can_do_what_the_header_says_and_names_its_role_for_the_rest() {
+    let cluster = Cluster::start(2);
+    check(&run_well(cluster.program("play").arg(cluster.token(Role::Client))));
+    cluster.stop();
+}
+
+#[test]
+fn sanitizers_find_nothing_in_a_client() {
+    let cluster = Cluster::start(1);
+    check(&run_well(cluster.program_with("play", &SANITIZED).arg(cluster.token(Role::Client))));
+    cluster.stop();
+}
+
+#[test]
+fn a_participant_plays_like_a_client_and_hands_its_share_over() {
+    let cluster = Cluster::start(1);
+    check(&run_well(cluster.program("participate").arg(cluster.token(Role::Participant))));
+    assert!(cluster.server.wait(LIMIT, |summary, _| summary.nodes == 1));
+    cluster.stop();
+}
+
+#[test]
+fn an_avatar_left_behind_is_found_again() {
+    let cluster = Cluster::start(2);
+    let mut program = cluster.program("return");
+    program.args([cluster.token(Role::Client), cluster.token(Role::Client)]);
+    check(&run_well(program.arg(cluster.folder.path().join("me"))));
+    cluster.stop();
+}
+
+#[test]
+fn a_lost_server_is_said_by_every_step() {
+    let cluster = Cluster::start(1);
+    let mut program = cluster.program("lose");
+    let mut child = program.arg(cluster.token(Role::Client)).stdout(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    assert_eq!(line, "ready\n");
+    cluster.stop();
+    let mut rest = String::new();
+    // Ends by itself: the program counts its steps.
+    said.read_to_string(&mut rest).unwrap();
+    assert!(child.wait().unwrap().success(), "{rest}");
+    check(&rest);
+}
+
+#[test]
+fn what_is_wrong_on_entering_is_said_to_c() {
+    let cluster = Cluster::start(1);
+    // Bound and silent: nobody else can answer there.
+    let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let mut program = cluster.program("fail");
+    program.args([cluster.token(Role::Client), cluster.token(Role::Node)]);
+    check(&run_well(program.arg(silent.local_addr().unwrap().to_string())));
     cluster.stop();
 }

@@ -1,0 +1,47 @@
+//! What roles say of bodies and regions, before it becomes C's.
+
+use dcd::protocol::{Velocity, WorldPose};
+use dcd::space::{BodyId, RegionId};
+
+use crate::body::DcdBodyType;
+
+/// A body as far as C asks about it.
+pub(crate) struct BodyView {
+    pub pose: WorldPose,
+    pub velocity: Velocity,
+    pub kind: DcdBodyType,
+    pub sleeping: bool,
+    /// 0 for an immovable body, and where it is not known.
+    pub mass_kg: f32,
+    pub user_data: u64,
+    /// `None` for an immovable body.
+    pub owner: Option<RegionId>,
+}
+
+/// A movable body after a step.
+pub(crate) struct StateRow {
+    pub id: BodyId,
+    pub region: RegionId,
+    pub pose: WorldPose,
+    pub velocity: Velocity,
+    pub user_data: u64,
+    pub sleeping: bool,
+}
+
+/// A region of the world.
+pub(crate) struct RegionView {
+    pub id: RegionId,
+    pub owned: usize,
+    pub replicas: usize,
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+}
+
+/// A ray and what it does not see.
+pub(crate) struct RayQuery {
+    pub origin: [f64; 3],
+    pub direction: [f32; 3],
+    pub max_m: f32,
+    pub mask: u32,
+    pub exclude: Option<BodyId>,
+}

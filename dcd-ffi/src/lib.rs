@@ -4,7 +4,8 @@
 //! Every entry point runs inside [`guard`](guard::guard): panics become `DCD_ERR_PANIC`, failures a status and a message.
 //! Pointers are checked in `pointer`, handles in `handle` and `world`; what a process can do in its role is `backend`.
 //! All unsafe code of the project is here.
-
+// The comments of this crate become those of the C header, where brackets are only brackets.
+#![allow(rustdoc::broken_intra_doc_links, rustdoc::private_intra_doc_links)]
 // What a caller must keep to is said once, in the head of the header, and per function in its documentation there.
 #![allow(clippy::missing_safety_doc)]
 

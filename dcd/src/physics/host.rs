@@ -1,6 +1,7 @@
 //! The regions that one process computes: all of them in a local world, some of them on a node.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use rapier3d::prelude::*;
 use rayon::prelude::*;
@@ -89,7 +90,7 @@ pub struct RegionHost {
     /// By rank: where in `regions`.
     place_of: Vec<Option<usize>>,
     directory: Directory,
-    pool: Option<rayon::ThreadPool>,
+    pool: Option<Arc<rayon::ThreadPool>>,
     /// From regions computed elsewhere, for the exchange that is open.
     incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
     tick: Tick,
@@ -110,13 +111,13 @@ impl RegionHost {
     ) -> Result<Self, HostError> {
         let pool = match threads {
             0 | 1 => None,
-            threads => Some(
+            threads => Some(Arc::new(
                 rayon::ThreadPoolBuilder::new()
                     .num_threads(threads)
                     .thread_name(|i| format!("dcd-region-{i}"))
                     .build()
                     .map_err(|cause| HostError::Threads { threads, cause })?,
-            ),
+            )),
         };
         let mut host = Self {
             place_of: vec![None; partition.len()],
@@ -447,6 +448,14 @@ impl RegionHost {
             self.partition.len(),
             "a node's exchange needs its neighbours' messages"
         );
+        // One entry into the pool a tick: between its halves the threads stay awake.
+        match self.pool.clone() {
+            Some(pool) if self.regions.len() > 1 => pool.install(|| self.step_all()),
+            _ => self.step_all(),
+        }
+    }
+
+    fn step_all(&mut self) -> Result<(), HostError> {
         self.handovers.clear();
         for _ in 0..self.settings.exchanges {
             self.compute();
@@ -665,22 +674,25 @@ impl RegionHost {
         owners: &[usize],
         joints: &[JointRecord],
     ) -> Result<(), HostError> {
-        for (body, &owner) in bodies.iter().zip(owners) {
-            if body.traits.kind == BodyKind::Fixed {
-                if self.statics.body(body.id).is_none() {
-                    self.statics.add(body.clone(), &self.shapes)?;
-                }
-                for region in &mut self.regions {
-                    self.statics.insert_near(body.id, region, &self.shapes)?;
-                }
-                continue;
+        for body in &bodies {
+            if body.traits.kind != BodyKind::Fixed {
+                self.partition.widen_halo(reach_of_record(body, &self.shapes)?);
+            } else if self.statics.body(body.id).is_none() {
+                self.statics.add(body.clone(), &self.shapes)?;
             }
-            self.partition.widen_halo(reach_of_record(body, &self.shapes)?);
-            let Some(&Some(place)) = self.place_of.get(owner) else { continue };
-            let region = &mut self.regions[place];
-            let handle = region.insert(body, Role::Owner, RegionSet::EMPTY, &self.shapes)?;
-            self.statics.cover(region, handle, &self.shapes)?;
-            self.directory.set(body.id, Home { rank: owner, handle });
+        }
+        // Region by region: what Rapier allocates for the bodies of one world then lies together. Filled in turns, two
+        // worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two regions).
+        for region in &mut self.regions {
+            for (body, &owner) in bodies.iter().zip(owners) {
+                if body.traits.kind == BodyKind::Fixed {
+                    self.statics.insert_near(body.id, region, &self.shapes)?;
+                } else if owner == region.rank() {
+                    let handle = region.insert(body, Role::Owner, RegionSet::EMPTY, &self.shapes)?;
+                    self.statics.cover(region, handle, &self.shapes)?;
+                    self.directory.set(body.id, Home { rank: owner, handle });
+                }
+            }
         }
         for joint in joints {
             for region in &mut self.regions {
@@ -737,7 +749,7 @@ fn reach_of_record(body: &BodyRecord, shapes: &ShapeLibrary) -> Result<f32, Shap
 }
 
 /// Runs the same work on every region, in parallel when there is a pool.
-fn on_all(pool: &Option<rayon::ThreadPool>, regions: &mut [Region], work: impl Fn(&mut Region) + Sync) {
+fn on_all(pool: &Option<Arc<rayon::ThreadPool>>, regions: &mut [Region], work: impl Fn(&mut Region) + Sync) {
     match pool {
         Some(pool) if regions.len() > 1 => {
             pool.install(|| regions.par_iter_mut().with_max_len(1).for_each(&work));

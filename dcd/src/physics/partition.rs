@@ -85,7 +85,7 @@ impl Partition {
     /// there, for Q's owner to feel it; P's box comes as near to Q's cell as Q reaches out of it.
     pub fn widen_halo(&mut self, reach_m: f32) {
         if !self.fixed_halo && reach_m <= HUB_REACH_M {
-            self.halo_m = self.halo_m.max(f64::from(reach_m) * 1.1 + 0.1);
+            self.halo_m = self.halo_m.max(f64::from(reach_m) + 0.1);
         }
     }
 }

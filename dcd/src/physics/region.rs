@@ -1,6 +1,6 @@
 //! One region: a Rapier world around an anchor, and who owns what in it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use rapier3d::prelude::*;
@@ -77,7 +77,9 @@ pub struct Region {
     world: PhysicsWorld,
     /// By Rapier's body index.
     slots: Vec<Option<Slot>>,
-    by_id: BTreeMap<BodyId, RigidBodyHandle>,
+    /// For look-ups only: iteration goes by [`Region::links`], in id order. A map of one block leaves Rapier's own small
+    /// blocks side by side in memory.
+    by_id: HashMap<BodyId, RigidBodyHandle>,
     /// Bodies owned here and held elsewhere too, in id order.
     pub(super) shared: Vec<Link>,
     /// Bodies owned elsewhere, in id order.
@@ -122,7 +124,7 @@ impl Region {
             anchor: convert::anchor_of(part.centre()),
             world,
             slots: Vec::new(),
-            by_id: BTreeMap::new(),
+            by_id: HashMap::new(),
             shared: Vec::new(),
             replicas: Vec::new(),
             assemblies: Vec::new(),
@@ -175,6 +177,13 @@ impl Region {
             .map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
     }
 
+    /// Every body held here, in id order.
+    fn links(&self) -> Vec<Link> {
+        let mut links: Vec<_> = self.by_id.iter().map(|(&id, &handle)| Link { id, handle }).collect();
+        links.sort_unstable_by_key(|link| link.id);
+        links
+    }
+
     /// The role and name of the body behind a handle of [`Region::physics`].
     pub fn role_of(&self, handle: RigidBodyHandle) -> Option<(BodyId, Role)> {
         self.slot_at(handle).map(|slot| (slot.id, slot.role))
@@ -182,7 +191,7 @@ impl Region {
 
     /// How many bodies it has authority over.
     pub fn owned_count(&self) -> usize {
-        self.bodies().filter(|(_, role, ..)| *role == Role::Owner).count()
+        self.slots.iter().flatten().filter(|slot| slot.role == Role::Owner).count()
     }
 
     /// How many bodies it holds for others.
@@ -378,7 +387,7 @@ impl Region {
     pub(super) fn forget_holders(&mut self) {
         self.shared.clear();
         self.fresh.clear();
-        for (&id, &handle) in &self.by_id {
+        for Link { id, handle } in self.links() {
             let index = handle.into_raw_parts().0 as usize;
             let slot = self.slots[index].as_mut().expect("every body of a region has a slot");
             match slot.role {

@@ -1,0 +1,395 @@
+//! The regions that one process computes: all of them in a local world, some of them on a node.
+
+mod change;
+mod place;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use rapier3d::prelude::*;
+use rayon::prelude::*;
+
+use super::convert;
+use super::coupling::{Coupling, Ground};
+use super::directory::{Directory, Handover, Home};
+use super::partition::Partition;
+use super::region::{Region, Role};
+use super::shapes::{ShapeError, ShapeLibrary};
+use super::statics::Statics;
+use crate::protocol::{
+    BodyRecord, BorderMessage, JointRecord, RegionEvents, ShapeHash, ShapeRecord, Velocity, WorldPose,
+};
+use crate::space::{BodyId, JointId, RegionId, Tick};
+
+/// How a world is stepped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepSettings {
+    /// m/s².
+    pub gravity: [f32; 3],
+    /// Seconds a tick.
+    pub dt_s: f32,
+    /// Solver iterations a tick, shared out among its micro-steps.
+    pub solver_iterations: usize,
+    /// How regions agree.
+    pub coupling: Coupling,
+    /// Micro-steps a tick, with an exchange after each.
+    pub exchanges: usize,
+}
+
+impl Default for StepSettings {
+    fn default() -> Self {
+        Self {
+            gravity: [0.0, -9.81, 0.0],
+            dt_s: 1.0 / 60.0,
+            solver_iterations: 4,
+            coupling: Coupling::default(),
+            exchanges: 1,
+        }
+    }
+}
+
+/// Why a host cannot do what it is asked.
+#[derive(Debug, thiserror::Error)]
+pub enum HostError {
+    /// A shape cannot be held.
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
+    /// The operating system gives no threads.
+    #[error("cannot start {threads} threads: {cause}; ask for fewer")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// The system's reason.
+        cause: rayon::ThreadPoolBuildError,
+    },
+    /// The name is taken.
+    #[error("{0} is in the world already; every body has one id")]
+    Taken(BodyId),
+    /// A joint ties a body that is not there.
+    #[error("joint {joint} ties {body}, which is not in the world; insert both bodies first")]
+    Untied {
+        /// Which joint.
+        joint: JointId,
+        /// Which body.
+        body: BodyId,
+    },
+    /// A number that must be finite is not, or a rotation is not a unit quaternion.
+    #[error(
+        "{0} has a pose or velocity that is not finite, or a rotation that is not a unit quaternion; check its numbers"
+    )]
+    NotFinite(BodyId),
+}
+
+/// Some regions of a world, stepped together.
+pub struct RegionHost {
+    partition: Partition,
+    settings: StepSettings,
+    shapes: ShapeLibrary,
+    statics: Statics,
+    /// Those computed here, in rank order.
+    regions: Vec<Region>,
+    /// By rank: where in `regions`.
+    place_of: Vec<Option<usize>>,
+    directory: Directory,
+    pool: Option<Arc<rayon::ThreadPool>>,
+    /// From regions computed elsewhere, for the exchange that is open.
+    incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
+    tick: Tick,
+    transfers: u64,
+    /// Of the last step, and of insertions since.
+    handovers: Vec<Handover>,
+}
+
+impl RegionHost {
+    /// An empty host of the regions named, which must be leaves of the partition's tree.
+    ///
+    /// `threads` steps that many regions at a time; 1 uses the calling thread.
+    pub fn new(
+        partition: Partition,
+        settings: StepSettings,
+        threads: usize,
+        hosted: &[RegionId],
+    ) -> Result<Self, HostError> {
+        let pool = match threads {
+            0 | 1 => None,
+            threads => Some(Arc::new(
+                rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads)
+                    .thread_name(|i| format!("dcd-region-{i}"))
+                    .build()
+                    .map_err(|cause| HostError::Threads { threads, cause })?,
+            )),
+        };
+        let mut host = Self {
+            place_of: vec![None; partition.len()],
+            partition,
+            settings,
+            shapes: ShapeLibrary::default(),
+            statics: Statics::default(),
+            regions: Vec::new(),
+            directory: Directory::default(),
+            pool,
+            incoming: BTreeMap::new(),
+            tick: Tick(0),
+            transfers: 0,
+            handovers: Vec::new(),
+        };
+        for &region in hosted {
+            host.add_region(region);
+        }
+        Ok(host)
+    }
+
+    /// Adds a shape that came as a record; its parts first.
+    pub fn add_shape(&mut self, record: ShapeRecord) -> Result<ShapeHash, HostError> {
+        Ok(self.shapes.add(record)?)
+    }
+
+    /// The shapes of this process.
+    pub fn shapes(&self) -> &ShapeLibrary {
+        &self.shapes
+    }
+
+    /// The same, to describe bodies by Rapier's builders.
+    pub fn shapes_mut(&mut self) -> &mut ShapeLibrary {
+        &mut self.shapes
+    }
+
+    /// The first half of a (micro-)step: every region steps and says what its neighbours must know.
+    pub fn compute(&mut self) {
+        let settings = self.settings;
+        let dt_s = settings.dt_s / settings.exchanges as f32;
+        let iterations = settings.solver_iterations.div_ceil(settings.exchanges).max(1);
+        let (partition, tick) = (&self.partition, self.tick.next());
+        on_all(&self.pool, &mut self.regions, |region| {
+            region.step(dt_s, iterations);
+            settings.coupling.gather(region, partition, tick, dt_s);
+        });
+    }
+
+    /// What regions here have to say to regions elsewhere, non-empty messages only.
+    pub fn outgoing(&self) -> impl Iterator<Item = &BorderMessage> {
+        self.regions.iter().flat_map(|region| &region.outbox).filter(|message| {
+            let rank = self.partition.rank_of(message.to).expect("messages go to leaves");
+            self.place_of[rank].is_none() && !message.is_empty()
+        })
+    }
+
+    /// Hands in what a region computed elsewhere said; the exchange takes it in.
+    pub fn accept(&mut self, message: BorderMessage) {
+        self.incoming.insert((message.to, message.from), message);
+    }
+
+    /// The second half: every region takes in what the others said, in rank order.
+    pub fn exchange(&mut self) -> Result<(), HostError> {
+        if self.partition.len() > 1 {
+            let outboxes: Vec<_> =
+                self.regions.iter_mut().map(|region| std::mem::take(&mut region.outbox)).collect();
+            let ground = Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
+            let (incoming, place_of, coupling) = (&self.incoming, &self.place_of, self.settings.coupling);
+            let failure = std::sync::Mutex::new(None);
+            on_all(&self.pool, &mut self.regions, |region| {
+                let (to, rank) = (region.id(), region.rank());
+                let leaves = ground.partition.leaves();
+                let inbox = place_of.iter().zip(leaves).filter_map(|(place, &from)| match place {
+                    Some(place) => Some(&outboxes[*place][rank]),
+                    None => incoming.get(&(to, from)),
+                });
+                if let Err(error) = coupling.apply(region, inbox, ground) {
+                    failure.lock().expect("no panic while locked").get_or_insert(error);
+                }
+            });
+            for (region, outbox) in self.regions.iter_mut().zip(outboxes) {
+                region.outbox = outbox;
+            }
+            self.incoming.clear();
+            self.note_arrivals();
+            if let Some(error) = failure.into_inner().expect("no panic while locked") {
+                return Err(error.into());
+            }
+        }
+        Ok(())
+    }
+
+    /// A whole tick of a host that computes every region.
+    pub fn step(&mut self) -> Result<(), HostError> {
+        assert_eq!(
+            self.regions.len(),
+            self.partition.len(),
+            "a node's exchange needs its neighbours' messages"
+        );
+        // One entry into the pool a tick: between its halves the threads stay awake.
+        match self.pool.clone() {
+            Some(pool) if self.regions.len() > 1 => pool.install(|| self.step_all()),
+            _ => self.step_all(),
+        }
+    }
+
+    fn step_all(&mut self) -> Result<(), HostError> {
+        self.handovers.clear();
+        for _ in 0..self.settings.exchanges {
+            self.compute();
+            self.exchange()?;
+        }
+        // Stable: a body that went twice has its ways in order.
+        self.handovers.sort_by_key(|handover| handover.body);
+        self.end_tick();
+        Ok(())
+    }
+
+    /// The tick is over: counts it.
+    pub fn end_tick(&mut self) {
+        self.tick = self.tick.next();
+    }
+
+    /// What the regions saw of contacts since [`RegionHost::clear_events`], in rank order.
+    pub fn events(&self) -> impl Iterator<Item = &RegionEvents> {
+        self.regions.iter().map(|region| &region.events)
+    }
+
+    /// Forgets what the regions saw.
+    pub fn clear_events(&mut self) {
+        for region in &mut self.regions {
+            region.events.touches.clear();
+            region.events.forces.clear();
+        }
+    }
+
+    /// Ticks since the world began.
+    pub fn tick(&self) -> Tick {
+        self.tick
+    }
+
+    /// Sets the clock of a host that joins a running world.
+    pub fn set_tick(&mut self, tick: Tick) {
+        self.tick = tick;
+    }
+
+    /// How it is stepped.
+    pub fn settings(&self) -> &StepSettings {
+        &self.settings
+    }
+
+    /// Where the regions are.
+    pub fn partition(&self) -> &Partition {
+        &self.partition
+    }
+
+    /// The regions computed here, in rank order.
+    pub fn regions(&self) -> &[Region] {
+        &self.regions
+    }
+
+    /// Bodies that changed owner since the host was made, counted by the new owner.
+    pub fn transfers(&self) -> u64 {
+        self.transfers
+    }
+
+    /// Bodies that regions here gave to others in the last [`RegionHost::step`], in id order.
+    pub fn handovers(&self) -> &[Handover] {
+        &self.handovers
+    }
+
+    /// The owner's copy of a movable body, if its region is computed here.
+    pub fn owned(&self, id: BodyId) -> Option<(&Region, RigidBodyHandle)> {
+        let home = self.directory.home(id)?;
+        let region = &self.regions[self.place_of[home.rank]?];
+        Some((region, home.handle))
+    }
+
+    /// An immovable body by name.
+    pub fn immovable(&self, id: BodyId) -> Option<&BodyRecord> {
+        self.statics.body(id)
+    }
+
+    /// Every immovable body in id order.
+    pub fn immovables(&self) -> impl Iterator<Item = &BodyRecord> {
+        self.statics.bodies()
+    }
+
+    /// A body, whole: as its owner has it, if that is here, else as a replica has it.
+    pub fn record(&self, id: BodyId) -> Option<BodyRecord> {
+        if let Some(body) = self.statics.body(id) {
+            return Some(body.clone());
+        }
+        if let Some((region, handle)) = self.owned(id) {
+            return Some(region.body_record(handle));
+        }
+        self.regions.iter().find_map(|region| Some(region.body_record(region.handle_of(id)?)))
+    }
+
+    /// The joints of one body, whole, in order of insertion.
+    pub fn joints_of(&self, id: BodyId) -> impl Iterator<Item = JointRecord> {
+        let held = self.regions.iter().find_map(|region| Some((region, region.handle_of(id)?)));
+        held.into_iter().flat_map(|(region, handle)| region.joints_of(handle))
+    }
+
+    /// Every joint held by a region here, once, in id order.
+    pub fn joints(&self) -> Vec<JointRecord> {
+        let mut joints: BTreeMap<JointId, JointRecord> = BTreeMap::new();
+        for region in &self.regions {
+            joints.extend(region.joint_records().map(|joint| (joint.id, joint)));
+        }
+        joints.into_values().collect()
+    }
+
+    /// Every movable body owned here in id order, with its region.
+    pub fn states(&self) -> impl Iterator<Item = (BodyId, RegionId, WorldPose, Velocity)> {
+        self.owned_bodies().map(|(id, region, handle)| {
+            let body = &region.physics().bodies[handle];
+            (id, region.id(), region.world_pose(handle), convert::velocity_of(body))
+        })
+    }
+
+    /// Every movable body owned here in id order, with its region and Rapier's handle there.
+    pub fn owned_bodies(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
+        self.directory
+            .homes()
+            .filter_map(|(id, home)| Some((id, &self.regions[self.place_of[home.rank]?], home.handle)))
+    }
+
+    /// How many movable bodies are owned here.
+    pub fn owned_count(&self) -> usize {
+        self.directory.len()
+    }
+
+    fn index(&mut self) {
+        self.place_of.fill(None);
+        for (place, region) in self.regions.iter().enumerate() {
+            self.place_of[region.rank()] = Some(place);
+        }
+        self.directory = Directory::default();
+        for region in &self.regions {
+            for (id, role, handle, _) in region.bodies() {
+                if role == Role::Owner {
+                    self.directory.set(id, Home { rank: region.rank(), handle });
+                }
+            }
+        }
+    }
+
+    fn note_arrivals(&mut self) {
+        for message in self.regions.iter().flat_map(|region| &region.outbox) {
+            for transfer in &message.transfers {
+                self.directory.remove(transfer.body.id);
+                self.handovers.push(Handover { body: transfer.body.id, from: message.from, to: message.to });
+            }
+        }
+        for region in &self.regions {
+            self.transfers += region.arrived.len() as u64;
+            for link in &region.arrived {
+                self.directory.set(link.id, Home { rank: region.rank(), handle: link.handle });
+            }
+        }
+    }
+}
+
+/// Runs the same work on every region, in parallel when there is a pool.
+fn on_all(pool: &Option<Arc<rayon::ThreadPool>>, regions: &mut [Region], work: impl Fn(&mut Region) + Sync) {
+    match pool {
+        Some(pool) if regions.len() > 1 => {
+            pool.install(|| regions.par_iter_mut().with_max_len(1).for_each(&work));
+        }
+        _ => regions.iter_mut().for_each(work),
+    }
+}

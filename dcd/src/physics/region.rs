@@ -320,11 +320,6 @@ impl Region {
         self.assemblies_stale = true;
     }
 
-    /// The joints held here, whole, in id order.
-    pub(super) fn joint_records(&self) -> impl Iterator<Item = JointRecord> {
-        self.joints.keys().filter_map(|&id| self.joint_record(id))
-    }
-
     /// A joint held here, whole: with the impulses of the last step.
     pub(super) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
         let held = self.joints.get(&id)?;

@@ -16,9 +16,7 @@ use super::partition::Partition;
 use super::region::{Region, Role};
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
-use crate::protocol::{
-    BodyRecord, BorderMessage, JointRecord, RegionEvents, ShapeHash, ShapeRecord, Velocity, WorldPose,
-};
+use crate::protocol::{BodyRecord, BorderMessage, JointRecord, RegionEvents, Velocity, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, Tick};
 
 /// How a world is stepped.
@@ -138,11 +136,6 @@ impl RegionHost {
             host.add_region(region);
         }
         Ok(host)
-    }
-
-    /// Adds a shape that came as a record; its parts first.
-    pub fn add_shape(&mut self, record: ShapeRecord) -> Result<ShapeHash, HostError> {
-        Ok(self.shapes.add(record)?)
     }
 
     /// The shapes of this process.
@@ -302,11 +295,6 @@ impl RegionHost {
         self.statics.body(id)
     }
 
-    /// Every immovable body in id order.
-    pub fn immovables(&self) -> impl Iterator<Item = &BodyRecord> {
-        self.statics.bodies()
-    }
-
     /// A body, whole: as its owner has it, if that is here, else as a replica has it.
     pub fn record(&self, id: BodyId) -> Option<BodyRecord> {
         if let Some(body) = self.statics.body(id) {
@@ -322,15 +310,6 @@ impl RegionHost {
     pub fn joints_of(&self, id: BodyId) -> impl Iterator<Item = JointRecord> {
         let held = self.regions.iter().find_map(|region| Some((region, region.handle_of(id)?)));
         held.into_iter().flat_map(|(region, handle)| region.joints_of(handle))
-    }
-
-    /// Every joint held by a region here, once, in id order.
-    pub fn joints(&self) -> Vec<JointRecord> {
-        let mut joints: BTreeMap<JointId, JointRecord> = BTreeMap::new();
-        for region in &self.regions {
-            joints.extend(region.joint_records().map(|joint| (joint.id, joint)));
-        }
-        joints.into_values().collect()
     }
 
     /// Every movable body owned here in id order, with its region.

@@ -31,11 +31,6 @@ static double frame_length(int frame)
     return frame % 50 == 49 ? 3.0 / 75.0 : (1.0 + 0.1 * (frame % 3 - 1)) / 75.0;
 }
 
-static double mix(double a, double b, double t)
-{
-    return a + (b - a) * t;
-}
-
 /* Waits for the world, which others compute as time goes by. */
 static void sleep_for(double seconds)
 {
@@ -140,8 +135,9 @@ int main(int argc, char **argv)
         highest = 0.0;
         for (size_t i = 0; i < now.count; i++) {
             bool was_there = i < before.count && before.ids[i].v == now.ids[i].v;
-            double y = mix((was_there ? before : now).poses[i].p[1], now.poses[i].p[1], t);
-            highest = y > highest ? y : highest;
+            DcdPose drawn;
+            check(dcd_pose_interpolate(&(was_there ? before : now).poses[i], &now.poses[i], t, &drawn));
+            highest = drawn.p[1] > highest ? drawn.p[1] : highest;
         }
         if (frame % 60 == 59) {
             printf("frame %3d, tick %3u: highest body at %.2f m\n", frame, (unsigned)now.tick, highest);

@@ -900,6 +900,12 @@ DCD_API DcdStatus dcd_body_info(DcdWorld world, DcdBodyId body, DcdBodyInfo *out
 // Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
 DCD_API DcdStatus dcd_body_get(DcdWorld world, DcdBodyId body, DcdPose *pose, DcdVelocity *velocity);
 
+// The pose between two, for drawing between steps: `t` = 0 is `from`, 1 is `to`. Positions go straight, rotations by SLERP
+// the shorter way. `from`, `to` and `out` may be the same. Needs no world; may run beside any other call.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_ARGUMENT for a `t` that is not finite, a pose out of range or a q that is not of length 1.
+DCD_API DcdStatus dcd_pose_interpolate(const DcdPose *from, const DcdPose *to, double t, DcdPose *out);
+
 // Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
 // avatars of this process, and the next dcd_step asks for it.
 //

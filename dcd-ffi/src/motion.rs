@@ -94,6 +94,38 @@ pub unsafe extern "C" fn dcd_body_get(
     })
 }
 
+/// The pose between two, for drawing between steps: `t` = 0 is `from`, 1 is `to`. Positions go straight, rotations by SLERP
+/// the shorter way. `from`, `to` and `out` may be the same. Needs no world; may run beside any other call.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_ARGUMENT for a `t` that is not finite, a pose out of range or a q that is not of length 1.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_pose_interpolate(
+    from: *const DcdPose,
+    to: *const DcdPose,
+    t: f64,
+    out: *mut DcdPose,
+) -> DcdStatus {
+    guard("dcd_pose_interpolate", || {
+        // SAFETY: the caller vouches for the pointers.
+        let (from, to, out) =
+            unsafe { (pointer::read(from, "from")?, pointer::read(to, "to")?, Out::new(out, "out")?) };
+        let (from, to) = (WorldPose::from(from), WorldPose::from(to));
+        for (pose, name) in [(&from, "from"), (&to, "to")] {
+            check_point(&pose.translation, name)?;
+            if !pose.is_valid() {
+                return Err(Failure::argument(format!("{name}.q is not of length 1; normalise it")));
+            }
+        }
+        if !t.is_finite() {
+            return Err(Failure::argument(
+                "t is not finite; give the part of a step that has passed, 0 to 1",
+            ));
+        }
+        out.write(from.interpolated(&to, t).into());
+        Ok(())
+    })
+}
+
 /// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
 /// avatars of this process, and the next dcd_step asks for it.
 ///

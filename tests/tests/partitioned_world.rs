@@ -455,3 +455,47 @@ fn bad_input_is_refused_with_cause_and_remedy() {
     let (body, collider) = ball_at(0.0, 0.0);
     assert_eq!(world.insert(body, collider).unwrap(), BodyId::persistent(0));
 }
+
+#[test]
+fn a_bullet_does_not_tunnel_through_a_wall_behind_a_border() {
+    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let wall = RigidBodyBuilder::fixed().translation(Vector::new(0.5, 0.0, 0.0));
+    world.insert(wall, ColliderBuilder::cuboid(0.01, 5.0, 5.0)).unwrap();
+    for (row, speed) in [50.0f32, 100.0, 200.0, 400.0].into_iter().enumerate() {
+        let start = Vector::new(-4.0, row as f32 * 1.5 - 2.0, 0.0);
+        let body = RigidBodyBuilder::dynamic().translation(start).linvel(Vector::new(speed, 0.0, 0.0));
+        let bullet = world.insert(body.ccd_enabled(true), ColliderBuilder::ball(0.1)).unwrap();
+        steps(&mut world, 20);
+        let x = world.pose(bullet).unwrap().translation[0];
+        assert!(x < 0.5, "at {speed} m/s the bullet went through the wall to x = {x}");
+    }
+}
+
+#[test]
+fn the_force_of_a_contact_across_a_border_is_reported_once() {
+    let mut world = DcdWorld::new(WorldConfig {
+        partitioning: Partitioning::Cuts(vec![(Axis::Y, 1.0)]),
+        ..WorldConfig::default()
+    })
+    .unwrap();
+    insert_floor(&mut world);
+    let mut ids = Vec::new();
+    for i in 0..2 {
+        let body =
+            RigidBodyBuilder::dynamic().can_sleep(false).translation(Vector::new(0.0, 0.5 + i as f32, 0.0));
+        let collider = ColliderBuilder::cuboid(0.5, 0.5, 0.5)
+            .active_events(ActiveEvents::CONTACT_FORCE_EVENTS)
+            .contact_force_event_threshold(1.0);
+        ids.push(world.insert(body, collider).unwrap());
+    }
+    steps(&mut world, 60);
+    let pushes: Vec<_> =
+        world.events().forces.iter().filter(|force| (force.key.a, force.key.b) == (ids[0], ids[1])).collect();
+    assert_eq!(pushes.len(), 1, "{pushes:?}");
+    assert!(
+        (pushes[0].magnitude_n - 9.81).abs() < 0.5,
+        "a box of 1 kg presses with {} N",
+        pushes[0].magnitude_n
+    );
+    assert!(pushes[0].force_n[1] > 9.0, "the force on the upper box points up: {:?}", pushes[0].force_n);
+}

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use bincode::{Decode, Encode};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use super::ShapeHash;
@@ -22,6 +23,26 @@ impl WorldPose {
     /// No turn, at this place.
     pub const fn at(translation: [f64; 3]) -> Self {
         Self { translation, rotation: [0.0, 0.0, 0.0, 1.0] }
+    }
+
+    /// The pose as nalgebra's f64 isometry, for mathematics in world space.
+    pub fn isometry(&self) -> Isometry3<f64> {
+        let [x, y, z, w] = self.rotation.map(f64::from);
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        Isometry3::from_parts(Translation3::from(self.translation), rotation)
+    }
+
+    /// The pose between this one (`t` = 0) and `other` (`t` = 1): positions in a straight line, rotations by SLERP the
+    /// shorter way (thesis 4.3.2.10). For drawing between ticks; `t` outside 0 to 1 extrapolates.
+    pub fn interpolated(&self, other: &Self, t: f64) -> Self {
+        let (a, b) = (self.isometry(), other.isometry());
+        let translation = a.translation.vector.lerp(&b.translation.vector, t);
+        // Opposite rotations have no shorter way; halfway between them either end is as good.
+        let rotation = a.rotation.try_slerp(&b.rotation, t, 1e-9).unwrap_or(a.rotation);
+        Self {
+            translation: translation.into(),
+            rotation: [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32),
+        }
     }
 
     /// Whether every number is finite and the rotation is a unit quaternion to 1e-3.
@@ -245,4 +266,30 @@ pub struct BodyRecord {
     pub state: BodyState,
     /// What a step does not change; shared within a process.
     pub traits: Arc<BodyTraits>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halfway_between_two_poses_is_half_the_way_and_half_the_turn() {
+        let from = WorldPose::at([100_000.0, 0.0, 0.0]);
+        let (sin, cos) = 0.5f32.sin_cos(); // 1 rad about y
+        let to = WorldPose { translation: [100_001.0, 2.0, -4.0], rotation: [0.0, sin, 0.0, cos] };
+        let half = from.interpolated(&to, 0.5);
+        assert_eq!(half.translation, [100_000.5, 1.0, -2.0]);
+        assert!((half.isometry().rotation.angle() - 0.5).abs() < 1e-6);
+        assert_eq!(from.interpolated(&to, 0.0).translation, from.translation);
+        // A quaternion and its negative are one rotation: the way between them is no way.
+        let negative = WorldPose { rotation: to.rotation.map(|v| -v), ..to };
+        assert!((to.interpolated(&negative, 0.5).isometry().rotation.angle() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn opposite_rotations_interpolate_to_a_rotation() {
+        let from = WorldPose::default();
+        let to = WorldPose { rotation: [1.0, 0.0, 0.0, 0.0], ..from };
+        assert!(from.interpolated(&to, 0.5).is_valid());
+    }
 }

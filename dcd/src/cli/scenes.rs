@@ -33,7 +33,8 @@ impl Scenes {
 pub(super) fn overview() -> String {
     let scenes: Vec<_> = library().iter().map(describe).collect();
     format!(
-        "Scenes of the library, with their parameters and defaults (--set name=value):\n\n{}",
+        "Scenes of the library, with their parameters and defaults (--set name=value):\n\n{}\n\n\
+         A scene may also be a TOML file: the sources ship some in dcd/scenes/, whose README.md has the format.",
         scenes.join("\n\n")
     )
 }

@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Serves a world that nodes compute and clients play in
 ///
 /// Examples:
-///   dcd serve playground.toml
+///   dcd serve dcd/scenes/playground.toml
 ///   dcd node --token $(dcd token --role node)
 ///   dcd client --token $(dcd token --role client) --avatars 10
 #[derive(clap::Args)]

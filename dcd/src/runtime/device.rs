@@ -9,8 +9,8 @@ use tracing::warn;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
 use crate::physics::{Coupling, HostError, Partition, RegionHost, StepSettings};
 use crate::protocol::{
-    BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties, RegionEvents,
-    SharedState, StateHasher, TickStats, WorldOp,
+    BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties, SharedState,
+    StateHasher, TickStats, WorldOp,
 };
 use crate::space::BodyId;
 
@@ -158,7 +158,7 @@ impl PhysicsDevice {
 
     fn settled(&mut self, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
         let host = self.host.as_mut().expect("a world comes before commands");
-        let events = host.events().filter_map(of_avatars).collect();
+        let events = host.events().cloned().collect();
         host.clear_events();
         let report: Vec<SharedState> = self
             .report
@@ -248,17 +248,6 @@ fn steer(host: &mut RegionHost, drive: &Drive) {
         body.set_linvel(Vector::from_array(drive.velocity.linear), true);
         body.set_angvel(Vector::from_array(drive.velocity.angular), true);
     });
-}
-
-/// What a region saw of avatars: nobody else is told of contacts over the network.
-fn of_avatars(events: &RegionEvents) -> Option<RegionEvents> {
-    let avatar = |a: BodyId, b: BodyId| a.client().is_some() || b.client().is_some();
-    let touches: Vec<_> =
-        events.touches.iter().filter(|touch| avatar(touch.key.a, touch.key.b)).copied().collect();
-    let forces: Vec<_> =
-        events.forces.iter().filter(|force| avatar(force.key.a, force.key.b)).copied().collect();
-    let some = !touches.is_empty() || !forces.is_empty();
-    some.then(|| RegionEvents { touches, forces, ..events.clone() })
 }
 
 /// Pairs near enough to touch; counting those that do would visit every pair.

@@ -218,7 +218,8 @@ fn datagrams_for_a_loop_that_does_not_read_are_dropped_and_counted() {
         assert!(Instant::now() < deadline, "{sent} datagrams and none dropped");
     }
     let kept = server.process.events.try_iter().count();
-    assert!((1..=70).contains(&kept), "{kept} of {sent} wait");
+    // The inbox's 64 KiB, and what its reading lets in from the buffers of both ends, 64 KiB each.
+    assert!((1..=200).contains(&kept), "{kept} of {sent} wait");
 }
 
 #[test]

@@ -220,6 +220,10 @@ impl RegionHost {
 
     fn step_all(&mut self) -> Result<(), HostError> {
         self.handovers.clear();
+        if self.partition.len() > 1 && self.regions.iter().any(|region| !region.fresh.is_empty()) {
+            self.announce();
+            self.exchange()?;
+        }
         for _ in 0..self.settings.exchanges {
             self.compute();
             self.exchange()?;

@@ -35,19 +35,14 @@ impl RegionHost {
     }
 
     /// Puts bodies and the joints among them into the regions where they belong, as far as these are computed here: an
-    /// assembly into the region of its lowest body, an immovable body wherever it reaches. When every region is computed
-    /// here, replicas are in place at once; else an exchange after [`RegionHost::announce`] or the next step brings them.
+    /// assembly into the region of its lowest body, an immovable body wherever it reaches. Replicas come with the exchange
+    /// after [`RegionHost::announce`]; [`RegionHost::step`] sees to that before it steps, once for all that was inserted.
     /// Nothing is inserted when anything is refused.
     pub fn insert(&mut self, mut bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
         bodies.sort_by_key(|body| body.id);
         self.check(&bodies, joints)?;
         let owners = self.owners(&bodies, joints);
-        self.insert_placed(bodies, &owners, joints)?;
-        if self.regions.len() == self.partition.len() {
-            self.announce();
-            self.exchange()?;
-        }
-        Ok(())
+        self.insert_placed(bodies, &owners, joints)
     }
 
     /// Computes these regions from now on and no other, as when membership changes. Kept regions keep their bodies;

@@ -1,0 +1,162 @@
+//! What an experiment is: scenes, where they are cut, and a formula that turns what was seen into one error.
+
+use dcd::runtime::measure::Subject;
+use dcd::scene::Scene;
+use dcd::space::Axis;
+
+use super::trace::Trace;
+
+/// One row of the suite.
+pub(crate) struct Experiment {
+    /// Its number in the suite.
+    pub number: u8,
+    /// As it is asked for.
+    pub name: &'static str,
+    /// What is measured, as a formula.
+    pub metric: &'static str,
+    /// Its variants; the worst of them stands for the experiment.
+    pub cases: fn(Size) -> Vec<Case>,
+    /// Into how many regions it is cut besides those asked for.
+    pub more_regions: &'static [usize],
+    /// Whether the time error (R2) and the compliance of contacts (R3) of one world add to the picture.
+    pub finer: bool,
+}
+
+/// How long and how large.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Size {
+    /// For CI: all experiments together take a few minutes.
+    Quick,
+    /// As the suite says.
+    Full,
+}
+
+impl Size {
+    /// One of two values.
+    pub(crate) fn pick<T>(self, quick: T, full: T) -> T {
+        match self {
+            Self::Quick => quick,
+            Self::Full => full,
+        }
+    }
+}
+
+/// A plane through the world: an axis and metres on it.
+pub(crate) type Cut = (Axis, f64);
+
+/// The planes that make so many regions.
+pub(crate) type Cuts = Box<dyn Fn(usize) -> Vec<Cut> + Send + Sync>;
+
+/// What is done to the world before each step, told the simulated seconds so far.
+pub(crate) type Drive = Box<dyn Fn(&mut Subject, f64) + Send + Sync>;
+
+/// The formula: the error of some runs (one a scene of the case), beside those of one bare world.
+pub(crate) type Measure = Box<dyn Fn(&[Trace], &[Trace]) -> f64 + Send + Sync>;
+
+/// A variant of an experiment.
+pub(crate) struct Case {
+    /// Tells it from the other variants.
+    pub label: String,
+    /// What is run. Several scenes are several seeds of the same, measured together.
+    pub scenes: Vec<Scene>,
+    /// What one bare world is run with for the reference, where that is another scene.
+    pub reference_scenes: Option<Vec<Scene>>,
+    /// Simulated seconds.
+    pub seconds: f64,
+    /// Simulated seconds from one look at the bodies to the next; 0 looks after every step.
+    pub look_s: f64,
+    /// Where the border hurts, for each number of regions.
+    pub cuts: Cuts,
+    /// What acts on the world from outside.
+    pub drive: Option<Drive>,
+    /// The error.
+    pub measure: Measure,
+    /// Unit of the error; empty for plain numbers.
+    pub unit: &'static str,
+    /// An error up to this always passes, in the unit of the error.
+    pub threshold: Option<f64>,
+    /// What rounding alone may add to the error of one world, in the unit of the error.
+    pub floor: f64,
+    /// Whether the smallest change grows: then a twin of the reference, one body of which starts 1 µm aside, says what
+    /// error one world has.
+    pub chaotic: bool,
+    /// Nothing acts from outside, so momentum must stay.
+    pub free: bool,
+    /// In the last second everything rests on fixed ground, so that must carry the weight.
+    pub rests: bool,
+    /// How many pairs of colliders must touch at the end.
+    pub pairs: Option<usize>,
+}
+
+impl Case {
+    /// A case of one scene with the usual floor of 0.1 mm; the fields left are set by `Case { .. }` or the setters below.
+    pub(crate) fn new(
+        label: impl Into<String>,
+        scene: Scene,
+        seconds: f64,
+        cuts: impl Fn(usize) -> Vec<Cut> + Send + Sync + 'static,
+        measure: impl Fn(&[Trace], &[Trace]) -> f64 + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            label: label.into(),
+            scenes: vec![scene],
+            reference_scenes: None,
+            seconds,
+            look_s: 0.1,
+            cuts: Box::new(cuts),
+            drive: None,
+            measure: Box::new(measure),
+            unit: "m",
+            threshold: None,
+            floor: 1e-4,
+            chaotic: false,
+            free: false,
+            rests: false,
+            pairs: None,
+        }
+    }
+
+    /// The error's unit and floor, where it is no length.
+    pub(crate) fn in_unit(mut self, unit: &'static str, floor: f64) -> Self {
+        (self.unit, self.floor) = (unit, floor);
+        self
+    }
+
+    /// An error up to this always passes.
+    pub(crate) fn within(mut self, threshold: f64) -> Self {
+        self.threshold = Some(threshold);
+        self
+    }
+
+    /// Looks at the bodies after every step.
+    pub(crate) fn every_step(mut self) -> Self {
+        self.look_s = 0.0;
+        self
+    }
+
+    /// Everything rests on fixed ground at the end.
+    pub(crate) fn resting(mut self) -> Self {
+        self.rests = true;
+        self
+    }
+
+    /// Nothing acts from outside.
+    pub(crate) fn free(mut self) -> Self {
+        self.free = true;
+        self
+    }
+}
+
+/// The first planes of a list that give so many regions: for parallel planes, each of which adds one.
+pub(crate) fn planes(axis: Axis, from_the_middle: &'static [f64]) -> impl Fn(usize) -> Vec<Cut> {
+    move |regions| from_the_middle[..regions - 1].iter().map(|&at| (axis, at)).collect()
+}
+
+/// Three planes across each other through one point: 2, 4 or 8 regions meet there.
+pub(crate) fn corner(axes: [Axis; 3], point: [f64; 3]) -> impl Fn(usize) -> Vec<Cut> {
+    move |regions| {
+        let count = regions.ilog2() as usize;
+        assert!(regions == 1 << count && count <= 3, "a corner has 1, 2, 4 or 8 regions, not {regions}");
+        axes[..count].iter().map(|&axis| (axis, point[axis.index()])).collect()
+    }
+}

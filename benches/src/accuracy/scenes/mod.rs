@@ -1,0 +1,49 @@
+//! The experiments, by family.
+
+mod impacts;
+mod stacks;
+
+use super::scene::Experiment;
+
+/// All of them, in the order in which they were first built.
+pub(crate) fn experiments() -> Vec<Experiment> {
+    vec![impacts::BORDER_PAIR, impacts::CRADLE, stacks::TOWER, stacks::TOWER_5, stacks::PYRAMID]
+}
+
+#[cfg(test)]
+mod tests {
+    use dcd::runtime::{Partitioning, WorldConfig};
+
+    use super::super::scene::Size;
+    use super::*;
+
+    #[test]
+    fn every_case_is_cut_into_as_many_regions_as_asked() {
+        for experiment in experiments() {
+            for case in (experiment.cases)(Size::Quick) {
+                for &regions in [2, 4, 8].iter().chain(experiment.more_regions) {
+                    for scene in &case.scenes {
+                        let mut config = WorldConfig::for_scene(scene);
+                        config.partitioning = Partitioning::Cuts((case.cuts)(regions));
+                        let tree = config.tree().unwrap_or_else(|error| {
+                            panic!("{} {} at {regions}: {error}", experiment.name, case.label)
+                        });
+                        assert_eq!(tree.leaf_count(), regions, "{} {}", experiment.name, case.label);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_name_and_no_number_is_given_twice() {
+        let (mut names, mut numbers): (Vec<_>, Vec<_>) =
+            experiments().iter().map(|experiment| (experiment.name, experiment.number)).unzip();
+        let count = names.len();
+        names.sort_unstable();
+        names.dedup();
+        numbers.sort_unstable();
+        numbers.dedup();
+        assert_eq!((names.len(), numbers.len()), (count, count));
+    }
+}

@@ -31,7 +31,7 @@ impl Verdict {
 
 /// Holds a reading against that of one bare world.
 pub(crate) fn judge(case: &Case, reading: &Reading, r1: &Reading) -> Verdict {
-    let limit = (SLACK * r1.error + case.floor).max(case.threshold.unwrap_or(0.0));
+    let limit = (SLACK * reading.r1_error + case.floor).max(case.threshold.unwrap_or(0.0));
     let mut failures = Vec::new();
     let mut fail = |failed: bool, words: String| failures.extend(failed.then_some(words));
     fail(reading.error > limit, format!("error {:.3e} {} > {limit:.3e}", reading.error, case.unit));

@@ -141,13 +141,13 @@ fn run(
         .collect::<Result<_, WorldError>>()?;
     let pairs: Vec<_> = cases.iter().zip(&references).collect();
 
-    let r1 = pairs.iter().map(|(case, reference)| Line::new(case, reference.r1.clone(), &reference.r1, None));
+    let r1 = pairs.iter().map(|(case, reference)| Line::new(case, reference.r1.clone(), None));
     let mut rows = vec![Row::new(experiment, "R1", 0, r1.collect())];
     for (name, settings) in finer {
         let line = |(case, reference): &(&Case, &Reference)| {
             let reading = read(case, &Setup::Bare(settings(case)), reference)?;
             bar.inc(1);
-            Ok(Line::new(case, reading, &reference.r1, None))
+            Ok(Line::new(case, reading, None))
         };
         rows.push(Row::new(
             experiment,
@@ -165,7 +165,7 @@ fn run(
             let reading = read(case, &setup, reference)?;
             bar.inc(1);
             let verdict = gate::judge(case, &reading, &reference.r1);
-            Ok(Line::new(case, reading, &reference.r1, Some(verdict)))
+            Ok(Line::new(case, reading, Some(verdict)))
         };
         let lines = pairs.par_iter().map(line).collect::<Result<_, WorldError>>()?;
         Ok(Row::new(experiment, method.name(), regions, lines))

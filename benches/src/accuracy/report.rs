@@ -17,8 +17,6 @@ pub(crate) struct Line {
     pub unit: &'static str,
     /// What came of it.
     pub reading: Reading,
-    /// Error of one bare world.
-    pub r1_error: f64,
     /// What the gate says; none for the bare worlds themselves.
     pub verdict: Option<Verdict>,
 }
@@ -36,8 +34,8 @@ pub(crate) struct Row {
 
 impl Line {
     /// A case held against one bare world.
-    pub(crate) fn new(case: &Case, reading: Reading, r1: &Reading, verdict: Option<Verdict>) -> Self {
-        Self { case: case.label.clone(), unit: case.unit, reading, r1_error: r1.error, verdict }
+    pub(crate) fn new(case: &Case, reading: Reading, verdict: Option<Verdict>) -> Self {
+        Self { case: case.label.clone(), unit: case.unit, reading, verdict }
     }
 
     fn pass(&self) -> bool {
@@ -108,7 +106,7 @@ impl Row {
         let mut text = format!(
             "{number:2}  {name:15} {method:8} {regions:7} {:12.4e} {:12.4e} {:12.4e} {:8} {}: {verdict}",
             worst.reading.error,
-            worst.r1_error,
+            worst.reading.r1_error,
             worst.limit(),
             worst.unit,
             worst.case,
@@ -130,7 +128,7 @@ impl Row {
             "method": self.method,
             "regions": self.regions,
             "error": worst.reading.error,
-            "r1_error": worst.r1_error,
+            "r1_error": worst.reading.r1_error,
             "unit": worst.unit,
             "threshold": worst.limit(),
             "pass": self.pass(),
@@ -146,16 +144,17 @@ impl Row {
     pub(crate) fn csv(&self) -> String {
         let mut text = String::new();
         for line in &self.lines {
-            let Line { case, unit, reading, r1_error, verdict } = line;
+            let Line { case, unit, reading, verdict } = line;
             let or_nothing = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4e}"));
             writeln!(
                 text,
-                "{},{},{case},{},{},{:.4e},{r1_error:.4e},{unit},{},{},{},{},{},{},{},{},{:.1},{:.3},{},{},{}",
+                "{},{},{case},{},{},{:.4e},{:.4e},{unit},{},{},{},{},{},{},{},{},{:.1},{:.3},{},{},{}",
                 self.number,
                 self.name,
                 self.method,
                 self.regions,
                 reading.error,
+                reading.r1_error,
                 or_nothing(verdict.as_ref().map(|verdict| verdict.limit)),
                 line.pass(),
                 or_nothing(reading.momentum_error),

@@ -50,8 +50,17 @@ pub(crate) type Cuts = Box<dyn Fn(usize) -> Vec<Cut> + Send + Sync>;
 /// What is done to the world before each step, told the simulated seconds so far.
 pub(crate) type Drive = Box<dyn Fn(&mut Subject, f64) + Send + Sync>;
 
-/// The formula: the error of some runs (one a scene of the case), beside those of one bare world.
-pub(crate) type Measure = Box<dyn Fn(&[Trace], &[Trace]) -> f64 + Send + Sync>;
+/// How runs become an error.
+pub(crate) enum Measure {
+    /// The error of a run, beside one bare world's.
+    Formula(Box<dyn Fn(&Trace, &Trace) -> f64 + Send + Sync>),
+    /// The same of all runs of a case, one a scene.
+    Together(Box<dyn Fn(&[Trace], &[Trace]) -> f64 + Send + Sync>),
+    /// For what is chaotic: figures of a run, all in the unit of the case. The error is how far the mean of a figure over
+    /// all seeds is from that of one bare world and its twins (one body of which starts 1 µm aside); the error of one world
+    /// is the standard deviation of its own runs and their twins. Of several figures the one counts that is worst by this.
+    Statistics(Box<dyn Fn(&Trace) -> Vec<f64> + Send + Sync>),
+}
 
 /// A variant of an experiment.
 pub(crate) struct Case {
@@ -77,9 +86,6 @@ pub(crate) struct Case {
     pub threshold: Option<f64>,
     /// What rounding alone may add to the error of one world, in the unit of the error.
     pub floor: f64,
-    /// Whether the smallest change grows: then a twin of the reference, one body of which starts 1 µm aside, says what
-    /// error one world has.
-    pub chaotic: bool,
     /// Nothing acts from outside, so momentum must stay.
     pub free: bool,
     /// In the last second everything rests on fixed ground, so that must carry the weight.
@@ -89,27 +95,37 @@ pub(crate) struct Case {
 }
 
 impl Case {
-    /// A case of one scene with the usual floor of 0.1 mm; the fields left are set by `Case { .. }` or the setters below.
+    /// A case of one scene with the usual floor of 0.1 mm.
     pub(crate) fn new(
         label: impl Into<String>,
         scene: Scene,
         seconds: f64,
         cuts: impl Fn(usize) -> Vec<Cut> + Send + Sync + 'static,
-        measure: impl Fn(&[Trace], &[Trace]) -> f64 + Send + Sync + 'static,
+        measure: impl Fn(&Trace, &Trace) -> f64 + Send + Sync + 'static,
+    ) -> Self {
+        Self::of(label, vec![scene], seconds, cuts, Measure::Formula(Box::new(measure)))
+    }
+
+    /// A case of several scenes.
+    pub(crate) fn of(
+        label: impl Into<String>,
+        scenes: Vec<Scene>,
+        seconds: f64,
+        cuts: impl Fn(usize) -> Vec<Cut> + Send + Sync + 'static,
+        measure: Measure,
     ) -> Self {
         Self {
             label: label.into(),
-            scenes: vec![scene],
+            scenes,
             reference_scenes: None,
             seconds,
             look_s: 0.1,
             cuts: Box::new(cuts),
             drive: None,
-            measure: Box::new(measure),
+            measure,
             unit: "m",
             threshold: None,
             floor: 1e-4,
-            chaotic: false,
             free: false,
             rests: false,
             pairs: None,
@@ -148,8 +164,9 @@ impl Case {
 }
 
 /// The first planes of a list that give so many regions: for parallel planes, each of which adds one.
-pub(crate) fn planes(axis: Axis, from_the_middle: &'static [f64]) -> impl Fn(usize) -> Vec<Cut> {
-    move |regions| from_the_middle[..regions - 1].iter().map(|&at| (axis, at)).collect()
+pub(crate) fn planes(axis: Axis, planes: impl Into<Vec<f64>>) -> impl Fn(usize) -> Vec<Cut> {
+    let planes = planes.into();
+    move |regions| planes[..regions - 1].iter().map(|&at| (axis, at)).collect()
 }
 
 /// Three planes across each other through one point: 2, 4 or 8 regions meet there.

@@ -115,7 +115,7 @@ impl Look {
     }
 }
 
-/// Runs one scene of a case.
+/// Runs one scene of a case, from before its first step to after its last.
 pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Trace, WorldError> {
     let (mut subject, dt_s, iterations) = build(case, scene, setup)?;
     let ticks = Plan::ticks_of(case.seconds, dt_s);
@@ -194,7 +194,9 @@ fn build(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<(Subject, f32,
             adjust(&mut config);
             let step = config.step;
             let world = DcdWorld::from_scene(scene, config)?;
-            Ok((Subject::Regions(Box::new(world)), step.dt_s, step.solver_iterations))
+            // As many as all micro-steps of a tick have together.
+            let iterations = step.exchanges * step.solver_iterations.div_ceil(step.exchanges);
+            Ok((Subject::Regions(Box::new(world)), step.dt_s, iterations))
         }
     }
 }

@@ -42,8 +42,7 @@ fn border_pair(_: Size) -> Vec<Case> {
             push_ball(&mut scene, 0.75, -1.0, mass_kg as f32, restitution as f32);
             let corner = corner(Axis::ALL, [0.0; 3]);
             let label = format!("e {restitution} 1:{mass_kg}");
-            let case =
-                Case::new(label, scene, 1.0, corner, move |traces, _| velocity_error(&traces[0], &exact));
+            let case = Case::new(label, scene, 1.0, corner, move |trace, _| velocity_error(trace, &exact));
             cases.push(case.in_unit("m/s", 1e-4).within(1e-3).free());
         }
     }
@@ -67,7 +66,7 @@ fn cradle(_: Size) -> Vec<Case> {
             _ => across.into_iter().chain([(Axis::Y, 0.0)]).collect(),
         }
     };
-    let case = Case::new("gaps 1 cm", scene, 1.0, cuts, move |traces, _| velocity_error(&traces[0], &exact));
+    let case = Case::new("gaps 1 cm", scene, 1.0, cuts, move |trace, _| velocity_error(trace, &exact));
     vec![case.in_unit("m/s", 1e-4).within(1e-3).free()]
 }
 

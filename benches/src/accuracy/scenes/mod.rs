@@ -1,13 +1,30 @@
 //! The experiments, by family.
 
+mod flight;
 mod impacts;
+mod joints;
+mod slides;
 mod stacks;
+mod statistics;
 
 use super::scene::Experiment;
 
 /// All of them, in the order in which they were first built.
 pub(crate) fn experiments() -> Vec<Experiment> {
-    vec![impacts::BORDER_PAIR, impacts::CRADLE, stacks::TOWER, stacks::TOWER_5, stacks::PYRAMID]
+    vec![
+        flight::PROJECTILE,
+        slides::SLIDE_TO_ROLL,
+        impacts::BORDER_PAIR,
+        impacts::CRADLE,
+        stacks::TOWER,
+        stacks::PYRAMID,
+        joints::CHAIN,
+        statistics::PILE,
+        statistics::GAS,
+        flight::DZHANIBEKOV,
+        stacks::TOWER_5,
+        flight::BULLET,
+    ]
 }
 
 #[cfg(test)]

@@ -43,11 +43,10 @@ fn tower(size: Size) -> Vec<Case> {
         let case = |label: &str, cuts: Box<dyn Fn(usize) -> Vec<Cut> + Send + Sync>| {
             let scene = tower_of(ratio);
             let label = format!("{ratio}:1 {label}");
-            Case::new(label, scene, size.pick(10.0, 60.0), cuts, |traces, _| displacement(&traces[0]))
-                .resting()
+            Case::new(label, scene, size.pick(10.0, 60.0), cuts, |trace, _| displacement(trace)).resting()
         };
-        cases.push(case("centre", Box::new(planes(Axis::Y, &[4.5, 2.5, 6.5, 8.5, 1.5, 5.5, 9.5]))));
-        cases.push(case("between", Box::new(planes(Axis::Y, &[5.0, 3.0, 7.0, 1.0, 9.0, 4.0, 8.0]))));
+        cases.push(case("centre", Box::new(planes(Axis::Y, [4.5, 2.5, 6.5, 8.5, 1.5, 5.5, 9.5]))));
+        cases.push(case("between", Box::new(planes(Axis::Y, [5.0, 3.0, 7.0, 1.0, 9.0, 4.0, 8.0]))));
         cases.push(case("upright", Box::new(corner([Axis::X, Axis::Z, Axis::Y], [0.0, 5.0, 0.0]))));
     }
     cases
@@ -55,9 +54,9 @@ fn tower(size: Size) -> Vec<Case> {
 
 fn tower_5(size: Size) -> Vec<Case> {
     let case = |ratio| {
-        let cuts = planes(Axis::Y, &[4.0, 2.0, 6.0, 8.0, 1.0, 9.0, 3.0]);
-        Case::new(format!("{ratio}:1"), tower_of(ratio), size.pick(10.0, 60.0), cuts, |traces, _| {
-            displacement(&traces[0])
+        let cuts = planes(Axis::Y, [4.0, 2.0, 6.0, 8.0, 1.0, 9.0, 3.0]);
+        Case::new(format!("{ratio}:1"), tower_of(ratio), size.pick(10.0, 60.0), cuts, |trace, _| {
+            displacement(trace)
         })
     };
     [1, 10, 100].map(|ratio| case(ratio).resting()).into()
@@ -83,16 +82,14 @@ fn pyramid(size: Size) -> Vec<Case> {
             }
         }
     };
-    let layers = planes(Axis::Y, &[5.0, 2.0, 9.0, 4.0, 7.0, 12.0, 1.0]);
-    let deviation = |traces: &[Trace], r1: &[Trace]| deviation(&traces[0], &r1[0]);
+    let layers = planes(Axis::Y, [5.0, 2.0, 9.0, 4.0, 7.0, 12.0, 1.0]);
     let large = size.pick(40, 100);
     let large_s = steps_s(size.pick(200, 1000));
     let mut upright = Case::new("base 20 crossed", scene(20), steps_s(1000), cuts(4.5), deviation);
     let mut across = Case::new("base 20 layers", scene(20), steps_s(1000), layers, deviation);
     (upright.threshold, across.threshold) = (Some(0.01), Some(0.01));
-    let whole = Case::new(format!("base {large}"), scene(large), large_s, cuts(5.0), |traces, _| {
-        displacement(&traces[0])
-    });
+    let whole =
+        Case::new(format!("base {large}"), scene(large), large_s, cuts(5.0), |trace, _| displacement(trace));
     vec![upright.resting(), across.resting(), whole.resting()]
 }
 

@@ -85,9 +85,12 @@ impl Reference {
             }
             _ => Vec::new(),
         };
-        let own = match case.reference_scenes {
-            Some(_) => Some(self::traces(case, &case.scenes, &bare)?),
-            None => None,
+        let own = if case.twin {
+            Some(self::traces(case, &case.scenes.iter().map(nudged).collect::<Vec<_>>(), &bare)?)
+        } else if case.reference_scenes.is_some() {
+            Some(self::traces(case, &case.scenes, &bare)?)
+        } else {
+            None
         };
         let (error, _) = errors(case, own.as_ref().unwrap_or(&traces), &traces, &figures);
         let r1_error = figures.iter().map(|figure| figure.deviation).fold(error, f64::max);

@@ -70,6 +70,8 @@ pub(crate) struct Case {
     pub scenes: Vec<Scene>,
     /// What one bare world is run with for the reference, where that is another scene.
     pub reference_scenes: Option<Vec<Scene>>,
+    /// Whether a formula's error of one world is that of a twin, one body of which starts 1 µm aside.
+    pub twin: bool,
     /// Simulated seconds.
     pub seconds: f64,
     /// Simulated seconds from one look at the bodies to the next; 0 looks after every step.
@@ -118,6 +120,7 @@ impl Case {
             label: label.into(),
             scenes,
             reference_scenes: None,
+            twin: false,
             seconds,
             look_s: 0.1,
             cuts: Box::new(cuts),
@@ -141,6 +144,12 @@ impl Case {
     /// An error up to this always passes.
     pub(crate) fn within(mut self, threshold: f64) -> Self {
         self.threshold = Some(threshold);
+        self
+    }
+
+    /// Something acts on the world before each step; it is told the simulated seconds so far.
+    pub(crate) fn driven(mut self, drive: impl Fn(&mut Subject, f64) + Send + Sync + 'static) -> Self {
+        self.drive = Some(Box::new(drive));
         self
     }
 

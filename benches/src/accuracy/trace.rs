@@ -170,6 +170,19 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
     Ok(run)
 }
 
+/// Changes a body of the scene in place, by Rapier's own setters, wherever it is held.
+pub(crate) fn change(subject: &mut Subject, body: usize, change: impl Fn(&mut RigidBody)) {
+    match subject {
+        Subject::Bare(world) => {
+            // Rapier numbers bodies in order of insertion.
+            change(&mut world.bodies[RigidBodyHandle::from_raw_parts(body as u32, 0)]);
+        }
+        Subject::Regions(world) => {
+            world.update(BodyId::persistent(body as u32), change).expect("a scene's body stays");
+        }
+    }
+}
+
 /// The world, its dt and its iterations a step.
 fn build(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<(Subject, f32, usize), WorldError> {
     match setup {

@@ -1,5 +1,8 @@
 //! The experiments, by family.
 
+mod borders;
+mod collapse;
+mod drops;
 mod flight;
 mod impacts;
 mod joints;
@@ -21,9 +24,22 @@ pub(crate) fn experiments() -> Vec<Experiment> {
         joints::CHAIN,
         statistics::PILE,
         statistics::GAS,
+        slides::SLOPE,
+        slides::ROLLING_BOX,
         flight::DZHANIBEKOV,
+        drops::ELASTIC_666,
+        drops::BALLS_666,
         stacks::TOWER_5,
+        stacks::WALL,
+        collapse::CARD_HOUSE,
+        joints::JOINT_GRID,
         flight::BULLET,
+        slides::SEAM,
+        borders::HANDOVER,
+        borders::PING_PONG,
+        borders::GIANT,
+        collapse::DOMINO,
+        statistics::SPHERES_1000,
     ]
 }
 

@@ -37,6 +37,32 @@ pub(super) const PYRAMID: Experiment = Experiment {
     finer: false,
 };
 
+/// A wall in running bond.
+pub(super) const WALL: Experiment = Experiment {
+    number: 13,
+    name: "wall",
+    metric: "largest displacement of a brick from where it was put, mean of the last second, m",
+    cases: wall,
+    more_regions: &[],
+    finer: false,
+};
+
+fn wall(size: Size) -> Vec<Case> {
+    let (width, height, seconds) = size.pick((10, 6, 20.0), (20, 8, 600.0));
+    let params = Params::new().with("width", width).with("height", height).with("sleep", 0);
+    let scene = Scene::named("wall", &params).expect("the library has walls");
+    // Between bricks of one course and through those of the next; between courses; through more bricks.
+    let cuts = |regions: usize| -> Vec<Cut> {
+        match regions {
+            2 => vec![(Axis::X, 0.0)],
+            4 => vec![(Axis::X, 0.0), (Axis::Y, 1.5)],
+            _ => vec![(Axis::X, 0.0), (Axis::Y, 1.5), (Axis::X, -2.25), (Axis::X, 2.5)],
+        }
+    };
+    let label = format!("{width} bricks x {height} courses");
+    vec![Case::new(label, scene, seconds, cuts, |trace, _| displacement(trace)).resting()]
+}
+
 fn tower(size: Size) -> Vec<Case> {
     let mut cases = Vec::new();
     for ratio in [1, 10, 100] {

@@ -3,8 +3,8 @@
 use dcd::scene::{Params, Scene};
 use dcd::space::Axis;
 
-use super::super::scene::{Case, Experiment, Measure, Size, corner};
-use super::super::trace::{Trace, masses_kg, norm};
+use super::super::scene::{Case, Cut, Experiment, Measure, Size, corner};
+use super::super::trace::{Trace, distance, masses_kg, norm};
 
 /// Boxes that fall into a heap.
 pub(super) const PILE: Experiment = Experiment {
@@ -26,6 +26,16 @@ pub(super) const GAS: Experiment = Experiment {
     finer: false,
 };
 
+/// waLBerla's test of equivalence: 1,000 falling spheres by 1, 8 and 64 regions.
+pub(super) const SPHERES_1000: Experiment = Experiment {
+    number: 23,
+    name: "spheres_1000",
+    metric: "0.5 s: root mean square distance from R1, m; later, mean over seeds against R1's: mean height, v²/2g, m",
+    cases: spheres,
+    more_regions: &[64],
+    finer: false,
+};
+
 /// How many seeds.
 fn seeds(size: Size) -> std::ops::RangeInclusive<u64> {
     1..=size.pick(3, 8)
@@ -39,7 +49,7 @@ fn pile(size: Size) -> Vec<Case> {
         // Through the settled heap, which is half as high as wide.
         let low_m = 0.2 * scenes[0].bounds.size()[0];
         let corner = corner([Axis::X, Axis::Z, Axis::Y], [0.0, low_m, 0.0]);
-        let figures = Measure::Statistics(Box::new(heap_figures));
+        let figures = Measure::Statistics(Box::new(|trace| heap_figures(trace).into()));
         Case { rests: true, ..Case::of(format!("{boxes} boxes"), scenes, seconds, corner, figures) }
     };
     match size {
@@ -50,7 +60,7 @@ fn pile(size: Size) -> Vec<Case> {
 }
 
 /// Mean height, deepest penetration, and the height that the remaining motion could lift the boxes, in metres.
-fn heap_figures(trace: &Trace) -> Vec<f64> {
+fn heap_figures(trace: &Trace) -> [f64; 3] {
     const GRAVITY_M_S2: f64 = 9.81;
     let mut sums = [0.0; 3];
     let mut looks = 0.0;
@@ -64,7 +74,43 @@ fn heap_figures(trace: &Trace) -> Vec<f64> {
         sums[2] += mean(&|body| 0.5 * norm(look.velocity(body)).powi(2) / GRAVITY_M_S2);
         looks += 1.0;
     }
-    sums.map(|sum| sum / looks).into()
+    sums.map(|sum| sum / looks)
+}
+
+fn spheres(size: Size) -> Vec<Case> {
+    let spheres = size.pick(300, 1000);
+    let scene = |seed| {
+        let params = Params::new().with("n", spheres).with("seed", seed).with("fill", 0.1);
+        let mut scene = Scene::named("gas", &params).expect("the library has gases");
+        scene.name = "spheres_1000".to_owned();
+        scene.gravity = [0.0, -9.81, 0.0];
+        for collider in scene.bodies.iter_mut().flat_map(|body| &mut body.colliders) {
+            *collider = collider.clone().restitution(0.3).friction(0.4);
+        }
+        scene
+    };
+    let edge_m = scene(1).bounds.size()[0];
+    let cuts = move |regions: usize| -> Vec<Cut> {
+        let middle = Axis::ALL.map(|axis| (axis, 0.0));
+        match regions {
+            64 => Axis::ALL
+                .into_iter()
+                .flat_map(|axis| [0.0, -0.25, 0.25].map(|part| (axis, part * edge_m)))
+                .collect(),
+            _ => middle[..regions.ilog2() as usize].to_vec(),
+        }
+    };
+    let early = Case::new("0.5 s", scene(1), 0.5, cuts, |trace, r1| {
+        let (own, r1) = (trace.last(), r1.last());
+        let squares: f64 = r1.moving().map(|body| distance(own.place(body), r1.place(body)).powi(2)).sum();
+        (squares / r1.moving().count() as f64).sqrt()
+    });
+    let figures = Measure::Statistics(Box::new(|trace| {
+        let [height_m, _, motion_m] = heap_figures(trace);
+        vec![height_m, motion_m]
+    }));
+    let late = Case::of("5 s", seeds(size).map(scene).collect(), 5.0, cuts, figures);
+    vec![Case { twin: true, ..early }, Case { rests: true, ..late }]
 }
 
 fn gas(size: Size) -> Vec<Case> {

@@ -51,3 +51,77 @@ pub(crate) fn judge(case: &Case, reading: &Reading, r1: &Reading) -> Verdict {
     }
     Verdict { limit, failures }
 }
+
+#[cfg(test)]
+mod tests {
+    use dcd::runtime::measure::StepTimes;
+    use dcd::scene::{Params, Scene};
+
+    use super::*;
+
+    fn case() -> Case {
+        let scene = Scene::named("tower", &Params::new()).unwrap();
+        Case::new("any", scene, 1.0, |_| Vec::new(), |_, _| 0.0)
+    }
+
+    fn reading(error: f64, r1_error: f64) -> Reading {
+        Reading {
+            error,
+            r1_error,
+            momentum_error: None,
+            ground_error: None,
+            lost: 0,
+            doubled: 0,
+            quarantined: 0,
+            pairs: 0,
+            transfers: 0,
+            replicas_mean: 0.0,
+            step_ms: StepTimes::default(),
+            rtf: 1.0,
+        }
+    }
+
+    fn passes(case: &Case, reading: &Reading) -> bool {
+        judge(case, reading, &self::reading(0.0, 0.0)).pass()
+    }
+
+    #[test]
+    fn an_error_may_exceed_that_of_one_world_by_a_tenth_and_rounding() {
+        assert!(passes(&case(), &reading(0.1100, 0.1)));
+        assert!(!passes(&case(), &reading(0.1102, 0.1)));
+        assert!(passes(&case(), &reading(0.9e-4, 0.0)));
+    }
+
+    #[test]
+    fn a_threshold_passes_whatever_one_world_does_and_gives_way_where_one_world_misses_it() {
+        let case = case().within(0.01);
+        assert!(passes(&case, &reading(0.0099, 0.0)));
+        assert!(!passes(&case, &reading(0.0101, 0.0)));
+        assert!(passes(&case, &reading(0.021, 0.02)));
+    }
+
+    #[test]
+    fn bodies_momentum_and_weight_count_beside_the_error() {
+        let good = reading(0.0, 0.0);
+        for bad in [
+            Reading { lost: 1, ..good.clone() },
+            Reading { doubled: 1, ..good.clone() },
+            Reading { quarantined: 1, ..good.clone() },
+            Reading { momentum_error: Some(2e-5), ..good.clone() },
+            Reading { ground_error: Some(0.011), ..good.clone() },
+        ] {
+            assert!(!passes(&case(), &bad), "{bad:?}");
+        }
+        let near = Reading { momentum_error: Some(0.9e-5), ground_error: Some(0.009), ..good.clone() };
+        assert!(passes(&case(), &near));
+        assert!(!passes(&Case { pairs: Some(2), ..case() }, &good));
+    }
+
+    #[test]
+    fn where_one_world_misses_its_weight_its_own_miss_is_allowed() {
+        let r1 = Reading { ground_error: Some(0.1), ..reading(0.0, 0.0) };
+        let of = |error| Reading { ground_error: Some(error), ..reading(0.0, 0.0) };
+        assert!(judge(&case(), &of(0.109), &r1).pass());
+        assert!(!judge(&case(), &of(0.111), &r1).pass());
+    }
+}

@@ -1,6 +1,8 @@
 //! The accuracy suite: scenes where partitioned worlds go wrong, each with the border where it hurts, against closed forms
 //! and one bare Rapier world.
 
+#[cfg(test)]
+mod baselines;
 mod gate;
 mod limits;
 mod reading;
@@ -20,6 +22,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde_json::json;
 
+pub(crate) use gate::{Verdict, judge};
 pub(crate) use reading::{Reference, read};
 pub(crate) use scene::{Case, Experiment, Size};
 pub(crate) use scenes::experiments;
@@ -164,7 +167,7 @@ fn run(
         let line = |(case, reference): &(&Case, &Reference)| {
             let reading = read(case, &setup, reference)?;
             bar.inc(1);
-            let verdict = gate::judge(case, &reading, &reference.r1);
+            let verdict = judge(case, &reading, &reference.r1);
             Ok(Line::new(case, reading, Some(verdict)))
         };
         let lines = pairs.par_iter().map(line).collect::<Result<_, WorldError>>()?;

@@ -116,7 +116,6 @@ fn errors(case: &Case, traces: &[Trace], r1: &[Trace], figures: &[Figure]) -> (f
         Measure::Formula(formula) => {
             (worst(traces.iter().zip(r1).map(|(trace, r1)| formula(trace, r1))), None)
         }
-        Measure::Together(formula) => (formula(traces, r1), None),
         Measure::Statistics(of_run) => {
             let of_runs: Vec<_> = traces.iter().map(of_run).collect();
             let errors = figures.iter().enumerate().map(|(i, figure)| {

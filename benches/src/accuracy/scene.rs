@@ -54,8 +54,6 @@ pub(crate) type Drive = Box<dyn Fn(&mut Subject, f64) + Send + Sync>;
 pub(crate) enum Measure {
     /// The error of a run, beside one bare world's.
     Formula(Box<dyn Fn(&Trace, &Trace) -> f64 + Send + Sync>),
-    /// The same of all runs of a case, one a scene.
-    Together(Box<dyn Fn(&[Trace], &[Trace]) -> f64 + Send + Sync>),
     /// For what is chaotic: figures of a run, all in the unit of the case. The error is how far the mean of a figure over
     /// all seeds is from that of one bare world and its twins (one body of which starts 1 µm aside); the error of one world
     /// is the standard deviation of its own runs and their twins. Of several figures the one counts that is worst by this.

@@ -41,8 +41,6 @@ pub(crate) struct Bare {
 /// What was seen of a run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trace {
-    /// Seconds a step.
-    pub dt_s: f64,
     /// Seconds a solver iteration: Rapier moves bodies in steps of this.
     pub substep_s: f64,
     /// The first is from before the first step, the last from after the last.
@@ -126,7 +124,7 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
         .map(|index| BodyId::persistent(index as u32))
         .collect();
     let momentum = subject.momentum_kgms();
-    let mut run = Trace { dt_s: dt, substep_s: dt / iterations as f64, ..Trace::default() };
+    let mut run = Trace { substep_s: dt / iterations as f64, ..Trace::default() };
     run.looks.push(look(scene, &subject, 0.0));
     let (mut replicas, mut quarantined, mut looks) = (0, BTreeSet::new(), 0);
     for tick in 1..=ticks {

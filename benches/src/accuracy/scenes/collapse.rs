@@ -108,13 +108,17 @@ fn arch() -> Scene {
     const INNER_M: f64 = 2.0;
     const OUTER_M: f64 = 2.6;
     const HALF_DEEP_M: f32 = 0.3;
+    /// Half of what is free between wedges: of hulls that touch exactly, Parry may take any face for the deepest.
+    const GAP_M: f64 = 5e-4;
     let mut scene = floor("arch", 20.0, Bounds::new([-4.0, 0.0, -1.0], [4.0, 4.0, 1.0]));
     let half_angle = 0.5 * std::f64::consts::PI / WEDGES as f64;
     let middle_m = 0.5 * (INNER_M + OUTER_M);
     // As the keystone has it: radii along y.
     let corners: Vec<_> = [INNER_M, OUTER_M]
         .into_iter()
-        .flat_map(|radius| [-half_angle, half_angle].map(|angle| (radius, angle)))
+        .flat_map(|radius| {
+            [-half_angle, half_angle].map(|angle| (radius, angle - angle.signum() * GAP_M / radius))
+        })
         .flat_map(|(radius, angle)| {
             let (x, y) = ((radius * angle.sin()) as f32, (radius * angle.cos() - middle_m) as f32);
             [-HALF_DEEP_M, HALF_DEEP_M].map(|z| Vector::new(x, y, z))

@@ -2,7 +2,7 @@
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
-use dcd::scene::{Scene, SceneBody};
+use dcd::scene::Scene;
 use dcd::space::{Axis, Bounds};
 use nalgebra::Vector3;
 
@@ -110,32 +110,33 @@ fn cosine(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 fn bullet(_: Size) -> Vec<Case> {
-    [50.0, 100.0, 200.0, 399.0].map(shot_at_a_wall).into()
+    let speeds = [50.0, 100.0, 200.0, 399.0];
+    speeds.into_iter().flat_map(|speed| [true, false].map(|fixed| shot_at_a_wall(speed, fixed))).collect()
 }
 
-fn shot_at_a_wall(speed_m_s: f32) -> Case {
+/// The wall is fixed, or owned by the region behind the border.
+fn shot_at_a_wall(speed_m_s: f32, fixed: bool) -> Case {
     const WALL_M: f64 = 0.03;
     let mut scene = Scene::empty("bullet");
     scene.gravity = [0.0; 3];
-    scene.push_fixed_box([WALL_M, 0.0, 0.0], [0.01, 4.0, 4.0], &ColliderBuilder::ball(1.0));
+    let body = if fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic().can_sleep(false) };
+    scene.push(WorldPose::at([WALL_M, 0.0, 0.0]), body, ColliderBuilder::cuboid(0.01, 2.0, 2.0).mass(1000.0));
     // A third of a step off the place where steps would end at the wall.
     let start_m = -f64::from(speed_m_s) * (10.0 + 1.0 / 3.0) / 60.0;
     let body = RigidBodyBuilder::dynamic()
         .linvel(Vector::new(speed_m_s, 0.0, 0.0))
         .ccd_enabled(true)
         .can_sleep(false);
-    let ball = SceneBody {
-        pose: WorldPose::at([start_m, 0.0, 0.0]),
-        body,
-        colliders: vec![ColliderBuilder::ball(0.1)],
-    };
-    scene.bodies.push(ball);
-    scene.bounds = Bounds::new([start_m, -4.0, -4.0], [2.0, 4.0, 4.0]);
+    let ball = ColliderBuilder::ball(0.1).mass(1.0);
+    scene.push(WorldPose::at([start_m, 0.0, 0.0]), body, ball);
+    scene.bounds = Bounds::new([start_m, -4.0, -4.0], [8.0, 4.0, 4.0]);
     let borders = planes(Axis::X, [0.0, -0.15, 0.15, -1.0, -0.5, 0.5, 1.0]);
-    let beyond = Case::new(format!("{speed_m_s} m/s"), scene, 0.5, borders, |trace, _| {
-        worst(trace.looks.iter().map(|look| (look.place(1)[0] - WALL_M).max(0.0)))
+    let label = format!("{speed_m_s} m/s, {} wall", if fixed { "fixed" } else { "loose" });
+    let beyond = Case::new(label, scene, 0.5, borders, move |trace, _| {
+        let wall_m = |look: &Look| if fixed { WALL_M } else { look.place(0)[0] };
+        worst(trace.looks.iter().map(|look| (look.place(1)[0] - wall_m(look)).max(0.0)))
     });
-    beyond.every_step()
+    if fixed { beyond.every_step() } else { beyond.every_step().free() }
 }
 
 #[cfg(test)]

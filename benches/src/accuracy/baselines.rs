@@ -2,8 +2,9 @@
 
 use dcd::physics::Coupling;
 
+use super::gate::{Verdict, judge};
 use super::scene::{Case, Size};
-use super::{Reference, Setup, Verdict, experiments, judge, method, read, use_method};
+use super::{Reference, Setup, experiments, method, read, use_method};
 
 /// The verdict on one case of an experiment.
 fn verdict(experiment: &str, case: &str, coupling: Coupling, regions: usize) -> (f64, Verdict) {

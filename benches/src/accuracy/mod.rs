@@ -22,7 +22,6 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde_json::json;
 
-pub(crate) use gate::{Verdict, judge};
 pub(crate) use reading::{Reference, read};
 pub(crate) use scene::{Case, Experiment, Size};
 pub(crate) use scenes::experiments;
@@ -118,8 +117,11 @@ pub(crate) fn use_method(config: &mut WorldConfig, method: Coupling) {
     };
 }
 
+/// The settings of a bare world for a case.
+type Settings = fn(&Case) -> Bare;
+
 /// Bare worlds that are finer than R1: by a sixteenth of its dt, and by contacts four times as stiff.
-const FINER: [(&str, fn(&Case) -> Bare); 2] = [
+const FINER: [(&str, Settings); 2] = [
     ("R2", |case| Bare { dt_s: Some(case.scenes[0].dt_s / 16.0), iterations: Some(16), ..Bare::default() }),
     ("R3", |_| Bare { iterations: Some(16), contact_hz: Some(120.0), ..Bare::default() }),
 ];
@@ -167,7 +169,7 @@ fn run(
         let line = |(case, reference): &(&Case, &Reference)| {
             let reading = read(case, &setup, reference)?;
             bar.inc(1);
-            let verdict = judge(case, &reading, &reference.r1);
+            let verdict = gate::judge(case, &reading, &reference.r1);
             Ok(Line::new(case, reading, Some(verdict)))
         };
         let lines = pairs.par_iter().map(line).collect::<Result<_, WorldError>>()?;

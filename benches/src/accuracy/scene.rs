@@ -50,14 +50,20 @@ pub(crate) type Cuts = Box<dyn Fn(usize) -> Vec<Cut> + Send + Sync>;
 /// What is done to the world before each step, told the simulated seconds so far.
 pub(crate) type Drive = Box<dyn Fn(&mut Subject, f64) + Send + Sync>;
 
+/// The error of a run, beside one bare world's.
+pub(crate) type Formula = Box<dyn Fn(&Trace, &Trace) -> f64 + Send + Sync>;
+
+/// Figures of a run, all in one unit.
+pub(crate) type Figures = Box<dyn Fn(&Trace) -> Vec<f64> + Send + Sync>;
+
 /// How runs become an error.
 pub(crate) enum Measure {
-    /// The error of a run, beside one bare world's.
-    Formula(Box<dyn Fn(&Trace, &Trace) -> f64 + Send + Sync>),
-    /// For what is chaotic: figures of a run, all in the unit of the case. The error is how far the mean of a figure over
+    /// The worst of a case's runs counts.
+    Formula(Formula),
+    /// For what is chaotic. The error is how far the mean of a figure over
     /// all seeds is from that of one bare world and its twins (one body of which starts 1 µm aside); the error of one world
     /// is the standard deviation of its own runs and their twins. Of several figures the one counts that is worst by this.
-    Statistics(Box<dyn Fn(&Trace) -> Vec<f64> + Send + Sync>),
+    Statistics(Figures),
 }
 
 /// A variant of an experiment.

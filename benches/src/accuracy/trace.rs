@@ -91,7 +91,8 @@ impl Trace {
 
     /// The looks of the last so many simulated seconds.
     pub(crate) fn tail(&self, seconds: f64) -> impl Iterator<Item = &Look> {
-        let from_s = self.last().t_s - seconds - 1e-9;
+        // A tick is a number of 32 bits, so times are off by some ten-millionths.
+        let from_s = self.last().t_s - seconds - 1e-5;
         self.looks.iter().filter(move |look| look.t_s >= from_s)
     }
 }

@@ -59,8 +59,6 @@ pub(super) struct Slot {
     pub shared: Option<Box<Shared>>,
     /// Whether its island was small enough to be computed whole, when it last came near a border.
     pub whole: bool,
-    /// The tick at which this region became the owner.
-    pub came: u32,
 }
 
 /// A body by name and by Rapier's handle.
@@ -287,7 +285,6 @@ impl Region {
             confirmed: true,
             shared: None,
             whole: false,
-            came: 0,
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });

@@ -63,7 +63,9 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
     if alike && !shared.arriving {
         (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
     } else {
-        let sum = |of: fn(&CopyState) -> [f32; 3]| copies().fold(Vector::ZERO, |sum, c| sum + Vector::from_array(of(c)));
+        let sum = |of: fn(&CopyState) -> [f32; 3]| {
+            copies().fold(Vector::ZERO, |sum, c| sum + Vector::from_array(of(c)))
+        };
         let (force, torque) = (sum(|c| c.force_n) / count, sum(|c| c.torque_nm) / count);
         let mine = |v: [f32; 3]| if shared.arriving { Vector::ZERO } else { Vector::from_array(v) };
         let push = force - mine(shared.own.force_n);
@@ -71,7 +73,8 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
         (shared.push, shared.twist) = (push, twist);
     }
     let z = Vector::from_array(velocity.linear);
-    let worst = copies().map(|copy| (Vector::from_array(copy.velocity.linear) - z).length()).fold(0.0, f32::max);
+    let worst =
+        copies().map(|copy| (Vector::from_array(copy.velocity.linear) - z).length()).fold(0.0, f32::max);
     write(region, link, &pose, &velocity);
     shared.start = None;
     worst
@@ -105,7 +108,10 @@ fn mean<'a, I: Iterator<Item = &'a CopyState>>(copies: impl Fn() -> I) -> (World
         translation: translation.map(|v| v / count),
         rotation: rotation.map(|v| (v / norm) as f32),
     };
-    (pose, Velocity { linear: linear.map(|v| (v / count) as f32), angular: angular.map(|v| (v / count) as f32) })
+    (
+        pose,
+        Velocity { linear: linear.map(|v| (v / count) as f32), angular: angular.map(|v| (v / count) as f32) },
+    )
 }
 
 fn write(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity) {

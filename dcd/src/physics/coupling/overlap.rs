@@ -47,7 +47,7 @@ pub(super) fn apply<'a>(
     agree::agree(region, &mut disagreement);
     region.disagreement = disagreement;
     membership::commit(region, inbox.flat_map(|message| &message.members));
-    region.border.sights.meet();
+    region.border.sights.meet(ground.partition);
     Ok(())
 }
 
@@ -88,13 +88,14 @@ fn tell_copy(region: &mut Region, link: Link, last: bool) {
 fn hear(region: &mut Region, copies: &[CopyState], sender: usize) {
     let (mut in_shared, mut in_replicas) = (0, 0);
     for copy in copies {
-        let handle = [(true, &mut in_shared), (false, &mut in_replicas)].into_iter().find_map(|(owned, at)| {
-            let list = if owned { &region.shared } else { &region.replicas };
-            while list.get(*at).is_some_and(|link| link.id < copy.id) {
-                *at += 1;
-            }
-            list.get(*at).filter(|link| link.id == copy.id).map(|link| link.handle)
-        });
+        let handle =
+            [(true, &mut in_shared), (false, &mut in_replicas)].into_iter().find_map(|(owned, at)| {
+                let list = if owned { &region.shared } else { &region.replicas };
+                while list.get(*at).is_some_and(|link| link.id < copy.id) {
+                    *at += 1;
+                }
+                list.get(*at).filter(|link| link.id == copy.id).map(|link| link.handle)
+            });
         let Some(handle) = handle else { continue };
         let slot = region.slot_mut(handle);
         debug_assert!(slot.role != Role::Immovable);

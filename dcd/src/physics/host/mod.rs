@@ -210,7 +210,8 @@ impl RegionHost {
         let iterations = settings.solver_iterations.div_ceil(settings.exchanges).max(1);
         self.round += 1;
         let last = self.round >= settings.exchanges;
-        let moment = Moment { partition: &self.partition, settings: &settings, tick: self.tick.next(), dt_s, last };
+        let moment =
+            Moment { partition: &self.partition, settings: &settings, tick: self.tick.next(), dt_s, last };
         on_all(&self.pool, &mut self.regions, |region| {
             settings.coupling.prepare(region, dt_s);
             region.step(dt_s, iterations);

@@ -3,6 +3,7 @@
 
 #[cfg(test)]
 mod baselines;
+mod fleet;
 mod gate;
 mod limits;
 mod reading;
@@ -10,6 +11,7 @@ mod report;
 mod scene;
 mod scenes;
 mod trace;
+mod world;
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -25,7 +27,7 @@ use serde_json::json;
 pub(crate) use reading::{Reference, read};
 pub(crate) use scene::{Case, Experiment, Size};
 pub(crate) use scenes::experiments;
-pub(crate) use trace::{Bare, Setup};
+pub(crate) use world::{Bare, Setup};
 
 use report::{Line, Row};
 

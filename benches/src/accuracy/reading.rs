@@ -19,7 +19,8 @@ use dcd::scene::Scene;
 use rayon::prelude::*;
 
 use super::scene::{Case, Measure};
-use super::trace::{Bare, Setup, Trace, trace};
+use super::trace::{Trace, trace};
+use super::world::{Bare, Setup};
 
 /// What stands for an error that is no number: bodies lost, or thrown to infinity.
 const BROKEN: f64 = 1e9;
@@ -160,10 +161,7 @@ fn outcome(case: &Case, traces: &[Trace], worlds: &[Vec<Trace>], spreads: &[Spre
             let of_figure = |(i, spread): (usize, &Spread)| {
                 let figure = runs[0][i];
                 let mean = runs.iter().map(|run| run[i].value).sum::<f64>() / runs.len() as f64;
-                let off = mean - spread.mean;
-                let error = finite(if figure.less_is_fine { off.max(0.0) } else { off.abs() });
-                // A maximum with 0 would hide what is no number.
-                let error = if off.is_nan() { BROKEN } else { error };
+                let error = finite(figure.better.error(mean, spread.mean));
                 let threshold = threshold.max(figure.within);
                 Outcome { error, r1_error: Some(spread.deviation), threshold }
             };

@@ -7,7 +7,7 @@ use dcd::space::{Axis, Bounds};
 
 use super::super::reading::worst;
 use super::super::scene::{Case, Cut, Experiment, Size, corner};
-use super::super::trace::{change, distance};
+use super::super::trace::distance;
 
 /// A ball that slides until it rolls: slipping ends right on the border.
 pub(super) const SLIDE_TO_ROLL: Experiment = Experiment {
@@ -164,10 +164,10 @@ fn under_the_box() -> impl Fn(usize) -> Vec<Cut> {
 /// The force that acts on the box from the first step on, through its centre.
 fn pushed(case: Case, along: [f64; 3], push_n: f64) -> Case {
     let force = Vector::from_array(along.map(|part| (part * push_n) as f32));
-    case.every_step().driven(move |subject, t_s| {
+    case.every_step().driven(move |world, t_s| {
         // Rapier keeps a force until it is reset.
         if t_s == 0.0 {
-            change(subject, BOX, |body| body.add_force(force, true));
+            world.change(BOX, |body| body.add_force(force, true));
         }
     })
 }

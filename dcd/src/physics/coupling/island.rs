@@ -14,7 +14,7 @@ use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BIG_ISLAND, BodyKind};
 
 /// An island that is not whole yet becomes so below this part of the limit, so that none flaps.
-const ENTER: f32 = 0.75;
+const ENTER: f32 = 0.85;
 /// An island stays where it is as long as this part of its bodies lies there.
 const STAY: f32 = 0.25;
 

@@ -77,7 +77,8 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         let seeds = island_seeds(region, sights);
         islands.find(region, sights, moment, seeds.into_iter());
         let region: &Region = region;
-        let free = |handle| islands.of(handle).is_none_or(|island| !island.pressed) && goes_at_once(region, handle);
+        let free =
+            |handle| islands.of(handle).is_none_or(|island| !island.pressed) && goes_at_once(region, handle);
         sights.set_islands(|handle| (islands.size(handle), free(handle)));
     }
     sight::show(region, &mut border.sights, moment);
@@ -156,7 +157,8 @@ pub(super) fn home_of(region: &Region, partition: &Partition, centre: [f64; 3]) 
 fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
     let own = RegionSet::only(region.rank());
     for Link { id, handle } in region.fresh.clone() {
-        if region.handle_of(id) != Some(handle) || region.slot(handle).role != Role::Owner {
+        let here = region.handle_of(id) == Some(handle);
+        if !here || region.slot(handle).role != Role::Owner || region.slot(handle).whole {
             continue;
         }
         let bounds = if region.slot(handle).reach_m.is_finite() {
@@ -170,11 +172,7 @@ fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
         if !holders.is_empty() {
             let members = holders.union(own);
             tell(region, handle, holders, holders, members, RegionSet::EMPTY, region.rank());
-            border.decisions.push(Decision {
-                link: Link { id, handle },
-                members,
-                shadows: RegionSet::EMPTY,
-            });
+            border.decisions.push(Decision { link: Link { id, handle }, members, shadows: RegionSet::EMPTY });
         }
     }
 }

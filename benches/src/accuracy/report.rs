@@ -155,7 +155,7 @@ impl Row {
                 self.regions,
                 reading.error,
                 reading.r1_error,
-                or_nothing(verdict.as_ref().map(|verdict| verdict.limit)),
+                or_nothing(verdict.as_ref().map(|verdict| verdict.limit).filter(|limit| limit.is_finite())),
                 line.pass(),
                 or_nothing(reading.momentum_error),
                 or_nothing(reading.ground_error),

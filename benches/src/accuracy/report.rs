@@ -76,7 +76,8 @@ impl Row {
     /// The cause, if every case that fails has a known one.
     pub(crate) fn known_limit(&self) -> Option<&'static str> {
         let failing = self.lines.iter().filter(|line| !line.pass());
-        let causes: Option<Vec<_>> = failing.map(|line| limits::cause(self.name, &line.case)).collect();
+        let causes: Option<Vec<_>> =
+            failing.map(|line| limits::cause(self.name, &line.case, self.method)).collect();
         causes?.first().copied()
     }
 

@@ -43,7 +43,7 @@ mod tests {
     fn a_limit_of_couplings_that_share_mass_excuses_no_other() {
         assert_eq!(cause("cradle", "1 m/s", "auto"), Some(EDGE_IMPACT));
         assert_eq!(cause("cradle", "1 m/s", "owner"), None);
-        assert_eq!(cause("spheres_1000", "3 s", "auto"), None);
+        assert_eq!(cause("spheres_1000", "4 s", "auto"), None);
     }
 
     #[test]

@@ -115,7 +115,7 @@ fn spheres(size: Size) -> Vec<Case> {
         let [height, _, motion] = heap_figures(trace);
         vec![height, motion]
     }));
-    let late_s = size.pick(3.0, 5.0);
+    let late_s = size.pick(4.0, 5.0);
     let late = Case::of(format!("{late_s} s"), seeds(size).map(scene).collect(), late_s, cuts, figures);
     vec![Case { early: true, ..early }, Case { rests: true, ..late }]
 }

@@ -92,6 +92,8 @@ pub struct Region {
     pub(super) assemblies: Vec<Assembly>,
     assemblies_stale: bool,
     joints: BTreeMap<JointId, HeldJoint>,
+    /// Joints of bodies held here to bodies that are not, in id order.
+    waiting: BTreeMap<JointId, JointRecord>,
     /// Immovable bodies that touch this box are held here.
     covered: Bounds,
     watch: ContactWatch,
@@ -138,6 +140,7 @@ impl Region {
             assemblies: Vec::new(),
             assemblies_stale: false,
             joints: BTreeMap::new(),
+            waiting: BTreeMap::new(),
             covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
             watch: ContactWatch::default(),
             events: RegionEvents { region: id, ..RegionEvents::default() },
@@ -312,6 +315,10 @@ impl Region {
         if role == Role::Owner {
             self.fresh.push(link);
         }
+        let tied = |joint: &JointRecord| joint.a == body.id || joint.b == body.id;
+        for joint in self.waiting.values().filter(|joint| tied(joint)).cloned().collect::<Vec<_>>() {
+            self.insert_joint(&joint);
+        }
         Ok(handle)
     }
 
@@ -321,6 +328,7 @@ impl Region {
         for joint in self.slot(handle).joints.clone() {
             self.remove_joint(joint);
         }
+        self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
         self.by_id.remove(&id);
         self.watch.forget(id, &mut self.events);
         self.world.remove_body(handle);
@@ -329,12 +337,20 @@ impl Region {
         true
     }
 
-    /// Ties two bodies, if both are held here and the joint is not there yet.
+    /// Ties two bodies, if the joint is not there yet: as soon as both are held here.
     pub(super) fn insert_joint(&mut self, joint: &JointRecord) {
-        let (Some(a), Some(b)) = (self.handle_of(joint.a), self.handle_of(joint.b)) else { return };
         if self.joints.contains_key(&joint.id) {
             return;
         }
+        let (a, b) = match (self.handle_of(joint.a), self.handle_of(joint.b)) {
+            (Some(a), Some(b)) => (a, b),
+            (None, None) => return,
+            _ => {
+                self.waiting.insert(joint.id, joint.clone());
+                return;
+            }
+        };
+        self.waiting.remove(&joint.id);
         // The set's own insertion lets sleepers sleep; the world's wakes them.
         let handle = self.world.impulse_joints.insert(a, b, joints::joint_of(joint), false);
         self.joints.insert(joint.id, HeldJoint { record: joint.clone(), handle });
@@ -346,6 +362,7 @@ impl Region {
 
     /// Unties two bodies and wakes them.
     pub(super) fn remove_joint(&mut self, id: JointId) {
+        self.waiting.remove(&id);
         let Some(joint) = self.joints.remove(&id) else { return };
         self.world.impulse_joints.remove(joint.handle, true);
         for end in [joint.record.a, joint.record.b] {
@@ -558,7 +575,9 @@ impl Region {
 
     /// The joints that a body hangs on, whole.
     pub(super) fn joints_of(&self, handle: RigidBodyHandle) -> impl Iterator<Item = JointRecord> {
-        self.slot(handle).joints.iter().filter_map(|&id| self.joint_record(id))
+        let slot = self.slot(handle);
+        let waiting = self.waiting.values().filter(|joint| joint.a == slot.id || joint.b == slot.id).cloned();
+        slot.joints.iter().filter_map(|&id| self.joint_record(id)).chain(waiting)
     }
 
     /// Puts a body on the list of its role.

@@ -93,6 +93,8 @@ pub struct Transfer {
     pub body: BodyRecord,
     /// Ranks of the regions that hold a replica, as bits of `RegionSet`.
     pub holders: u64,
+    /// Whether its island moves whole.
+    pub whole: bool,
 }
 
 /// Everything that one region has to say to another after a step; each list in id order.

@@ -184,7 +184,7 @@ fn tell_change(region: &mut Region, change: &Change) {
         let holders = holders.union(own).without(target);
         let body = BodyRecord { epoch: epoch.next(), ..record };
         let message = &mut region.outbox[owner];
-        message.transfers.push(Transfer { body, holders: holders.bits() });
+        message.transfers.push(Transfer { body, holders: holders.bits(), whole: false });
         message.joints.extend(joints);
         region.set_role(link.handle, Role::Replica { owner }, RegionSet::EMPTY, epoch.next());
     } else {

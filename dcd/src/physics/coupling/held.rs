@@ -88,6 +88,7 @@ fn take_over(
         region.id()
     );
     region.set_role(handle, Role::Owner, holders, body.epoch);
+    region.slot_mut(handle).whole = transfer.whole;
     region.arrived.push(Link { id: body.id, handle });
     // Copies that share the mass agree on their mean instead.
     if !shares_mass {

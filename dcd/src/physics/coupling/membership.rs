@@ -97,10 +97,16 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         })
         .map(|(handle, meeting)| (handle, meeting.rank))
         .collect();
-    let Border { reach, islands, pace, .. } = &mut border;
+    let Border { reach, islands, pace, sights, .. } = &mut border;
     let depth = moment.settings.depth + pace.extra_depth();
     let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
-    reach.spread(region, depth, met.into_iter(), small);
+    let leaving = sights.near.iter().map(|near| near.link.handle).filter(|&handle| !small(handle));
+    let leaving = leaving.filter_map(|handle| {
+        let centre = region.physics().bodies[handle].center_of_mass();
+        let home = home_of(region, moment.partition, convert::world_point(region.anchor(), centre));
+        (home != region.rank()).then_some((handle, home))
+    });
+    reach.spread(region, depth, leaving, met.into_iter(), small);
     let mut leaving = Vec::new();
     for link in candidates(region, &border) {
         leaving.extend(decide_on(region, &mut border, moment, link));
@@ -266,7 +272,8 @@ fn decide_on(
         let record = region.body_record(link.handle);
         let body = BodyRecord { epoch: epoch.next(), ..record };
         let holders = members.without(RegionSet::only(owner));
-        region.outbox[owner].transfers.push(Transfer { body, holders: holders.bits() });
+        let whole = region.slot(link.handle).whole;
+        region.outbox[owner].transfers.push(Transfer { body, holders: holders.bits(), whole });
         region.set_role(link.handle, Role::Replica { owner }, members.without(own), epoch.next());
     }
     border.decisions.push(Decision { link, members, shadows });
@@ -317,8 +324,9 @@ fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
 fn hand_over(region: &mut Region, link: Link, owner: usize) {
     let record = region.body_record(link.handle);
     let epoch = record.epoch.next();
+    let whole = region.slot(link.handle).whole;
     let body = BodyRecord { epoch, ..record };
-    region.outbox[owner].transfers.push(Transfer { body, holders: 0 });
+    region.outbox[owner].transfers.push(Transfer { body, holders: 0, whole });
     region.remove(link.id);
 }
 

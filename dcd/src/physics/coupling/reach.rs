@@ -25,13 +25,15 @@ impl Reach {
         RegionSet::from_bits(mark.copied().unwrap_or(0))
     }
 
-    /// Finds anew which bodies are within `depth` hops of those that other regions own. `met` are bodies owned here that
+    /// Finds anew which bodies are within `depth` hops of those that other regions own, or will own: `leaving` are bodies
+    /// owned here that are on their way. `met` are bodies owned here that
     /// come near one which is not held here, with the regions that own those: they are one hop away. Bodies that `waits`
     /// says so of are reached only by what touches them already.
     pub(super) fn spread(
         &mut self,
         region: &Region,
         depth: usize,
+        leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
         met: impl Iterator<Item = (RigidBodyHandle, usize)>,
         waits: impl Fn(RigidBodyHandle) -> bool,
     ) {
@@ -44,6 +46,7 @@ impl Reach {
                 self.frontier.push((link.handle, RegionSet::only(owner).bits()));
             }
         }
+        self.frontier.extend(leaving.map(|(handle, rank)| (handle, RegionSet::only(rank).bits())));
         let mut met = Some(met);
         for _ in 0..depth {
             self.next.clear();

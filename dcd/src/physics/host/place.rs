@@ -233,8 +233,28 @@ impl RegionHost {
                     region.insert_joint(joint);
                 }
             }
+            self.share_ends(joint, &bodies, owners);
         }
         Ok(())
+    }
+
+    /// What a joint ties is held wherever the other end is, however far they lie apart.
+    fn share_ends(&mut self, joint: &JointRecord, bodies: &[BodyRecord], owners: &[usize]) {
+        let owner_of = |id| {
+            let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
+            (bodies[place].traits.kind != BodyKind::Fixed).then_some(owners[place])
+        };
+        let (Some(a), Some(b)) = (owner_of(joint.a), owner_of(joint.b)) else { return };
+        if a == b || !self.settings.coupling.shares_mass() {
+            return;
+        }
+        for (id, here, there) in [(joint.a, a, b), (joint.b, b, a)] {
+            if let Some(place) = self.place_of.get(here).copied().flatten()
+                && let Some(handle) = self.regions[place].handle_of(id)
+            {
+                self.regions[place].slot_mut(handle).holders.insert(there);
+            }
+        }
     }
 
     /// The movable bodies that joints tie to this one, with it, and the joints of all of them.

@@ -2,12 +2,14 @@
 
 mod change;
 mod place;
+mod rounds;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use rapier3d::prelude::*;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::convert;
 use super::coupling::{Coupling, Ground, Moment};
@@ -56,7 +58,8 @@ impl Default for StepSettings {
 }
 
 /// How much accuracy a world asks of [`Coupling::Auto`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// Speed first: borders may differ by 0.1 m/s.
     Draft,
@@ -147,6 +150,8 @@ pub struct RegionHost {
     tick: Tick,
     /// Micro-steps done of the tick to come.
     round: usize,
+    /// Micro-steps of a tick.
+    rounds: usize,
     transfers: u64,
     /// Of the last step, and of insertions since.
     handovers: Vec<Handover>,
@@ -184,9 +189,11 @@ impl RegionHost {
             incoming: BTreeMap::new(),
             tick: Tick(0),
             round: 0,
+            rounds: 1,
             transfers: 0,
             handovers: Vec::new(),
         };
+        host.set_rounds(host.rounds_wanted());
         for &region in hosted {
             host.add_region(region);
         }
@@ -206,10 +213,11 @@ impl RegionHost {
     /// The first half of a (micro-)step: every region steps and says what its neighbours must know.
     pub fn compute(&mut self) {
         let settings = self.settings;
-        let dt_s = settings.dt_s / settings.exchanges as f32;
-        let iterations = settings.solver_iterations.div_ceil(settings.exchanges).max(1);
+        let dt_s = settings.dt_s / self.rounds as f32;
+        let iterations = settings.solver_iterations.div_ceil(self.rounds).max(1);
+        assert!(self.round < self.rounds, "the tick has had all its micro-steps");
         self.round += 1;
-        let last = self.round >= settings.exchanges;
+        let last = self.round == self.rounds;
         let moment =
             Moment { partition: &self.partition, settings: &settings, tick: self.tick.next(), dt_s, last };
         on_all(&self.pool, &mut self.regions, |region| {
@@ -283,7 +291,8 @@ impl RegionHost {
             self.announce();
             self.exchange()?;
         }
-        for _ in 0..self.settings.exchanges {
+        self.set_rounds(self.rounds_wanted());
+        for _ in 0..self.rounds {
             self.compute();
             self.exchange()?;
         }

@@ -153,10 +153,11 @@ impl PhysicsDevice {
             host.end_tick();
         }
         self.rebuilding = false;
-        Ok(self.settled(report, checkpoint))
+        let exchanges = if rebuilding { 0 } else { self.world().exchanges_done() };
+        Ok(self.settled(exchanges, report, checkpoint))
     }
 
-    fn settled(&mut self, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
+    fn settled(&mut self, exchanges: usize, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
         let host = self.host.as_mut().expect("a world comes before commands");
         let events = host.events().cloned().collect();
         host.clear_events();
@@ -183,7 +184,7 @@ impl PhysicsDevice {
             contacts: host.regions().iter().map(|region| contact_pairs(region.physics())).sum(),
             transfers: (transfers - self.transfers_told) as u32,
             compute_us: self.compute_us,
-            exchanges: host.exchanges_done() as u32,
+            exchanges: exchanges as u32,
             disagreement_m_s: host.disagreement_m_s(),
             state_hash: full.then(|| hash_of(host)),
         };

@@ -101,10 +101,11 @@ impl StandIn {
         self.rounds
     }
 
-    /// What the regions here want for the next tick: the most replicas that one of them holds, 1 to 3.
+    /// What the regions here want for the next tick: the world's first region something that changes, all others 1.
     pub fn rounds_wanted(&self) -> u32 {
-        let wanted = |region: &Region| (region.replicas.len() as u32).clamp(1, 3);
-        self.regions.values().map(wanted).max().unwrap_or(1)
+        let first = self.world().tree.leaves().next();
+        let bodies = first.and_then(|first| self.regions.get(&first)).map(|region| region.owned.len());
+        bodies.map_or(1, |bodies| 1 + bodies as u32 % 3)
     }
 
     fn world(&self) -> &EnvironmentProperties {

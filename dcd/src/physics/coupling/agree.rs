@@ -6,10 +6,13 @@
 
 use rapier3d::prelude::*;
 
+use super::Moment;
+use super::auto::Pace;
 use super::share::{self, Shared};
 use crate::physics::convert;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{CopyState, Velocity, WorldPose};
+use crate::space::RegionSet;
 
 /// Below these a copy's pose is left alone: a pose written every step would never let it sleep.
 const STILL_M_S: f32 = 0.05;
@@ -20,16 +23,19 @@ const TURNED_RAD: f32 = 2e-3;
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
 
-/// Agrees on every body held here and elsewhere. Returns, for each other region, how far the velocities of the copies of
-/// bodies held by both were from their means at most, in m/s.
-pub(super) fn agree(region: &mut Region, disagreement: &mut [f32]) {
+/// Agrees on every body held here and elsewhere that is exchanged in this round. Says, for each other region, how far the
+/// velocities of the copies of bodies held by both were from their means at most, in m/s; none where nothing is.
+pub(super) fn agree(region: &mut Region, pace: &Pace, moment: Moment<'_>, disagreement: &mut [Option<f32>]) {
+    disagreement.fill(None);
+    let own = RegionSet::only(region.rank());
     for index in 0..region.shared.len() + region.replicas.len() {
         let link = share::held(region, index);
         let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { continue };
-        let worst = agree_on(region, link, &mut shared);
-        let own = region.rank();
-        for rank in shared.members.iter().filter(|&rank| rank != own) {
-            disagreement[rank] = disagreement[rank].max(worst);
+        if moment.is_due(pace.exchanges_among(shared.members)) {
+            let worst = agree_on(region, link, &mut shared);
+            for rank in shared.members.without(own).iter() {
+                disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
+            }
         }
         region.slot_mut(link.handle).shared = Some(shared);
     }

@@ -1,38 +1,41 @@
-//! How many micro-steps a tick takes, each followed by an exchange, and how well the last one went.
-//!
-//! A host of all regions decides by itself. Nodes each say what their own regions want, and all take the most of it: every
-//! region takes micro-steps of the same length.
+//! How many rounds of exchange a tick has: as many as the region that takes most micro-steps. A region that takes fewer
+//! steps only in some of them.
 
 use super::RegionHost;
 
 impl RegionHost {
-    /// Micro-steps that the regions computed here want in the next tick; a world of one region has nothing to agree on.
+    /// Micro-steps that the regions computed here want in the next tick, at most; known once a tick has been completed.
     pub fn rounds_wanted(&self) -> usize {
-        if self.partition.len() == 1 { 1 } else { self.settings.exchanges }
+        self.regions.iter().map(|region| region.steps_next()).max().unwrap_or(1)
     }
 
-    /// Makes the next tick take so many micro-steps. A host of all regions sets them itself in [`RegionHost::step`].
+    /// Sets the rounds of the tick to come: the most that any region of the world wants.
     ///
     /// # Panics
     /// Within a tick, or when there are none.
     pub fn set_rounds(&mut self, rounds: usize) {
-        assert_eq!(self.round, 0, "the micro-steps of a tick are equally long");
-        assert!(rounds > 0, "a tick takes at least one micro-step");
+        assert_eq!(self.round, 0, "a tick has the rounds that it began with");
+        assert!(rounds > 0, "a tick has at least one round");
         self.rounds = rounds;
     }
 
-    /// Exchanges of the last tick; 0 before the first and in a world of one region.
+    /// Rounds of the tick to come, or of the one under way.
+    pub fn rounds(&self) -> usize {
+        self.rounds
+    }
+
+    /// Exchanges of the last tick, at the border that took most; 0 before the first and in a world of one region.
     pub fn exchanges_done(&self) -> usize {
-        if self.tick.0 == 0 || self.partition.len() == 1 { 0 } else { self.rounds }
+        if self.partition.len() == 1 { 0 } else { self.rounds_done }
     }
 
     /// How far the velocity of a copy was from the mean that its holders agreed on, in m/s: the most of any copy here in
     /// the last exchange. What [`Coupling::Auto`](crate::physics::Coupling::Auto) steers by; 0 with couplings that do not
     /// agree on means.
     pub fn disagreement_m_s(&self) -> f32 {
-        let all = self.regions.iter().flat_map(|region| &region.disagreement);
+        let all = self.regions.iter().map(|region| region.border.disagreement_m_s());
         // A number that travels, whatever a copy has come to.
-        all.copied().fold(0.0, f32::max).min(f32::MAX)
+        all.fold(0.0, f32::max).min(f32::MAX)
     }
 }
 
@@ -42,18 +45,18 @@ mod tests {
     use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
 
-    /// A tower of ten boxes that stays awake, cut at this height.
-    fn tower(coupling: Coupling, at: f64) -> DcdWorld {
+    /// A tower of ten boxes that stays awake, cut through its middle.
+    fn tower(coupling: Coupling) -> DcdWorld {
         let scene = Scene::named("tower", &Params::new().with("sleep", 0)).unwrap();
         let config = WorldConfig::for_scene(&scene);
         let step = StepSettings { exchanges: 3, ..config.step.with_coupling(coupling) };
-        let cuts = Partitioning::Cuts(vec![(crate::space::Axis::Y, at)]);
+        let cuts = Partitioning::Cuts(vec![(crate::space::Axis::Y, 5.0)]);
         DcdWorld::from_scene(&scene, WorldConfig { partitioning: cuts, step, ..config }).unwrap()
     }
 
     #[test]
     fn copies_in_a_cut_tower_disagree_a_little_and_the_exchanges_are_counted() {
-        let mut world = tower(Coupling::Overlap, 5.0);
+        let mut world = tower(Coupling::Overlap);
         assert_eq!(world.host().exchanges_done(), 0);
         let mut worst = 0.0f32;
         for _ in 0..30 {
@@ -66,7 +69,7 @@ mod tests {
 
     #[test]
     fn the_owner_s_word_leaves_nothing_to_disagree_on() {
-        let mut world = tower(Coupling::Owner, 5.0);
+        let mut world = tower(Coupling::Owner);
         for _ in 0..30 {
             world.step().unwrap();
         }
@@ -74,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn one_region_takes_its_tick_in_one_step() {
+    fn a_world_of_one_region_exchanges_nothing() {
         let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
         world.step().unwrap();
         assert_eq!((world.host().rounds_wanted(), world.host().exchanges_done()), (1, 0));

@@ -143,9 +143,9 @@ fn pressed_borders() -> [(Scene, Vec<(Axis, f64)>, usize); 3] {
     let path = folder.path().join("row.toml");
     std::fs::write(&path, row).unwrap();
     let row = Scene::load(&path, &Params::new()).unwrap();
-    let pile = Scene::named("pile", &Params::new().with("n", 60)).unwrap();
+    let heap = Scene::named("heap", &Params::new().with("n", 60)).unwrap();
     let (x, y, z) = (Axis::X, Axis::Y, Axis::Z);
-    [(tower, vec![(y, 5.0)], 2), (row, vec![(x, -1.1), (x, 1.4)], 3), (pile, vec![(x, 0.3), (z, 0.2)], 3)]
+    [(tower, vec![(y, 5.0)], 2), (row, vec![(x, -1.1), (x, 1.4)], 3), (heap, vec![(x, 0.3), (z, 0.2)], 3)]
 }
 
 fn borders_equal_a_local_world(coupling: Coupling, exchanges: usize) {
@@ -153,7 +153,7 @@ fn borders_equal_a_local_world(coupling: Coupling, exchanges: usize) {
         let config = WorldConfig::for_scene(&scene);
         let step = StepSettings { exchanges, ..config.step.with_coupling(coupling) };
         let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), step, ..config };
-        let stats = equals_a_local_world(&scene, &config, nodes, 90);
+        let stats = equals_a_local_world(&scene, &config, nodes, 120);
         if coupling == Coupling::Overlap {
             assert!(stats.disagreement_m_s > 0.0, "{}: the test needs a border that is pressed", scene.name);
         }

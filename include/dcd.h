@@ -610,8 +610,8 @@ typedef struct DcdStats {
     double rtt;
     // Wall time of the last step, seconds; of taking in what had come, in a served world.
     double last_step;
-    // How far copies of a body in different regions were from agreement in the last exchange at most, m/s: an estimate of
-    // the error that borders make. 0 with DCD_COUPLING_OWNER and _PROXY, and in a served world.
+    // How far copies of a body in different regions were from agreement at the worst border in the last step, summed over
+    // its exchanges, m/s: an estimate of the error that borders make. 0 with DCD_COUPLING_OWNER and _PROXY, and in a served world.
     float disagreement;
     // Exchanges between regions in the last step, at the border that took most; 0 in a world of one region and in a
     // served one.

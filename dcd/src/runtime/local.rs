@@ -141,8 +141,8 @@ pub struct Stats {
     pub quarantined: usize,
     /// Exchanges of the last tick, the most of any border; 0 in a world of one region.
     pub exchanges: usize,
-    /// How far copies of shared bodies were from agreement in the last exchange at most, m/s: an estimate of the error that
-    /// borders make. 0 with `owner` and `proxy`, which do not agree.
+    /// How far copies of shared bodies were from agreement at the worst border in the last tick, summed over its exchanges,
+    /// m/s: an estimate of the error that borders make. 0 with `owner` and `proxy`, which do not agree.
     pub disagreement_m_s: f32,
 }
 

@@ -80,7 +80,7 @@ pub struct NodeSummary {
     pub replicas_sum: u64,
     /// Exchanges between regions, summed over all ticks.
     pub exchanges_sum: u64,
-    /// How far copies of bodies held here were from agreement in the last exchange of any tick, m/s.
+    /// How far copies of bodies held here were from agreement in any tick at most, m/s.
     pub disagreement_max_m_s: f32,
     /// Microseconds of computing of each tick.
     pub compute_us: Vec<u32>,

@@ -161,11 +161,6 @@ impl Border {
             ..Self::default()
         }
     }
-
-    /// How far copies disagreed in the last exchange at most, m/s.
-    pub(super) fn disagreement_m_s(&self) -> f32 {
-        self.disagreement.iter().flatten().copied().fold(0.0, f32::max)
-    }
 }
 
 /// Which exchange of which tick is being prepared.

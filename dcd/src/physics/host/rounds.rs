@@ -20,9 +20,12 @@ impl RegionHost {
     }
 
     /// How far the copies of a body were from their mean in the last tick at the worst border, summed over its exchanges, in
-    /// m/s: the error estimate of [`Coupling::Auto`](super::Coupling::Auto).
+    /// m/s: the error estimate that [`Coupling::Auto`](super::Coupling::Auto) steers by. 0 with couplings that do not agree
+    /// on means.
     pub fn disagreement_m_s(&self) -> f32 {
-        self.regions.iter().map(|region| region.disagreement_m_s()).fold(0.0, f32::max)
+        let all = self.regions.iter().map(|region| region.disagreement_m_s());
+        // A number that travels, whatever a copy has come to.
+        all.fold(0.0, f32::max).min(f32::MAX)
     }
 
     /// Rounds of the tick to come, or of the one under way.
@@ -33,15 +36,6 @@ impl RegionHost {
     /// Exchanges of the last tick, at the border that took most; 0 before the first and in a world of one region.
     pub fn exchanges_done(&self) -> usize {
         if self.partition.len() == 1 { 0 } else { self.rounds_done }
-    }
-
-    /// How far the velocity of a copy was from the mean that its holders agreed on, in m/s: the most of any copy here in
-    /// the last exchange. What [`Coupling::Auto`](crate::physics::Coupling::Auto) steers by; 0 with couplings that do not
-    /// agree on means.
-    pub fn disagreement_m_s(&self) -> f32 {
-        let all = self.regions.iter().map(|region| region.border.disagreement_m_s());
-        // A number that travels, whatever a copy has come to.
-        all.fold(0.0, f32::max).min(f32::MAX)
     }
 }
 

@@ -210,7 +210,7 @@ pub struct TickStats {
     pub compute_us: u32,
     /// Exchanges in it; 0 in a world of one region.
     pub exchanges: u32,
-    /// How far copies of shared bodies were from agreement in the last exchange at most, m/s.
+    /// How far copies of shared bodies were from agreement at the worst border, summed over its exchanges, m/s.
     pub disagreement_m_s: f32,
     /// Hash of the states of all owned bodies in id order, if asked for.
     pub state_hash: Option<u64>,

@@ -24,7 +24,7 @@ pub struct Report {
     pub exchanges: usize,
     /// Exchanges a tick that took place, at the border that took most; 0 with one region.
     pub exchanges_mean: f64,
-    /// How far copies of a body were from agreement in the last exchange of a tick at most, m/s.
+    /// How far copies of a body were from agreement in a tick at the worst border, summed over its exchanges, m/s.
     pub disagreement_m_s: Disagreement,
     /// Ticks done.
     pub ticks: u64,

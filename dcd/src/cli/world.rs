@@ -26,7 +26,7 @@ pub(super) struct CutArgs {
     #[arg(long, value_name = "HOPS", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_DEPTH)))]
     depth: Option<u32>,
     /// The most bodies of an island that moves whole to one region; 0 moves none [default: 256]
-    #[arg(long, value_name = "BODIES", value_parser = clap::value_parser!(u16).range(..i64::from(BIG_ISLAND)))]
+    #[arg(long, value_name = "BODIES", value_parser = clap::value_parser!(u16).range(..=i64::from(BIG_ISLAND) - 1))]
     island_limit: Option<u16>,
     /// The disagreement of replicas that `auto` tolerates, in metres per second [default: 0.03]
     #[arg(long, value_name = "M_S", value_parser = tolerance)]

@@ -432,6 +432,23 @@ fn a_teleported_body_changes_region_at_once_and_keeps_its_epoch_growing() {
 }
 
 #[test]
+fn a_body_that_regions_share_has_its_whole_mass_for_the_user() {
+    let cut = Partitioning::Cuts(vec![(Axis::Y, 1.0)]);
+    let config = WorldConfig { partitioning: cut, ..WorldConfig::default() };
+    let mut world = DcdWorld::new(coupled(config, Coupling::Overlap)).unwrap();
+    let floor = insert_floor(&mut world);
+    let boxes = [0.5, 1.5].map(|y| {
+        let body = RigidBodyBuilder::dynamic().can_sleep(false).translation(Vector::new(0.0, y, 0.0));
+        world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(3.0)).unwrap()
+    });
+    steps(&mut world, 30);
+    assert_eq!(world.stats().replicas, 2, "the test needs bodies that are shared");
+    assert!(boxes.iter().all(|&id| (world.mass_kg(id).unwrap() - 3.0).abs() < 1e-5));
+    assert!(boxes.iter().all(|&id| (world.body(id).unwrap().mass() - 1.5).abs() < 1e-5));
+    assert_eq!(world.mass_kg(floor), Some(0.0));
+}
+
+#[test]
 fn what_is_removed_before_its_first_step_leaves_nothing_behind() {
     for coupling in Coupling::ALL {
         let mut world = DcdWorld::new(coupled(two_regions(), coupling)).unwrap();

@@ -310,12 +310,19 @@ impl DcdWorld {
         self.host.tick()
     }
 
-    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space.
+    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space, and where
+    /// regions share the body it has its share of the mass: see [`DcdWorld::mass_kg`].
     pub fn body(&self, body: BodyId) -> Option<&RigidBody> {
         if let Some((region, handle)) = self.host.owned(body) {
             return region.physics().bodies.get(handle);
         }
         self.host.regions().iter().find_map(|region| region.physics().bodies.get(region.handle_of(body)?))
+    }
+
+    /// The mass of a whole body, however many regions share it; 0 for a fixed one.
+    pub fn mass_kg(&self, body: BodyId) -> Option<f32> {
+        let share = self.host.owned(body).map_or(1, |(region, handle)| region.share_of(handle));
+        self.body(body).map(|body| if body.is_fixed() { 0.0 } else { body.mass() * share as f32 })
     }
 
     /// Where a body is, in world space.

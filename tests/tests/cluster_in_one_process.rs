@@ -114,8 +114,11 @@ fn equals_a_local_world(scene: &Scene, config: &WorldConfig, nodes: usize, ticks
     Stats { exchanges: exchanges as usize, disagreement_m_s: disagreement, ..local.stats() }
 }
 
+/// Where a world is cut.
+type Planes = Vec<(Axis, f64)>;
+
 /// Boxes on end, balls in a row that touch, a heap: what presses across a border, with the cuts that make it so.
-fn pressed_borders() -> [(Scene, Vec<(Axis, f64)>, usize); 3] {
+fn pressed_borders() -> [(Scene, Planes, usize); 3] {
     let tower = Scene::named("tower", &Params::new().with("sleep", 0)).unwrap();
     let row = r#"
         [world]

@@ -50,7 +50,7 @@ int main(void)
     for (int i = 0; i < BOXES; i++) {
         DcdBodyDef def = DCD_BODY_DEF_INIT;
         def.shape = box_shape;
-        def.pose.p[0] = i % 2 == 0 ? -0.1 : 0.1; /* every other box belongs to the other region */
+        def.pose.p[0] = i % 2 == 0 ? -0.1 : 0.1; /* every other box starts in the other region */
         def.pose.p[1] = 0.6 + 1.1 * i;
         def.user_data = (uint64_t)i;
         defs[i] = def;

@@ -169,6 +169,12 @@ typedef uint32_t DcdLogLevel;
 // worlds from within it give DCD_ERR_BUSY.
 typedef void (*DcdLogFn)(void *user, DcdLogLevel level, const char *message, size_t length);
 
+// How regions agree on the bodies that they share.
+typedef uint32_t DcdCoupling;
+
+// How much accuracy DCD_COUPLING_AUTO is asked for.
+typedef uint32_t DcdPreset;
+
 // How a local world is made. Start from DCD_WORLD_DEF_INIT.
 typedef struct DcdWorldDef {
     // sizeof(DcdWorldDef).
@@ -190,6 +196,19 @@ typedef struct DcdWorldDef {
     double max[3];
     // Your own; dcd_world_info gives it back.
     uint64_t user_data;
+    // DCD_COUPLING_...: how regions agree. It says nothing in a world of one region.
+    DcdCoupling coupling;
+    // DCD_PRESET_...: what stands for DCD_COUPLING_AUTO and the four numbers below; with another coupling it must be 0.
+    DcdPreset preset;
+    // Exchanges between regions a step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
+    // the coupling, as in the next three.
+    uint32_t exchanges;
+    // Contact hops across a border within which bodies live in both regions, 1 to 16.
+    uint32_t depth;
+    // The most bodies of a group that moves whole to one region, to 65534.
+    uint32_t island_limit;
+    // The disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
+    float tolerance;
 } DcdWorldDef;
 
 // A world, whatever its role. 0 is null.
@@ -591,6 +610,12 @@ typedef struct DcdStats {
     double rtt;
     // Wall time of the last step, seconds; of taking in what had come, in a served world.
     double last_step;
+    // How far copies of a body in different regions were from agreement at the worst border in the last step, summed over
+    // its exchanges, m/s: an estimate of the error that borders make. 0 with DCD_COUPLING_OWNER and _PROXY, and in a served world.
+    float disagreement;
+    // Exchanges between regions in the last step, at the border that took most; 0 in a world of one region and in a
+    // served one.
+    uint32_t exchanges;
 } DcdStats;
 
 // Nothing.
@@ -662,6 +687,36 @@ typedef struct DcdStats {
 // Hosts avatars in it, and computes a share of it.
 #define DCD_ROLE_PARTICIPANT 2
 
+// What the scene says, else DCD_COUPLING_AUTO.
+#define DCD_COUPLING_DEFAULT 0
+
+// Copies of a neighbour's bodies push and are not pushed. It gains energy and drops stacks: to compare with.
+#define DCD_COUPLING_PROXY 1
+
+// Copies are overwritten by their owner after each step. The cheapest; momentum is not conserved across a border.
+#define DCD_COUPLING_OWNER 2
+
+// Bodies near a border live in both regions, each copy with its share of the mass, and regions agree on means.
+#define DCD_COUPLING_OVERLAP 3
+
+// As DCD_COUPLING_OVERLAP, and a small group of bodies that touch one another moves whole to one region.
+#define DCD_COUPLING_ISLAND 4
+
+// As DCD_COUPLING_ISLAND, with as many exchanges at each border as its copies' disagreement asks for.
+#define DCD_COUPLING_AUTO 5
+
+// What the scene says, else DCD_PRESET_GAME.
+#define DCD_PRESET_DEFAULT 0
+
+// Speed first: 2 exchanges at most, islands of 64 bodies, 0.1 m/s.
+#define DCD_PRESET_DRAFT 1
+
+// What games want: 4 exchanges at most, islands of 256 bodies, 0.03 m/s.
+#define DCD_PRESET_GAME 2
+
+// Accuracy first: 4 exchanges at most, 3 hops deep, islands of 1024 bodies, 0.01 m/s.
+#define DCD_PRESET_PRECISE 3
+
 // Never. Ground and walls.
 #define DCD_FIXED 0
 
@@ -729,7 +784,7 @@ DCD_API DcdStatus dcd_world_create(const DcdWorldDef *def, DcdWorld *out);
 // name ends in ".toml". Body i of the scene is dcd_body_at(world, i).
 //
 // `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
-// there are none. Of `def` only threads, regions and user_data count, the scene says the rest; null is
+// there are none. Of `def` only threads, regions, user_data and what follows it count, the scene says the rest; null is
 // DCD_WORLD_DEF_INIT. Everything is read during the call.
 // Errors: as dcd_world_create; DCD_ERR_ARGUMENT for an unknown scene or parameter or a wrong file, with the line;
 // DCD_ERR_IO when the file cannot be read.
@@ -1108,7 +1163,7 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 /* One region, as many threads as are of use, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
 #define DCD_WORLD_DEF_INIT \
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0 }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f }
 
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \
@@ -1138,7 +1193,7 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_STATS_INIT \
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)
@@ -1170,7 +1225,7 @@ DCD_ASSERT_(offsetof(DcdVelocity, angular) == 12);
 DCD_ASSERT_(sizeof(DcdFrame) == 28);
 DCD_ASSERT_(offsetof(DcdFrame, p) == 0);
 DCD_ASSERT_(offsetof(DcdFrame, q) == 12);
-DCD_ASSERT_(sizeof(DcdWorldDef) == 88);
+DCD_ASSERT_(sizeof(DcdWorldDef) == 112);
 DCD_ASSERT_(offsetof(DcdWorldDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdWorldDef, threads) == 4);
 DCD_ASSERT_(offsetof(DcdWorldDef, regions) == 8);
@@ -1180,6 +1235,12 @@ DCD_ASSERT_(offsetof(DcdWorldDef, dt) == 28);
 DCD_ASSERT_(offsetof(DcdWorldDef, min) == 32);
 DCD_ASSERT_(offsetof(DcdWorldDef, max) == 56);
 DCD_ASSERT_(offsetof(DcdWorldDef, user_data) == 80);
+DCD_ASSERT_(offsetof(DcdWorldDef, coupling) == 88);
+DCD_ASSERT_(offsetof(DcdWorldDef, preset) == 92);
+DCD_ASSERT_(offsetof(DcdWorldDef, exchanges) == 96);
+DCD_ASSERT_(offsetof(DcdWorldDef, depth) == 100);
+DCD_ASSERT_(offsetof(DcdWorldDef, island_limit) == 104);
+DCD_ASSERT_(offsetof(DcdWorldDef, tolerance) == 108);
 DCD_ASSERT_(sizeof(DcdWorldInfo) == 48);
 DCD_ASSERT_(offsetof(DcdWorldInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdWorldInfo, role) == 4);
@@ -1318,7 +1379,7 @@ DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
 DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
-DCD_ASSERT_(sizeof(DcdStats) == 88);
+DCD_ASSERT_(sizeof(DcdStats) == 96);
 DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);
 DCD_ASSERT_(offsetof(DcdStats, ticks) == 8);
@@ -1331,6 +1392,8 @@ DCD_ASSERT_(offsetof(DcdStats, bytes_in) == 56);
 DCD_ASSERT_(offsetof(DcdStats, bytes_out) == 64);
 DCD_ASSERT_(offsetof(DcdStats, rtt) == 72);
 DCD_ASSERT_(offsetof(DcdStats, last_step) == 80);
+DCD_ASSERT_(offsetof(DcdStats, disagreement) == 88);
+DCD_ASSERT_(offsetof(DcdStats, exchanges) == 92);
 #undef DCD_ASSERT_
 #endif
 

@@ -55,6 +55,12 @@ pub struct DcdStats {
     pub rtt: f64,
     /// Wall time of the last step, seconds; of taking in what had come, in a served world.
     pub last_step: f64,
+    /// How far copies of a body in different regions were from agreement at the worst border in the last step, summed over
+    /// its exchanges, m/s: an estimate of the error that borders make. 0 with DCD_COUPLING_OWNER and _PROXY, and in a served world.
+    pub disagreement: f32,
+    /// Exchanges between regions in the last step, at the border that took most; 0 in a world of one region and in a
+    /// served one.
+    pub exchanges: u32,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -121,6 +127,8 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
                 bytes_out: traffic.bytes_out,
                 rtt: traffic.rtt.as_secs_f64(),
                 last_step: stats.last_step.as_secs_f64(),
+                disagreement: stats.disagreement_m_s,
+                exchanges: stats.exchanges as u32,
             });
             Ok(())
         })
@@ -180,6 +188,7 @@ fn describe(backend: &Backend) -> String {
         ("replicas", stats.replicas as u64),
         ("transfers", stats.transfers),
         ("quarantined", stats.quarantined as u64),
+        ("exchanges", stats.exchanges as u64),
         ("updates", backend.updates()),
         ("bytes in", traffic.bytes_in),
         ("bytes out", traffic.bytes_out),
@@ -188,6 +197,7 @@ fn describe(backend: &Backend) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{name:<12} {value}");
     }
+    let _ = writeln!(text, "{:<12} {:.6} m/s", "disagreement", stats.disagreement_m_s);
     let _ = writeln!(text, "{:<12} {:.3} ms", "round trip", traffic.rtt.as_secs_f64() * 1e3);
     let _ = writeln!(text, "{:<12} {:.3} ms", "last step", stats.last_step.as_secs_f64() * 1e3);
     text

@@ -85,6 +85,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::Token(_)
             | ProcessError::Role { .. }
             | ProcessError::Tree(_)
+            | ProcessError::World(_)
             | ProcessError::Shape(_)
             | ProcessError::Host(_) => DCD_ERR_ARGUMENT,
             ProcessError::Net(_)

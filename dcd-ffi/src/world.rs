@@ -4,7 +4,7 @@ use std::ffi::c_char;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use dcd::physics::StepSettings;
+use dcd::physics::{Coupling, CouplingChoice, Method, Preset, StepSettings};
 use dcd::runtime::{DcdWorld as LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::Bounds;
@@ -37,6 +37,34 @@ pub const DCD_ROLE_CLIENT: DcdRole = 1;
 /// Hosts avatars in it, and computes a share of it.
 pub const DCD_ROLE_PARTICIPANT: DcdRole = 2;
 
+/// How regions agree on the bodies that they share.
+pub type DcdCoupling = u32;
+
+/// What the scene says, else DCD_COUPLING_AUTO.
+pub const DCD_COUPLING_DEFAULT: DcdCoupling = 0;
+/// Copies of a neighbour's bodies push and are not pushed. It gains energy and drops stacks: to compare with.
+pub const DCD_COUPLING_PROXY: DcdCoupling = 1;
+/// Copies are overwritten by their owner after each step. The cheapest; momentum is not conserved across a border.
+pub const DCD_COUPLING_OWNER: DcdCoupling = 2;
+/// Bodies near a border live in both regions, each copy with its share of the mass, and regions agree on means.
+pub const DCD_COUPLING_OVERLAP: DcdCoupling = 3;
+/// As DCD_COUPLING_OVERLAP, and a small group of bodies that touch one another moves whole to one region.
+pub const DCD_COUPLING_ISLAND: DcdCoupling = 4;
+/// As DCD_COUPLING_ISLAND, with as many exchanges at each border as its copies' disagreement asks for.
+pub const DCD_COUPLING_AUTO: DcdCoupling = 5;
+
+/// How much accuracy DCD_COUPLING_AUTO is asked for.
+pub type DcdPreset = u32;
+
+/// What the scene says, else DCD_PRESET_GAME.
+pub const DCD_PRESET_DEFAULT: DcdPreset = 0;
+/// Speed first: 2 exchanges at most, islands of 64 bodies, 0.1 m/s.
+pub const DCD_PRESET_DRAFT: DcdPreset = 1;
+/// What games want: 4 exchanges at most, islands of 256 bodies, 0.03 m/s.
+pub const DCD_PRESET_GAME: DcdPreset = 2;
+/// Accuracy first: 4 exchanges at most, 3 hops deep, islands of 1024 bodies, 0.01 m/s.
+pub const DCD_PRESET_PRECISE: DcdPreset = 3;
+
 /// How a local world is made. Start from DCD_WORLD_DEF_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -60,6 +88,19 @@ pub struct DcdWorldDef {
     pub max: [f64; 3],
     /// Your own; dcd_world_info gives it back.
     pub user_data: u64,
+    /// DCD_COUPLING_...: how regions agree. It says nothing in a world of one region.
+    pub coupling: DcdCoupling,
+    /// DCD_PRESET_...: what stands for DCD_COUPLING_AUTO and the four numbers below; with another coupling it must be 0.
+    pub preset: DcdPreset,
+    /// Exchanges between regions a step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
+    /// the coupling, as in the next three.
+    pub exchanges: u32,
+    /// Contact hops across a border within which bodies live in both regions, 1 to 16.
+    pub depth: u32,
+    /// The most bodies of a group that moves whole to one region, to 65534.
+    pub island_limit: u32,
+    /// The disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
+    pub tolerance: f32,
 }
 
 /// What a world is. Start from DCD_WORLD_INFO_INIT.
@@ -151,6 +192,42 @@ pub(crate) fn threads(asked: u32, regions: usize) -> usize {
     }
 }
 
+/// Which of all is meant: numbers are in their order from 1, and 0 is none.
+fn nth<T: Copy>(all: &[T], number: u32, name: &str, prefix: &str) -> Result<Option<T>, Failure> {
+    match (number as usize).checked_sub(1) {
+        None => Ok(None),
+        Some(index) => all.get(index).copied().map(Some).ok_or_else(|| {
+            Failure::argument(format!("{name} is {number}, the last is {}; give a {prefix}...", all.len()))
+        }),
+    }
+}
+
+/// What a definition asks of the coupling; the numbers' ranges are checked with all others.
+fn choice(def: &DcdWorldDef) -> Result<CouplingChoice, Failure> {
+    let coupling = nth(&Coupling::ALL, def.coupling, "coupling", "DCD_COUPLING_")?;
+    let method = match (coupling, nth(&Preset::ALL, def.preset, "preset", "DCD_PRESET_")?) {
+        (None, None) => None,
+        (Some(coupling), None) => Some(Method::Coupling(coupling)),
+        (None | Some(Coupling::Auto), Some(preset)) => Some(Method::Preset(preset)),
+        (Some(coupling), Some(preset)) => {
+            return Err(Failure::argument(format!(
+                "preset `{}` does not go with coupling `{}`; leave preset 0, or take DCD_COUPLING_AUTO",
+                preset.name(),
+                coupling.name()
+            )));
+        }
+    };
+    let asked = |number: u32| (number > 0).then_some(number as usize);
+    Ok(CouplingChoice {
+        method,
+        exchanges: asked(def.exchanges),
+        depth: asked(def.depth),
+        island_limit: asked(def.island_limit),
+        // -0.0 is 0 too; NaN is refused by the world.
+        tolerance_m_s: (def.tolerance != 0.0).then_some(def.tolerance),
+    })
+}
+
 /// Makes an empty world that this process computes alone. Destroy it with dcd_world_destroy.
 ///
 /// `def` is read during the call. `out` receives the handle.
@@ -164,16 +241,17 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
         pointer::check_point(&def.min, "min")?;
         pointer::check_point(&def.max, "max")?;
         let regions = (def.regions as usize).max(1);
+        let step = StepSettings {
+            gravity: def.gravity,
+            dt_s: def.dt,
+            solver_iterations: def.solver_iterations as usize,
+            ..StepSettings::default()
+        };
         let config = WorldConfig {
             bounds: Bounds::new(def.min, def.max),
             partitioning: Partitioning::Regions(regions),
             threads: threads(def.threads, regions),
-            step: StepSettings {
-                gravity: def.gravity,
-                dt_s: def.dt,
-                solver_iterations: def.solver_iterations as usize,
-                ..StepSettings::default()
-            },
+            step: choice(&def)?.applied_to(step),
             ..WorldConfig::default()
         };
         let backend = Backend::Local(Box::new(LocalWorld::new(config)?));
@@ -186,7 +264,7 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
 /// name ends in ".toml". Body i of the scene is dcd_body_at(world, i).
 ///
 /// `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
-/// there are none. Of `def` only threads, regions and user_data count, the scene says the rest; null is
+/// there are none. Of `def` only threads, regions, user_data and what follows it count, the scene says the rest; null is
 /// DCD_WORLD_DEF_INIT. Everything is read during the call.
 /// Errors: as dcd_world_create; DCD_ERR_ARGUMENT for an unknown scene or parameter or a wrong file, with the line;
 /// DCD_ERR_IO when the file cannot be read.
@@ -206,12 +284,12 @@ pub unsafe extern "C" fn dcd_world_open_scene(
                 texts.iter().map(|&text| pointer::text(text, "params[i]")).collect::<Result<_, _>>()?;
             (pointer::text(name_or_path, "name_or_path")?, Params::from_args(texts)?, Out::new(out, "out")?)
         };
-        let (asked_threads, regions, user_data) = if def.is_null() {
-            (0, 0, 0)
+        let (asked_threads, regions, user_data, choice) = if def.is_null() {
+            (0, 0, 0, CouplingChoice::default())
         } else {
             // SAFETY: not null; the caller vouches for the rest.
             let def = unsafe { pointer::read_sized(def, "def")? };
-            (def.threads, def.regions, def.user_data)
+            (def.threads, def.regions, def.user_data, choice(&def)?)
         };
         let scene = Scene::open(name, &params)?;
         let mut config = WorldConfig::for_scene(&scene);
@@ -220,6 +298,7 @@ pub unsafe extern "C" fn dcd_world_open_scene(
         }
         let leaves = config.tree().map_err(dcd::runtime::WorldError::from)?.leaves().count();
         config.threads = threads(asked_threads, leaves);
+        config.step = choice.applied_to(config.step);
         let backend = Backend::Local(Box::new(LocalWorld::from_scene(&scene, config)?));
         out.write(add(backend, user_data));
         Ok(())
@@ -280,6 +359,22 @@ mod tests {
     use super::*;
     use crate::status::{DCD_ERR_STALE_ID, DCD_OK};
     use crate::step::dcd_step;
+
+    #[test]
+    fn the_numbers_of_couplings_and_presets_are_in_their_order() {
+        let coupling = |number| nth(&Coupling::ALL, number, "coupling", "").unwrap();
+        assert_eq!(coupling(DCD_COUPLING_DEFAULT), None);
+        assert_eq!(coupling(DCD_COUPLING_PROXY), Some(Coupling::Proxy));
+        assert_eq!(coupling(DCD_COUPLING_OWNER), Some(Coupling::Owner));
+        assert_eq!(coupling(DCD_COUPLING_OVERLAP), Some(Coupling::Overlap));
+        assert_eq!(coupling(DCD_COUPLING_ISLAND), Some(Coupling::Island));
+        assert_eq!(coupling(DCD_COUPLING_AUTO), Some(Coupling::Auto));
+        let preset = |number| nth(&Preset::ALL, number, "preset", "").unwrap();
+        assert_eq!(preset(DCD_PRESET_DEFAULT), None);
+        assert_eq!(preset(DCD_PRESET_DRAFT), Some(Preset::Draft));
+        assert_eq!(preset(DCD_PRESET_GAME), Some(Preset::Game));
+        assert_eq!(preset(DCD_PRESET_PRECISE), Some(Preset::Precise));
+    }
 
     #[test]
     fn a_world_that_panicked_can_only_be_destroyed_and_others_go_on() {

@@ -44,7 +44,10 @@ fn layouts() -> Vec<Layout> {
         DcdPose { p, q }
         DcdVelocity { linear, angular }
         DcdFrame { p, q }
-        DcdWorldDef { struct_size, threads, regions, solver_iterations, gravity, dt, min, max, user_data }
+        DcdWorldDef {
+            struct_size, threads, regions, solver_iterations, gravity, dt, min, max, user_data, coupling, preset,
+            exchanges, depth, island_limit, tolerance
+        }
         DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, client }
         DcdClientDef { struct_size, timeout_ms, server, token, identity_path, user_data }
         DcdParticipantDef {
@@ -70,7 +73,10 @@ fn layouts() -> Vec<Layout> {
         DcdRay { origin, direction, max_distance, exclude, mask, reserved }
         DcdRayHit { body, user_data, point, normal, distance }
         DcdRegionInfo { region, bodies, replicas, reserved, min, max }
-        DcdStats { struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out, rtt, last_step }
+        DcdStats {
+            struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out, rtt,
+            last_step, disagreement, exchanges
+        }
     }
 }
 
@@ -80,7 +86,7 @@ const MACROS: &str = "
 /* One region, as many threads as are of use, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
 #define DCD_WORLD_DEF_INIT \\
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \\
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0 }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f }
 
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \\
@@ -110,7 +116,7 @@ const MACROS: &str = "
 #define DCD_EVENT_VIEW_INIT \\
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_STATS_INIT \\
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)
@@ -237,7 +243,8 @@ fn size_of_member(declaration: &str) -> usize {
     let size = match kind {
         _ if name.contains('*') => size_of::<usize>(),
         "uint8_t" | "bool" => 1,
-        "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdRole" => 4,
+        "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdRole"
+        | "DcdCoupling" | "DcdPreset" => 4,
         "double" | "uint64_t" | "size_t" => 8,
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };

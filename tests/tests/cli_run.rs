@@ -52,15 +52,15 @@ fn the_json_object_has_the_keys_of_the_contract() {
     let report = json(&["run", "tower", "--seconds", "2", "--cut", "x=0"]);
     assert_eq!(
         keys(&report),
-        set("scene bodies regions threads coupling exchanges ticks dt_s wall_s rtf step_ms contacts replicas_mean transfers
+        set("scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s ticks dt_s wall_s rtf step_ms contacts replicas_mean transfers
              energy_j momentum_kgms max_penetration_m ground_force_ratio lost doubled quarantined state_hash")
     );
     assert_eq!(keys(&report["step_ms"]), set("mean p50 p99 max"));
     assert_eq!(keys(&report["energy_j"]), set("start end"));
     assert_eq!(report["momentum_kgms"]["end"].as_array().unwrap().len(), 3);
-    assert_eq!((report["scene"].as_str(), report["coupling"].as_str()), (Some("tower"), Some("owner")));
+    assert_eq!((report["scene"].as_str(), report["coupling"].as_str()), (Some("tower"), Some("auto")));
     for (key, value) in
-        [("bodies", 10), ("regions", 2), ("ticks", 120), ("contacts", 10), ("exchanges", 1), ("lost", 0)]
+        [("bodies", 10), ("regions", 2), ("ticks", 120), ("contacts", 10), ("exchanges", 4), ("lost", 0)]
     {
         assert_eq!(report[key], value, "{key}");
     }
@@ -97,7 +97,25 @@ fn threads_and_cuts_are_as_asked_and_the_same_cut_gives_the_same_bits() {
     assert_eq!(halved["state_hash"], cut["state_hash"]);
     assert_eq!(cut["ground_force_ratio"], Value::Null);
     assert_eq!(run(&["--cut", "x=0", "--cut", "y=1"])["regions"], 4);
-    assert_eq!(run(&["--cut", "x=0", "--exchanges", "2"])["exchanges"], 2);
+}
+
+#[test]
+fn a_file_chooses_the_coupling_and_options_win() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("coupled.toml");
+    let world = "coupling = \"overlap\"\nexchanges = 3\ncuts = [{ axis = \"y\", at = 5.0 }]";
+    std::fs::write(&path, format!("[world]\n{world}\n[library]\nscene = \"tower\"\n")).unwrap();
+    let run = |args: &[&str]| {
+        let report = json(&[&["run", path.to_str().unwrap(), "--seconds", "0.5"], args].concat());
+        let coupling = report["coupling"].as_str().unwrap().to_owned();
+        (coupling, report["exchanges"].as_u64().unwrap(), report["exchanges_mean"].as_f64().unwrap())
+    };
+    assert_eq!(run(&[]), ("overlap".into(), 3, 3.0));
+    assert_eq!(run(&["--exchanges", "2"]), ("overlap".into(), 2, 2.0));
+    assert_eq!(run(&["--coupling", "owner"]), ("owner".into(), 1, 1.0));
+    let (coupling, most, mean) = run(&["--preset", "draft", "--tolerance", "0.001"]);
+    assert_eq!((coupling.as_str(), most), ("auto", 2));
+    assert!((1.0..=2.0).contains(&mean), "{mean}");
 }
 
 #[test]
@@ -150,7 +168,7 @@ fn scene_files_run_like_scenes_of_the_library() {
 
 #[test]
 fn wrong_usage_names_cause_and_remedy_and_exits_with_2() {
-    let cases: [(&[&str], &[&str]); 13] = [
+    let cases: [(&[&str], &[&str]); 19] = [
         (&["run", "towr"], &["no scene `towr`", "did you mean `tower`?"]),
         (&["run", "tower", "--set", "m=1"], &["no parameter `m`", "top_mass_ratio=1"]),
         (&["run", "tower", "--set", "n=0"], &["`n=0` is not a whole number from 1 to 1000"]),
@@ -160,7 +178,13 @@ fn wrong_usage_names_cause_and_remedy_and_exits_with_2() {
         (&["run", "tower", "--cut", "w=1"], &["write an axis and metres"]),
         (&["run", "tower", "--cut", "x=0", "--regions", "2"], &["cannot be used with"]),
         (&["run", "tower", "--regions", "65"], &["65 is not in 0..=64"]),
-        (&["run", "tower", "--coupling", "magic"], &["possible values: owner"]),
+        (&["run", "tower", "--coupling", "magic"], &["possible values: proxy, owner, overlap, island, auto"]),
+        (&["run", "tower", "--coupling", "auto", "--preset", "game"], &["cannot be used with"]),
+        (&["run", "tower", "--preset", "fine"], &["possible values: draft, game, precise"]),
+        (&["run", "tower", "--exchanges", "65"], &["65 is not in 1..=64"]),
+        (&["run", "tower", "--depth", "0"], &["0 is not in 1..=16"]),
+        (&["run", "tower", "--island-limit", "65535"], &["65535 is not in 0..=65534"]),
+        (&["run", "tower", "--tolerance", "nan"], &["write metres a second above 0, as 0.03"]),
         (&["run", "tower", "--threads", "0"], &["0 is not in 1..=1024"]),
         (&["run", "tower", "--seconds", "nan"], &["write simulated seconds"]),
         (&["rnu"], &["unrecognized subcommand 'rnu'"]),
@@ -210,7 +234,12 @@ fn help_teaches_and_goes_to_standard_output() {
         (&["--help"][..], &["run", "scenes", "Exit codes: 0 done", "130"][..]),
         (
             &["run", "--help"],
-            &["dcd run pile", "--cut <AXIS=VALUE>", "top_mass_ratio=1", "possible values: owner"],
+            &[
+                "dcd run pile",
+                "--cut <AXIS=VALUE>",
+                "top_mass_ratio=1",
+                "possible values: proxy, owner, overlap, island, auto",
+            ],
         ),
         (&["scenes"], &["pyramid: ", "base=20 (a whole number from 1 to 1000)"]),
         (&["scenes", "pile"], &["sleep=0"]),

@@ -3,13 +3,14 @@
 use std::time::Duration;
 
 use dcd::net::Role;
+use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{Pace, Velocity, WorldPose};
 use dcd::runtime::{
-    ClientWorld, DcdWorld, JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess,
+    ClientWorld, DcdWorld, JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, Stats,
     WorldConfig,
 };
 use dcd::scene::{Params, Scene};
-use dcd::space::Tick;
+use dcd::space::{Axis, Tick};
 use rapier3d::prelude::*;
 
 const LIMIT: Duration = Duration::from_secs(60);
@@ -21,16 +22,24 @@ fn serve(
     pace: Pace,
     last_tick: Option<u64>,
 ) -> (ServerProcess, tempfile::TempDir) {
+    let world = WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(scene) };
+    serve_world(scene, world, nodes, pace, last_tick)
+}
+
+fn serve_world(
+    scene: &Scene,
+    world: WorldConfig,
+    nodes: usize,
+    pace: Pace,
+    last_tick: Option<u64>,
+) -> (ServerProcess, tempfile::TempDir) {
     let data = tempfile::tempdir().unwrap();
     let server = ServerProcess::start(
         scene,
         ServeConfig {
             listen: "127.0.0.1:0".parse().unwrap(),
             data: data.path().to_owned(),
-            world: WorldConfig {
-                partitioning: Partitioning::Regions(regions),
-                ..WorldConfig::for_scene(scene)
-            },
+            world,
             nodes,
             pace,
             last_tick: last_tick.map(Tick),
@@ -76,6 +85,109 @@ fn a_networked_world_equals_a_local_one_bit_for_bit() {
         assert_eq!(transfers, local.stats().transfers);
         assert_eq!(summary.state_hash, Some(local.state_hash()), "{regions} regions on {nodes} nodes");
     }
+}
+
+/// Runs a world on nodes and in this process, and compares what came of it and how.
+#[track_caller]
+fn equals_a_local_world(scene: &Scene, config: &WorldConfig, nodes: usize, ticks: u64) -> Stats {
+    let (server, _data) = serve_world(scene, config.clone(), nodes, Pace::Unpaced, Some(ticks));
+    let members: Vec<_> = (0..nodes).map(|_| start_node(&server)).collect();
+    assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
+    let summary = server.stop();
+    let members: Vec<_> = members.into_iter().map(|member| member.finish().unwrap()).collect();
+    assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(ticks), 0, 0));
+    let mut local = DcdWorld::from_scene(scene, config.clone()).unwrap();
+    let (mut exchanges, mut disagreement) = (0, 0.0f32);
+    for _ in 0..ticks {
+        local.step().unwrap();
+        exchanges += local.stats().exchanges as u64;
+        disagreement = disagreement.max(local.stats().disagreement_m_s);
+    }
+    let what = format!("{} by {} on {nodes} nodes", scene.name, config.step.coupling.name());
+    assert_eq!(summary.state_hash, Some(local.state_hash()), "{what}");
+    assert_eq!(members.iter().map(|member| member.transfers).sum::<u64>(), local.stats().transfers, "{what}");
+    for member in &members {
+        assert_eq!(member.exchanges_sum, exchanges, "{what}: all take the same rounds");
+    }
+    let told = members.iter().map(|member| member.disagreement_max_m_s).fold(0.0, f32::max);
+    assert_eq!(told, disagreement, "{what}");
+    Stats { exchanges: exchanges as usize, disagreement_m_s: disagreement, ..local.stats() }
+}
+
+/// Where a world is cut.
+type Planes = Vec<(Axis, f64)>;
+
+/// Boxes on end, balls in a row that touch, a heap: what presses across a border, with the cuts that make it so.
+fn pressed_borders() -> [(Scene, Planes, usize); 3] {
+    let tower = Scene::named("tower", &Params::new().with("sleep", 0)).unwrap();
+    let row = r#"
+        [world]
+        name = "row"
+        gravity = [0, 0, 0]
+        bounds = { min = [-10, -2, -2], max = [10, 2, 2] }
+        [[body]]
+        position = [-6, 0, 0]
+        velocity = [4, 0, 0]
+        [[body.collider]]
+        shape = "sphere"
+        radius = 0.5
+        restitution = 1
+        [[grid]]
+        count = [6, 1, 1]
+        spacing = [1, 1, 1]
+        [grid.body]
+        position = [-2.6, 0, 0]
+        [[grid.body.collider]]
+        shape = "sphere"
+        radius = 0.5
+        restitution = 1
+    "#;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("row.toml");
+    std::fs::write(&path, row).unwrap();
+    let row = Scene::load(&path, &Params::new()).unwrap();
+    let heap = Scene::named("heap", &Params::new().with("n", 60)).unwrap();
+    let (x, y, z) = (Axis::X, Axis::Y, Axis::Z);
+    [(tower, vec![(y, 5.0)], 2), (row, vec![(x, -1.1), (x, 1.4)], 3), (heap, vec![(x, 0.3), (z, 0.2)], 3)]
+}
+
+fn borders_equal_a_local_world(coupling: Coupling, exchanges: usize) {
+    for (scene, cuts, nodes) in pressed_borders() {
+        let config = WorldConfig::for_scene(&scene);
+        let step = StepSettings { exchanges, ..config.step.with_coupling(coupling) };
+        let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), step, ..config };
+        let stats = equals_a_local_world(&scene, &config, nodes, 120);
+        if coupling == Coupling::Overlap {
+            assert!(stats.disagreement_m_s > 0.0, "{}: the test needs a border that is pressed", scene.name);
+        }
+    }
+}
+
+#[test]
+fn regions_that_exchange_twice_a_tick_agree_over_the_network_as_in_one_process() {
+    borders_equal_a_local_world(Coupling::Overlap, 2);
+}
+
+#[test]
+fn islands_move_over_the_network_as_in_one_process() {
+    borders_equal_a_local_world(Coupling::Island, 2);
+}
+
+#[test]
+fn the_owner_s_word_counts_over_the_network_as_in_one_process() {
+    borders_equal_a_local_world(Coupling::Owner, 1);
+}
+
+#[test]
+fn rounds_vary_over_the_network_as_in_one_process() {
+    borders_equal_a_local_world(Coupling::Auto, 4);
+    // No island is small and nothing is tolerated, so that borders take more and more exchanges.
+    let (scene, cuts, nodes) = pressed_borders().into_iter().next().unwrap();
+    let config = WorldConfig::for_scene(&scene);
+    let step = StepSettings { island_limit: 0, tolerance_m_s: 1e-4, ..config.step };
+    let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), step, ..config };
+    let stats = equals_a_local_world(&scene, &config, nodes, 90);
+    assert!(stats.exchanges > 90 && stats.exchanges < 4 * 90, "{} exchanges", stats.exchanges);
 }
 
 #[test]

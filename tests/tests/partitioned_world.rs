@@ -1,8 +1,9 @@
 //! A partitioned world through its public API: what is true of one Rapier world stays true of many.
 
-use dcd::physics::RayFilter;
+use dcd::physics::{Coupling, RayFilter};
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
+use dcd::sim::Random;
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
 
@@ -14,6 +15,10 @@ fn two_regions() -> WorldConfig {
 fn weightless(mut config: WorldConfig) -> WorldConfig {
     config.step.gravity = [0.0; 3];
     config
+}
+
+fn coupled(config: WorldConfig, coupling: Coupling) -> WorldConfig {
+    WorldConfig { step: config.step.with_coupling(coupling), ..config }
 }
 
 fn steps(world: &mut DcdWorld, count: usize) {
@@ -41,20 +46,24 @@ fn insert_floor(world: &mut DcdWorld) -> BodyId {
 
 #[test]
 fn a_body_leaving_a_region_is_owned_by_exactly_one_other() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
-    let ball = insert_ball(&mut world, -3.0, 0.0, 2.0);
-    let first = world.owner_of(ball).unwrap();
-    let mut replicated_before_transfer = false;
-    for _ in 0..240 {
-        steps(&mut world, 1);
-        if world.owner_of(ball) == Some(first) {
-            replicated_before_transfer = world.stats().replicas == 1;
+    for coupling in Coupling::ALL {
+        let mut world = DcdWorld::new(coupled(weightless(two_regions()), coupling)).unwrap();
+        let ball = insert_ball(&mut world, -3.0, 0.0, 2.0);
+        let first = world.owner_of(ball).unwrap();
+        let mut replicated_before_transfer = false;
+        for _ in 0..240 {
+            steps(&mut world, 1);
+            if world.owner_of(ball) == Some(first) {
+                replicated_before_transfer = world.stats().replicas == 1;
+            }
         }
+        assert_ne!(world.owner_of(ball), Some(first), "{coupling:?}");
+        // Where regions agree on means, a body that touches nothing has no contacts to lose: it goes at once.
+        let announced = matches!(coupling, Coupling::Proxy | Coupling::Owner);
+        assert_eq!(replicated_before_transfer, announced, "{coupling:?}");
+        assert_eq!((world.stats().transfers, world.stats().replicas), (1, 0), "{coupling:?}");
+        assert!((world.pose(ball).unwrap().translation[0] - 5.0).abs() < 1e-3, "{coupling:?}");
     }
-    assert_ne!(world.owner_of(ball), Some(first));
-    assert!(replicated_before_transfer, "the new owner must hold a replica before it takes over");
-    assert_eq!((world.stats().transfers, world.stats().replicas), (1, 0));
-    assert!((world.pose(ball).unwrap().translation[0] - 5.0).abs() < 1e-3);
 }
 
 #[test]
@@ -115,21 +124,28 @@ fn a_transferred_body_keeps_everything() {
 
 #[test]
 fn a_sleeping_body_stays_asleep_when_its_neighbour_is_cut_off_by_a_border() {
-    let mut world = DcdWorld::new(two_regions()).unwrap();
-    insert_floor(&mut world);
-    let left = insert_ball(&mut world, -0.6, 0.5, 0.0);
-    let right = insert_ball(&mut world, 0.6, 0.5, 0.0);
-    steps(&mut world, 120);
-    for ball in [left, right] {
-        assert!(world.body(ball).unwrap().is_sleeping());
+    for (coupling, x, replicas) in [
+        (Coupling::Owner, 0.6, 2),
+        (Coupling::Overlap, 0.5, 2),
+        (Coupling::Island, 0.5, 0),
+        (Coupling::Auto, 0.5, 0),
+    ] {
+        let mut world = DcdWorld::new(coupled(two_regions(), coupling)).unwrap();
+        insert_floor(&mut world);
+        let left = insert_ball(&mut world, -x, 0.5, 0.0);
+        let right = insert_ball(&mut world, x, 0.5, 0.0);
+        steps(&mut world, 240);
+        for ball in [left, right] {
+            assert!(world.body(ball).unwrap().is_sleeping(), "{coupling:?}");
+        }
+        assert_eq!(world.stats().replicas, replicas, "{coupling:?}");
+        let replicas_asleep = world
+            .regions()
+            .iter()
+            .flat_map(|region| region.bodies())
+            .all(|(_, _, _, body)| body.is_fixed() || body.is_sleeping());
+        assert!(replicas_asleep, "{coupling:?}: replicas must sleep with their owners");
     }
-    assert_eq!(world.stats().replicas, 2);
-    let replicas_asleep = world
-        .regions()
-        .iter()
-        .flat_map(|region| region.bodies())
-        .all(|(_, _, _, body)| body.is_fixed() || body.is_sleeping());
-    assert!(replicas_asleep, "replicas must sleep with their owners");
 }
 
 #[test]
@@ -413,6 +429,81 @@ fn a_teleported_body_changes_region_at_once_and_keeps_its_epoch_growing() {
     assert_ne!(world.owner_of(ball), first);
     steps(&mut world, 5);
     assert_eq!(world.pose(ball).unwrap().translation, [10.0, 1.0, 0.0]);
+}
+
+#[test]
+fn a_body_that_regions_share_has_its_whole_mass_for_the_user() {
+    let cut = Partitioning::Cuts(vec![(Axis::Y, 1.0)]);
+    let config = WorldConfig { partitioning: cut, ..WorldConfig::default() };
+    let mut world = DcdWorld::new(coupled(config, Coupling::Overlap)).unwrap();
+    let floor = insert_floor(&mut world);
+    let boxes = [0.5, 1.5].map(|y| {
+        let body = RigidBodyBuilder::dynamic().can_sleep(false).translation(Vector::new(0.0, y, 0.0));
+        world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(3.0)).unwrap()
+    });
+    steps(&mut world, 30);
+    assert_eq!(world.stats().replicas, 2, "the test needs bodies that are shared");
+    assert!(boxes.iter().all(|&id| (world.mass_kg(id).unwrap() - 3.0).abs() < 1e-5));
+    assert!(boxes.iter().all(|&id| (world.body(id).unwrap().mass() - 1.5).abs() < 1e-5));
+    assert_eq!(world.mass_kg(floor), Some(0.0));
+}
+
+#[test]
+fn what_is_removed_before_its_first_step_leaves_nothing_behind() {
+    for coupling in Coupling::ALL {
+        let mut world = DcdWorld::new(coupled(two_regions(), coupling)).unwrap();
+        let gone = insert_ball(&mut world, 0.1, 3.0, 0.0);
+        world.remove(gone).unwrap();
+        let stays = insert_ball(&mut world, 0.2, 5.0, 0.0);
+        steps(&mut world, 2);
+        assert_eq!((world.owners_of(gone), world.owners_of(stays)), (0, 1), "{coupling:?}");
+    }
+}
+
+#[test]
+fn changes_at_any_time_lose_and_double_nothing_in_any_coupling() {
+    for (seed, coupling) in
+        Coupling::ALL.into_iter().flat_map(|coupling| (0..6).map(move |seed| (seed, coupling)))
+    {
+        let mut random = Random::new(seed);
+        let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Y, 1.5)]);
+        let config = WorldConfig { partitioning: cuts, ..WorldConfig::default() };
+        let mut world = DcdWorld::new(coupled(config, coupling)).unwrap();
+        insert_floor(&mut world);
+        let (mut bodies, mut joints) = (Vec::new(), Vec::new());
+        let somewhere = |random: &mut Random| [random.unit() * 5.0 - 2.5, random.unit() * 4.0 + 0.5];
+        for _ in 0..300 {
+            let [x, y] = somewhere(&mut random);
+            let body = bodies.get(random.below(bodies.len().max(1) as u64) as usize).copied();
+            match (random.below(9), body) {
+                (0 | 1, _) if bodies.len() < 25 => {
+                    bodies.push(insert_ball(&mut world, x as f32, y as f32, 0.0));
+                }
+                (2, Some(body)) => {
+                    world.remove(body).unwrap();
+                    bodies.retain(|&other| other != body);
+                }
+                (3, Some(body)) => world.set_pose(body, WorldPose::at([x, y, 0.0])).unwrap(),
+                (4, Some(body)) => {
+                    let linear = [x as f32, y as f32, 0.0];
+                    world.set_velocity(body, Velocity { linear, angular: [0.0; 3] }).unwrap();
+                }
+                (5, Some(a)) if bodies[0] != a => {
+                    joints.push(world.insert_joint(a, bodies[0], RopeJointBuilder::new(2.0)).unwrap());
+                }
+                (6, _) if !joints.is_empty() => {
+                    // One that went with a body says so.
+                    let _ = world.remove_joint(joints.swap_remove(0));
+                }
+                _ => world.step().unwrap(),
+            }
+            for &body in &bodies {
+                assert_eq!(world.owners_of(body), 1, "{coupling:?} seed {seed}: {body} at {}", world.tick());
+            }
+            assert_eq!(world.stats().bodies, bodies.len(), "{coupling:?} seed {seed} at {}", world.tick());
+        }
+        assert_eq!(world.stats().quarantined, 0, "{coupling:?} seed {seed}");
+    }
 }
 
 #[test]

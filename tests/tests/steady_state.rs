@@ -3,6 +3,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use dcd::physics::Coupling;
 use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 
@@ -49,27 +50,34 @@ fn allocations_per_step(mut step: impl FnMut()) -> u64 {
     counted.min().unwrap()
 }
 
+/// Allocations of one step by this coupling and of the bare world's, and the replicas held.
+fn allocations(coupling: Coupling, n: usize, regions: usize) -> (u64, u64, usize) {
+    let scene = Scene::named("pile", &Params::new().with("n", n)).unwrap();
+    let config = WorldConfig::for_scene(&scene);
+    let step = config.step.with_coupling(coupling);
+    let config = WorldConfig { partitioning: Partitioning::Regions(regions), step, ..config };
+    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    let ours = allocations_per_step(|| world.step().unwrap());
+    let mut bare = scene.bare_world();
+    (ours, allocations_per_step(|| bare.step()), world.stats().replicas)
+}
+
 #[test]
 fn a_step_allocates_nothing_per_body() {
-    let allocations = |n: usize, regions: usize| {
-        let scene = Scene::named("pile", &Params::new().with("n", n)).unwrap();
-        let config =
-            WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(&scene) };
-        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
-        let ours = allocations_per_step(|| world.step().unwrap());
-        assert!(regions == 1 || world.stats().replicas > 50, "the border must have traffic");
-        let mut bare = scene.bare_world();
-        (ours, allocations_per_step(|| bare.step()))
-    };
     for regions in [1, 2, 8] {
-        let (small, small_bare) = allocations(500, regions);
-        let (large, large_bare) = allocations(2_000, regions);
-        println!(
-            "{regions} regions: {small} and {large} allocations a step, bare {small_bare} and {large_bare}"
-        );
         // Four times the bodies: what Rapier allocates in each region, and a fixed number for the exchange.
         let fixed = 8 + 4 * regions as u64;
-        assert!(small <= regions as u64 * small_bare.max(1) + fixed, "{small} allocations with 500 bodies");
-        assert!(large <= regions as u64 * large_bare.max(1) + fixed, "{large} allocations with 2000 bodies");
+        for n in [500, 2_000] {
+            let (owner, bare, replicas) = allocations(Coupling::Owner, n, regions);
+            assert!(regions == 1 || replicas > 50, "the border must have traffic");
+            let most = regions as u64 * bare.max(1) + fixed;
+            assert!(owner <= most, "{n} bodies in {regions} regions: {owner} allocations by owner");
+            // Towers are of ten: those that are replicated by `owner` are islands near a border, each with a few lists.
+            let islands = replicas as u64 / 10;
+            let (auto, ..) = allocations(Coupling::Auto, n, regions);
+            let most = most + fixed + 5 * islands;
+            assert!(auto <= most, "{n} bodies in {regions} regions: {auto} allocations by auto");
+            println!("{n} bodies in {regions} regions: {owner} and {auto} allocations a step, bare {bare}");
+        }
     }
 }

@@ -60,6 +60,7 @@ impl From<ProcessError> for Failure {
     fn from(error: ProcessError) -> Self {
         let message = error.to_string();
         match error {
+            ProcessError::World(error) => error.into(),
             // Nothing was said to a server yet.
             ProcessError::Token(_) | ProcessError::Tree(_) => Self::usage(message),
             _ => Self::run(message),

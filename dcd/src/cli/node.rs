@@ -25,7 +25,8 @@ const LOOK: Duration = Duration::from_millis(50);
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
-    after_long_help = "--json prints the summary with the keys node tick bodies regions tick_ms{mean,p50,p99,max} transfers replicas_mean bytes\n\
+    after_long_help = "--json prints the summary with the keys node tick bodies regions tick_ms{mean,p50,p99,max} transfers replicas_mean\n\
+        exchanges_mean disagreement_max_m_s bytes\n\
                        bytes_per_s seconds; tick_ms is the time of computing, without waiting for others, from the 31st tick on."
 )]
 pub(super) struct Node {

@@ -84,6 +84,8 @@ pub(super) struct Computed {
     pub tick_ms: StepTimes,
     pub transfers: u64,
     pub replicas_mean: f64,
+    pub exchanges_mean: f64,
+    pub disagreement_max_m_s: f32,
     pub bytes: u64,
     pub bytes_per_s: f64,
     pub seconds: f64,
@@ -101,6 +103,8 @@ impl From<&NodeSummary> for Computed {
             tick_ms: StepTimes::of(&times.collect::<Vec<_>>()),
             transfers: summary.transfers,
             replicas_mean: summary.replicas_sum as f64 / ticks,
+            exchanges_mean: summary.exchanges_sum as f64 / ticks,
+            disagreement_max_m_s: summary.disagreement_max_m_s,
             bytes: summary.bytes,
             bytes_per_s: summary.bytes as f64 / summary.seconds.max(f64::MIN_POSITIVE),
             seconds: summary.seconds,
@@ -128,6 +132,13 @@ impl Summary for Computed {
             ),
             ("transfers", format!("{} bodies came from other regions", self.transfers)),
             ("replicas", format!("{:.1} mean", self.replicas_mean)),
+            (
+                "exchanges",
+                format!(
+                    "{:.2} a tick; copies disagree by {:.6} m/s at most",
+                    self.exchanges_mean, self.disagreement_max_m_s
+                ),
+            ),
             ("traffic", format!("{} bytes in and out, {:.0} a second", self.bytes, self.bytes_per_s)),
         ]
     }

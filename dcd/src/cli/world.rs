@@ -3,7 +3,8 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::failure::Failure;
-use crate::physics::{Coupling, Preset, StepSettings};
+use crate::physics::{Coupling, CouplingChoice, Method, Preset};
+use crate::protocol::{BIG_ISLAND, MAX_DEPTH, MAX_ROUNDS};
 use crate::runtime::{Partitioning, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::{Axis, TreeError};
@@ -14,21 +15,21 @@ pub(super) struct CutArgs {
     /// Cuts the whole world by a plane, as x=0 or y=2.5 (metres), instead of halving; may be given several times
     #[arg(long, value_name = "AXIS=VALUE", value_parser = plane)]
     cut: Vec<(Axis, f64)>,
-    /// How regions agree on the bodies that they share
-    #[arg(long, value_name = "NAME", default_value = Coupling::default().name(), value_parser = coupling())]
-    coupling: Coupling,
+    /// How regions agree on the bodies that they share [default: what the scene says, else auto]
+    #[arg(long, value_name = "NAME", value_parser = coupling())]
+    coupling: Option<Coupling>,
     /// Micro-steps a tick, with an exchange between regions after each (for `auto` the most a border may take) [default: 1
     /// for proxy and owner, 2 for overlap and island, 4 for auto]
-    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..=64))]
-    exchanges: Option<u8>,
-    /// Contact hops across a border within which bodies live in both regions
-    #[arg(long, value_name = "HOPS", value_parser = clap::value_parser!(u8).range(1..=16))]
-    depth: Option<u8>,
-    /// The most bodies of an island that moves whole to one region
-    #[arg(long, value_name = "BODIES")]
-    island_limit: Option<usize>,
-    /// The disagreement of replicas that `auto` tolerates, in metres per second
-    #[arg(long, value_name = "M_S")]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_ROUNDS)))]
+    exchanges: Option<u32>,
+    /// Contact hops across a border within which bodies live in both regions [default: 2]
+    #[arg(long, value_name = "HOPS", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_DEPTH)))]
+    depth: Option<u32>,
+    /// The most bodies of an island that moves whole to one region; 0 moves none [default: 256]
+    #[arg(long, value_name = "BODIES", value_parser = clap::value_parser!(u16).range(..=i64::from(BIG_ISLAND) - 1))]
+    island_limit: Option<u16>,
+    /// The disagreement of replicas that `auto` tolerates, in metres per second [default: 0.03]
+    #[arg(long, value_name = "M_S", value_parser = tolerance)]
     tolerance: Option<f32>,
     /// How much accuracy `auto` is asked for; sets the four options above, which still override it
     #[arg(long, value_name = "NAME", value_parser = preset(), conflicts_with = "coupling")]
@@ -51,21 +52,17 @@ impl CutArgs {
             }
             config.partitioning = Partitioning::Cuts(self.cut.clone());
         }
-        config.step = self.step(config.step);
+        config.step = self.choice().applied_to(config.step);
         Ok(config)
     }
 
-    fn step(&self, step: StepSettings) -> StepSettings {
-        let step = match self.preset {
-            Some(preset) => step.with_preset(preset),
-            None => step.with_coupling(self.coupling),
-        };
-        StepSettings {
-            exchanges: self.exchanges.map_or(step.exchanges, usize::from),
-            depth: self.depth.map_or(step.depth, usize::from),
-            island_limit: self.island_limit.unwrap_or(step.island_limit),
-            tolerance_m_s: self.tolerance.unwrap_or(step.tolerance_m_s),
-            ..step
+    fn choice(&self) -> CouplingChoice {
+        CouplingChoice {
+            method: self.preset.map(Method::Preset).or(self.coupling.map(Method::Coupling)),
+            exchanges: self.exchanges.map(|exchanges| exchanges as usize),
+            depth: self.depth.map(|depth| depth as usize),
+            island_limit: self.island_limit.map(usize::from),
+            tolerance_m_s: self.tolerance,
         }
     }
 }
@@ -82,6 +79,12 @@ fn coupling() -> impl TypedValueParser<Value = Coupling> {
         let named = Coupling::ALL.into_iter().find(|coupling| coupling.name() == name);
         named.expect("only names of couplings get here")
     })
+}
+
+fn tolerance(text: &str) -> Result<f32, String> {
+    let wrong = || "write metres a second above 0, as 0.03".to_owned();
+    let value: f32 = text.parse().map_err(|_| wrong())?;
+    if value > 0.0 && value.is_finite() { Ok(value) } else { Err(wrong()) }
 }
 
 fn plane(text: &str) -> Result<(Axis, f64), String> {

@@ -44,11 +44,13 @@ pub enum PhysicsCommand {
     Step {
         /// Which tick.
         tick: Tick,
+        /// In how many rounds.
+        rounds: u32,
         /// In order.
         ops: Vec<WorldOp>,
     },
     /// All border messages of the round are there, in order of (from, to). Answered by [`PhysicsEvent::Computed`] when the
-    /// coupling has a further round, else by [`PhysicsEvent::Settled`].
+    /// tick has a further round, else by [`PhysicsEvent::Settled`].
     Accept {
         /// Which tick.
         tick: Tick,
@@ -79,6 +81,8 @@ pub enum PhysicsEvent {
     },
     /// To the last [`PhysicsCommand::Accept`] of a tick.
     Settled {
+        /// Rounds that the regions here want for the next tick.
+        rounds_wanted: u32,
         /// What the tick cost.
         stats: TickStats,
         /// What the regions saw.

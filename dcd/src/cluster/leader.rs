@@ -29,6 +29,8 @@ pub struct Leader {
     tick: Tick,
     last_tick: Option<Tick>,
     done: BTreeMap<NodeId, TickStats>,
+    /// The most that a member which is done wants for the next tick.
+    rounds_wanted: u32,
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
@@ -59,6 +61,7 @@ impl Leader {
             tick: view.tick,
             last_tick: world.last_tick,
             done: BTreeMap::new(),
+            rounds_wanted: 1,
             events: BTreeMap::new(),
             next_due: now,
             ops: Vec::new(),
@@ -136,6 +139,7 @@ impl Leader {
             return;
         }
         self.done.insert(from, done.stats);
+        self.rounds_wanted = self.rounds_wanted.max(done.rounds_wanted);
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
         if self.is_complete() {
             self.forward_contacts();
@@ -185,7 +189,8 @@ impl Leader {
         }
         self.sort_early();
         ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
-        Some(Dispatch { view: self.view, tick: self.tick, ops })
+        let rounds = std::mem::replace(&mut self.rounds_wanted, 1);
+        Some(Dispatch { view: self.view, tick: self.tick, rounds, ops })
     }
 
     /// Wishes for avatars that have appeared count now; those that waited too long are refused.
@@ -315,7 +320,8 @@ mod tests {
             let events =
                 RegionEvents { region: RegionId(id), tick: Tick(tick), touches, ..RegionEvents::default() };
             let (view, stats) = (ViewNumber(1), TickStats::default());
-            leader.done(NodeId(id), Done { view, tick: Tick(tick), stats, events: vec![events] });
+            let done = Done { view, tick: Tick(tick), rounds_wanted: id, stats, events: vec![events] };
+            leader.done(NodeId(id), done);
         }
     }
 
@@ -335,6 +341,19 @@ mod tests {
         let due = leader.timeout().unwrap();
         assert_eq!(due, Duration::from_secs_f32(1.0 / 60.0));
         assert_eq!(leader.dispatch(due).unwrap().tick, Tick(2));
+    }
+
+    #[test]
+    fn a_tick_takes_as_many_rounds_as_a_member_wanted_after_the_one_before() {
+        let mut leader = leader();
+        assert_eq!(leader.dispatch(Duration::ZERO).unwrap().rounds, 2, "the members want 1 and 2");
+        for (id, rounds_wanted) in [(1, 3), (2, 1)] {
+            let (view, stats) = (ViewNumber(1), TickStats::default());
+            leader.done(NodeId(id), Done { view, tick: Tick(1), rounds_wanted, stats, events: vec![] });
+        }
+        assert_eq!(leader.dispatch(Duration::from_secs(1)).unwrap().rounds, 3);
+        both_done(&mut leader, 2, vec![], vec![]);
+        assert_eq!(leader.dispatch(Duration::from_secs(2)).unwrap().rounds, 2, "what was is forgotten");
     }
 
     #[test]

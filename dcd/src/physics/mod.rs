@@ -1,6 +1,7 @@
 //! Regions of the world as Rapier worlds: bodies, replicas, coupling, contacts.
 
 mod assembly;
+mod choice;
 mod convert;
 mod coupling;
 mod directory;
@@ -16,6 +17,7 @@ mod shapes;
 mod statics;
 mod watch;
 
+pub use choice::{CouplingChoice, Method};
 pub use coupling::Coupling;
 pub use directory::Handover;
 pub use host::{HostError, Preset, RegionHost, StepSettings};

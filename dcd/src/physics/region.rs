@@ -330,6 +330,7 @@ impl Region {
         }
         self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
         self.by_id.remove(&id);
+        self.fresh.retain(|link| link.handle != handle);
         self.watch.forget(id, &mut self.events);
         self.world.remove_body(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;

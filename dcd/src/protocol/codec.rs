@@ -14,7 +14,7 @@ use crate::protocol::SharedState;
 use crate::space::{ClientId, Tick};
 
 /// Grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// The largest message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -167,7 +167,7 @@ mod tests {
             pose: Some(WorldPose::default()),
         };
         let ops = vec![WorldOp::Remove(BodyId::persistent(4)), WorldOp::Drive(drive)];
-        Message::Dispatch(Dispatch { view: ViewNumber(2), tick: Tick(300), ops })
+        Message::Dispatch(Dispatch { view: ViewNumber(2), tick: Tick(300), rounds: 2, ops })
     }
 
     #[test]

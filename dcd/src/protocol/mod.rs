@@ -31,4 +31,4 @@ pub use messages::{
     ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 pub use shape::{ShapeHash, ShapeRecord};
-pub use validate::{Check, Invalid, MAX_COLLIDERS, WORLD_REACH_M};
+pub use validate::{Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_ROUNDS, WORLD_REACH_M};

@@ -7,6 +7,12 @@ use crate::space::{Bounds, MAX_REGIONS};
 /// Farther out than this nothing of a world can be, in metres.
 pub const WORLD_REACH_M: f64 = 1e9;
 
+/// Most rounds of a tick.
+pub const MAX_ROUNDS: u32 = 64;
+
+/// Most contact hops that an overlap is deep.
+pub const MAX_DEPTH: u32 = 16;
+
 /// Most colliders of one body.
 pub const MAX_COLLIDERS: usize = 4_096;
 
@@ -298,8 +304,8 @@ impl Check for EnvironmentProperties {
         finite(&self.gravity, "world.gravity")?;
         must(self.dt_s.is_finite() && self.dt_s > 0.0, "world.dt_s", "finite and positive")?;
         must(self.solver_iterations <= 1_000, "world.solver_iterations", "at most 1000")?;
-        must((1..=64).contains(&self.exchanges), "world.exchanges", "1 to 64")?;
-        must((1..=16).contains(&self.depth), "world.depth", "1 to 16")?;
+        must((1..=MAX_ROUNDS).contains(&self.exchanges), "world.exchanges", "1 to 64")?;
+        must((1..=MAX_DEPTH).contains(&self.depth), "world.depth", "1 to 16")?;
         must(self.island_limit < u32::from(BIG_ISLAND), "world.island_limit", "below 65,535")?;
         must(self.tolerance_m_s > 0.0, "world.tolerance_m_s", "positive")?;
         must(self.halo_m.is_none_or(|v| v.is_finite() && v >= 0.0), "world.halo_m", "finite, not negative")?;
@@ -353,7 +359,16 @@ impl Check for WorldOp {
 
 impl Check for Dispatch {
     fn check(&self) -> Result<(), Invalid> {
+        must((1..=MAX_ROUNDS).contains(&self.rounds), "dispatch.rounds", "1 to 64")?;
         all(&self.ops)
+    }
+}
+
+impl Check for Done {
+    fn check(&self) -> Result<(), Invalid> {
+        must((1..=MAX_ROUNDS).contains(&self.rounds_wanted), "done.rounds_wanted", "1 to 64")?;
+        not_negative(&[self.stats.disagreement_m_s], "done.disagreement_m_s")?;
+        all(&self.events)
     }
 }
 
@@ -420,7 +435,7 @@ impl Check for Message {
             Self::ToNode(message) => message.check(),
             Self::ToServer(message) => message.check(),
             Self::Dispatch(dispatch) => dispatch.check(),
-            Self::Done(done) => all(&done.events),
+            Self::Done(done) => done.check(),
             Self::Report(report) => all(&report.states),
             Self::Border(border) => all(&border.messages),
             Self::FromClient(client, message) => {

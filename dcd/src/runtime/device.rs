@@ -32,7 +32,8 @@ pub struct PhysicsDevice {
     threads: usize,
     host: Option<RegionHost>,
     rebuilding: bool,
-    round: u32,
+    /// Rounds of the tick that are not computed yet.
+    rounds_left: u32,
     transfers_told: u64,
     compute_us: u32,
     report: Sampler,
@@ -46,7 +47,7 @@ impl PhysicsDevice {
             threads,
             host: None,
             rebuilding: false,
-            round: 0,
+            rounds_left: 0,
             transfers_told: 0,
             compute_us: 0,
             report: Sampler::default(),
@@ -83,12 +84,13 @@ impl PhysicsDevice {
                 self.rebuilding = true;
                 Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() })
             }
-            PhysicsCommand::Step { tick, ops } => {
+            PhysicsCommand::Step { tick, rounds, ops } => {
                 let host = self.world();
                 assert_eq!(tick, host.tick().next(), "ticks are computed in order");
                 let removed = apply(host, ops);
+                host.set_rounds(rounds as usize);
                 host.compute();
-                (self.rebuilding, self.round) = (false, 0);
+                (self.rebuilding, self.rounds_left) = (false, rounds - 1);
                 self.compute_us = 0;
                 Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed })
             }
@@ -135,7 +137,7 @@ impl PhysicsDevice {
         report: Sampling,
         checkpoint: Sampling,
     ) -> Result<PhysicsEvent, DeviceError> {
-        let rebuilding = self.rebuilding;
+        let (rebuilding, rounds_left) = (self.rebuilding, self.rounds_left);
         let host = self.world();
         for message in incoming {
             host.accept(message);
@@ -143,20 +145,19 @@ impl PhysicsDevice {
         host.exchange()?;
         if rebuilding {
             host.drop_unconfirmed();
+        } else if rounds_left > 0 {
+            host.compute();
+            self.rounds_left = rounds_left - 1;
+            return Ok(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() });
         } else {
-            let rounds = host.settings().exchanges as u32;
-            self.round += 1;
-            if self.round < rounds {
-                self.world().compute();
-                return Ok(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() });
-            }
-            self.world().end_tick();
+            host.end_tick();
         }
         self.rebuilding = false;
-        Ok(self.settled(report, checkpoint))
+        let exchanges = if rebuilding { 0 } else { self.world().exchanges_done() };
+        Ok(self.settled(exchanges, report, checkpoint))
     }
 
-    fn settled(&mut self, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
+    fn settled(&mut self, exchanges: usize, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
         let host = self.host.as_mut().expect("a world comes before commands");
         let events = host.events().cloned().collect();
         host.clear_events();
@@ -183,10 +184,13 @@ impl PhysicsDevice {
             contacts: host.regions().iter().map(|region| contact_pairs(region.physics())).sum(),
             transfers: (transfers - self.transfers_told) as u32,
             compute_us: self.compute_us,
+            exchanges: exchanges as u32,
+            disagreement_m_s: host.disagreement_m_s(),
             state_hash: full.then(|| hash_of(host)),
         };
         self.transfers_told = transfers;
-        PhysicsEvent::Settled { stats, events, report, checkpoint }
+        let rounds_wanted = host.rounds_wanted() as u32;
+        PhysicsEvent::Settled { rounds_wanted, stats, events, report, checkpoint }
     }
 
     fn claims(&mut self) -> Vec<Claim> {

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::DeviceError;
+use super::{DeviceError, WorldError};
 use crate::net::{NetError, Role, TokenError};
 use crate::physics::{HostError, ShapeError};
 use crate::protocol::Refusal;
@@ -24,6 +24,9 @@ pub enum ProcessError {
     /// The regions cannot be as asked.
     #[error(transparent)]
     Tree(#[from] TreeError),
+    /// The world cannot be as asked.
+    #[error(transparent)]
+    World(#[from] WorldError),
     /// A body or shape of the scene.
     #[error(transparent)]
     Shape(#[from] ShapeError),

@@ -7,7 +7,9 @@ use rapier3d::prelude::*;
 use crate::physics::{
     Handover, HostError, Partition, RayFilter, RayHit, Region, RegionHost, Role, StepSettings,
 };
-use crate::protocol::{BIG_ISLAND, ContactLedger, StateHasher, Velocity, WorldEvents, WorldPose};
+use crate::protocol::{
+    BIG_ISLAND, ContactLedger, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity, WorldEvents, WorldPose,
+};
 use crate::scene::Scene;
 use crate::space::{Axis, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
 
@@ -48,7 +50,7 @@ impl Default for WorldConfig {
 }
 
 impl WorldConfig {
-    /// The configuration a scene asks for, on one thread.
+    /// The configuration a scene asks for, its coupling too, on one thread.
     pub fn for_scene(scene: &Scene) -> Self {
         Self {
             bounds: scene.bounds,
@@ -59,13 +61,18 @@ impl WorldConfig {
             },
             threads: 1,
             halo_m: None,
-            step: StepSettings {
+            step: scene.coupling.applied_to(StepSettings {
                 gravity: scene.gravity,
                 dt_s: scene.dt_s,
                 solver_iterations: scene.solver_iterations,
                 ..StepSettings::default()
-            },
+            }),
         }
+    }
+
+    /// Whether every setting is in range.
+    pub fn check(&self) -> Result<(), WorldError> {
+        check(self)
     }
 
     /// The distribution tree that this configuration asks for.
@@ -132,6 +139,11 @@ pub struct Stats {
     pub last_step: Duration,
     /// Copies that Rapier set aside because their state was not finite.
     pub quarantined: usize,
+    /// Exchanges of the last tick, the most of any border; 0 in a world of one region.
+    pub exchanges: usize,
+    /// How far copies of shared bodies were from agreement at the worst border in the last tick, summed over its exchanges,
+    /// m/s: an estimate of the error that borders make. 0 with `owner` and `proxy`, which do not agree.
+    pub disagreement_m_s: f32,
 }
 
 /// One rigid-body world, computed by one Rapier world a region.
@@ -168,7 +180,7 @@ pub struct DcdWorld {
 impl DcdWorld {
     /// An empty world.
     pub fn new(config: WorldConfig) -> Result<Self, WorldError> {
-        check(&config)?;
+        config.check()?;
         let partition = Partition::new(config.tree()?, config.halo_m);
         let leaves = partition.leaves().to_vec();
         Ok(Self {
@@ -298,12 +310,19 @@ impl DcdWorld {
         self.host.tick()
     }
 
-    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space.
+    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space, and where
+    /// regions share the body it has its share of the mass: see [`DcdWorld::mass_kg`].
     pub fn body(&self, body: BodyId) -> Option<&RigidBody> {
         if let Some((region, handle)) = self.host.owned(body) {
             return region.physics().bodies.get(handle);
         }
         self.host.regions().iter().find_map(|region| region.physics().bodies.get(region.handle_of(body)?))
+    }
+
+    /// The mass of a whole body, however many regions share it; 0 for a fixed one.
+    pub fn mass_kg(&self, body: BodyId) -> Option<f32> {
+        let share = self.host.owned(body).map_or(1, |(region, handle)| region.share_of(handle));
+        self.body(body).map(|body| if body.is_fixed() { 0.0 } else { body.mass() * share as f32 })
     }
 
     /// Where a body is, in world space.
@@ -439,6 +458,8 @@ impl DcdWorld {
                 .iter()
                 .map(|region| region.physics().quarantine().bodies().len())
                 .sum(),
+            exchanges: self.host.exchanges_done(),
+            disagreement_m_s: self.host.disagreement_m_s(),
         }
     }
 
@@ -476,10 +497,10 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
     if step.solver_iterations == 0 || step.solver_iterations > 1000 {
         return wrong("solver_iterations", step.solver_iterations.to_string(), "1 to 1000 iterations a tick");
     }
-    if step.exchanges == 0 || step.exchanges > 64 {
+    if step.exchanges == 0 || step.exchanges > MAX_ROUNDS as usize {
         return wrong("exchanges", step.exchanges.to_string(), "1 to 64 exchanges a tick");
     }
-    if step.depth == 0 || step.depth > 16 {
+    if step.depth == 0 || step.depth > MAX_DEPTH as usize {
         return wrong("depth", step.depth.to_string(), "1 to 16 contact hops");
     }
     if step.island_limit >= usize::from(BIG_ISLAND) {

@@ -78,6 +78,10 @@ pub struct NodeSummary {
     pub transfers: u64,
     /// Replicas held, summed over all ticks.
     pub replicas_sum: u64,
+    /// Exchanges between regions, summed over all ticks.
+    pub exchanges_sum: u64,
+    /// How far copies of bodies held here were from agreement in any tick at most, m/s.
+    pub disagreement_max_m_s: f32,
     /// Microseconds of computing of each tick.
     pub compute_us: Vec<u32>,
     /// Bytes received and sent.
@@ -460,6 +464,8 @@ impl Loop {
                     summary.regions = self.device.host().map_or(0, |host| host.regions().len());
                     summary.transfers += u64::from(stats.transfers);
                     summary.replicas_sum += u64::from(stats.replicas);
+                    summary.exchanges_sum += u64::from(stats.exchanges);
+                    summary.disagreement_max_m_s = summary.disagreement_max_m_s.max(stats.disagreement_m_s);
                     if summary.compute_us.len() < TIMES {
                         summary.compute_us.push(stats.compute_us);
                     }

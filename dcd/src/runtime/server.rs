@@ -208,6 +208,7 @@ impl Drop for ServerProcess {
 fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentProperties, Record), ProcessError> {
     let mut shapes = ShapeLibrary::default();
     let (bodies, joints) = scene.records(&mut shapes)?;
+    config.world.check()?;
     let tree = config.world.tree()?;
     let step = config.world.step;
     let mut host = RegionHost::new(Partition::new(tree.clone(), config.world.halo_m), step, 1, &[])?;

@@ -5,6 +5,7 @@ use std::path::Path;
 use rapier3d::prelude::*;
 
 use super::{Params, SceneError, file, library};
+use crate::physics::CouplingChoice;
 use crate::protocol::WorldPose;
 use crate::space::{Axis, Bounds};
 
@@ -29,6 +30,8 @@ pub struct Scene {
     pub regions: Option<usize>,
     /// Where to cut first, when the scene says so: an axis and metres on it, each cut dividing all regions it meets.
     pub cuts: Vec<(Axis, f64)>,
+    /// What the scene asks of the coupling.
+    pub coupling: CouplingChoice,
     /// Where a client's avatar starts, when the scene says so.
     pub avatar: Option<AvatarHint>,
 }
@@ -124,6 +127,7 @@ impl Scene {
             solver_iterations: 4,
             regions: None,
             cuts: Vec::new(),
+            coupling: CouplingChoice::default(),
             avatar: None,
         }
     }

@@ -45,11 +45,23 @@ pub enum Violation {
         /// After which tick.
         tick: Tick,
     },
+    /// Members took unequal numbers of rounds, or not the most that any of them had wanted.
+    #[error("{tick} took {taken:?} rounds, where {wanted} were wanted")]
+    Rounds {
+        /// Which tick.
+        tick: Tick,
+        /// What members took.
+        taken: Vec<u32>,
+        /// The most that a member wanted after the tick before.
+        wanted: u32,
+    },
 }
 
 #[derive(Clone, Debug, Default)]
 struct Snapshot {
     nodes: BTreeSet<NodeId>,
+    rounds: BTreeSet<u32>,
+    wanted: u32,
     owned: Vec<(BodyId, Epoch)>,
     replicas: Vec<(BodyId, Epoch)>,
 }
@@ -60,6 +72,8 @@ pub struct Checker {
     expected: BTreeSet<BodyId>,
     snapshots: BTreeMap<(ViewNumber, Tick), Snapshot>,
     epochs: BTreeMap<BodyId, Epoch>,
+    /// After the last tick that was checked: in which view, and how many rounds members want.
+    wanted: Option<(ViewNumber, Tick, u32)>,
     owned: usize,
     last: Tick,
     checked: u64,
@@ -102,6 +116,8 @@ impl Checker {
         let key = (view.number, tick);
         let snapshot = self.snapshots.entry(key).or_default();
         snapshot.nodes.insert(node);
+        snapshot.rounds.insert(physics.rounds());
+        snapshot.wanted = snapshot.wanted.max(physics.rounds_wanted());
         snapshot.owned.extend(physics.claims().iter().map(|claim| (claim.id, claim.epoch)));
         snapshot.replicas.extend(physics.replicas());
         if snapshot.nodes.len() < view.members.len() {
@@ -109,7 +125,25 @@ impl Checker {
         }
         let snapshot = self.snapshots.remove(&key).unwrap_or_default();
         self.snapshots.retain(|&other, _| other > key);
+        self.check_rounds(key, &snapshot)?;
         self.check(tick, snapshot)
+    }
+
+    fn check_rounds(
+        &mut self,
+        (view, tick): (ViewNumber, Tick),
+        snapshot: &Snapshot,
+    ) -> Result<(), Violation> {
+        let before = self.wanted.replace((view, tick, snapshot.wanted));
+        match before {
+            Some((seen, before, wanted))
+                if (seen, before.next()) == (view, tick) && snapshot.rounds != BTreeSet::from([wanted]) =>
+            {
+                let taken = snapshot.rounds.iter().copied().collect();
+                Err(Violation::Rounds { tick, taken, wanted })
+            }
+            _ => Ok(()),
+        }
     }
 
     fn check(&mut self, tick: Tick, snapshot: Snapshot) -> Result<(), Violation> {

@@ -31,6 +31,9 @@ struct Region {
 pub struct StandIn {
     world: Option<EnvironmentProperties>,
     regions: BTreeMap<RegionId, Region>,
+    /// Of the present tick, and those not computed yet.
+    rounds: u32,
+    rounds_left: u32,
     reported: BTreeMap<BodyId, BodyState>,
     checkpointed: BTreeMap<BodyId, BodyState>,
 }
@@ -46,16 +49,23 @@ impl StandIn {
             PhysicsCommand::Load(_) => None,
             PhysicsCommand::Rebuild { tick, regions, placed, drop, .. } => {
                 self.rebuild(&regions, placed, &drop);
+                (self.rounds, self.rounds_left) = (0, 0);
                 Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() })
             }
-            PhysicsCommand::Step { tick, ops } => {
+            PhysicsCommand::Step { tick, rounds, ops } => {
                 let mut removed = Vec::new();
                 ops.into_iter().for_each(|op| self.apply(op, &mut removed));
+                (self.rounds, self.rounds_left) = (rounds, rounds - 1);
                 self.fly();
                 Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed })
             }
-            PhysicsCommand::Accept { incoming, report, checkpoint, .. } => {
+            PhysicsCommand::Accept { tick, incoming, report, checkpoint, .. } => {
                 incoming.into_iter().for_each(|message| self.hear(message));
+                if self.rounds_left > 0 {
+                    self.rounds_left -= 1;
+                    self.fly();
+                    return Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() });
+                }
                 Some(self.settled(report, checkpoint))
             }
             PhysicsCommand::Survey => Some(PhysicsEvent::Surveyed(self.claims())),
@@ -84,6 +94,18 @@ impl StandIn {
     /// The state of an owned body.
     pub fn state(&self, id: BodyId) -> Option<BodyState> {
         self.regions.values().find_map(|region| region.owned.get(&id)).map(|owned| owned.body.state)
+    }
+
+    /// Rounds of the last tick; 0 when a rebuild took its place.
+    pub fn rounds(&self) -> u32 {
+        self.rounds
+    }
+
+    /// What the regions here want for the next tick: the world's first region something that changes, all others 1.
+    pub fn rounds_wanted(&self) -> u32 {
+        let first = self.world().tree.leaves().next();
+        let bodies = first.and_then(|first| self.regions.get(&first)).map(|region| region.owned.len());
+        bodies.map_or(1, |bodies| 1 + bodies as u32 % 3)
     }
 
     fn world(&self) -> &EnvironmentProperties {
@@ -142,7 +164,8 @@ impl StandIn {
     }
 
     fn fly(&mut self) {
-        let (dt_s, bounds) = (f64::from(self.world().dt_s), self.world().tree.bounds());
+        let dt_s = f64::from(self.world().dt_s) / f64::from(self.rounds);
+        let bounds = self.world().tree.bounds();
         for owned in self.regions.values_mut().flat_map(|region| region.owned.values_mut()) {
             let state = &mut owned.body.state;
             for i in 0..3 {
@@ -247,7 +270,8 @@ impl StandIn {
         let checkpoint = sample(checkpoint, &owned, &mut self.checkpointed)
             .map(|body| BodyCheckpoint { id: body.id, epoch: body.epoch, state: body.state })
             .collect();
-        PhysicsEvent::Settled { stats, events: Vec::new(), report, checkpoint }
+        let rounds_wanted = self.rounds_wanted();
+        PhysicsEvent::Settled { rounds_wanted, stats, events: Vec::new(), report, checkpoint }
     }
 }
 

@@ -38,6 +38,18 @@ fn a_calm_run_gives_the_same_states_for_any_number_of_nodes() {
 }
 
 #[test]
+fn all_nodes_take_the_rounds_that_one_of_them_wants() {
+    let mut sim = running(9, 3);
+    let mut taken = std::collections::BTreeSet::new();
+    for tick in 6..200 {
+        // The checker compares what every node takes with what was wanted.
+        sim.run_to(Tick(tick)).unwrap();
+        taken.extend(sim.rounds());
+    }
+    assert_eq!(taken.into_iter().collect::<Vec<_>>(), [1, 2, 3], "the test needs them to vary");
+}
+
+#[test]
 fn a_seed_always_gives_the_same_run() {
     let run = || {
         let mut sim = running(3, 3);

@@ -207,6 +207,11 @@ impl Sim {
         self.nodes.values().map(|node| &node.machine)
     }
 
+    /// Rounds of the last tick of each live node.
+    pub fn rounds(&self) -> impl Iterator<Item = u32> {
+        self.nodes.values().map(|node| node.physics.rounds())
+    }
+
     /// The checker.
     pub fn checker(&self) -> &Checker {
         &self.checker

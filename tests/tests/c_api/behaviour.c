@@ -501,6 +501,54 @@ static void threads_do_not_change_the_result(void)
     HOLDS(hashes[0] == hashes[1] && hashes[1] == hashes[2]);
 }
 
+/* Two crates in a row meet a third at the border of two regions: as each coupling has it. */
+static void couplings_are_as_asked(void)
+{
+    const DcdCoupling couplings[] = { DCD_COUPLING_PROXY, DCD_COUPLING_OWNER, DCD_COUPLING_OVERLAP,
+                                      DCD_COUPLING_ISLAND, DCD_COUPLING_AUTO, DCD_COUPLING_DEFAULT };
+    uint64_t hashes[6] = { 0 };
+    for (int i = 0; i < 6; i++) {
+        DcdWorldDef def = DCD_WORLD_DEF_INIT;
+        DcdWorld world = { 0 };
+        DcdStats stats = DCD_STATS_INIT;
+        double momentum = 0.0, worst = 0.0;
+        def.regions = 2;
+        def.gravity[1] = 0.0f;
+        def.coupling = couplings[i];
+        def.exchanges = couplings[i] == DCD_COUPLING_OVERLAP ? 3 : 0;
+        OK(dcd_world_create(&def, &world));
+        OK(dcd_stats(world, &stats));
+        HOLDS(stats.exchanges == 0 && stats.disagreement == 0.0f);
+        DcdBodyId bodies[3];
+        for (int b = 0; b < 3; b++) {
+            DcdBodyDef body = crate(world, 1.1 * b - 1.6, 0.0);
+            body.velocity.linear[0] = b == 0 ? 3.0f : 0.0f;
+            bodies[b] = add(world, body);
+        }
+        for (int step = 0; step < 60; step++) {
+            OK(dcd_step(world));
+            OK(dcd_stats(world, &stats));
+            worst = stats.disagreement > worst ? stats.disagreement : worst;
+        }
+        HOLDS(stats.exchanges == (couplings[i] == DCD_COUPLING_OVERLAP ? 3 : stats.exchanges));
+        HOLDS(stats.exchanges >= 1 && stats.exchanges <= 4);
+        HOLDS(worst > 0.0 || couplings[i] != DCD_COUPLING_OVERLAP);
+        HOLDS(worst == 0.0 || couplings[i] >= DCD_COUPLING_OVERLAP || couplings[i] == DCD_COUPLING_DEFAULT);
+        for (int b = 0; b < 3; b++) {
+            DcdVelocity velocity = { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+            OK(dcd_body_get(world, bodies[b], NULL, &velocity));
+            momentum += velocity.linear[0];
+        }
+        if (couplings[i] >= DCD_COUPLING_OVERLAP) {
+            NEAR(momentum, 3.0, 1e-3);
+        }
+        OK(dcd_state_hash(world, &hashes[i]));
+        OK(dcd_world_destroy(world));
+    }
+    HOLDS(hashes[5] == hashes[4]); /* auto is the default */
+    HOLDS(hashes[1] != hashes[2] && hashes[0] != hashes[2]);
+}
+
 static void millimetres_count_far_out(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -530,6 +578,7 @@ int main(void)
     every_shape_rests_on_every_ground();
     views_and_bulk_agree();
     threads_do_not_change_the_result();
+    couplings_are_as_asked();
     millimetres_count_far_out();
     printf("%d checks, %d failures\n", checks, failures);
     return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;

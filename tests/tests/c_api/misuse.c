@@ -128,6 +128,34 @@ static void worlds(void)
     def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
     def.min[0] = 65.0;
     EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.coupling = DCD_COUPLING_AUTO + 1;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_world_open_scene("tower", NULL, 0, &def, &world), DCD_ERR_ARGUMENT);
+    def.coupling = DCD_COUPLING_DEFAULT;
+    def.preset = UINT32_MAX;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def.preset = DCD_PRESET_DRAFT;
+    def.coupling = DCD_COUPLING_OWNER; /* has no presets */
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.exchanges = 65;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def.exchanges = UINT32_MAX;
+    EXPECT(dcd_world_open_scene("tower", NULL, 0, &def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.depth = 17;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.island_limit = 65535;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
+    def.tolerance = -0.5f;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def.tolerance = NAN;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
+    def.tolerance = INFINITY;
+    EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
     HOLDS(world.v == 7); /* written on success only */
 
     EXPECT(dcd_step(NO_WORLD), DCD_ERR_NULL);

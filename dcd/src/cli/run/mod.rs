@@ -97,8 +97,8 @@ impl Run {
 fn after_help() -> String {
     format!(
         "The time of a step counts only the step: what is measured is measured between steps. --json prints the keys\n\
-         scene bodies regions threads coupling exchanges ticks dt_s wall_s rtf step_ms{{mean,p50,p99,max}} contacts\n\
-         replicas_mean transfers energy_j{{start,end}} momentum_kgms{{start,end}} max_penetration_m ground_force_ratio\n\
+         scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s{{mean,max}} ticks dt_s\n\
+         wall_s rtf step_ms{{mean,p50,p99,max}} contacts replicas_mean transfers energy_j{{start,end}} momentum_kgms{{start,end}} max_penetration_m ground_force_ratio\n\
          lost doubled quarantined state_hash; step_ms leaves the first 30 steps out.\n\n{}",
         scenes::overview()
     )

@@ -49,6 +49,13 @@ pub(super) fn of(report: &Report) -> String {
                 None => "none: no gravity".to_owned(),
             },
         ),
+        (
+            "exchanges",
+            format!(
+                "{:.2} a tick; copies disagree by {:.6} m/s mean, {:.6} m/s at most",
+                report.exchanges_mean, report.disagreement_m_s.mean, report.disagreement_m_s.max
+            ),
+        ),
         ("lost", report.lost.to_string()),
         ("doubled", report.doubled.to_string()),
         ("quarantined", report.quarantined.to_string()),

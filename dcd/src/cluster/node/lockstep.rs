@@ -7,9 +7,9 @@ use super::{Change, Node, NodeOutput, Phase};
 use crate::cluster::{Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling};
 use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, Message, RegionEvents, Report,
-    ToNode, ToServer, View, WorldOp, split,
+    ToNode, ToServer, View, split,
 };
-use crate::space::{BodyId, NodeId, Tick};
+use crate::space::{BodyId, NodeId};
 
 impl Node {
     pub(super) fn hear_server(&mut self, message: ToNode) {
@@ -92,7 +92,7 @@ impl Node {
         self.busy = false;
         match event {
             PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
-            PhysicsEvent::Settled { stats, events, report, checkpoint } => {
+            PhysicsEvent::Settled { rounds_wanted, stats, events, report, checkpoint } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
                 self.tick = tick;
@@ -108,7 +108,7 @@ impl Node {
                     self.tell_leader(Message::Report(Report { view, tick, states }));
                 }
                 let events = events.into_iter().filter_map(of_avatars).collect();
-                self.tell_leader(Message::Done(Done { view, tick, stats, events }));
+                self.tell_leader(Message::Done(Done { view, tick, rounds_wanted, stats, events }));
                 self.outputs.push_back(NodeOutput::Settled(tick));
             }
             PhysicsEvent::Surveyed(claims) => {
@@ -159,11 +159,8 @@ impl Node {
     fn begin(&mut self, now: Duration) {
         let next = self.tick.next();
         let Some(change) = &mut self.change else {
-            if let Some(Dispatch { tick, ops, .. }) =
-                self.dispatch.as_ref().filter(|newest| newest.tick == next)
-            {
-                let (tick, ops) = (*tick, ops.clone());
-                self.step(tick, ops);
+            if let Some(dispatch) = self.dispatch.clone().filter(|newest| newest.tick == next) {
+                self.step(dispatch);
             }
             return;
         };
@@ -171,7 +168,7 @@ impl Node {
             self.adopt(now, view, drop);
         } else if let Some(finish) = &change.finish {
             if let Some(dispatch) = finish.clone().filter(|newest| newest.tick == next) {
-                self.step(dispatch.tick, dispatch.ops);
+                self.step(dispatch);
             } else if !change.surveyed {
                 change.surveyed = true;
                 self.asked = Some(change.view);
@@ -183,10 +180,10 @@ impl Node {
         }
     }
 
-    fn step(&mut self, tick: Tick, ops: Vec<WorldOp>) {
+    fn step(&mut self, Dispatch { tick, rounds, ops, .. }: Dispatch) {
         assert_eq!(tick, self.tick.next(), "ticks follow one another");
         self.phase = Phase::Computing(tick, 0);
-        self.ask(PhysicsCommand::Step { tick, ops });
+        self.ask(PhysicsCommand::Step { tick, rounds, ops });
     }
 
     fn adopt(&mut self, now: Duration, view: View, drop: Vec<BodyId>) {

@@ -88,6 +88,7 @@ fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     let mut node = member();
     border(&mut node, 1, 0, vec![]);
     let settled = PhysicsEvent::Settled {
+        rounds_wanted: 1,
         stats: Default::default(),
         events: vec![],
         report: vec![],
@@ -96,7 +97,12 @@ fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     node.handle(NOW, NodeEvent::Physics(settled));
     let dispatch = |from, tick| NodeEvent::Message {
         from: Peer::Node(NodeId(from)),
-        message: Message::Dispatch(Dispatch { view: ViewNumber(1), tick: Tick(tick), ops: vec![] }),
+        message: Message::Dispatch(Dispatch {
+            view: ViewNumber(1),
+            tick: Tick(tick),
+            rounds: 1,
+            ops: vec![],
+        }),
     };
     drain(&mut node);
     node.handle(NOW, dispatch(3, 1));

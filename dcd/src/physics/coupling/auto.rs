@@ -8,7 +8,7 @@
 //! Both sides of a border see the same copies, so both come to the same result. A region says in the last exchange of a
 //! tick how many micro-steps it will take in the next; a body is exchanged as often as all its members step.
 
-use super::Moment;
+use super::{Coupling, Moment};
 use crate::space::RegionSet;
 
 /// How fast the averaged disagreement follows one that is higher, and one that is lower.
@@ -97,17 +97,20 @@ impl Pace {
     }
 
     /// Takes in how far copies shared with each other region disagreed in an exchange, in m/s; none where nothing is
-    /// shared. After the last of a tick decides what to want.
+    /// shared. After the last of a tick decides what to want, if that is left to it.
     pub(super) fn judge(&mut self, disagreement: &[Option<f32>], moment: Moment<'_>) {
         let top = top_rung(moment.settings.exchanges);
+        let decides = moment.settings.coupling == Coupling::Auto;
         for (border, disagreement) in self.borders.iter_mut().zip(disagreement) {
             border.sum += disagreement.unwrap_or(0.0);
             border.used |= disagreement.is_some();
-            if moment.last {
+            if moment.last && decides {
                 border.settle(moment.settings.tolerance_m_s, top);
+            } else if moment.last {
+                border.last = std::mem::take(&mut border.sum);
             }
         }
-        if moment.last {
+        if moment.last && decides {
             let most = self.borders.iter().map(|border| exchanges_at(border.rung)).max();
             self.wanted = most.unwrap_or(1).min(largest_power(moment.settings.exchanges));
         }

@@ -5,7 +5,7 @@
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Coupling, Ground, Moment, agree, halo, held, membership, share};
+use super::{Ground, Moment, agree, halo, held, membership, share};
 use crate::physics::ShapeError;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
@@ -50,9 +50,7 @@ pub(super) fn apply<'a>(
     }
     let mut border = std::mem::take(&mut region.border);
     agree::agree(region, &border.pace, moment, &mut border.disagreement);
-    if moment.settings.coupling == Coupling::Auto {
-        border.pace.judge(&border.disagreement, moment);
-    }
+    border.pace.judge(&border.disagreement, moment);
     region.border = border;
     membership::commit(region, inbox.flat_map(|message| &message.members));
     if moment.last {

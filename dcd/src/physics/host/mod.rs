@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use rapier3d::prelude::*;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::convert;
 use super::coupling::{Coupling, Ground, Moment};
@@ -57,7 +58,8 @@ impl Default for StepSettings {
 }
 
 /// How much accuracy a world asks of [`Coupling::Auto`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// Speed first: borders may differ by 0.1 m/s.
     Draft,
@@ -149,6 +151,8 @@ pub struct RegionHost {
     /// Rounds of the tick to come, and how many of them are done.
     rounds: usize,
     round: usize,
+    /// Rounds of the last tick.
+    rounds_done: usize,
     transfers: u64,
     /// Of the last step, and of insertions since.
     handovers: Vec<Handover>,
@@ -187,6 +191,7 @@ impl RegionHost {
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
             round: 0,
+            rounds_done: 0,
             transfers: 0,
             handovers: Vec::new(),
         };
@@ -307,7 +312,7 @@ impl RegionHost {
     /// The tick is over: counts it.
     pub fn end_tick(&mut self) {
         self.tick = self.tick.next();
-        self.round = 0;
+        self.rounds_done = std::mem::take(&mut self.round);
     }
 
     /// What the regions saw of contacts since [`RegionHost::clear_events`], in rank order.

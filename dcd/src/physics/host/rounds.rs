@@ -10,18 +10,76 @@ impl RegionHost {
     }
 
     /// Sets the rounds of the tick to come: the most that any region of the world wants.
+    ///
+    /// # Panics
+    /// Within a tick, or when there are none.
     pub fn set_rounds(&mut self, rounds: usize) {
+        assert_eq!(self.round, 0, "a tick has the rounds that it began with");
+        assert!(rounds > 0, "a tick has at least one round");
         self.rounds = rounds;
     }
 
     /// How far the copies of a body were from their mean in the last tick at the worst border, summed over its exchanges, in
-    /// m/s: the error estimate of [`Coupling::Auto`](super::Coupling::Auto).
+    /// m/s: the error estimate that [`Coupling::Auto`](super::Coupling::Auto) steers by. 0 with couplings that do not agree
+    /// on means.
     pub fn disagreement_m_s(&self) -> f32 {
-        self.regions.iter().map(|region| region.disagreement_m_s()).fold(0.0, f32::max)
+        let all = self.regions.iter().map(|region| region.disagreement_m_s());
+        // A number that travels, whatever a copy has come to.
+        all.fold(0.0, f32::max).min(f32::MAX)
     }
 
     /// Rounds of the tick to come, or of the one under way.
     pub fn rounds(&self) -> usize {
         self.rounds
+    }
+
+    /// Exchanges of the last tick, at the border that took most; 0 before the first and in a world of one region.
+    pub fn exchanges_done(&self) -> usize {
+        if self.partition.len() == 1 { 0 } else { self.rounds_done }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::physics::{Coupling, StepSettings};
+    use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
+    use crate::scene::{Params, Scene};
+
+    /// A tower of ten boxes that stays awake, cut through its middle.
+    fn tower(coupling: Coupling) -> DcdWorld {
+        let scene = Scene::named("tower", &Params::new().with("sleep", 0)).unwrap();
+        let config = WorldConfig::for_scene(&scene);
+        let step = StepSettings { exchanges: 3, ..config.step.with_coupling(coupling) };
+        let cuts = Partitioning::Cuts(vec![(crate::space::Axis::Y, 5.0)]);
+        DcdWorld::from_scene(&scene, WorldConfig { partitioning: cuts, step, ..config }).unwrap()
+    }
+
+    #[test]
+    fn copies_in_a_cut_tower_disagree_a_little_and_the_exchanges_are_counted() {
+        let mut world = tower(Coupling::Overlap);
+        assert_eq!(world.host().exchanges_done(), 0);
+        let mut worst = 0.0f32;
+        for _ in 0..30 {
+            world.step().unwrap();
+            worst = worst.max(world.host().disagreement_m_s());
+        }
+        assert_eq!(world.host().exchanges_done(), 3);
+        assert!(worst > 1e-6 && worst < 0.5, "{worst} m/s");
+    }
+
+    #[test]
+    fn the_owner_s_word_leaves_nothing_to_disagree_on() {
+        let mut world = tower(Coupling::Owner);
+        for _ in 0..30 {
+            world.step().unwrap();
+        }
+        assert_eq!(world.host().disagreement_m_s(), 0.0);
+    }
+
+    #[test]
+    fn a_world_of_one_region_exchanges_nothing() {
+        let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+        world.step().unwrap();
+        assert_eq!((world.host().rounds_wanted(), world.host().exchanges_done()), (1, 0));
     }
 }

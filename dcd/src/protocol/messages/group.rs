@@ -154,6 +154,8 @@ pub struct Dispatch {
     pub view: ViewNumber,
     /// Which tick.
     pub tick: Tick,
+    /// In how many rounds all compute it: micro-steps of equal length, each followed by an exchange.
+    pub rounds: u32,
     /// What happens to the world before it, in order.
     pub ops: Vec<WorldOp>,
 }
@@ -185,6 +187,8 @@ pub struct Done {
     pub view: ViewNumber,
     /// Which tick; the tick of the view itself when the member is ready to begin.
     pub tick: Tick,
+    /// Rounds that its regions want for the next tick; all take the most that any member wants.
+    pub rounds_wanted: u32,
     /// What it cost.
     pub stats: TickStats,
     /// Contacts of avatars.
@@ -192,7 +196,7 @@ pub struct Done {
 }
 
 /// What a tick cost one member.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
 pub struct TickStats {
     /// Bodies owned.
     pub bodies: u32,
@@ -204,6 +208,10 @@ pub struct TickStats {
     pub transfers: u32,
     /// Microseconds of computing.
     pub compute_us: u32,
+    /// Exchanges in it; 0 in a world of one region.
+    pub exchanges: u32,
+    /// How far copies of shared bodies were from agreement at the worst border, summed over its exchanges, m/s.
+    pub disagreement_m_s: f32,
     /// Hash of the states of all owned bodies in id order, if asked for.
     pub state_hash: Option<u64>,
 }

@@ -3,7 +3,7 @@
 mod report;
 mod run;
 
-pub use report::{Change, Report, StepTimes};
+pub use report::{Change, Disagreement, Report, StepTimes};
 pub use run::{Plan, Subject, run};
 
 use super::DcdWorld;

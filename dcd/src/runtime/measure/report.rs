@@ -20,8 +20,12 @@ pub struct Report {
     pub threads: usize,
     /// Name of the coupling; none in a bare world.
     pub coupling: Option<&'static str>,
-    /// Exchanges a tick; 0 in a bare world.
+    /// Exchanges a tick, of `auto` the most it may take; 0 in a bare world.
     pub exchanges: usize,
+    /// Exchanges a tick that took place, at the border that took most; 0 with one region.
+    pub exchanges_mean: f64,
+    /// How far copies of a body were from agreement in a tick at the worst border, summed over its exchanges, m/s.
+    pub disagreement_m_s: Disagreement,
     /// Ticks done.
     pub ticks: u64,
     /// Simulated seconds a tick.
@@ -64,6 +68,15 @@ pub struct Change<T> {
     pub start: T,
     /// After.
     pub end: T,
+}
+
+/// Of all ticks; 0 with couplings that do not agree on means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Disagreement {
+    /// Arithmetic mean.
+    pub mean: f64,
+    /// The most.
+    pub max: f64,
 }
 
 /// Wall times of steps in milliseconds, without the first 30; nothing when there were no more.

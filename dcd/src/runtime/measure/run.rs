@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::{PhysicsWorld, RigidBodyType};
 
-use super::report::{Change, Report, StepTimes};
+use super::report::{Change, Disagreement, Report, StepTimes};
 use crate::physics::{ContactSample, Measured, View};
-use crate::runtime::{DcdWorld, WorldConfig, WorldError};
+use crate::runtime::{DcdWorld, Stats, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::BodyId;
 
@@ -53,17 +53,10 @@ impl Subject {
         Ok(())
     }
 
-    fn replicas(&self) -> usize {
+    fn stats(&self) -> Stats {
         match self {
-            Self::Bare(_) => 0,
-            Self::Regions(world) => world.stats().replicas,
-        }
-    }
-
-    fn transfers(&self) -> u64 {
-        match self {
-            Self::Bare(_) => 0,
-            Self::Regions(world) => world.stats().transfers,
+            Self::Bare(_) => Stats::default(),
+            Self::Regions(world) => world.stats(),
         }
     }
 
@@ -126,6 +119,11 @@ pub fn run(
         threads: settings.map_or(1, |config| config.threads),
         coupling: settings.map(|config| config.step.coupling.name()),
         exchanges: settings.map_or(0, |config| config.step.exchanges),
+        exchanges_mean: watch.exchanges as f64 / ticks as f64,
+        disagreement_m_s: Disagreement {
+            mean: watch.disagreement_sum / ticks as f64,
+            max: watch.disagreement_max,
+        },
         ticks,
         dt_s: scene.dt_s,
         wall_s,
@@ -133,7 +131,7 @@ pub fn run(
         step_ms: StepTimes::of(&steps),
         contacts: last.pairs,
         replicas_mean: watch.replicas as f64 / ticks as f64,
-        transfers: subject.transfers(),
+        transfers: subject.stats().transfers,
         energy_j: Change { start: energy_j, end: subject.energy_j() },
         momentum_kgms: Change { start: momentum_kgms, end: subject.momentum_kgms() },
         max_penetration_m: watch.contacts.iter().map(|c| c.max_penetration_m).fold(0.0, f64::max),
@@ -155,6 +153,9 @@ fn movable(scene: &Scene) -> Vec<BodyId> {
 #[derive(Default)]
 struct Watch {
     replicas: usize,
+    exchanges: usize,
+    disagreement_sum: f64,
+    disagreement_max: f64,
     quarantined: BTreeSet<BodyId>,
     contacts: Vec<ContactSample>,
     lost: usize,
@@ -163,7 +164,12 @@ struct Watch {
 
 impl Watch {
     fn step(&mut self, subject: &Subject) {
-        self.replicas += subject.replicas();
+        let stats = subject.stats();
+        let disagreement = f64::from(stats.disagreement_m_s);
+        self.replicas += stats.replicas;
+        self.exchanges += stats.exchanges;
+        self.disagreement_sum += disagreement;
+        self.disagreement_max = self.disagreement_max.max(disagreement);
         self.quarantined.extend(subject.quarantined());
     }
 
@@ -199,7 +205,7 @@ mod tests {
         let bare = report(&scene, None, 200, 0);
         let one = report(&scene, Some(WorldConfig::for_scene(&scene)), 200, 0);
         assert_eq!((bare.regions, bare.coupling, bare.exchanges), (0, None, 0));
-        assert_eq!((one.regions, one.coupling, one.exchanges), (1, Some("owner"), 1));
+        assert_eq!((one.regions, one.coupling, one.exchanges), (1, Some("auto"), 4));
         let physics =
             |r: &Report| (r.energy_j, r.momentum_kgms, r.ground_force_ratio, r.max_penetration_m, r.contacts);
         assert_eq!(physics(&bare), physics(&one));
@@ -215,6 +221,8 @@ mod tests {
         assert_eq!((report.lost, report.doubled, report.quarantined), (0, 0, 0));
         assert_eq!((report.bodies, report.regions, report.ticks), (100, 4, 180));
         assert_eq!(report.ground_force_ratio, None);
+        assert!(report.exchanges_mean >= 1.0 && report.exchanges_mean <= 4.0, "{report:?}");
+        assert!(report.disagreement_m_s.max >= report.disagreement_m_s.mean, "{report:?}");
         assert!(report.transfers > 0 && report.replicas_mean > 0.0, "{report:?}");
     }
 

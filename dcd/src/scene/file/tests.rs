@@ -3,6 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::*;
+use crate::physics::Coupling;
 use crate::scene::SceneBody;
 use crate::space::{Axis, Bounds};
 
@@ -49,6 +50,29 @@ fn all_shipped_files_run_for_a_second() {
         count += 1;
     }
     assert_eq!(count, 4);
+}
+
+#[test]
+fn a_file_chooses_how_regions_agree() {
+    let step = |world: &str| {
+        let scene = read(&format!("[world]\n{world}\n{FLOOR}")).unwrap();
+        crate::runtime::WorldConfig::for_scene(&scene).step
+    };
+    assert_eq!((step("").coupling, step("").exchanges), (Coupling::Auto, 4));
+    let overlap = step("coupling = \"overlap\"\ndepth = 3\nisland_limit = 0\ntolerance = 0.5");
+    assert_eq!((overlap.coupling, overlap.exchanges, overlap.depth), (Coupling::Overlap, 2, 3));
+    assert_eq!((overlap.island_limit, overlap.tolerance_m_s), (0, 0.5));
+    let draft = step("preset = \"draft\"\nexchanges = 3");
+    assert_eq!((draft.coupling, draft.exchanges, draft.island_limit), (Coupling::Auto, 3, 64));
+    let wrong = |line, parts: &[&str]| refused(&format!("[world]\n{line}\n{FLOOR}"), 2, parts);
+    wrong("coupling = \"magic\"", &["unknown variant `magic`", "`proxy`", "`auto`", "correct this line"]);
+    wrong("preset = \"fine\"", &["unknown variant `fine`", "`draft`, `game`, `precise`"]);
+    wrong("tolerance = 0", &["0 is not a finite number above 0"]);
+    let out_of_range = |line, parts: &[&str]| refused(&format!("[world]\n{line}\n{FLOOR}"), 1, parts);
+    out_of_range("exchanges = 65", &["[world] exchanges = 65 is out of range", "from 1 to 64"]);
+    out_of_range("depth = 0", &["[world] depth = 0 is out of range", "from 1 to 16"]);
+    out_of_range("island_limit = 65535", &["from 0 to 65534"]);
+    out_of_range("coupling = \"auto\"\npreset = \"game\"", &["both `coupling` and `preset`", "write one"]);
 }
 
 #[test]

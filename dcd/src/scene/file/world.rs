@@ -1,12 +1,15 @@
 //! The tables `[world]`, `[avatar]` and `[library]`.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use rapier3d::prelude::Rotation;
 use serde::Deserialize;
 
 use super::numbers::{Finite, Place, Positive, Quaternion};
 use super::source::Fault;
+use crate::physics::{Coupling, CouplingChoice, Method, Preset};
+use crate::protocol::{BIG_ISLAND, MAX_DEPTH, MAX_ROUNDS};
 use crate::scene::model::world_pose;
 use crate::scene::{AvatarHint, Params, Scene, SceneBody};
 use crate::space::{Axis, Bounds, MAX_REGIONS};
@@ -26,6 +29,12 @@ pub(super) struct WorldDef {
     regions: Option<usize>,
     #[serde(default)]
     cuts: Vec<CutDef>,
+    coupling: Option<Coupling>,
+    preset: Option<Preset>,
+    exchanges: Option<usize>,
+    depth: Option<usize>,
+    island_limit: Option<usize>,
+    tolerance: Option<Positive>,
 }
 
 #[derive(Deserialize)]
@@ -80,12 +89,13 @@ impl WorldDef {
             }
             scene.dt_s = dt.0;
         }
-        scene.solver_iterations =
-            within("solver_iterations", self.solver_iterations, 1_000)?.unwrap_or(scene.solver_iterations);
-        scene.regions = within("regions", self.regions, MAX_REGIONS)?.or(scene.regions);
+        scene.solver_iterations = within("solver_iterations", self.solver_iterations, 1..=1_000)?
+            .unwrap_or(scene.solver_iterations);
+        scene.regions = within("regions", self.regions, 1..=MAX_REGIONS)?.or(scene.regions);
         if !self.cuts.is_empty() {
             scene.cuts = self.cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();
         }
+        scene.coupling = self.choice()?;
         scene.bounds = match (&self.bounds, inherited) {
             (Some(bounds), _) => bounds.build()?,
             (None, Some(inherited)) => grown(scene.bounds, &scene.bodies[inherited..]),
@@ -100,6 +110,29 @@ impl WorldDef {
             },
         };
         Ok(())
+    }
+}
+
+impl WorldDef {
+    fn choice(&self) -> Result<CouplingChoice, Fault> {
+        let method = match (self.coupling, self.preset) {
+            (Some(coupling), None) => Some(Method::Coupling(coupling)),
+            (None, Some(preset)) => Some(Method::Preset(preset)),
+            (None, None) => None,
+            (Some(_), Some(_)) => {
+                return Err(Fault::new(
+                    "[world] has both `coupling` and `preset`",
+                    "write one of them: a preset stands for the coupling `auto`",
+                ));
+            }
+        };
+        Ok(CouplingChoice {
+            method,
+            exchanges: within("exchanges", self.exchanges, 1..=MAX_ROUNDS as usize)?,
+            depth: within("depth", self.depth, 1..=MAX_DEPTH as usize)?,
+            island_limit: within("island_limit", self.island_limit, 0..=usize::from(BIG_ISLAND) - 1)?,
+            tolerance_m_s: self.tolerance.map(|tolerance| tolerance.0),
+        })
     }
 }
 
@@ -163,11 +196,11 @@ impl LibraryDef {
     }
 }
 
-fn within(name: &str, value: Option<usize>, most: usize) -> Result<Option<usize>, Fault> {
+fn within(name: &str, value: Option<usize>, range: RangeInclusive<usize>) -> Result<Option<usize>, Fault> {
     match value {
-        Some(value) if !(1..=most).contains(&value) => Err(Fault::new(
+        Some(value) if !range.contains(&value) => Err(Fault::new(
             format!("[world] {name} = {value} is out of range"),
-            format!("give a whole number from 1 to {most}"),
+            format!("give a whole number from {} to {}", range.start(), range.end()),
         )),
         value => Ok(value),
     }

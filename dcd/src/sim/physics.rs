@@ -219,7 +219,7 @@ impl StandIn {
                             set.insert(rank);
                         }
                     }
-                    let transfer = Transfer { body: body.clone(), holders: set.bits() };
+                    let transfer = Transfer { body: body.clone(), holders: set.bits(), whole: false };
                     to(target, &mut |message| message.transfers.push(transfer.clone()));
                     left.push(id);
                 }
@@ -246,7 +246,7 @@ impl StandIn {
         for id in message.drops {
             region.replicas.remove(&id);
         }
-        for Transfer { body, holders } in message.transfers {
+        for Transfer { body, holders, .. } in message.transfers {
             region.replicas.remove(&body.id);
             let held = RegionSet::from_bits(holders);
             let holders =

@@ -4,6 +4,7 @@ mod assembly;
 mod convert;
 mod coupling;
 mod directory;
+mod guide;
 mod host;
 mod joints;
 mod measure;
@@ -13,6 +14,7 @@ mod record;
 mod region;
 mod shapes;
 mod statics;
+mod ties;
 mod watch;
 
 pub use coupling::Coupling;

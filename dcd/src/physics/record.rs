@@ -192,12 +192,18 @@ fn collider_record(
     })
 }
 
-/// The record of a collider whose user changed it in place; its shape, position and mass are as they were.
-pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider) -> ColliderRecord {
+/// The record of a collider whose user changed it in place, perhaps `heavier` or lighter than before; its shape and position
+/// are as they were.
+pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider, heavier: bool) -> ColliderRecord {
     ColliderRecord {
         shape: record.shape,
         pose: record.pose,
-        mass: record.mass,
+        // Rapier forgets whether it was given a density or a mass.
+        mass: if heavier {
+            ColliderMass::Properties(mass_record(&collider.mass_properties()))
+        } else {
+            record.mass
+        },
         friction: collider.friction(),
         friction_rule: combine_rule(collider.friction_combine_rule()),
         restitution: collider.restitution(),

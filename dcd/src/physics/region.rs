@@ -8,12 +8,13 @@ use rapier3d::prelude::*;
 use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
 use super::partition::HUB_REACH_M;
+use super::guide::{self, Guide};
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::watch::ContactWatch;
-use super::{convert, joints, record};
+use super::ties::HeldJoint;
+use super::{convert, record};
 use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, BorderMessage, JointRecord, RegionEvents, SharedState,
-    WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, BorderMessage, RegionEvents, SharedState, WorldPose,
 };
 use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet};
 
@@ -68,11 +69,6 @@ pub(super) struct Link {
     pub handle: RigidBodyHandle,
 }
 
-struct HeldJoint {
-    record: JointRecord,
-    handle: ImpulseJointHandle,
-}
-
 /// A leaf of the distribution tree with its Rapier world.
 pub struct Region {
     id: RegionId,
@@ -90,11 +86,14 @@ pub struct Region {
     /// Bodies owned elsewhere, in id order.
     pub(super) replicas: Vec<Link>,
     pub(super) assemblies: Vec<Assembly>,
-    assemblies_stale: bool,
-    joints: BTreeMap<JointId, HeldJoint>,
+    pub(super) assemblies_stale: bool,
+    pub(super) joints: BTreeMap<JointId, HeldJoint>,
     /// Immovable bodies that touch this box are held here.
     covered: Bounds,
     watch: ContactWatch,
+    pub(super) guide: Guide,
+    /// Whether a body's mass is shared among the regions that hold it; else each copy has all of it.
+    pub(super) shares_mass: bool,
     pub(super) events: RegionEvents,
     /// One message a region of the world, by rank.
     pub(super) outbox: Vec<BorderMessage>,
@@ -140,6 +139,8 @@ impl Region {
             joints: BTreeMap::new(),
             covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
             watch: ContactWatch::default(),
+            guide: Guide::default(),
+            shares_mass: false,
             events: RegionEvents { region: id, ..RegionEvents::default() },
             outbox: regions
                 .iter()
@@ -237,8 +238,40 @@ impl Region {
     pub(super) fn step(&mut self, dt_s: f32, iterations: usize) {
         self.world.integration_parameters.dt = dt_s;
         self.world.integration_parameters.num_solver_iterations = iterations;
+        let steps = self.steps();
+        guide::guide(self, steps);
         self.world.step_with_events(&(), &self.watch);
-        self.watch.drain(self.anchor, &mut self.events);
+        let heard = self.events.forces.len();
+        self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
+        if !self.shares_mass {
+            self.leave_forces_to_owners(heard);
+        }
+        for handle in self.world.quarantine().bodies().to_vec() {
+            self.set_aside(handle);
+        }
+    }
+
+    /// Where each copy has all of the mass, one region speaks for each contact: the owner of its first movable body.
+    fn leave_forces_to_owners(&mut self, from: usize) {
+        let mut forces = std::mem::take(&mut self.events.forces);
+        let heard = forces.split_off(from);
+        let role = |id| self.handle_of(id).map_or(Role::Immovable, |handle| self.slot(handle).role);
+        forces.extend(heard.into_iter().filter(|force| match role(force.key.a) {
+            Role::Immovable => role(force.key.b) == Role::Owner,
+            role => role == Role::Owner,
+        }));
+        self.events.forces = forces;
+    }
+
+    /// Rapier has set a copy aside that was no longer finite. Where regions share the body, the others decide.
+    fn set_aside(&mut self, handle: RigidBodyHandle) {
+        if self.slot_at(handle).is_none() {
+            return;
+        }
+        match self.slot_mut(handle).shared.as_deref_mut() {
+            Some(shared) => shared.broken = true,
+            None => self.refresh(handle),
+        }
     }
 
     /// The body of this name, if it is held here.
@@ -274,10 +307,11 @@ impl Region {
         assert!(!self.by_id.contains_key(&body.id), "{} is already held by {}", body.id, self.id);
         let (rigid_body, colliders) = record::build(body, self.anchor, shapes)?;
         let handle = self.world.bodies.insert(rigid_body);
-        for (place, collider) in colliders.into_iter().enumerate() {
+        for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
             let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
-            self.watch.name(collider, body.id, place as u16);
+            self.watch.name(&mut self.world.colliders[collider], collider, (body.id, place as u16), record);
         }
+        self.guide.note(handle, body.traits.kind);
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
         let index = handle.into_raw_parts().0 as usize;
         if self.slots.len() <= index {
@@ -317,56 +351,12 @@ impl Region {
             self.remove_joint(joint);
         }
         self.by_id.remove(&id);
-        self.watch.forget(id, &mut self.events);
+        self.watch.forget(id);
+        self.guide.forget(handle);
         self.world.remove_body(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;
         self.unlist(id);
         true
-    }
-
-    /// Ties two bodies, if both are held here and the joint is not there yet.
-    pub(super) fn insert_joint(&mut self, joint: &JointRecord) {
-        let (Some(a), Some(b)) = (self.handle_of(joint.a), self.handle_of(joint.b)) else { return };
-        if self.joints.contains_key(&joint.id) {
-            return;
-        }
-        // The set's own insertion lets sleepers sleep; the world's wakes them.
-        let handle = self.world.impulse_joints.insert(a, b, joints::joint_of(joint), false);
-        self.joints.insert(joint.id, HeldJoint { record: joint.clone(), handle });
-        for end in [a, b] {
-            self.slot_mut(end).joints.push(joint.id);
-        }
-        self.assemblies_stale = true;
-    }
-
-    /// Unties two bodies and wakes them.
-    pub(super) fn remove_joint(&mut self, id: JointId) {
-        let Some(joint) = self.joints.remove(&id) else { return };
-        self.world.impulse_joints.remove(joint.handle, true);
-        for end in [joint.record.a, joint.record.b] {
-            if let Some(end) = self.handle_of(end) {
-                self.slot_mut(end).joints.retain(|&other| other != id);
-            }
-        }
-        self.assemblies_stale = true;
-    }
-
-    /// A joint held here, whole: with the impulses of the last step.
-    pub(super) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
-        let held = self.joints.get(&id)?;
-        let joint = self.world.impulse_joints.get(held.handle)?;
-        Some(joints::joint_record(id, held.record.a, held.record.b, &joint.data))
-    }
-
-    /// The bodies that a joint held here ties.
-    pub(super) fn joint_ends(&self, id: JointId) -> Option<(RigidBodyHandle, RigidBodyHandle)> {
-        let joint = &self.joints.get(&id)?.record;
-        Some((self.handle_of(joint.a)?, self.handle_of(joint.b)?))
-    }
-
-    /// Rapier's handle of a joint held here.
-    pub(super) fn joint_handle(&self, id: JointId) -> Option<ImpulseJointHandle> {
-        self.joints.get(&id).map(|held| held.handle)
     }
 
     /// A body held here, whole.
@@ -431,6 +421,7 @@ impl Region {
     pub(super) fn forget_holders(&mut self, steps: usize) {
         self.fresh.clear();
         self.border = Border::new(self.outbox.len(), steps);
+        self.guide.reset();
         for Link { id, handle } in self.links() {
             let kept = coupling::make_whole(self, handle);
             let slot = self.slot_mut(handle);
@@ -460,11 +451,13 @@ impl Region {
         })
     }
 
-    fn refresh(&mut self, handle: RigidBodyHandle) {
+    /// Reads a body's traits anew.
+    pub(super) fn refresh(&mut self, handle: RigidBodyHandle) {
         self.due[handle.into_raw_parts().0 as usize] = 0;
         let old = &self.slot(handle).traits;
         let new = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
         if new != **old {
+            self.guide.note(handle, new.kind);
             self.slot_mut(handle).traits = Arc::new(new);
         }
     }
@@ -477,17 +470,24 @@ impl Region {
         change: impl FnOnce(&mut Collider) -> R,
     ) -> Option<R> {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
-        let collider = &mut self.world.colliders[collider];
-        let result = change(collider);
-        let slot = self.slots[handle.into_raw_parts().0 as usize].as_mut()?;
-        let new = record::renewed(&slot.traits.colliders[index], collider);
-        if new != slot.traits.colliders[index] {
-            Arc::make_mut(&mut slot.traits).colliders[index] = new;
-        }
-        // Its skin may reach farther than before.
-        slot.reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
-        self.due[handle.into_raw_parts().0 as usize] = 0;
-        Some(result)
+        Some(coupling::whole(self, handle, |region| {
+            let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
+            let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);
+            let old = &slot.traits.colliders[index];
+            let mass = own.mass_properties();
+            own.set_contact_force_event_threshold(old.force_event_threshold_n);
+            let result = change(own);
+            let new = record::renewed(old, own, own.mass_properties() != mass);
+            region.watch.name(own, collider, (slot.id, index as u16), &new);
+            if new != *old {
+                Arc::make_mut(&mut slot.traits).colliders[index] = new;
+            }
+            body.recompute_mass_properties_from_colliders(&region.world.colliders);
+            // Its skin may reach farther than before.
+            slot.reach_m = record::reach_of(body, &region.world.colliders);
+            region.due[handle.into_raw_parts().0 as usize] = 0;
+            result
+        }))
     }
 
     /// Whether immovable bodies that touch this box are held here already; if not, from now on they must be: returns the
@@ -549,11 +549,6 @@ impl Region {
                 self.slot_mut(handle).assembly = Some(index as u32);
             }
         }
-    }
-
-    /// The joints that a body hangs on, whole.
-    pub(super) fn joints_of(&self, handle: RigidBodyHandle) -> impl Iterator<Item = JointRecord> {
-        self.slot(handle).joints.iter().filter_map(|&id| self.joint_record(id))
     }
 
     /// Puts a body on the list of its role.

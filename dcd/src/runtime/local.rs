@@ -283,6 +283,12 @@ impl DcdWorld {
         if self.host.update_joint(joint, change) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
+    /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
+    /// about them.
+    pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
+        self.host.joint_load(joint)
+    }
+
     /// Advances the world by one tick.
     pub fn step(&mut self) -> Result<(), WorldError> {
         let start = Instant::now();
@@ -298,7 +304,9 @@ impl DcdWorld {
         self.host.tick()
     }
 
-    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space.
+    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space. Where regions
+    /// share the body, the copy has a share of its mass and of the forces on it: [`DcdWorld::mass_kg`] has the whole mass,
+    /// and [`DcdWorld::update`] shows the body whole.
     pub fn body(&self, body: BodyId) -> Option<&RigidBody> {
         if let Some((region, handle)) = self.host.owned(body) {
             return region.physics().bodies.get(handle);
@@ -312,6 +320,11 @@ impl DcdWorld {
             Some((region, handle)) => Some(region.world_pose(handle)),
             None => self.host.immovable(body).map(|record| record.state.pose),
         }
+    }
+
+    /// The mass of a body in kilograms, whole even where several regions share it.
+    pub fn mass_kg(&self, body: BodyId) -> Option<f32> {
+        self.host.mass_kg(body)
     }
 
     /// How a body moves; zero for an immovable one.
@@ -370,6 +383,12 @@ impl DcdWorld {
     /// Puts a body elsewhere at once.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
         if self.host.teleport(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
+    }
+
+    /// Sends a position-based kinematic body to a pose, where it is at the end of the next tick: what it touches feels the
+    /// speed that this takes. Other bodies do not heed it.
+    pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
+        if self.host.send_to(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
     /// Sets a body's velocity and wakes it.

@@ -20,6 +20,8 @@ pub(in crate::physics) struct Shared {
     pub parts: usize,
     /// It came with this very exchange: the copy here does not count yet.
     pub arriving: bool,
+    /// Rapier has set the copy here aside, as its numbers were no longer finite: the others' mean restores it.
+    pub broken: bool,
     /// What the user presses on the whole body.
     pub user_force: Vector,
     pub user_torque: Vector,
@@ -96,6 +98,10 @@ fn press(region: &mut Region, handle: RigidBodyHandle, shared: &Shared) {
 /// Reads the copy after a step: its state, and what contacts and joints pressed on it since the last exchange.
 pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared, island: u16) {
     let (slot, body) = (region.slot(handle), &region.physics().bodies[handle]);
+    if shared.broken {
+        shared.own = CopyState { id: slot.id, island, ..CopyState::default() };
+        return;
+    }
     let (force, torque) = strain(body, region.physics().gravity, shared);
     shared.own = CopyState {
         id: slot.id,
@@ -104,9 +110,16 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared
         sleeping: body.is_sleeping(),
         force_n: force.to_array(),
         torque_nm: torque.to_array(),
+        sound: true,
         partners: if body.is_dynamic() { partners(region, handle) } else { 0 },
         island,
     };
+}
+
+/// Rapier has set every copy aside: so is the body, until its user enables it.
+pub(super) fn set_aside(region: &mut Region, handle: RigidBodyHandle, shared: &mut Shared) {
+    (shared.user_force, shared.user_torque) = (Vector::ZERO, Vector::ZERO);
+    region.refresh(handle);
 }
 
 /// Force and torque of contacts and joints: what moved the copy besides gravity and what we pressed on it.
@@ -201,6 +214,9 @@ pub(super) fn set_members(
     let own = RegionSet::only(region.rank());
     region.set_holders(handle, members.without(own));
     region.slot_mut(handle).shared = (!alone).then_some(shared);
+    for joint in region.slot(handle).joints.clone() {
+        region.share_joint(joint);
+    }
 }
 
 /// Undoes all sharing of a body. Returns which other regions held it.
@@ -246,7 +262,7 @@ pub(in crate::physics) fn whole<R>(
     };
     (shared.push, shared.twist) = (push, twist);
     // What the user did is no contact's doing.
-    shared.start = None;
+    (shared.start, shared.broken) = (None, false);
     divide(region, handle, shared.parts);
     press(region, handle, &shared);
     region.slot_mut(handle).shared = Some(shared);

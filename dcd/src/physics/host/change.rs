@@ -4,7 +4,7 @@ use rapier3d::prelude::*;
 
 use super::{HostError, RegionHost};
 use crate::physics::convert;
-use crate::physics::region::Role;
+use crate::physics::region::{Region, Role};
 use crate::protocol::{BodyRecord, WorldPose};
 use crate::space::{BodyId, JointId};
 
@@ -54,13 +54,40 @@ impl RegionHost {
     pub fn update_joint(&mut self, id: JointId, mut change: impl FnMut(&mut GenericJoint)) -> bool {
         let mut found = false;
         for region in &mut self.regions {
-            let Some(handle) = region.joint_handle(id) else { continue };
-            if let Some(joint) = region.world_mut().impulse_joints.get_mut(handle, true) {
-                change(&mut joint.data);
-                found = true;
-            }
+            found |= region.change_joint(id, &mut change);
         }
         found
+    }
+
+    /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
+    /// about them. Summed over the regions here that hold it.
+    pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
+        let loads = self.regions.iter().filter_map(|region| region.joint_load(id));
+        loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
+    }
+
+    /// Sends a position-based kinematic body to a pose, where it is at the end of the next tick. Returns whether any region
+    /// here holds it.
+    pub fn send_to(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
+        if !pose.is_valid() {
+            return Err(HostError::NotFinite(id));
+        }
+        let mut held = false;
+        for region in &mut self.regions {
+            if let Some(handle) = region.handle_of(id) {
+                let pose = convert::region_from_world(region.anchor(), &pose);
+                region.change(handle, |body| body.set_next_kinematic_position(pose));
+                held = true;
+            }
+        }
+        Ok(held)
+    }
+
+    /// The mass of a movable body held here, in kilograms, whole even where it is shared.
+    pub fn mass_kg(&self, id: BodyId) -> Option<f32> {
+        let of = |region: &Region, handle: RigidBodyHandle| region.physics().bodies[handle].mass() * region.share_of(handle) as f32;
+        let here = || self.regions.iter().find_map(|region| Some(of(region, region.handle_of(id)?)));
+        self.owned(id).map(|(region, handle)| of(region, handle)).or_else(here)
     }
 
     /// Puts a body elsewhere, in every copy; one that comes to lie in other regions is placed anew.

@@ -72,6 +72,7 @@ pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> Bod
         sleep_after_s: activation.time_until_sleep,
         extra_mass: body.mass_properties().additional_local_mprops.as_deref().and_then(|extra| match extra {
             RigidBodyAdditionalMassProps::Mass(mass) if *mass == 0.0 => None,
+            RigidBodyAdditionalMassProps::MassProps(props) if *props == MassProperties::default() => None,
             RigidBodyAdditionalMassProps::Mass(mass) => Some(ExtraMass::Mass(*mass)),
             RigidBodyAdditionalMassProps::MassProps(props) => Some(ExtraMass::Properties(mass_record(props))),
         }),

@@ -353,6 +353,7 @@ impl Region {
         self.by_id.remove(&id);
         self.watch.forget(id);
         self.guide.forget(handle);
+        self.fresh.retain(|link| link.handle != handle);
         self.world.remove_body(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;
         self.unlist(id);
@@ -444,11 +445,7 @@ impl Region {
         handle: RigidBodyHandle,
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
-        coupling::whole(self, handle, |region| {
-            let result = change(&mut region.world.bodies[handle]);
-            region.refresh(handle);
-            result
-        })
+        coupling::whole(self, handle, change)
     }
 
     /// Reads a body's traits anew.
@@ -470,7 +467,7 @@ impl Region {
         change: impl FnOnce(&mut Collider) -> R,
     ) -> Option<R> {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
-        Some(coupling::whole(self, handle, |region| {
+        Some(coupling::whole_colliders(self, handle, |region| {
             let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
             let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);
             let old = &slot.traits.colliders[index];

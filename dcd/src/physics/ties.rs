@@ -99,7 +99,9 @@ impl Region {
     /// its frame, newton metres about them.
     pub(super) fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         let joint = self.physics().impulse_joints.get(self.joints.get(&id)?.handle)?;
-        let dt_s = self.physics().integration_parameters.dt;
+        // Rapier keeps the impulse of the last solver iteration, each of which is a step of its own.
+        let settings = &self.physics().integration_parameters;
+        let dt_s = settings.dt / settings.num_solver_iterations as f32;
         Some(std::array::from_fn(|axis| joint.impulses[axis] / dt_s))
     }
 

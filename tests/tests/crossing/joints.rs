@@ -173,7 +173,7 @@ fn small_assemblies_move_whole_under_island() {
             let home = world.owner_of(links[0]);
             assert!(links.iter().all(|&link| world.owner_of(link) == home), "torn at {}", world.tick());
             // A user holds its ids all the while.
-            world.update(links[3], |body| body.apply_impulse(Vector::new(0.0, 0.0, 1e-4), true)).unwrap();
+            world.update(links[3], |body| body.apply_impulse(Vector::new(0.0, 0.0, 1e-7), true)).unwrap();
             homes += usize::from(last != home);
             last = home;
         }

@@ -68,6 +68,7 @@ fn a_sleeping_body_that_is_hit_from_another_region_wakes() {
             steps(world, 60);
             assert!(!world.body(target).unwrap().is_sleeping());
         });
-        assert!(off < 0.05, "{}: {off}", coupling.name());
+        // Half the way of a micro-step at 8 m/s: by so much they may meet earlier or later.
+        assert!(off < 0.1, "{}: {off}", coupling.name());
     }
 }

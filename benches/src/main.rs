@@ -1,5 +1,6 @@
-//! The speed and accuracy suite of dcd. So far: what partitioning costs and gains.
+//! The speed and accuracy suite of dcd: what partitioning costs and gains, and how far its results are off.
 
+mod accuracy;
 mod scaling;
 
 use std::process::ExitCode;
@@ -17,14 +18,17 @@ struct Arguments {
 enum Suite {
     /// Step times of a bare Rapier world, one region, and several regions, in turn, as ratios.
     Scaling(scaling::Scaling),
+    /// Every scene of the suite at 1, 2, 4 and 8 regions, against closed forms and one bare Rapier world.
+    Accuracy(accuracy::Accuracy),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().suite {
-        Suite::Scaling(scaling) => scaling.run(),
+        Suite::Scaling(scaling) => scaling.run().map(|()| ExitCode::SUCCESS),
+        Suite::Accuracy(accuracy) => accuracy.run(),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::FAILURE

@@ -144,3 +144,24 @@ fn a_disabled_body_is_not_there_until_it_is_enabled() {
         assert!(off < 0.03, "{}: {off}", coupling.name());
     }
 }
+
+#[test]
+fn trace() {
+    for wall_x in [0.3f32, 3.0] {
+    let mut world = DcdWorld::new(weightless(halves(Coupling::Overlap))).unwrap();
+    let wall = RigidBodyBuilder::dynamic().additional_mass(1e4).translation(Vector::new(wall_x, 0.0, 0.0));
+    let _wall = world.insert(wall, ColliderBuilder::cuboid(0.02, 8.0, 8.0)).unwrap();
+    steps(&mut world, 2);
+    let body = body_at(-30.0, 0.0, 0.0).ccd_enabled(true);
+    let speed = if wall_x == 3.0 { 200.0 } else { 100.0 };
+    world.insert(body.linvel(Vector::new(speed, 0.0, 0.0)), ColliderBuilder::ball(0.1)).unwrap();
+    for _ in 0..25 {
+        steps(&mut world, 1);
+        for region in world.regions() {
+            for (id, role, h, b) in region.bodies() {
+                eprintln!("T {} r{} {id} {role:?} x {:?} v {:?} parts {} sl {}", world.tick(), region.rank(), b.translation().x, b.linvel().x, region.share_of(h), b.is_sleeping());
+            }
+        }
+    }
+    }
+}

@@ -30,6 +30,11 @@ impl Guide {
         self.targets.retain(|(other, _)| *other != handle);
     }
 
+    /// Whether the micro-step to come is the first of its tick.
+    pub(super) fn is_first(&self) -> bool {
+        self.done == 0
+    }
+
     /// The tick under way is given up.
     pub(super) fn reset(&mut self) {
         (self.done, self.targets) = (0, Vec::new());

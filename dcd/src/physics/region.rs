@@ -7,11 +7,11 @@ use rapier3d::prelude::*;
 
 use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
-use super::partition::HUB_REACH_M;
 use super::guide::{self, Guide};
+use super::partition::HUB_REACH_M;
 use super::shapes::{ShapeError, ShapeLibrary};
-use super::watch::ContactWatch;
 use super::ties::HeldJoint;
+use super::watch::ContactWatch;
 use super::{convert, record};
 use crate::protocol::{
     BodyKind, BodyRecord, BodyState, BodyTraits, BorderMessage, RegionEvents, SharedState, WorldPose,
@@ -92,6 +92,7 @@ pub struct Region {
     covered: Bounds,
     watch: ContactWatch,
     pub(super) guide: Guide,
+    quarantined: Vec<BodyId>,
     /// Whether a body's mass is shared among the regions that hold it; else each copy has all of it.
     pub(super) shares_mass: bool,
     pub(super) events: RegionEvents,
@@ -140,6 +141,7 @@ impl Region {
             covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
             watch: ContactWatch::default(),
             guide: Guide::default(),
+            quarantined: Vec::new(),
             shares_mass: false,
             events: RegionEvents { region: id, ..RegionEvents::default() },
             outbox: regions
@@ -234,6 +236,11 @@ impl Region {
         self.border.pace.next_of(self.rank)
     }
 
+    /// Copies that Rapier set aside in the last tick, as their numbers were not finite.
+    pub fn quarantined(&self) -> &[BodyId] {
+        &self.quarantined
+    }
+
     /// Has nothing to say in this round.
     pub(super) fn be_silent(&mut self) {
         self.outbox.iter_mut().for_each(BorderMessage::clear);
@@ -244,6 +251,9 @@ impl Region {
         self.world.integration_parameters.dt = dt_s;
         self.world.integration_parameters.num_solver_iterations = iterations;
         let steps = self.steps();
+        if self.guide.is_first() {
+            self.quarantined.clear();
+        }
         guide::guide(self, steps);
         self.world.step_with_events(&(), &self.watch);
         let heard = self.events.forces.len();
@@ -270,9 +280,8 @@ impl Region {
 
     /// Rapier has set a copy aside that was no longer finite. Where regions share the body, the others decide.
     fn set_aside(&mut self, handle: RigidBodyHandle) {
-        if self.slot_at(handle).is_none() {
-            return;
-        }
+        let Some(slot) = self.slot_at(handle) else { return };
+        self.quarantined.push(slot.id);
         match self.slot_mut(handle).shared.as_deref_mut() {
             Some(shared) => shared.broken = true,
             None => self.refresh(handle),

@@ -112,7 +112,11 @@ impl ContactWatch {
                 key,
                 force_n: (force * part).to_array(),
                 magnitude_n: raw.magnitude * part,
-                threshold_n: raw.colliders.map(|collider| self.threshold_n(collider)).into_iter().fold(f32::MAX, f32::min),
+                threshold_n: raw
+                    .colliders
+                    .map(|collider| self.threshold_n(collider))
+                    .into_iter()
+                    .fold(f32::MAX, f32::min),
             });
         }
     }

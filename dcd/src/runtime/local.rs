@@ -130,7 +130,7 @@ pub struct Stats {
     pub transfers: u64,
     /// Wall time of the last step.
     pub last_step: Duration,
-    /// Copies that Rapier set aside because their state was not finite.
+    /// Copies that Rapier set aside in the last step because their state was not finite.
     pub quarantined: usize,
 }
 
@@ -452,12 +452,7 @@ impl DcdWorld {
             replicas: self.host.regions().iter().map(Region::replica_count).sum(),
             transfers: self.host.transfers(),
             last_step: self.last_step,
-            quarantined: self
-                .host
-                .regions()
-                .iter()
-                .map(|region| region.physics().quarantine().bodies().len())
-                .sum(),
+            quarantined: self.host.regions().iter().map(|region| region.quarantined().len()).sum(),
         }
     }
 

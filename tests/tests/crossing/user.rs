@@ -115,7 +115,7 @@ fn a_mass_that_changes_while_shared_changes_whole() {
     for coupling in SHARING {
         let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
         let id = beside_another(&mut world, RigidBodyBuilder::dynamic(), vec![cube().friction(0.0)]);
-        let mut kick = |world: &mut DcdWorld, mass_kg: f32| {
+        let kick = |world: &mut DcdWorld, mass_kg: f32| {
             assert_eq!(parts(world, id), 2);
             let still = Velocity::default();
             world.set_velocity(id, still).unwrap();
@@ -229,6 +229,8 @@ fn a_number_that_is_not_finite_sets_a_body_aside_and_no_other() {
         steps(&mut world, 20);
         assert!(parts(&world, row[1]) == 2, "{}", coupling.name());
         world.update(row[1], |body| body.set_linvel(Vector::splat(f32::NAN), true)).unwrap();
+        steps(&mut world, 1);
+        assert_eq!(world.stats().quarantined, 2, "both copies");
         steps(&mut world, 60);
         assert!(!world.host().record(row[1]).unwrap().traits.enabled, "as one world has it");
         for (id, x) in [(row[0], -1.0), (row[2], 1.0)] {

@@ -62,7 +62,8 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
     let own = (!shared.arriving && !shared.broken).then_some((own_rank, shared.own));
     let at = shared.heard.partition_point(|(rank, _)| *rank < own_rank);
     let (before, after) = shared.heard.split_at(at);
-    let copies = || before.iter().chain(own.iter()).chain(after).map(|(_, copy)| copy).filter(|copy| copy.sound);
+    let copies =
+        || before.iter().chain(own.iter()).chain(after).map(|(_, copy)| copy).filter(|copy| copy.sound);
     if copies().next().is_none() {
         share::set_aside(region, link.handle, shared);
         return 0.0;

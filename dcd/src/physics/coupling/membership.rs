@@ -20,8 +20,6 @@ use crate::space::{Bounds, RegionSet};
 
 /// Ticks for which a region keeps a body that it has no reason to hold any more.
 const KEEP_TICKS: u32 = 10;
-/// The same for a body that nothing presses on: what is held is not shown, so it must stay until it has met the other.
-const MEET_TICKS: u32 = 6;
 /// Ticks that a body which presses on something is held by the region to which it goes, before it is owned there.
 const SETTLE_TICKS: u32 = 8;
 
@@ -227,7 +225,7 @@ fn decide_on(
         shared.settled += 1;
         let needless = !held.without(wish.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
-        if shared.idle > if wish.pressed { KEEP_TICKS } else { MEET_TICKS } {
+        if shared.idle > if wish.pressed { KEEP_TICKS } else { 0 } {
             holders = wish.holders;
         }
         // A newcomer among several must have heard all copies: they listen for one exchange before.

@@ -85,7 +85,9 @@ impl RegionHost {
 
     /// The mass of a movable body held here, in kilograms, whole even where it is shared.
     pub fn mass_kg(&self, id: BodyId) -> Option<f32> {
-        let of = |region: &Region, handle: RigidBodyHandle| region.physics().bodies[handle].mass() * region.share_of(handle) as f32;
+        let of = |region: &Region, handle: RigidBodyHandle| {
+            region.physics().bodies[handle].mass() * region.share_of(handle) as f32
+        };
         let here = || self.regions.iter().find_map(|region| Some(of(region, region.handle_of(id)?)));
         self.owned(id).map(|(region, handle)| of(region, handle)).or_else(here)
     }
@@ -126,5 +128,63 @@ impl RegionHost {
             }
         }
         held
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::{Coupling, Partition, StepSettings};
+    use crate::space::{Axis, Bounds, DistributionTree};
+
+    /// Two boxes of 1 kg that touch over the border of two regions, on a floor.
+    fn pair() -> RegionHost {
+        let bounds = Bounds::around([0.0; 3], [20.0; 3]);
+        let tree = DistributionTree::cut_by(bounds, &[(Axis::X, 0.0)]).unwrap();
+        let partition = Partition::new(tree, None);
+        let leaves = partition.leaves().to_vec();
+        let settings =
+            StepSettings { island_limit: 0, ..StepSettings::default().with_coupling(Coupling::Overlap) };
+        let mut host = RegionHost::new(partition, settings, 1, &leaves).unwrap();
+        let boxes = [(0, RigidBodyBuilder::fixed(), -0.5), (1, RigidBodyBuilder::dynamic(), 0.5)];
+        let boxes = boxes.into_iter().chain([(2, RigidBodyBuilder::dynamic(), 0.5)]);
+        let records = boxes.map(|(id, body, y)| {
+            let half = if id == 0 { 10.0 } else { 0.5 };
+            let collider = ColliderBuilder::cuboid(half, 0.5, half);
+            let x = [0.0, -0.5, 0.5][id as usize];
+            let pose = WorldPose::at([x, y, 0.0]);
+            host.shapes_mut()
+                .describe(BodyId::persistent(id), pose, &body.can_sleep(false), &[collider])
+                .unwrap()
+        });
+        let records = records.collect();
+        host.insert(records, &[]).unwrap();
+        for _ in 0..20 {
+            host.step().unwrap();
+        }
+        host
+    }
+
+    #[test]
+    fn a_copy_that_is_not_finite_is_restored_from_the_others() {
+        let mut host = pair();
+        let id = BodyId::persistent(1);
+        let handle = host.regions[0].handle_of(id).unwrap();
+        assert_eq!(host.regions[0].share_of(handle), 2);
+        host.regions[0].world_mut().bodies[handle].set_linvel(Vector::splat(f32::NAN), true);
+        host.step().unwrap();
+        assert_eq!(host.regions[0].quarantined(), [id]);
+        for _ in 0..60 {
+            host.step().unwrap();
+        }
+        for region in host.regions() {
+            let body = &region.physics().bodies[region.handle_of(id).unwrap()];
+            assert!(body.is_enabled() && region.quarantined().is_empty());
+            assert!(
+                (body.translation() - Vector::new(-0.5, 0.5, 0.0)).length() < 0.01,
+                "{}",
+                body.translation()
+            );
+        }
     }
 }

@@ -258,20 +258,24 @@ impl Region {
         self.world.step_with_events(&(), &self.watch);
         let heard = self.events.forces.len();
         self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
-        if !self.shares_mass {
-            self.leave_forces_to_owners(heard);
-        }
+        self.answer_for_forces(heard);
         for handle in self.world.quarantine().bodies().to_vec() {
             self.set_aside(handle);
         }
     }
 
-    /// Where each copy has all of the mass, one region speaks for each contact: the owner of its first movable body.
-    fn leave_forces_to_owners(&mut self, from: usize) {
+    /// Keeps the forces that this region answers for. Where each copy has all of the mass, that is the owner of the first
+    /// movable body; where masses are shared, all whose copies count.
+    fn answer_for_forces(&mut self, from: usize) {
         let mut forces = std::mem::take(&mut self.events.forces);
         let heard = forces.split_off(from);
         let role = |id| self.handle_of(id).map_or(Role::Immovable, |handle| self.slot(handle).role);
+        let counts = |id| {
+            let shared = self.handle_of(id).and_then(|handle| self.slot(handle).shared.as_deref());
+            shared.is_none_or(|shared| !shared.shadows.contains(self.rank))
+        };
         forces.extend(heard.into_iter().filter(|force| match role(force.key.a) {
+            _ if self.shares_mass => counts(force.key.a) && counts(force.key.b),
             Role::Immovable => role(force.key.b) == Role::Owner,
             role => role == Role::Owner,
         }));

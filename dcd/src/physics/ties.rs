@@ -60,7 +60,7 @@ impl Region {
     /// Who holds the ends of a joint has changed: shares its forces out anew.
     pub(super) fn share_joint(&mut self, id: JointId) {
         let Some(mut held) = self.joints.remove(&id) else { return };
-        let both = self.holders_of(held.record.a).common(self.holders_of(held.record.b));
+        let both = self.holders_of(held.record.a).intersection(self.holders_of(held.record.b));
         let parts = both.len().max(1);
         if parts != held.parts {
             held.parts = parts;
@@ -70,14 +70,14 @@ impl Region {
         self.joints.insert(id, held);
     }
 
-    /// All regions that hold a body, as far as its mass is shared among them; what is immovable is everywhere.
+    /// All regions that share the mass of a body; what is immovable is everywhere.
     fn holders_of(&self, id: BodyId) -> RegionSet {
         let own = RegionSet::only(self.rank());
         let Some(handle) = self.handle_of(id) else { return own };
         let slot = self.slot(handle);
         match slot.role {
             Role::Immovable => RegionSet::from_bits(u64::MAX),
-            _ => slot.shared.as_ref().map_or(own, |shared| shared.members),
+            _ => slot.shared.as_ref().map_or(own, |shared| shared.members.without(shared.shadows)),
         }
     }
 

@@ -53,7 +53,7 @@ impl RegionSet {
     }
 
     /// Regions in both sets.
-    pub const fn common(self, other: Self) -> Self {
+    pub const fn intersection(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 

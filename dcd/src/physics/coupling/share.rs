@@ -15,12 +15,10 @@ use crate::space::RegionSet;
 pub(in crate::physics) struct Shared {
     /// All that hold it as of the last exchange, this region too.
     pub members: RegionSet,
-    /// Those that will hold it after the next change of members, and hear its copies by then.
-    pub listeners: RegionSet,
-    /// By how many its mass is divided.
+    /// Those of them whose copies do not count: they follow the others', to have their contacts when they come to count.
+    pub shadows: RegionSet,
+    /// By how many its mass is divided: the members that count.
     pub parts: usize,
-    /// It came with this very exchange: the copy here does not count yet.
-    pub arriving: bool,
     /// Rapier has set the copy here aside, as its numbers were no longer finite: the others' mean restores it.
     pub broken: bool,
     /// What the user presses on the whole body.
@@ -185,7 +183,7 @@ pub(super) fn set_members(
     region: &mut Region,
     handle: RigidBodyHandle,
     members: RegionSet,
-    listeners: RegionSet,
+    shadows: RegionSet,
 ) {
     let mut shared = region.slot_mut(handle).shared.take().unwrap_or_else(|| {
         let body = &region.physics().bodies[handle];
@@ -196,13 +194,14 @@ pub(super) fn set_members(
             ..Shared::default()
         })
     });
-    if shared.members != members {
+    let counting = members.without(shadows);
+    if (shared.members, shared.shadows) != (members, shadows) {
         (shared.settled, shared.idle) = (0, 0);
-        shared.heard.retain(|(rank, _)| members.contains(*rank));
+        shared.heard.retain(|(rank, _)| counting.contains(*rank));
         region.slot_mut(handle).told_asleep = false;
     }
-    (shared.members, shared.listeners, shared.arriving) = (members, listeners, false);
-    let parts = if region.slot(handle).traits.kind == BodyKind::Dynamic { members.len() } else { 1 };
+    (shared.members, shared.shadows) = (members, shadows);
+    let parts = if region.slot(handle).traits.kind == BodyKind::Dynamic { counting.len() } else { 1 };
     if shared.parts != parts {
         shared.parts = parts;
         divide(region, handle, parts);
@@ -230,7 +229,7 @@ pub(in crate::physics) fn make_whole(region: &mut Region, handle: RigidBodyHandl
     holders
 }
 
-/// A body has come to be held here, or is announced anew: its copy does not count before the next exchange.
+/// A body has come to be held here, or is announced anew: no copies of others have been heard.
 pub(super) fn begin(region: &mut Region, handle: RigidBodyHandle) {
     let body = &region.physics().bodies[handle];
     let (user_force, user_torque) = (body.user_force(), body.user_torque());
@@ -238,7 +237,7 @@ pub(super) fn begin(region: &mut Region, handle: RigidBodyHandle) {
         .slot_mut(handle)
         .shared
         .get_or_insert_with(|| Box::new(Shared { parts: 1, ..Shared::default() }));
-    (shared.arriving, shared.user_force, shared.user_torque) = (true, user_force, user_torque);
+    (shared.user_force, shared.user_torque) = (user_force, user_torque);
     shared.heard.clear();
 }
 
@@ -320,7 +319,11 @@ fn lower(region: &mut Region, handle: RigidBodyHandle, mut shared: Box<Shared>, 
 
 /// By how many the mass of a body is to be divided; a newcomer's copy is whole until the members are told.
 fn parts_of(region: &Region, handle: RigidBodyHandle, shared: &Shared) -> usize {
-    if region.slot(handle).traits.kind == BodyKind::Dynamic { shared.members.len().max(1) } else { 1 }
+    if region.slot(handle).traits.kind == BodyKind::Dynamic {
+        shared.members.without(shared.shadows).len().max(1)
+    } else {
+        1
+    }
 }
 
 /// The mass of so many equal parts.

@@ -18,6 +18,8 @@ const NEAR_M: f64 = 0.02;
 pub(super) struct Placement {
     /// By body: the first body of its group.
     group: Vec<u32>,
+    /// By body: the first of those that joints tie together.
+    tied: Vec<u32>,
     /// By first body: how many there are.
     sizes: Vec<u32>,
     limit: usize,
@@ -41,6 +43,7 @@ impl Placement {
                 groups.join(a, b);
             }
         }
+        let tied: Vec<_> = (0..bodies.len() as u32).map(|body| groups.root(body)).collect();
         if settings.coupling.moves_islands() {
             join_touching(bodies, shapes, &mut groups)?;
         }
@@ -54,7 +57,7 @@ impl Placement {
             coupling if coupling.shares_mass() => 1,
             _ => usize::MAX,
         };
-        Ok(Self { group, sizes, limit })
+        Ok(Self { group, tied, sizes, limit })
     }
 
     /// Rank of the first owner of each body.
@@ -75,7 +78,9 @@ impl Placement {
                 *best = (home, count);
             }
         }
-        let home = |(body, &group): (usize, &u32)| chosen.get(&group).map_or(homes[body], |(rank, _)| *rank);
+        // A region that does not hold both ends would not know the joint: what is tied begins in one region.
+        let begun = |body: usize| homes[self.tied[body] as usize];
+        let home = |(body, &group): (usize, &u32)| chosen.get(&group).map_or(begun(body), |(rank, _)| *rank);
         self.group.iter().enumerate().map(home).collect()
     }
 

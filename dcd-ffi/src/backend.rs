@@ -145,7 +145,7 @@ impl Backend {
                     velocity: world.velocity(id)?,
                     kind: kind_of(body),
                     sleeping: body.is_sleeping(),
-                    mass_kg: world.mass_kg(id)?,
+                    mass_kg: if body.is_fixed() { 0.0 } else { world.mass_kg(id)? },
                     user_data: body.user_data as u64,
                     owner: world.owner_of(id),
                 })

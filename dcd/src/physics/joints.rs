@@ -75,6 +75,18 @@ pub(crate) fn joint_of(record: &JointRecord) -> GenericJoint {
     joint
 }
 
+/// Gives the motors of a joint that so many regions solve their share of the record's forces. Springs by acceleration follow
+/// the masses by themselves.
+pub(super) fn share_out(joint: &mut GenericJoint, record: &JointRecord, parts: usize) {
+    let share = 1.0 / parts as f32;
+    for (motor, whole) in joint.motors.iter_mut().zip(&record.motors) {
+        let spring = if whole.acceleration_based { 1.0 } else { share };
+        motor.stiffness = whole.stiffness * spring;
+        motor.damping = whole.damping * spring;
+        motor.max_force = whole.max_force * share;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,6 +5,7 @@ mod choice;
 mod convert;
 mod coupling;
 mod directory;
+mod guide;
 mod host;
 mod joints;
 mod measure;
@@ -15,6 +16,7 @@ mod record;
 mod region;
 mod shapes;
 mod statics;
+mod ties;
 mod watch;
 
 pub use choice::{CouplingChoice, Method};

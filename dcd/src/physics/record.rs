@@ -72,6 +72,7 @@ pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> Bod
         sleep_after_s: activation.time_until_sleep,
         extra_mass: body.mass_properties().additional_local_mprops.as_deref().and_then(|extra| match extra {
             RigidBodyAdditionalMassProps::Mass(mass) if *mass == 0.0 => None,
+            RigidBodyAdditionalMassProps::MassProps(props) if *props == MassProperties::default() => None,
             RigidBodyAdditionalMassProps::Mass(mass) => Some(ExtraMass::Mass(*mass)),
             RigidBodyAdditionalMassProps::MassProps(props) => Some(ExtraMass::Properties(mass_record(props))),
         }),
@@ -192,12 +193,18 @@ fn collider_record(
     })
 }
 
-/// The record of a collider whose user changed it in place; its shape, position and mass are as they were.
-pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider) -> ColliderRecord {
+/// The record of a collider whose user changed it in place, perhaps `heavier` or lighter than before; its shape and position
+/// are as they were.
+pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider, heavier: bool) -> ColliderRecord {
     ColliderRecord {
         shape: record.shape,
         pose: record.pose,
-        mass: record.mass,
+        // Rapier forgets whether it was given a density or a mass.
+        mass: if heavier {
+            ColliderMass::Properties(mass_record(&collider.mass_properties()))
+        } else {
+            record.mass
+        },
         friction: collider.friction(),
         friction_rule: combine_rule(collider.friction_combine_rule()),
         restitution: collider.restitution(),

@@ -7,10 +7,12 @@ use rapier3d::prelude::*;
 
 use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
+use super::guide::{self, Guide};
 use super::partition::HUB_REACH_M;
 use super::shapes::{ShapeError, ShapeLibrary};
+use super::ties::HeldJoint;
 use super::watch::ContactWatch;
-use super::{convert, joints, record};
+use super::{convert, record};
 use crate::protocol::{
     BodyKind, BodyRecord, BodyState, BodyTraits, BorderMessage, JointRecord, RegionEvents, SharedState,
     WorldPose,
@@ -68,11 +70,6 @@ pub(super) struct Link {
     pub handle: RigidBodyHandle,
 }
 
-struct HeldJoint {
-    record: JointRecord,
-    handle: ImpulseJointHandle,
-}
-
 /// A leaf of the distribution tree with its Rapier world.
 pub struct Region {
     id: RegionId,
@@ -90,13 +87,17 @@ pub struct Region {
     /// Bodies owned elsewhere, in id order.
     pub(super) replicas: Vec<Link>,
     pub(super) assemblies: Vec<Assembly>,
-    assemblies_stale: bool,
-    joints: BTreeMap<JointId, HeldJoint>,
+    pub(super) assemblies_stale: bool,
+    pub(super) joints: BTreeMap<JointId, HeldJoint>,
     /// Joints of bodies held here to bodies that are not, in id order.
-    waiting: BTreeMap<JointId, JointRecord>,
+    pub(super) waiting: BTreeMap<JointId, JointRecord>,
     /// Immovable bodies that touch this box are held here.
     covered: Bounds,
     watch: ContactWatch,
+    pub(super) guide: Guide,
+    quarantined: Vec<BodyId>,
+    /// Whether a body's mass is shared among the regions that hold it; else each copy has all of it.
+    pub(super) shares_mass: bool,
     pub(super) events: RegionEvents,
     /// One message a region of the world, by rank.
     pub(super) outbox: Vec<BorderMessage>,
@@ -143,6 +144,9 @@ impl Region {
             waiting: BTreeMap::new(),
             covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
             watch: ContactWatch::default(),
+            guide: Guide::default(),
+            quarantined: Vec::new(),
+            shares_mass: false,
             events: RegionEvents { region: id, ..RegionEvents::default() },
             outbox: regions
                 .iter()
@@ -236,6 +240,11 @@ impl Region {
         self.border.pace.next_of(self.rank)
     }
 
+    /// Copies that Rapier set aside in the last tick, as their numbers were not finite.
+    pub fn quarantined(&self) -> &[BodyId] {
+        &self.quarantined
+    }
+
     /// Has nothing to say in this round.
     pub(super) fn be_silent(&mut self) {
         self.outbox.iter_mut().for_each(BorderMessage::clear);
@@ -245,8 +254,46 @@ impl Region {
     pub(super) fn step(&mut self, dt_s: f32, iterations: usize) {
         self.world.integration_parameters.dt = dt_s;
         self.world.integration_parameters.num_solver_iterations = iterations;
+        let steps = self.steps();
+        if self.guide.is_first() {
+            self.quarantined.clear();
+        }
+        guide::guide(self, steps);
         self.world.step_with_events(&(), &self.watch);
-        self.watch.drain(self.anchor, &mut self.events);
+        let heard = self.events.forces.len();
+        self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
+        self.answer_for_forces(heard);
+        for handle in self.world.quarantine().bodies().to_vec() {
+            self.set_aside(handle);
+        }
+    }
+
+    /// Keeps the forces that this region answers for. Where each copy has all of the mass, that is the owner of the first
+    /// movable body; where masses are shared, all whose copies count.
+    fn answer_for_forces(&mut self, from: usize) {
+        let mut forces = std::mem::take(&mut self.events.forces);
+        let heard = forces.split_off(from);
+        let role = |id| self.handle_of(id).map_or(Role::Immovable, |handle| self.slot(handle).role);
+        let counts = |id| {
+            let shared = self.handle_of(id).and_then(|handle| self.slot(handle).shared.as_deref());
+            shared.is_none_or(|shared| !shared.shadows.contains(self.rank))
+        };
+        forces.extend(heard.into_iter().filter(|force| match role(force.key.a) {
+            _ if self.shares_mass => counts(force.key.a) && counts(force.key.b),
+            Role::Immovable => role(force.key.b) == Role::Owner,
+            role => role == Role::Owner,
+        }));
+        self.events.forces = forces;
+    }
+
+    /// Rapier has set a copy aside that was no longer finite. Where regions share the body, the others decide.
+    fn set_aside(&mut self, handle: RigidBodyHandle) {
+        let Some(slot) = self.slot_at(handle) else { return };
+        self.quarantined.push(slot.id);
+        match self.slot_mut(handle).shared.as_deref_mut() {
+            Some(shared) => shared.broken = true,
+            None => self.refresh(handle),
+        }
     }
 
     /// The body of this name, if it is held here.
@@ -282,10 +329,11 @@ impl Region {
         assert!(!self.by_id.contains_key(&body.id), "{} is already held by {}", body.id, self.id);
         let (rigid_body, colliders) = record::build(body, self.anchor, shapes)?;
         let handle = self.world.bodies.insert(rigid_body);
-        for (place, collider) in colliders.into_iter().enumerate() {
+        for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
             let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
-            self.watch.name(collider, body.id, place as u16);
+            self.watch.name(&mut self.world.colliders[collider], collider, (body.id, place as u16), record);
         }
+        self.guide.note(handle, body.traits.kind);
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
         let index = handle.into_raw_parts().0 as usize;
         if self.slots.len() <= index {
@@ -330,66 +378,13 @@ impl Region {
         }
         self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
         self.by_id.remove(&id);
+        self.watch.forget(id);
+        self.guide.forget(handle);
         self.fresh.retain(|link| link.handle != handle);
-        self.watch.forget(id, &mut self.events);
         self.world.remove_body(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;
         self.unlist(id);
         true
-    }
-
-    /// Ties two bodies, if the joint is not there yet: as soon as both are held here.
-    pub(super) fn insert_joint(&mut self, joint: &JointRecord) {
-        if self.joints.contains_key(&joint.id) {
-            return;
-        }
-        let (a, b) = match (self.handle_of(joint.a), self.handle_of(joint.b)) {
-            (Some(a), Some(b)) => (a, b),
-            (None, None) => return,
-            _ => {
-                self.waiting.insert(joint.id, joint.clone());
-                return;
-            }
-        };
-        self.waiting.remove(&joint.id);
-        // The set's own insertion lets sleepers sleep; the world's wakes them.
-        let handle = self.world.impulse_joints.insert(a, b, joints::joint_of(joint), false);
-        self.joints.insert(joint.id, HeldJoint { record: joint.clone(), handle });
-        for end in [a, b] {
-            self.slot_mut(end).joints.push(joint.id);
-        }
-        self.assemblies_stale = true;
-    }
-
-    /// Unties two bodies and wakes them.
-    pub(super) fn remove_joint(&mut self, id: JointId) {
-        self.waiting.remove(&id);
-        let Some(joint) = self.joints.remove(&id) else { return };
-        self.world.impulse_joints.remove(joint.handle, true);
-        for end in [joint.record.a, joint.record.b] {
-            if let Some(end) = self.handle_of(end) {
-                self.slot_mut(end).joints.retain(|&other| other != id);
-            }
-        }
-        self.assemblies_stale = true;
-    }
-
-    /// A joint held here, whole: with the impulses of the last step.
-    pub(super) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
-        let held = self.joints.get(&id)?;
-        let joint = self.world.impulse_joints.get(held.handle)?;
-        Some(joints::joint_record(id, held.record.a, held.record.b, &joint.data))
-    }
-
-    /// The bodies that a joint held here ties.
-    pub(super) fn joint_ends(&self, id: JointId) -> Option<(RigidBodyHandle, RigidBodyHandle)> {
-        let joint = &self.joints.get(&id)?.record;
-        Some((self.handle_of(joint.a)?, self.handle_of(joint.b)?))
-    }
-
-    /// Rapier's handle of a joint held here.
-    pub(super) fn joint_handle(&self, id: JointId) -> Option<ImpulseJointHandle> {
-        self.joints.get(&id).map(|held| held.handle)
     }
 
     /// A body held here, whole.
@@ -454,6 +449,7 @@ impl Region {
     pub(super) fn forget_holders(&mut self, steps: usize) {
         self.fresh.clear();
         self.border = Border::new(self.outbox.len(), steps);
+        self.guide.reset();
         for Link { id, handle } in self.links() {
             let kept = coupling::make_whole(self, handle);
             let slot = self.slot_mut(handle);
@@ -476,18 +472,16 @@ impl Region {
         handle: RigidBodyHandle,
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
-        coupling::whole(self, handle, |region| {
-            let result = change(&mut region.world.bodies[handle]);
-            region.refresh(handle);
-            result
-        })
+        coupling::whole(self, handle, change)
     }
 
-    fn refresh(&mut self, handle: RigidBodyHandle) {
+    /// Reads a body's traits anew.
+    pub(super) fn refresh(&mut self, handle: RigidBodyHandle) {
         self.due[handle.into_raw_parts().0 as usize] = 0;
         let old = &self.slot(handle).traits;
         let new = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
         if new != **old {
+            self.guide.note(handle, new.kind);
             self.slot_mut(handle).traits = Arc::new(new);
         }
     }
@@ -500,17 +494,24 @@ impl Region {
         change: impl FnOnce(&mut Collider) -> R,
     ) -> Option<R> {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
-        let collider = &mut self.world.colliders[collider];
-        let result = change(collider);
-        let slot = self.slots[handle.into_raw_parts().0 as usize].as_mut()?;
-        let new = record::renewed(&slot.traits.colliders[index], collider);
-        if new != slot.traits.colliders[index] {
-            Arc::make_mut(&mut slot.traits).colliders[index] = new;
-        }
-        // Its skin may reach farther than before.
-        slot.reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
-        self.due[handle.into_raw_parts().0 as usize] = 0;
-        Some(result)
+        Some(coupling::whole_colliders(self, handle, |region| {
+            let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
+            let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);
+            let old = &slot.traits.colliders[index];
+            let mass = own.mass_properties();
+            own.set_contact_force_event_threshold(old.force_event_threshold_n);
+            let result = change(own);
+            let new = record::renewed(old, own, own.mass_properties() != mass);
+            region.watch.name(own, collider, (slot.id, index as u16), &new);
+            if new != *old {
+                Arc::make_mut(&mut slot.traits).colliders[index] = new;
+            }
+            body.recompute_mass_properties_from_colliders(&region.world.colliders);
+            // Its skin may reach farther than before.
+            slot.reach_m = record::reach_of(body, &region.world.colliders);
+            region.due[handle.into_raw_parts().0 as usize] = 0;
+            result
+        }))
     }
 
     /// Whether immovable bodies that touch this box are held here already; if not, from now on they must be: returns the
@@ -572,13 +573,6 @@ impl Region {
                 self.slot_mut(handle).assembly = Some(index as u32);
             }
         }
-    }
-
-    /// The joints that a body hangs on, whole.
-    pub(super) fn joints_of(&self, handle: RigidBodyHandle) -> impl Iterator<Item = JointRecord> {
-        let slot = self.slot(handle);
-        let waiting = self.waiting.values().filter(|joint| joint.a == slot.id || joint.b == slot.id).cloned();
-        slot.joints.iter().filter_map(|&id| self.joint_record(id)).chain(waiting)
     }
 
     /// Puts a body on the list of its role.

@@ -7,7 +7,7 @@ use rapier3d::geometry::CollisionEventFlags;
 use rapier3d::prelude::*;
 
 use super::convert;
-use crate::protocol::{ContactForce, ContactKey, RegionEvents, Touch};
+use crate::protocol::{ColliderRecord, ContactForce, ContactKey, RegionEvents, Touch};
 use crate::space::BodyId;
 
 /// Rapier's event handler for one region.
@@ -15,9 +15,20 @@ use crate::space::BodyId;
 pub(super) struct ContactWatch {
     /// Only the stepping thread locks it; Rapier asks for a handler that can be shared.
     heard: Mutex<Heard>,
-    /// By Rapier's collider index: the body and the collider's place on it.
-    names: Vec<Option<(BodyId, u16)>>,
+    /// By Rapier's collider index.
+    names: Vec<Option<Name>>,
     touching: BTreeSet<ContactKey>,
+    /// Contacts whose bodies left the region since the last step.
+    lost: Vec<ContactKey>,
+}
+
+/// A collider.
+#[derive(Clone, Copy)]
+struct Name {
+    /// Its body, and its place on it.
+    of: (BodyId, u16),
+    /// Above what force it is to be told of, newtons; infinite for never.
+    threshold_n: f32,
 }
 
 #[derive(Default)]
@@ -42,28 +53,40 @@ struct RawForce {
 }
 
 impl ContactWatch {
-    /// A collider entered the region.
-    pub(super) fn name(&mut self, collider: ColliderHandle, body: BodyId, place: u16) {
-        let index = collider.into_raw_parts().0 as usize;
+    /// A collider entered the region, or was changed by its user. Rapier is to tell of any force from then on: whether it is
+    /// above the user's threshold shows when the shares of all regions and all micro-steps of a tick are added up.
+    pub(super) fn name(
+        &mut self,
+        collider: &mut Collider,
+        handle: ColliderHandle,
+        of: (BodyId, u16),
+        record: &ColliderRecord,
+    ) {
+        let index = handle.into_raw_parts().0 as usize;
         if self.names.len() <= index {
             self.names.resize(index + 1, None);
         }
-        self.names[index] = Some((body, place));
+        let tells = collider.active_events().contains(ActiveEvents::CONTACT_FORCE_EVENTS);
+        let threshold_n = if tells { record.force_event_threshold_n } else { f32::INFINITY };
+        collider.set_contact_force_event_threshold(record.force_event_threshold_n.min(0.0));
+        self.names[index] = Some(Name { of, threshold_n });
     }
 
     /// A body left the region: its contacts here cease. Rapier would say so a step later, when its handles may already
-    /// belong to another body.
-    pub(super) fn forget(&mut self, body: BodyId, events: &mut RegionEvents) {
+    /// belong to another body. It is told after the next step too, for by then the region that the body went to has seen
+    /// these contacts, and nobody hears that they ceased.
+    pub(super) fn forget(&mut self, body: BodyId) {
         let gone: Vec<_> =
             self.touching.iter().filter(|key| key.a == body || key.b == body).copied().collect();
         for key in gone {
             self.touching.remove(&key);
-            events.touches.push(end_of(key, false));
+            self.lost.push(key);
         }
     }
 
-    /// Names everything heard since the last call and appends it to `events`.
-    pub(super) fn drain(&mut self, anchor: [f64; 3], events: &mut RegionEvents) {
+    /// Names everything heard since the last call and appends it to `events`; forces count for this part of a tick.
+    pub(super) fn drain(&mut self, anchor: [f64; 3], part: f32, events: &mut RegionEvents) {
+        events.touches.extend(self.lost.drain(..).map(|key| end_of(key, false)));
         let heard = std::mem::take(self.heard.get_mut().expect("a region steps on one thread at a time"));
         for raw in heard.touches {
             let Some((key, swapped)) = self.key(raw.colliders) else { continue };
@@ -85,13 +108,27 @@ impl ContactWatch {
         for raw in heard.forces {
             let Some((key, swapped)) = self.key(raw.colliders) else { continue };
             let force = if swapped { -raw.force } else { raw.force };
-            events.forces.push(ContactForce { key, force_n: force.to_array(), magnitude_n: raw.magnitude });
+            events.forces.push(ContactForce {
+                key,
+                force_n: (force * part).to_array(),
+                magnitude_n: raw.magnitude * part,
+                threshold_n: raw
+                    .colliders
+                    .map(|collider| self.threshold_n(collider))
+                    .into_iter()
+                    .fold(f32::MAX, f32::min),
+            });
         }
+    }
+
+    fn threshold_n(&self, collider: ColliderHandle) -> f32 {
+        let name = self.names.get(collider.into_raw_parts().0 as usize).copied().flatten();
+        name.map_or(f32::INFINITY, |name| name.threshold_n)
     }
 
     fn key(&self, colliders: [ColliderHandle; 2]) -> Option<(ContactKey, bool)> {
         let name = |handle: ColliderHandle| *self.names.get(handle.into_raw_parts().0 as usize)?;
-        let (first, second) = (name(colliders[0])?, name(colliders[1])?);
+        let (first, second) = (name(colliders[0])?.of, name(colliders[1])?.of);
         let swapped = second < first;
         let (low, high) = if swapped { (second, first) } else { (first, second) };
         Some((ContactKey { a: low.0, b: high.0, collider_a: low.1, collider_b: high.1 }, swapped))

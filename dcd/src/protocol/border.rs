@@ -38,6 +38,8 @@ pub struct CopyState {
     pub torque_nm: [f32; 3],
     /// A hash of the bodies that press on this copy; 0 when none does.
     pub partners: u64,
+    /// Whether its numbers are finite; if not, they stand at zero and the copy does not count.
+    pub sound: bool,
     /// How many bodies of the copy's island the sender owns; [`BIG_ISLAND`] when it is too large to move.
     pub island: u16,
 }
@@ -188,7 +190,7 @@ pub struct Touch {
     pub speed: f32,
 }
 
-/// A contact pressed harder than a collider's threshold.
+/// A contact pressed harder than a collider's threshold; of one region, its share in that, whatever it is.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct ContactForce {
     /// Which.
@@ -197,6 +199,8 @@ pub struct ContactForce {
     pub force_n: [f32; 3],
     /// Sum of the magnitudes, newtons.
     pub magnitude_n: f32,
+    /// The lower of the colliders' thresholds, newtons.
+    pub threshold_n: f32,
 }
 
 /// What one region saw of contacts in one tick. A pair held by two regions is in both; whoever collects reports it once.

@@ -24,7 +24,8 @@ pub struct ContactLedger {
 }
 
 impl ContactLedger {
-    /// Merges what the regions saw in one tick; give them in region order. `out` is overwritten.
+    /// Merges what the regions saw in one tick; give them in region order. `out` is overwritten. Forces on a pair add up, over
+    /// the regions that hold it and the micro-steps of the tick.
     pub fn merge<'a>(&mut self, regions: impl IntoIterator<Item = &'a RegionEvents>, out: &mut WorldEvents) {
         out.touches.clear();
         out.forces.clear();
@@ -61,9 +62,16 @@ impl ContactLedger {
                 out.touches.extend(change.ended);
             }
         }
-        // Several regions see the same force; the first region's word is as good as the others'.
         out.forces.sort_by_key(|force| force.key);
-        out.forces.dedup_by_key(|force| force.key);
+        out.forces.dedup_by(|other, sum| {
+            let same = other.key == sum.key;
+            if same {
+                sum.force_n = std::array::from_fn(|i| sum.force_n[i] + other.force_n[i]);
+                sum.magnitude_n += other.magnitude_n;
+            }
+            same
+        });
+        out.forces.retain(|force| force.magnitude_n > force.threshold_n);
     }
 
     /// Forgets the contacts of a body that is no longer in the world.
@@ -106,6 +114,23 @@ mod tests {
         assert_eq!(merged(&mut ledger, &[seen(1, &[true]), seen(2, &[true])]), [true]);
         assert_eq!(merged(&mut ledger, &[seen(1, &[false])]), [] as [bool; 0]);
         assert_eq!(merged(&mut ledger, &[seen(2, &[false])]), [false]);
+    }
+
+    #[test]
+    fn forces_on_a_pair_add_up_and_are_told_above_its_threshold() {
+        let force = |magnitude_n| ContactForce {
+            key: touch(true).key,
+            force_n: [0.0, magnitude_n, 0.0],
+            magnitude_n,
+            threshold_n: 10.0,
+        };
+        let of = |region, forces| RegionEvents { forces, ..seen(region, &[]) };
+        let mut out = WorldEvents::default();
+        let mut ledger = ContactLedger::default();
+        ledger.merge(&[of(1, vec![force(3.0), force(4.0)]), of(2, vec![force(5.0)])], &mut out);
+        assert_eq!((out.forces.len(), out.forces[0].magnitude_n, out.forces[0].force_n[1]), (1, 12.0, 12.0));
+        ledger.merge(&[of(1, vec![force(3.0)]), of(2, vec![force(7.0)])], &mut out);
+        assert!(out.forces.is_empty(), "10 N are not above 10 N");
     }
 
     #[test]

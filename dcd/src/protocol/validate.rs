@@ -295,7 +295,7 @@ impl Check for Touch {
 impl Check for ContactForce {
     fn check(&self) -> Result<(), Invalid> {
         finite(&self.force_n, "force.force_n")?;
-        finite(&[self.magnitude_n], "force.magnitude_n")
+        finite(&[self.magnitude_n, self.threshold_n], "force.magnitude_n")
     }
 }
 

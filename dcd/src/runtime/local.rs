@@ -137,7 +137,7 @@ pub struct Stats {
     pub transfers: u64,
     /// Wall time of the last step.
     pub last_step: Duration,
-    /// Copies that Rapier set aside because their state was not finite.
+    /// Copies that Rapier set aside in the last step because their state was not finite.
     pub quarantined: usize,
     /// Exchanges of the last tick, the most of any border; 0 in a world of one region.
     pub exchanges: usize,
@@ -295,6 +295,12 @@ impl DcdWorld {
         if self.host.update_joint(joint, change) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
+    /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
+    /// about them.
+    pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
+        self.host.joint_load(joint)
+    }
+
     /// Advances the world by one tick.
     pub fn step(&mut self) -> Result<(), WorldError> {
         let start = Instant::now();
@@ -310,19 +316,14 @@ impl DcdWorld {
         self.host.tick()
     }
 
-    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space, and where
-    /// regions share the body it has its share of the mass: see [`DcdWorld::mass_kg`].
+    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space. Where regions
+    /// share the body, the copy has a share of its mass and of the forces on it: [`DcdWorld::mass_kg`] has the whole mass,
+    /// and [`DcdWorld::update`] shows the body whole.
     pub fn body(&self, body: BodyId) -> Option<&RigidBody> {
         if let Some((region, handle)) = self.host.owned(body) {
             return region.physics().bodies.get(handle);
         }
         self.host.regions().iter().find_map(|region| region.physics().bodies.get(region.handle_of(body)?))
-    }
-
-    /// The mass of a whole body, however many regions share it; 0 for a fixed one.
-    pub fn mass_kg(&self, body: BodyId) -> Option<f32> {
-        let share = self.host.owned(body).map_or(1, |(region, handle)| region.share_of(handle));
-        self.body(body).map(|body| if body.is_fixed() { 0.0 } else { body.mass() * share as f32 })
     }
 
     /// Where a body is, in world space.
@@ -331,6 +332,11 @@ impl DcdWorld {
             Some((region, handle)) => Some(region.world_pose(handle)),
             None => self.host.immovable(body).map(|record| record.state.pose),
         }
+    }
+
+    /// The mass of a body in kilograms, whole even where several regions share it.
+    pub fn mass_kg(&self, body: BodyId) -> Option<f32> {
+        self.host.mass_kg(body)
     }
 
     /// How a body moves; zero for an immovable one.
@@ -389,6 +395,12 @@ impl DcdWorld {
     /// Puts a body elsewhere at once.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
         if self.host.teleport(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
+    }
+
+    /// Sends a position-based kinematic body to a pose, where it is at the end of the next tick: what it touches feels the
+    /// speed that this takes. Other bodies do not heed it.
+    pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
+        if self.host.send_to(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
     /// Sets a body's velocity and wakes it.
@@ -452,12 +464,7 @@ impl DcdWorld {
             replicas: self.host.regions().iter().map(Region::replica_count).sum(),
             transfers: self.host.transfers(),
             last_step: self.last_step,
-            quarantined: self
-                .host
-                .regions()
-                .iter()
-                .map(|region| region.physics().quarantine().bodies().len())
-                .sum(),
+            quarantined: self.host.regions().iter().map(|region| region.quarantined().len()).sum(),
             exchanges: self.host.exchanges_done(),
             disagreement_m_s: self.host.disagreement_m_s(),
         }

@@ -60,13 +60,21 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
         }
         return 0.0;
     }
-    let own = counts.then_some((own_rank, shared.own));
+    let own = (counts && !shared.broken).then_some((own_rank, shared.own));
     let at = shared.heard.partition_point(|(rank, _)| *rank < own_rank);
     let (before, after) = shared.heard.split_at(at);
-    let copies = || before.iter().chain(own.iter()).chain(after).map(|(_, copy)| copy);
+    let copies =
+        || before.iter().chain(own.iter()).chain(after).map(|(_, copy)| copy).filter(|copy| copy.sound);
+    if copies().next().is_none() {
+        share::set_aside(region, link.handle, shared);
+        return 0.0;
+    }
     let (pose, velocity) = mean(copies);
     let count = copies().count() as f32;
     let alike = copies().all(|copy| copy.partners == shared.own.partners);
+    if std::mem::take(&mut shared.broken) {
+        region.world_mut().bodies[link.handle].set_enabled(true);
+    }
     if alike || !counts {
         (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
     } else {

@@ -257,7 +257,8 @@ fn decide_on(
         owner = wish.owner;
         if shadows.contains(owner) {
             shadows.remove(owner);
-            if counts == own {
+            // What a joint ties to another body must not go there alone: the joint would be lost.
+            if counts == own && region.slot(link.handle).joints.is_empty() {
                 members = RegionSet::only(owner);
             }
         }

@@ -23,7 +23,7 @@ mod sight;
 
 pub(super) use halo::Change;
 use serde::{Deserialize, Serialize};
-pub(super) use share::{Shared, make_whole, whole};
+pub(super) use share::{Shared, make_whole, whole, whole_colliders};
 
 use super::host::StepSettings;
 use super::partition::Partition;

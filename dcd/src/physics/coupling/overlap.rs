@@ -84,7 +84,8 @@ fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
     let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { return };
     let asleep = region.physics().bodies[link.handle].is_sleeping();
     let told = region.slot(link.handle).told_asleep;
-    if !shared.shadows.contains(region.rank()) && !(asleep && told) {
+    let follows = shared.shadows.contains(region.rank());
+    if !(follows || asleep && told) {
         let island = region.border.islands.size(link.handle);
         share::read(region, link.handle, &mut shared, island);
         region.slot_mut(link.handle).told_asleep = asleep;

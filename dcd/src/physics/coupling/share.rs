@@ -1,6 +1,7 @@
 //! A body that lives in several regions: each copy has its share of the mass, and is pressed by its share of the user's
 //! force and by what evens out the edges of the overlap.
 
+use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
 
 use crate::physics::convert;
@@ -18,6 +19,8 @@ pub(in crate::physics) struct Shared {
     pub shadows: RegionSet,
     /// By how many its mass is divided: the members that count.
     pub parts: usize,
+    /// Rapier has set the copy here aside, as its numbers were no longer finite: the others' mean restores it.
+    pub broken: bool,
     /// What the user presses on the whole body.
     pub user_force: Vector,
     pub user_torque: Vector,
@@ -94,6 +97,10 @@ fn press(region: &mut Region, handle: RigidBodyHandle, shared: &Shared) {
 /// Reads the copy after a step: its state, and what contacts and joints pressed on it since the last exchange.
 pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared, island: u16) {
     let (slot, body) = (region.slot(handle), &region.physics().bodies[handle]);
+    if shared.broken {
+        shared.own = CopyState { id: slot.id, island, ..CopyState::default() };
+        return;
+    }
     let (force, torque) = strain(body, region.physics().gravity, shared);
     shared.own = CopyState {
         id: slot.id,
@@ -102,9 +109,16 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared
         sleeping: body.is_sleeping(),
         force_n: force.to_array(),
         torque_nm: torque.to_array(),
+        sound: true,
         partners: if body.is_dynamic() { partners(region, handle) } else { 0 },
         island,
     };
+}
+
+/// Rapier has set every copy aside: so is the body, until its user enables it.
+pub(super) fn set_aside(region: &mut Region, handle: RigidBodyHandle, shared: &mut Shared) {
+    (shared.user_force, shared.user_torque) = (Vector::ZERO, Vector::ZERO);
+    region.refresh(handle);
 }
 
 /// Force and torque of contacts and joints: what moved the copy besides gravity and what we pressed on it.
@@ -200,6 +214,9 @@ pub(super) fn set_members(
     let own = RegionSet::only(region.rank());
     region.set_holders(handle, members.without(own));
     region.slot_mut(handle).shared = (!alone).then_some(shared);
+    for joint in region.slot(handle).joints.clone() {
+        region.share_joint(joint);
+    }
 }
 
 /// Undoes all sharing of a body. Returns which other regions held it.
@@ -224,30 +241,99 @@ pub(super) fn begin(region: &mut Region, handle: RigidBodyHandle) {
     shared.heard.clear();
 }
 
-/// Lets a user see and change the body whole: with all of its mass and none but the user's forces.
+/// Lets a user see and change the body whole: with all of its mass and none but the user's forces. Reads its traits anew.
 pub(in crate::physics) fn whole<R>(
+    region: &mut Region,
+    handle: RigidBodyHandle,
+    change: impl FnOnce(&mut RigidBody) -> R,
+) -> R {
+    let Some(mut shared) = region.slot_mut(handle).shared.take() else {
+        let result = change(&mut region.world_mut().bodies[handle]);
+        region.refresh(handle);
+        return result;
+    };
+    let parts = shared.parts;
+    let before = lift(region, handle, &mut shared);
+    // To change colliders would wake the body, which its user may only look at, or have put to sleep. So all of the mass
+    // stands in for what the body has besides its colliders.
+    let all = all_of(region.physics().bodies[handle].mass_properties().local_mprops, parts);
+    let body = &mut region.world_mut().bodies[handle];
+    if parts > 1 {
+        body.set_additional_mass_properties(all, false);
+        body.recompute_mass_properties_from_colliders(&ColliderSet::new());
+    }
+    let result = change(body);
+    let stood_in = RigidBodyAdditionalMassProps::MassProps(all);
+    if parts > 1 && body.mass_properties().additional_local_mprops.as_deref() == Some(&stood_in) {
+        let traits = region.slot(handle).traits.clone();
+        divide_extra(&mut region.world_mut().bodies[handle], &traits, 1.0);
+    }
+    region.refresh(handle);
+    shared.parts = parts_of(region, handle, &shared);
+    if shared.parts == parts {
+        let traits = region.slot(handle).traits.clone();
+        let PhysicsWorld { bodies, colliders, .. } = region.world_mut();
+        divide_extra(&mut bodies[handle], &traits, 1.0 / parts as f32);
+        bodies[handle].recompute_mass_properties_from_colliders(colliders);
+    } else {
+        divide(region, handle, shared.parts);
+    }
+    lower(region, handle, shared, before);
+    result
+}
+
+/// The same for its colliders, which have all of their mass meanwhile.
+pub(in crate::physics) fn whole_colliders<R>(
     region: &mut Region,
     handle: RigidBodyHandle,
     change: impl FnOnce(&mut Region) -> R,
 ) -> R {
     let Some(mut shared) = region.slot_mut(handle).shared.take() else { return change(region) };
-    let (push, twist) = (shared.push, shared.twist);
-    (shared.parts, shared.push, shared.twist) = (1, Vector::ZERO, Vector::ZERO);
+    let before = lift(region, handle, &mut shared);
     divide(region, handle, 1);
-    press(region, handle, &shared);
     let result = change(region);
+    shared.parts = parts_of(region, handle, &shared);
+    divide(region, handle, shared.parts);
+    lower(region, handle, shared, before);
+    result
+}
+
+/// Takes away what evens out the edges, and returns it.
+fn lift(region: &mut Region, handle: RigidBodyHandle, shared: &mut Shared) -> (Vector, Vector) {
+    let before = (shared.push, shared.twist);
+    (shared.parts, shared.push, shared.twist) = (1, Vector::ZERO, Vector::ZERO);
+    press(region, handle, shared);
+    before
+}
+
+/// Undoes [`lift`], with the forces that the user left.
+fn lower(region: &mut Region, handle: RigidBodyHandle, mut shared: Box<Shared>, before: (Vector, Vector)) {
     let body = &region.physics().bodies[handle];
     (shared.user_force, shared.user_torque) = (body.user_force(), body.user_torque());
-    let counting = shared.members.without(shared.shadows).len();
-    let dynamic = region.slot(handle).traits.kind == BodyKind::Dynamic;
-    shared.parts = if dynamic { counting.max(1) } else { 1 };
-    (shared.push, shared.twist) = (push, twist);
+    (shared.push, shared.twist) = before;
     // What the user did is no contact's doing.
-    shared.start = None;
-    divide(region, handle, shared.parts);
+    (shared.start, shared.broken) = (None, false);
     press(region, handle, &shared);
     region.slot_mut(handle).shared = Some(shared);
-    result
+}
+
+/// By how many the mass of a body is to be divided; a newcomer's copy is whole until the members are told.
+fn parts_of(region: &Region, handle: RigidBodyHandle, shared: &Shared) -> usize {
+    if region.slot(handle).traits.kind == BodyKind::Dynamic {
+        shared.members.without(shared.shadows).len().max(1)
+    } else {
+        1
+    }
+}
+
+/// The mass of so many equal parts.
+fn all_of(part: MassProperties, parts: usize) -> MassProperties {
+    let parts = parts as f32;
+    MassProperties {
+        inv_mass: part.inv_mass / parts,
+        inv_principal_inertia: part.inv_principal_inertia / parts,
+        ..part
+    }
 }
 
 /// Gives every source of the body's mass its share.
@@ -270,7 +356,7 @@ fn divide(region: &mut Region, handle: RigidBodyHandle, parts: usize) {
 
 fn divide_extra(body: &mut RigidBody, traits: &BodyTraits, share: f32) {
     match &traits.extra_mass {
-        None => {}
+        None => body.set_additional_mass_properties(MassProperties::default(), false),
         Some(ExtraMass::Mass(mass)) => body.set_additional_mass(mass * share, false),
         Some(ExtraMass::Properties(props)) => {
             body.set_additional_mass_properties(shared_properties(props, share), false);

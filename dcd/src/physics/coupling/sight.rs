@@ -254,6 +254,7 @@ fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
 pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>) {
     let own = RegionSet::only(region.rank());
     let mut extent: Option<Bounds> = None;
+    let fast: Vec<_> = sights.seen.iter().map(|sight| fast_bounds(sight, sights.tick_s)).collect();
     for near in &sights.near {
         let bounds = near.swept;
         if !region.cell().contains_box(&bounds) {
@@ -267,7 +268,14 @@ pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>)
         }
         let slot = region.slot(near.link.handle);
         let dynamic = slot.traits.kind == BodyKind::Dynamic;
-        let known = if near.velocity.length() > SLOW_M_S { RegionSet::EMPTY } else { slot.holders };
+        // What is fast meets what is slow before they touch: then both must be shown.
+        let meets = |rank: &usize| fast[*rank].is_some_and(|fast| fast.touches(&near.swept));
+        let known = if near.velocity.length() > SLOW_M_S {
+            RegionSet::EMPTY
+        } else {
+            let met = slot.holders.iter().filter(meets).map(RegionSet::only);
+            slot.holders.without(met.fold(RegionSet::EMPTY, RegionSet::union))
+        };
         for rank in viewers.without(known).without(own).iter() {
             sights.lists[rank].push(Sighting {
                 id: near.link.id,
@@ -289,6 +297,13 @@ pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>)
         }
         list.clear();
     }
+}
+
+/// A box around all that another region's fast bodies may reach in the ticks to come.
+fn fast_bounds(sight: &Sight, tick_s: f32) -> Option<Bounds> {
+    let ahead_s = f64::from(AHEAD_TICKS * tick_s);
+    let fast = sight.bodies.iter().filter(|body| Vector::from_array(body.velocity).length() > SLOW_M_S);
+    fast.map(|body| swept(&body.bounds, body.velocity, ahead_s)).reduce(|all, bounds| all.union(&bounds))
 }
 
 /// Every pair of boxes that will overlap within a time, and after how many seconds: by sweeping along the axis on which the

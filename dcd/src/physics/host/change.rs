@@ -4,7 +4,7 @@ use rapier3d::prelude::*;
 
 use super::{HostError, RegionHost};
 use crate::physics::convert;
-use crate::physics::region::Role;
+use crate::physics::region::{Region, Role};
 use crate::protocol::{BodyRecord, WorldPose};
 use crate::space::{BodyId, JointId};
 
@@ -54,13 +54,42 @@ impl RegionHost {
     pub fn update_joint(&mut self, id: JointId, mut change: impl FnMut(&mut GenericJoint)) -> bool {
         let mut found = false;
         for region in &mut self.regions {
-            let Some(handle) = region.joint_handle(id) else { continue };
-            if let Some(joint) = region.world_mut().impulse_joints.get_mut(handle, true) {
-                change(&mut joint.data);
-                found = true;
-            }
+            found |= region.change_joint(id, &mut change);
         }
         found
+    }
+
+    /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
+    /// about them. Summed over the regions here that hold it.
+    pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
+        let loads = self.regions.iter().filter_map(|region| region.joint_load(id));
+        loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
+    }
+
+    /// Sends a position-based kinematic body to a pose, where it is at the end of the next tick. Returns whether any region
+    /// here holds it.
+    pub fn send_to(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
+        if !pose.is_valid() {
+            return Err(HostError::NotFinite(id));
+        }
+        let mut held = false;
+        for region in &mut self.regions {
+            if let Some(handle) = region.handle_of(id) {
+                let pose = convert::region_from_world(region.anchor(), &pose);
+                region.change(handle, |body| body.set_next_kinematic_position(pose));
+                held = true;
+            }
+        }
+        Ok(held)
+    }
+
+    /// The mass of a movable body held here, in kilograms, whole even where it is shared.
+    pub fn mass_kg(&self, id: BodyId) -> Option<f32> {
+        let of = |region: &Region, handle: RigidBodyHandle| {
+            region.physics().bodies[handle].mass() * region.share_of(handle) as f32
+        };
+        let here = || self.regions.iter().find_map(|region| Some(of(region, region.handle_of(id)?)));
+        self.owned(id).map(|(region, handle)| of(region, handle)).or_else(here)
     }
 
     /// Puts a body elsewhere, in every copy; one that comes to lie in other regions is placed anew.
@@ -99,5 +128,63 @@ impl RegionHost {
             }
         }
         held
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::{Coupling, Partition, StepSettings};
+    use crate::space::{Axis, Bounds, DistributionTree};
+
+    /// Two boxes of 1 kg that touch over the border of two regions, on a floor.
+    fn pair() -> RegionHost {
+        let bounds = Bounds::around([0.0; 3], [20.0; 3]);
+        let tree = DistributionTree::cut_by(bounds, &[(Axis::X, 0.0)]).unwrap();
+        let partition = Partition::new(tree, None);
+        let leaves = partition.leaves().to_vec();
+        let settings =
+            StepSettings { island_limit: 0, ..StepSettings::default().with_coupling(Coupling::Overlap) };
+        let mut host = RegionHost::new(partition, settings, 1, &leaves).unwrap();
+        let boxes = [(0, RigidBodyBuilder::fixed(), -0.5), (1, RigidBodyBuilder::dynamic(), 0.5)];
+        let boxes = boxes.into_iter().chain([(2, RigidBodyBuilder::dynamic(), 0.5)]);
+        let records = boxes.map(|(id, body, y)| {
+            let half = if id == 0 { 10.0 } else { 0.5 };
+            let collider = ColliderBuilder::cuboid(half, 0.5, half);
+            let x = [0.0, -0.5, 0.5][id as usize];
+            let pose = WorldPose::at([x, y, 0.0]);
+            host.shapes_mut()
+                .describe(BodyId::persistent(id), pose, &body.can_sleep(false), &[collider])
+                .unwrap()
+        });
+        let records = records.collect();
+        host.insert(records, &[]).unwrap();
+        for _ in 0..20 {
+            host.step().unwrap();
+        }
+        host
+    }
+
+    #[test]
+    fn a_copy_that_is_not_finite_is_restored_from_the_others() {
+        let mut host = pair();
+        let id = BodyId::persistent(1);
+        let handle = host.regions[0].handle_of(id).unwrap();
+        assert_eq!(host.regions[0].share_of(handle), 2);
+        host.regions[0].world_mut().bodies[handle].set_linvel(Vector::splat(f32::NAN), true);
+        host.step().unwrap();
+        assert_eq!(host.regions[0].quarantined(), [id]);
+        for _ in 0..60 {
+            host.step().unwrap();
+        }
+        for region in host.regions() {
+            let body = &region.physics().bodies[region.handle_of(id).unwrap()];
+            assert!(body.is_enabled() && region.quarantined().is_empty());
+            assert!(
+                (body.translation() - Vector::new(-0.5, 0.5, 0.0)).length() < 0.01,
+                "{}",
+                body.translation()
+            );
+        }
     }
 }

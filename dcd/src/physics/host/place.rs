@@ -23,7 +23,8 @@ impl RegionHost {
         let cell = *self.partition.cell(rank);
         let StepSettings { gravity, coupling, exchanges, .. } = self.settings;
         let steps = coupling.first_steps(exchanges);
-        let region = Region::new(id, rank, cell, &part, gravity, self.partition.leaves(), steps);
+        let mut region = Region::new(id, rank, cell, &part, gravity, self.partition.leaves(), steps);
+        region.shares_mass = coupling.shares_mass();
         let place = self.regions.partition_point(|other| other.rank() < rank);
         self.regions.insert(place, region);
         self.index();
@@ -155,7 +156,7 @@ impl RegionHost {
     pub fn remove_joint(&mut self, id: JointId) -> bool {
         let mut held = false;
         for region in &mut self.regions {
-            held |= region.joint_handle(id).is_some();
+            held |= region.has_joint(id);
             region.remove_joint(id);
         }
         held

@@ -1,0 +1,75 @@
+//! Kinematic bodies that go where their user says: by the end of the tick, however many micro-steps it has. Rapier would
+//! be there after the first and stand still in the others, so what they touch would feel a multiple of their speed.
+
+use rapier3d::prelude::*;
+
+use super::region::Region;
+use crate::protocol::BodyKind;
+
+/// What is on its way, and how many micro-steps of the tick are done.
+#[derive(Debug, Default)]
+pub(super) struct Guide {
+    /// In the order of insertion into the region.
+    bodies: Vec<RigidBodyHandle>,
+    targets: Vec<(RigidBodyHandle, Pose)>,
+    done: usize,
+}
+
+impl Guide {
+    /// A body is of this kind from now on.
+    pub(super) fn note(&mut self, handle: RigidBodyHandle, kind: BodyKind) {
+        self.forget(handle);
+        if kind == BodyKind::KinematicPosition {
+            self.bodies.push(handle);
+        }
+    }
+
+    /// A body is here no more.
+    pub(super) fn forget(&mut self, handle: RigidBodyHandle) {
+        self.bodies.retain(|&other| other != handle);
+        self.targets.retain(|(other, _)| *other != handle);
+    }
+
+    /// Whether the micro-step to come is the first of its tick.
+    pub(super) fn is_first(&self) -> bool {
+        self.done == 0
+    }
+
+    /// The tick under way is given up.
+    pub(super) fn reset(&mut self) {
+        (self.done, self.targets) = (0, Vec::new());
+    }
+}
+
+/// Before a micro-step of a tick that has so many.
+pub(super) fn guide(region: &mut Region, steps: usize) {
+    let mut guide = std::mem::take(&mut region.guide);
+    let bodies = &mut region.world_mut().bodies;
+    if guide.done == 0 {
+        guide.targets.clear();
+        let bodies = guide.bodies.iter().filter_map(|&handle| Some((handle, bodies.get(handle)?)));
+        let going = bodies.filter(|(_, body)| body.next_position() != body.position());
+        guide.targets.extend(going.map(|(handle, body)| (handle, *body.next_position())));
+    }
+    let left = steps.saturating_sub(guide.done).max(1);
+    if steps > 1 {
+        for (handle, target) in &guide.targets {
+            if let Some(body) = bodies.get_mut(*handle) {
+                body.set_next_kinematic_position(part_of_way(body, target, left));
+            }
+        }
+    }
+    guide.done = if left == 1 { 0 } else { guide.done + 1 };
+    region.guide = guide;
+}
+
+/// One of so many equal parts of the way: the centre of mass in a straight line, as Rapier takes it.
+fn part_of_way(body: &RigidBody, target: &Pose, parts: usize) -> Pose {
+    if parts == 1 {
+        return *target;
+    }
+    let (from, centre, t) = (body.position(), body.local_center_of_mass(), 1.0 / parts as f32);
+    let (start, end) = (*from * centre, *target * centre);
+    let rotation = from.rotation.slerp(target.rotation, t);
+    Pose::from_parts(start + (end - start) * t - rotation * centre, rotation)
+}

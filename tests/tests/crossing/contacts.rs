@@ -1,0 +1,155 @@
+//! What is told of contacts: of each once, and with the force of one world.
+
+use dcd::protocol::ContactForce;
+
+use super::*;
+
+fn touches(world: &mut DcdWorld, count: usize) -> Vec<(u64, BodyId, BodyId, bool)> {
+    let mut all = Vec::new();
+    for _ in 0..count {
+        steps(world, 1);
+        let tick = world.tick().0;
+        all.extend(world.events().touches.iter().map(|touch| (tick, touch.key.a, touch.key.b, touch.began)));
+    }
+    all
+}
+
+fn forces(world: &mut DcdWorld, count: usize) -> Vec<(u64, ContactForce)> {
+    let mut all = Vec::new();
+    for _ in 0..count {
+        steps(world, 1);
+        let tick = world.tick().0;
+        all.extend(world.events().forces.iter().map(|force| (tick, *force)));
+    }
+    all
+}
+
+#[test]
+fn contacts_of_a_sliding_box_begin_and_cease_once_while_it_crosses() {
+    for coupling in SHARING {
+        for exchanges in [1, 2, 4] {
+            let mut config = halves(coupling);
+            config.step.exchanges = exchanges;
+            let mut world = DcdWorld::new(config).unwrap();
+            insert_floor(&mut world);
+            let below = ColliderBuilder::cuboid(3.0, 0.5, 1.0).friction(0.2);
+            let below = world.insert(body_at(0.0, 0.5, 0.0).additional_mass(50.0), below).unwrap();
+            let body = body_at(-2.0, 1.5, 0.0).linvel(Vector::new(3.0, 0.0, 0.0));
+            let smooth = cube().friction(0.0).friction_combine_rule(CoefficientCombineRule::Min);
+            let watched = smooth.active_events(ActiveEvents::COLLISION_EVENTS);
+            let slider = world.insert(body, watched).unwrap();
+            let mut seen = touches(&mut world, 240);
+            seen.retain(|touch| touch.1 == below);
+            let what = format!("{} {exchanges}: {seen:?} {:?}", coupling.name(), at(&world, slider));
+            assert_eq!(seen.iter().map(|touch| touch.3).collect::<Vec<_>>(), [true, false], "{what}");
+        }
+    }
+}
+
+#[test]
+fn a_sensor_across_a_border_is_entered_and_left_once() {
+    let watched = ActiveEvents::COLLISION_EVENTS;
+    for coupling in SHARING {
+        for (fixed, speed) in [(true, 2.0), (false, 2.0), (true, 30.0)] {
+            let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+            let holder =
+                if fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::kinematic_velocity_based() };
+            let zone = ColliderBuilder::cuboid(2.0, 2.0, 2.0).sensor(true).active_events(watched);
+            let zone = world.insert(holder, zone).unwrap();
+            let body = body_at(-4.0, 0.0, 0.0).linvel(Vector::new(speed, 0.0, 0.0));
+            let ball = world.insert(body, ColliderBuilder::ball(0.25)).unwrap();
+            let seen = touches(&mut world, (10.0 / speed * 60.0) as usize);
+            let what = format!("{} {fixed} {speed}: {seen:?}", coupling.name());
+            assert_eq!(seen.iter().map(|touch| touch.3).collect::<Vec<_>>(), [true, false], "{what}");
+            assert!(seen.iter().all(|touch| (touch.1, touch.2) == (zone, ball)), "{what}");
+            let inside_s = (seen[1].0 - seen[0].0) as f32 / 60.0;
+            assert!((inside_s - 4.5 / speed).abs() < 3.0 / 60.0, "{what}");
+            assert_ne!(world.owner_of(ball), Some(world.regions()[0].id()));
+        }
+    }
+}
+
+#[test]
+fn a_removed_body_ends_its_contacts_in_the_next_tick() {
+    let mut world = DcdWorld::new(halves(Coupling::Overlap)).unwrap();
+    insert_floor(&mut world);
+    let watched = cube().active_events(ActiveEvents::COLLISION_EVENTS);
+    let left = world.insert(body_at(-0.5, 0.5, 0.0), watched.clone()).unwrap();
+    let right = world.insert(body_at(0.5, 0.5, 0.0), watched).unwrap();
+    steps(&mut world, 30);
+    assert_eq!(parts(&world, left), 2);
+    world.remove(right).unwrap();
+    let seen = touches(&mut world, 3);
+    let ends: Vec<_> = seen.iter().filter(|touch| touch.1 == right || touch.2 == right).collect();
+    assert!(ends.len() == 2 && ends.iter().all(|touch| touch.0 == 31 && !touch.3), "{seen:?}");
+}
+
+/// Boxes of 1 kg stacked over a border, which tell of forces above a threshold.
+fn stack(config: WorldConfig, threshold_n: f32) -> (DcdWorld, BodyId, Vec<BodyId>) {
+    let mut world = DcdWorld::new(config).unwrap();
+    let floor = insert_floor(&mut world);
+    let told = || {
+        cube().active_events(ActiveEvents::CONTACT_FORCE_EVENTS).contact_force_event_threshold(threshold_n)
+    };
+    let boxes =
+        (0..4).map(|i| world.insert(body_at(0.0, 0.5 + i as f32, 0.0).can_sleep(false), told()).unwrap());
+    let boxes = boxes.collect();
+    (world, floor, boxes)
+}
+
+#[test]
+fn forces_on_a_shared_pair_add_up_to_those_of_one_world() {
+    for coupling in SHARING {
+        for exchanges in [1, 2, 4] {
+            let mut config = cut(coupling, &[(Axis::Y, 2.0)]);
+            config.step.exchanges = exchanges;
+            let (mut world, floor, boxes) = stack(config, 0.0);
+            steps(&mut world, 120);
+            let told = forces(&mut world, 30);
+            for i in 0..4 {
+                let below = if i == 0 { floor } else { boxes[i - 1] };
+                let on: Vec<_> = told
+                    .iter()
+                    .filter(|(_, force)| (force.key.a, force.key.b) == (below, boxes[i]))
+                    .collect();
+                let what = format!("{} {exchanges}, box {i}", coupling.name());
+                assert_eq!(on.len(), 30, "{what}: once a tick");
+                let mean = on.iter().map(|(_, force)| force.force_n[1]).sum::<f32>() / 30.0;
+                let weight = 9.81 * (4 - i) as f32;
+                assert!((mean - weight).abs() < 0.02 * weight + 0.1, "{what}: {mean} N of {weight} N");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_force_is_told_when_all_shares_together_are_above_the_threshold() {
+    for coupling in SHARING {
+        let mut config = cut(coupling, &[(Axis::Y, 2.0)]);
+        config.step.exchanges = 2;
+        // 9.81, 19.62, 29.43 and 39.24 N press on the boxes.
+        for (threshold_n, pairs) in [(15.0, 3), (25.0, 2), (35.0, 1), (45.0, 0)] {
+            let (mut world, ..) = stack(config.clone(), threshold_n);
+            steps(&mut world, 120);
+            let told = forces(&mut world, 20);
+            assert_eq!(told.len(), pairs * 20, "{} above {threshold_n} N", coupling.name());
+            assert!(told.iter().all(|(_, force)| force.threshold_n == threshold_n));
+        }
+    }
+}
+
+#[test]
+fn owner_and_proxy_tell_each_force_once() {
+    for coupling in [Coupling::Owner, Coupling::Proxy] {
+        let (mut world, floor, boxes) = stack(cut(coupling, &[(Axis::Y, 2.0)]), 1.0);
+        for (tick, force) in forces(&mut world, 60) {
+            assert!(force.key.a == floor || boxes.contains(&force.key.a), "{tick}");
+        }
+        let mut keys: Vec<_> = world.events().forces.iter().map(|force| force.key).collect();
+        let all = keys.len();
+        keys.dedup();
+        assert!(keys.len() == all && all > 0, "{}", coupling.name());
+        let ground = world.events().forces.iter().find(|force| force.key.a == floor).unwrap().magnitude_n;
+        assert!(ground < 60.0, "{}: {ground} N of 39.24 N", coupling.name());
+    }
+}

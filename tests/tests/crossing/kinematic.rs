@@ -1,0 +1,89 @@
+//! Kinematic bodies at borders.
+
+use dcd::protocol::WorldPose;
+
+use super::*;
+
+#[test]
+fn a_body_sent_to_a_pose_moves_at_one_speed_through_all_micro_steps() {
+    for exchanges in [1, 2, 4] {
+        let mut config = halves(Coupling::Overlap);
+        config.step.exchanges = exchanges;
+        let mut world = DcdWorld::new(config).unwrap();
+        let pusher = RigidBodyBuilder::kinematic_position_based().translation(Vector::new(-3.0, 0.5, 0.0));
+        let pusher = world.insert(pusher, ColliderBuilder::cuboid(0.25, 0.5, 1.0)).unwrap();
+        insert_floor(&mut world);
+        let ball = ColliderBuilder::ball(0.25).restitution(0.0).friction(0.0);
+        let ball = world.insert(body_at(-2.4, 0.25, 0.0).can_sleep(false), ball).unwrap();
+        let mut fastest = 0.0f32;
+        for tick in 1..=60 {
+            world.set_next_pose(pusher, WorldPose::at([-3.0 + 0.1 * f64::from(tick), 0.5, 0.0])).unwrap();
+            steps(&mut world, 1);
+            let x = at(&world, pusher)[0];
+            assert!((x - (-3.0 + 0.1 * f64::from(tick))).abs() < 1e-5, "at tick {tick} it is at {x}");
+            assert!(
+                (speed(&world, pusher)[0] - 6.0).abs() < 1e-2,
+                "{exchanges}: {:?}",
+                speed(&world, pusher)
+            );
+            fastest = fastest.max(speed(&world, ball)[0]);
+        }
+        assert!(fastest < 6.3, "{exchanges}: pushed at 6 m/s, the ball went at {fastest}");
+        assert!((speed(&world, ball)[0] - 6.0).abs() < 0.3, "{exchanges}: {:?}", speed(&world, ball));
+    }
+}
+
+#[test]
+fn a_body_sent_round_turns_about_its_centre_as_in_one_world() {
+    for coupling in SHARING {
+        let off = deviation(halves(coupling), |world| {
+            let arm = RigidBodyBuilder::kinematic_position_based();
+            let arm = world.insert(arm, ColliderBuilder::cuboid(2.0, 0.1, 0.1)).unwrap();
+            insert_floor(world);
+            world.update(arm, |_| {}).unwrap();
+            for x in [-1.5, 1.5] {
+                world
+                    .insert(body_at(x, 0.3, if x < 0.0 { -1.0 } else { 1.0 }), ColliderBuilder::ball(0.3))
+                    .unwrap();
+            }
+            for tick in 1..=20 {
+                let angle = -0.02 * tick as f32;
+                let (sin, cos) = (0.5 * angle).sin_cos();
+                let pose = WorldPose { translation: [0.0, 0.3, 0.0], rotation: [0.0, sin, 0.0, cos] };
+                world.set_next_pose(arm, pose).unwrap();
+                steps(world, 1);
+            }
+        });
+        assert!(off < 2e-2, "{}: {off}", coupling.name());
+    }
+}
+
+#[test]
+fn a_platform_carries_boxes_across_a_border() {
+    for coupling in SHARING {
+        for by_velocity in [false, true] {
+            let off = deviation(halves(coupling), |world| {
+                let kind = if by_velocity {
+                    RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::new(1.5, 0.0, 0.0))
+                } else {
+                    RigidBodyBuilder::kinematic_position_based()
+                };
+                let platform = kind.translation(Vector::new(-3.0, 0.0, 0.0));
+                let platform =
+                    world.insert(platform, ColliderBuilder::cuboid(2.0, 0.25, 1.0).friction(1.0)).unwrap();
+                for i in 0..3 {
+                    let body = body_at(-4.2 + 1.2 * i as f32, 0.75, 0.0).linvel(Vector::new(1.5, 0.0, 0.0));
+                    world.insert(body, cube().friction(1.0)).unwrap();
+                }
+                for tick in 1..=240 {
+                    if !by_velocity {
+                        let x = -3.0 + 1.5 / 60.0 * f64::from(tick);
+                        world.set_next_pose(platform, WorldPose::at([x, 0.0, 0.0])).unwrap();
+                    }
+                    steps(world, 1);
+                }
+            });
+            assert!(off < 2e-2, "{} {by_velocity}: {off}", coupling.name());
+        }
+    }
+}

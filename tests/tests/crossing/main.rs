@@ -1,0 +1,97 @@
+//! What crosses borders: whatever happens to a body that several regions share must be what happens to it in one world.
+
+mod contacts;
+mod heap;
+mod joints;
+mod kinematic;
+mod sleep;
+mod unlike;
+mod user;
+
+use dcd::physics::{Coupling, StepSettings};
+use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::space::{Axis, BodyId};
+use rapier3d::prelude::*;
+
+/// Couplings that share masses.
+const SHARING: [Coupling; 3] = [Coupling::Overlap, Coupling::Island, Coupling::Auto];
+
+/// One region, which steps once a tick.
+fn one_world() -> WorldConfig {
+    let step = StepSettings { exchanges: 1, ..StepSettings::default() };
+    WorldConfig { partitioning: Partitioning::Regions(1), step, ..WorldConfig::default() }
+}
+
+/// Regions that meet at these planes. No island moves whole: what is at a border is shared.
+fn cut(coupling: Coupling, planes: &[(Axis, f64)]) -> WorldConfig {
+    let step = StepSettings { island_limit: 0, ..StepSettings::default().with_coupling(coupling) };
+    WorldConfig { partitioning: Partitioning::Cuts(planes.to_vec()), step, ..WorldConfig::default() }
+}
+
+/// Two regions that meet at x = 0.
+fn halves(coupling: Coupling) -> WorldConfig {
+    cut(coupling, &[(Axis::X, 0.0)])
+}
+
+fn weightless(mut config: WorldConfig) -> WorldConfig {
+    config.step.gravity = [0.0; 3];
+    config
+}
+
+fn body_at(x: f32, y: f32, z: f32) -> RigidBodyBuilder {
+    RigidBodyBuilder::dynamic().translation(Vector::new(x, y, z))
+}
+
+/// 1 m wide, 1 kg.
+fn cube() -> ColliderBuilder {
+    ColliderBuilder::cuboid(0.5, 0.5, 0.5)
+}
+
+fn insert_floor(world: &mut DcdWorld) -> BodyId {
+    let body = RigidBodyBuilder::fixed().translation(Vector::new(0.0, -0.5, 0.0));
+    world.insert(body, ColliderBuilder::cuboid(60.0, 0.5, 60.0)).unwrap()
+}
+
+/// Steps and checks that every movable body has one owner.
+fn steps(world: &mut DcdWorld, count: usize) {
+    for _ in 0..count {
+        world.step().unwrap();
+        for (id, ..) in world.states().collect::<Vec<_>>() {
+            assert_eq!(world.owners_of(id), 1, "{id} at {}", world.tick());
+        }
+    }
+}
+
+/// By how many regions the mass of a body is divided.
+fn parts(world: &DcdWorld, id: BodyId) -> usize {
+    let (region, handle) = world.host().owned(id).unwrap();
+    region.share_of(handle)
+}
+
+fn at(world: &DcdWorld, id: BodyId) -> [f64; 3] {
+    world.pose(id).unwrap().translation
+}
+
+fn speed(world: &DcdWorld, id: BodyId) -> [f32; 3] {
+    world.velocity(id).unwrap().linear
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+/// Runs the same in one world and in this one; returns how far bodies are apart at the end, at most, in metres.
+fn deviation(config: WorldConfig, run: impl Fn(&mut DcdWorld)) -> f64 {
+    let one = WorldConfig {
+        partitioning: Partitioning::Regions(1),
+        step: StepSettings { exchanges: 1, ..config.step },
+        ..config.clone()
+    };
+    let [one, many] = [one, config].map(|config| {
+        let mut world = DcdWorld::new(config).unwrap();
+        run(&mut world);
+        world.states().map(|(id, _, pose, _)| (id, pose.translation)).collect::<Vec<_>>()
+    });
+    assert_eq!(one.len(), many.len());
+    one.iter().zip(&many).map(|(a, b)| distance(a.1, b.1)).fold(0.0, f64::max)
+}

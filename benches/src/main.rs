@@ -1,6 +1,11 @@
-//! The speed and accuracy suite of dcd. So far: what partitioning costs and gains.
+//! The speed and accuracy suite of dcd: what partitioning costs and gains, and where its methods fail.
 
-mod scaling;
+mod draw;
+mod machine;
+mod page;
+mod results;
+mod speed;
+mod timing;
 
 use std::process::ExitCode;
 
@@ -15,13 +20,17 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Suite {
-    /// Step times of a bare Rapier world, one region, and several regions, in turn, as ratios.
-    Scaling(scaling::Scaling),
+    /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
+    #[command(alias = "scaling")]
+    Speed(speed::Speed),
+    #[command(hide = true)]
+    SpeedWorker(speed::SpeedWorker),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().suite {
-        Suite::Scaling(scaling) => scaling.run(),
+        Suite::Speed(speed) => speed.run(),
+        Suite::SpeedWorker(worker) => worker.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

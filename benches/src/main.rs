@@ -1,5 +1,7 @@
-//! The speed and accuracy suite of dcd: what partitioning costs and gains, and where its methods fail.
+//! The speed and accuracy suite of dcd: what partitioning costs and gains, how far its results are off, and where its methods
+//! fail.
 
+mod accuracy;
 mod draw;
 mod machine;
 mod page;
@@ -20,6 +22,8 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Suite {
+    /// Every scene of the suite at 1, 2, 4 and 8 regions, against closed forms and one bare Rapier world.
+    Accuracy(accuracy::Accuracy),
     /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
     #[command(alias = "scaling")]
     Speed(speed::Speed),
@@ -28,15 +32,14 @@ enum Suite {
 }
 
 fn main() -> ExitCode {
+    let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().suite {
-        Suite::Speed(speed) => speed.run(),
-        Suite::SpeedWorker(worker) => worker.run(),
+        Suite::Accuracy(accuracy) => accuracy.run(),
+        Suite::Speed(speed) => speed.run().map(done),
+        Suite::SpeedWorker(worker) => worker.run().map(done),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    result.unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        ExitCode::FAILURE
+    })
 }

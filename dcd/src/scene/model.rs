@@ -113,7 +113,7 @@ impl Scene {
     }
 
     /// A world without bodies, to be filled: Earth's gravity, 60 steps a second, Rapier's 4 iterations.
-    pub(crate) fn empty(name: &str) -> Self {
+    pub fn empty(name: &str) -> Self {
         Self {
             name: name.to_owned(),
             gravity: [0.0, -9.81, 0.0],
@@ -129,7 +129,7 @@ impl Scene {
     }
 
     /// Adds a body with one collider and gives its index.
-    pub(crate) fn push(
+    pub fn push(
         &mut self,
         pose: WorldPose,
         body: RigidBodyBuilder,
@@ -140,14 +140,14 @@ impl Scene {
     }
 
     /// Adds a fixed box.
-    pub(crate) fn push_fixed_box(&mut self, centre: [f64; 3], half: [f32; 3], material: &ColliderBuilder) {
+    pub fn push_fixed_box(&mut self, centre: [f64; 3], half: [f32; 3], material: &ColliderBuilder) {
         let collider =
             ColliderBuilder { shape: SharedShape::cuboid(half[0], half[1], half[2]), ..material.clone() };
         self.push(WorldPose::at(centre), RigidBodyBuilder::fixed(), collider);
     }
 
     /// The box around all bodies that can move, or around all finite ones if none can.
-    pub(crate) fn tight_bounds(&self) -> Option<Bounds> {
+    pub fn tight_bounds(&self) -> Option<Bounds> {
         let around = |bodies: &mut dyn Iterator<Item = &SceneBody>| {
             bodies.map(SceneBody::bounds).filter(Bounds::is_finite).reduce(|a, b| a.union(&b))
         };

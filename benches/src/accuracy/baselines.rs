@@ -1,0 +1,42 @@
+//! The methods that others use must still fail where they do, or the suite has lost its teeth.
+
+use dcd::physics::Coupling;
+
+use super::gate::{Verdict, judge};
+use super::scene::{Case, Size};
+use super::{Reference, Setup, experiments, method, read, use_method};
+
+/// The verdict on one case of an experiment.
+fn verdict(experiment: &str, case: &str, coupling: Coupling, regions: usize) -> (f64, Verdict) {
+    let case = case_of(experiment, case);
+    let reference = Reference::of(&case).unwrap();
+    let adjust = |config: &mut _| use_method(config, coupling);
+    let reading = read(&case, &Setup::Cut { regions, adjust: &adjust }, &reference).unwrap();
+    (reading.error, judge(&case, &reading, &reference.r1))
+}
+
+fn case_of(experiment: &str, label: &str) -> Case {
+    let all = experiments();
+    let experiment = all.iter().find(|one| one.name == experiment).unwrap();
+    (experiment.cases)(Size::Quick).into_iter().find(|case| case.label.starts_with(label)).unwrap()
+}
+
+#[test]
+fn one_region_passes_by_every_method() {
+    for coupling in Coupling::ALL {
+        let (_, verdict) = verdict("tower", "10:1 centre", coupling, 1);
+        assert!(verdict.pass(), "{}: {:?}", coupling.name(), verdict.failures);
+    }
+}
+
+#[test]
+fn owner_loses_momentum_in_a_cradle() {
+    let (_, verdict) = verdict("cradle", "5 m/s", method("owner").unwrap(), 4);
+    assert!(verdict.failures.iter().any(|failure| failure.contains("momentum")), "{verdict:?}");
+}
+
+#[test]
+fn owner_fells_a_tower() {
+    let (error_m, verdict) = verdict("tower", "1:1 centre", method("owner").unwrap(), 2);
+    assert!(error_m > 1.0, "{verdict:?}");
+}

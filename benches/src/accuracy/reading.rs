@@ -1,0 +1,211 @@
+//! The error of a case by any setup, against what one bare Rapier world makes of it.
+//!
+//! Other parts of this package measure single experiments with it:
+//!
+//! ```text
+//! for case in (experiment.cases)(Size::Quick) {
+//!     let reference = Reference::of(&case)?;
+//!     let setup = Setup::Cut { regions: 4, adjust: &|config| config.step.exchanges = 2 };
+//!     let reading = read(&case, &setup, &reference)?; // reading.error in case.unit, reading.step_ms, reading.rtf
+//! }
+//! ```
+//!
+//! The scenes of a case run on the threads of rayon's pool; whoever times them installs a pool of one thread.
+
+use dcd::rapier3d::prelude::*;
+use dcd::runtime::WorldError;
+use dcd::runtime::measure::StepTimes;
+use dcd::scene::Scene;
+use rayon::prelude::*;
+
+use super::scene::{Case, Measure};
+use super::trace::{Bare, Setup, Trace, trace};
+
+/// What stands for an error that is no number: bodies lost, or thrown to infinity.
+const BROKEN: f64 = 1e9;
+
+/// How far aside one body of a twin starts: the least that f32 sees at ten metres.
+const NUDGE_M: f64 = 1e-6;
+
+/// What one bare Rapier world with the scene's own settings makes of a case (R1).
+pub(crate) struct Reference {
+    traces: Vec<Trace>,
+    /// Of a chaotic case: mean and standard deviation of each figure.
+    figures: Vec<Figure>,
+    /// Its own reading.
+    pub r1: Reading,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Figure {
+    mean: f64,
+    deviation: f64,
+}
+
+/// What came of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Reading {
+    /// In the unit of the case.
+    pub error: f64,
+    /// What one bare world has for it: the gate compares the two.
+    pub r1_error: f64,
+    /// |P − P₀| / Σ m|v|, largest of the run, if momentum must stay.
+    pub momentum_error: Option<f64>,
+    /// |mean ground force / weight − 1| of the last second, if all rests on the ground then.
+    pub ground_error: Option<f64>,
+    /// Bodies without an owner at any look.
+    pub lost: usize,
+    /// Bodies with several owners at any look.
+    pub doubled: usize,
+    /// Bodies set aside because their state was not finite.
+    pub quarantined: usize,
+    /// Pairs of colliders that touch at the end.
+    pub pairs: usize,
+    /// Changes of owner.
+    pub transfers: u64,
+    /// Copies of bodies held by regions that do not own them, mean of all steps.
+    pub replicas_mean: f64,
+    /// Wall time of a step, of all runs together.
+    pub step_ms: StepTimes,
+    /// Simulated seconds a second of wall time.
+    pub rtf: f64,
+}
+
+impl Reference {
+    /// Runs the bare world.
+    pub(crate) fn of(case: &Case) -> Result<Self, WorldError> {
+        let bare = Setup::Bare(Bare::default());
+        let traces = traces(case, case.reference_scenes.as_ref().unwrap_or(&case.scenes), &bare)?;
+        let figures = match &case.measure {
+            Measure::Statistics(figures) => {
+                let nudged: Vec<_> = case.scenes.iter().map(nudged).collect();
+                let twins = self::traces(case, &nudged, &bare)?;
+                let all: Vec<_> = traces.iter().chain(&twins).map(figures).collect();
+                (0..all[0].len()).map(|i| Figure::of(all.iter().map(|of_run| of_run[i]))).collect()
+            }
+            _ => Vec::new(),
+        };
+        let own = if case.twin {
+            Some(self::traces(case, &case.scenes.iter().map(nudged).collect::<Vec<_>>(), &bare)?)
+        } else if case.reference_scenes.is_some() {
+            Some(self::traces(case, &case.scenes, &bare)?)
+        } else {
+            None
+        };
+        let (error, _) = errors(case, own.as_ref().unwrap_or(&traces), &traces, &figures);
+        let r1_error = figures.iter().map(|figure| figure.deviation).fold(error, f64::max);
+        let r1 = Reading::new(case, own.as_ref().unwrap_or(&traces), [r1_error; 2]);
+        Ok(Self { traces, figures, r1 })
+    }
+}
+
+/// Runs a case by any setup.
+pub(crate) fn read(case: &Case, setup: &Setup<'_>, reference: &Reference) -> Result<Reading, WorldError> {
+    let traces = traces(case, &case.scenes, setup)?;
+    let (error, r1_error) = errors(case, &traces, &reference.traces, &reference.figures);
+    Ok(Reading::new(case, &traces, [error, r1_error.unwrap_or(reference.r1.error)]))
+}
+
+fn traces(case: &Case, scenes: &[Scene], setup: &Setup<'_>) -> Result<Vec<Trace>, WorldError> {
+    scenes.par_iter().map(|scene| trace(case, scene, setup)).collect()
+}
+
+/// The error of some runs; for statistics also what one world has for the figure that is worst.
+fn errors(case: &Case, traces: &[Trace], r1: &[Trace], figures: &[Figure]) -> (f64, Option<f64>) {
+    match &case.measure {
+        Measure::Formula(formula) => {
+            (worst(traces.iter().zip(r1).map(|(trace, r1)| formula(trace, r1))), None)
+        }
+        Measure::Statistics(of_run) => {
+            let of_runs: Vec<_> = traces.iter().map(of_run).collect();
+            let errors = figures.iter().enumerate().map(|(i, figure)| {
+                let mean = of_runs.iter().map(|of_run| of_run[i]).sum::<f64>() / of_runs.len() as f64;
+                (finite((mean - figure.mean).abs()), figure.deviation)
+            });
+            let badness = |&(error, deviation): &(f64, f64)| error / (deviation + case.floor);
+            let (error, deviation) = errors
+                .max_by(|a, b| badness(a).total_cmp(&badness(b)))
+                .expect("statistics have at least one figure");
+            (error, Some(deviation))
+        }
+    }
+}
+
+impl Figure {
+    /// Mean and sample standard deviation.
+    fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
+        let count = values.clone().count() as f64;
+        let mean = values.clone().sum::<f64>() / count;
+        let squares: f64 = values.map(|value| (value - mean).powi(2)).sum();
+        Self { mean, deviation: (squares / (count - 1.0)).sqrt() }
+    }
+}
+
+impl Reading {
+    fn new(case: &Case, traces: &[Trace], [error, r1_error]: [f64; 2]) -> Self {
+        let most = |of: fn(&Trace) -> usize| traces.iter().map(of).max().unwrap_or(0);
+        let steps: Vec<_> = traces.iter().flat_map(|trace| trace.steps.iter().copied()).collect();
+        let wall_s: f64 = steps.iter().map(std::time::Duration::as_secs_f64).sum();
+        let simulated_s: f64 = traces.iter().map(|trace| trace.last().t_s).sum();
+        Self {
+            error: finite(error),
+            r1_error,
+            momentum_error: case.free.then(|| worst(traces.iter().map(|trace| trace.momentum_error))),
+            ground_error: case.rests.then(|| worst(traces.iter().map(ground_error))),
+            lost: most(|trace| trace.lost),
+            doubled: most(|trace| trace.doubled),
+            quarantined: most(|trace| trace.quarantined),
+            pairs: most(|trace| trace.pairs),
+            transfers: traces.iter().map(|trace| trace.transfers).max().unwrap_or(0),
+            replicas_mean: traces.iter().map(|trace| trace.replicas_mean).sum::<f64>() / traces.len() as f64,
+            step_ms: StepTimes::of(&steps),
+            rtf: simulated_s / wall_s,
+        }
+    }
+}
+
+/// The error, or what stands for one that is no number.
+fn finite(error: f64) -> f64 {
+    if error.is_finite() { error.min(BROKEN) } else { BROKEN }
+}
+
+/// The largest; what is no number is worst.
+pub(crate) fn worst(errors: impl Iterator<Item = f64>) -> f64 {
+    errors.map(finite).fold(0.0, f64::max)
+}
+
+fn ground_error(trace: &Trace) -> f64 {
+    let count = trace.ground_ratios.len();
+    assert!(count > 0, "what rests on the ground has weight");
+    (trace.ground_ratios.iter().sum::<f64>() / count as f64 - 1.0).abs()
+}
+
+/// The same scene with one body a little aside.
+fn nudged(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let dynamic: Vec<_> = (0..scene.bodies.len())
+        .filter(|&index| scene.bodies[index].body.body_type == RigidBodyType::Dynamic)
+        .collect();
+    scene.bodies[dynamic[dynamic.len() / 2]].pose.translation[0] += NUDGE_M;
+    scene
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_is_the_worst_error() {
+        assert_eq!(worst([0.5, f64::NAN, 0.1].into_iter()), BROKEN);
+        assert_eq!(worst([0.5, f64::INFINITY].into_iter()), BROKEN);
+        assert_eq!(worst([0.5, 0.7, 0.1].into_iter()), 0.7);
+        assert_eq!(worst([].into_iter()), 0.0);
+    }
+
+    #[test]
+    fn a_figure_is_the_mean_and_the_sample_deviation() {
+        let figure = Figure::of([2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0].into_iter());
+        assert_eq!(figure.mean, 5.0);
+        assert!((figure.deviation - (32.0f64 / 7.0).sqrt()).abs() < 1e-12);
+    }
+}

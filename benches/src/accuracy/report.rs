@@ -1,0 +1,176 @@
+//! What is printed and written: a table as it grows, CSV with every case, JSON with the worst case of each row.
+
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+
+use super::gate::Verdict;
+use super::limits;
+use super::reading::Reading;
+use super::scene::{Case, Experiment};
+
+/// One case by one method at one number of regions.
+pub(crate) struct Line {
+    /// Label of the case.
+    pub case: String,
+    /// Unit of the errors.
+    pub unit: &'static str,
+    /// What came of it.
+    pub reading: Reading,
+    /// What the gate says; none for the bare worlds themselves.
+    pub verdict: Option<Verdict>,
+}
+
+/// An experiment by one method at one number of regions: the worst of its cases.
+pub(crate) struct Row {
+    number: u8,
+    name: &'static str,
+    /// Name of the coupling, or R1, R2, R3.
+    method: &'static str,
+    /// 0 is a bare world.
+    regions: usize,
+    lines: Vec<Line>,
+}
+
+impl Line {
+    /// A case held against one bare world.
+    pub(crate) fn new(case: &Case, reading: Reading, verdict: Option<Verdict>) -> Self {
+        Self { case: case.label.clone(), unit: case.unit, reading, verdict }
+    }
+
+    fn pass(&self) -> bool {
+        self.verdict.as_ref().is_none_or(Verdict::pass)
+    }
+
+    fn limit(&self) -> f64 {
+        self.verdict.as_ref().map_or(f64::NAN, |verdict| verdict.limit)
+    }
+
+    /// Failures first, then by error in parts of what is allowed.
+    fn badness(&self) -> (bool, f64) {
+        (!self.pass(), self.reading.error / self.limit())
+    }
+}
+
+impl Row {
+    /// The cases of an experiment together.
+    pub(crate) fn new(
+        experiment: &Experiment,
+        method: &'static str,
+        regions: usize,
+        lines: Vec<Line>,
+    ) -> Self {
+        Self { number: experiment.number, name: experiment.name, method, regions, lines }
+    }
+
+    /// Whether it is one of the bare worlds, which nothing is asked of.
+    pub(crate) fn is_bare(&self) -> bool {
+        self.regions == 0
+    }
+
+    /// Whether all cases pass.
+    pub(crate) fn pass(&self) -> bool {
+        self.lines.iter().all(Line::pass)
+    }
+
+    /// The cause, if every case that fails has a known one.
+    pub(crate) fn known_limit(&self) -> Option<&'static str> {
+        let failing = self.lines.iter().filter(|line| !line.pass());
+        let causes: Option<Vec<_>> = failing.map(|line| limits::cause(self.name, &line.case)).collect();
+        causes?.first().copied()
+    }
+
+    /// The case that stands for the experiment.
+    fn worst(&self) -> &Line {
+        let worse = |a: &&Line, b: &&Line| {
+            let ((a_fails, a), (b_fails, b)) = (a.badness(), b.badness());
+            a_fails.cmp(&b_fails).then(a.total_cmp(&b))
+        };
+        self.lines.iter().max_by(worse).expect("an experiment has cases")
+    }
+
+    /// Over the lines of the table.
+    pub(crate) const HEAD: &str =
+        " #  scene           method   regions        error     R1 error        limit unit     worst case";
+
+    /// A line of the table, and one for every case that fails.
+    pub(crate) fn table(&self) -> String {
+        let worst = self.worst();
+        let Self { number, name, method, regions, .. } = self;
+        let verdict = match (self.pass(), self.known_limit()) {
+            _ if self.is_bare() => "reference".to_owned(),
+            (true, _) => "ok".to_owned(),
+            (false, Some(cause)) => format!("known limit: {cause}"),
+            (false, None) => "FAILS".to_owned(),
+        };
+        let mut text = format!(
+            "{number:2}  {name:15} {method:8} {regions:7} {:12.4e} {:12.4e} {:12.4e} {:8} {}: {verdict}",
+            worst.reading.error,
+            worst.reading.r1_error,
+            worst.limit(),
+            worst.unit,
+            worst.case,
+        );
+        for line in self.lines.iter().filter(|line| !line.pass()) {
+            let failures = line.verdict.iter().flat_map(|verdict| &verdict.failures);
+            let failures = failures.map(String::as_str).collect::<Vec<_>>().join("; ");
+            write!(text, "\n      {}: {failures}", line.case).expect("a string takes all");
+        }
+        text
+    }
+
+    /// As in the JSON's list.
+    pub(crate) fn json(&self) -> Value {
+        let worst = self.worst();
+        json!({
+            "scene": self.number,
+            "name": self.name,
+            "method": self.method,
+            "regions": self.regions,
+            "error": worst.reading.error,
+            "r1_error": worst.reading.r1_error,
+            "unit": worst.unit,
+            "threshold": worst.limit(),
+            "pass": self.pass(),
+            "known_limit": self.known_limit(),
+        })
+    }
+
+    /// Over the lines of the CSV.
+    pub(crate) const CSV_HEAD: &str = "scene,name,case,method,regions,error,r1_error,unit,threshold,pass,\
+        momentum_error,ground_error,lost,doubled,quarantined,transfers,replicas_mean,rtf,p50_ms,p99_ms,max_ms\n";
+
+    /// One line a case.
+    pub(crate) fn csv(&self) -> String {
+        let mut text = String::new();
+        for line in &self.lines {
+            let Line { case, unit, reading, verdict } = line;
+            let or_nothing = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4e}"));
+            writeln!(
+                text,
+                "{},{},{case},{},{},{:.4e},{:.4e},{unit},{},{},{},{},{},{},{},{},{:.1},{:.3},{},{},{}",
+                self.number,
+                self.name,
+                self.method,
+                self.regions,
+                reading.error,
+                reading.r1_error,
+                or_nothing(verdict.as_ref().map(|verdict| verdict.limit)),
+                line.pass(),
+                or_nothing(reading.momentum_error),
+                or_nothing(reading.ground_error),
+                reading.lost,
+                reading.doubled,
+                reading.quarantined,
+                reading.transfers,
+                reading.replicas_mean,
+                reading.rtf,
+                or_nothing(reading.step_ms.p50),
+                or_nothing(reading.step_ms.p99),
+                or_nothing(reading.step_ms.max),
+            )
+            .expect("a string takes all");
+        }
+        text
+    }
+}

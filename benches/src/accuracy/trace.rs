@@ -1,0 +1,251 @@
+//! One run of one scene, and what was seen of it.
+
+use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
+
+use dcd::physics::Measured;
+use dcd::protocol::{Velocity, WorldPose};
+use dcd::rapier3d::prelude::*;
+use dcd::runtime::measure::{Plan, Subject};
+use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
+use dcd::scene::Scene;
+use dcd::space::BodyId;
+
+use super::scene::Case;
+
+/// What a scene is computed by.
+#[derive(Clone, Copy)]
+pub(crate) enum Setup<'a> {
+    /// One bare Rapier world.
+    Bare(Bare),
+    /// Regions, as the case cuts them.
+    Cut {
+        /// How many.
+        regions: usize,
+        /// Changes the configuration that the scene asks for.
+        adjust: &'a (dyn Fn(&mut WorldConfig) + Sync),
+    },
+}
+
+/// Settings of a bare world; those not given are the scene's and Rapier's.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Bare {
+    /// Seconds a step.
+    pub dt_s: Option<f32>,
+    /// Solver iterations a step.
+    pub iterations: Option<usize>,
+    /// Natural frequency of contacts between moving bodies; twice that for contacts with fixed ones, as Rapier has it.
+    pub contact_hz: Option<f32>,
+}
+
+/// What was seen of a run.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Trace {
+    /// Seconds a solver iteration: Rapier moves bodies in steps of this.
+    pub substep_s: f64,
+    /// The first is from before the first step, the last from after the last.
+    pub looks: Vec<Look>,
+    /// Force on the ground over the weight, after each step of the last second; none without gravity.
+    pub ground_ratios: Vec<f64>,
+    /// Pairs of colliders that touched after the last step.
+    pub pairs: usize,
+    /// Changes of owner.
+    pub transfers: u64,
+    /// Bodies without an owner, at any look.
+    pub lost: usize,
+    /// Bodies with several owners, at any look.
+    pub doubled: usize,
+    /// Bodies that Rapier set aside because their state was not finite.
+    pub quarantined: usize,
+    /// Largest |P − P₀| / Σ m|v| at any look: momentum against its start, in parts of the momentum that moves.
+    pub momentum_error: f64,
+    /// Wall time of each step.
+    pub steps: Vec<Duration>,
+    /// Copies of bodies held by regions that do not own them, mean of all steps.
+    pub replicas_mean: f64,
+}
+
+/// All bodies at one moment.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Look {
+    /// Simulated seconds.
+    pub t_s: f64,
+    /// By their index in the scene; none for fixed and for lost bodies.
+    pub bodies: Vec<Option<(WorldPose, Velocity)>>,
+    /// Kinetic and potential energy, joules.
+    pub energy_j: f64,
+    /// Deepest penetration, metres.
+    pub penetration_m: f64,
+}
+
+impl Trace {
+    /// Before the first step.
+    pub(crate) fn first(&self) -> &Look {
+        &self.looks[0]
+    }
+
+    /// After the last step.
+    pub(crate) fn last(&self) -> &Look {
+        &self.looks[self.looks.len() - 1]
+    }
+
+    /// The looks of the last so many simulated seconds.
+    pub(crate) fn tail(&self, seconds: f64) -> impl Iterator<Item = &Look> {
+        let from_s = self.last().t_s - seconds - 1e-9;
+        self.looks.iter().filter(move |look| look.t_s >= from_s)
+    }
+}
+
+impl Look {
+    /// A body's place in metres; not a number if the body is lost.
+    pub(crate) fn place(&self, body: usize) -> [f64; 3] {
+        self.bodies[body].map_or([f64::NAN; 3], |(pose, _)| pose.translation)
+    }
+
+    /// A body's velocity in m/s; not a number if the body is lost.
+    pub(crate) fn velocity(&self, body: usize) -> [f64; 3] {
+        self.bodies[body].map_or([f64::NAN; 3], |(_, velocity)| velocity.linear.map(f64::from))
+    }
+
+    /// Indices of the bodies that are there.
+    pub(crate) fn moving(&self) -> impl Iterator<Item = usize> {
+        self.bodies.iter().enumerate().filter(|(_, body)| body.is_some()).map(|(index, _)| index)
+    }
+}
+
+/// Runs one scene of a case, from before its first step to after its last.
+pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Trace, WorldError> {
+    let (mut subject, dt_s, iterations) = build(case, scene, setup)?;
+    let ticks = Plan::ticks_of(case.seconds, dt_s);
+    let dt = f64::from(dt_s);
+    let masses = masses_kg(scene);
+    let movable: Vec<_> = (0..scene.bodies.len())
+        .filter(|&index| scene.bodies[index].body.body_type != RigidBodyType::Fixed)
+        .map(|index| BodyId::persistent(index as u32))
+        .collect();
+    let momentum = subject.momentum_kgms();
+    let mut run = Trace { substep_s: dt / iterations as f64, ..Trace::default() };
+    run.looks.push(look(scene, &subject, 0.0));
+    let (mut replicas, mut quarantined, mut looks) = (0, BTreeSet::new(), 0);
+    for tick in 1..=ticks {
+        if let Some(drive) = &case.drive {
+            drive(&mut subject, (tick - 1) as f64 * dt);
+        }
+        let start = Instant::now();
+        match &mut subject {
+            Subject::Bare(world) => world.step(),
+            Subject::Regions(world) => world.step()?,
+        }
+        run.steps.push(start.elapsed());
+        if let Subject::Regions(world) = &subject {
+            replicas += world.stats().replicas;
+        }
+        quarantined.extend(subject.quarantined());
+        let t_s = tick as f64 * dt;
+        if case.rests && (ticks - tick) as f64 * dt < 1.0 - 0.5 * dt {
+            run.ground_ratios.extend(subject.contacts().ground_force_ratio());
+        }
+        let due = case.look_s <= 0.0 || t_s > (looks + 1) as f64 * case.look_s - 0.5 * dt;
+        if due || tick == ticks {
+            looks = if case.look_s > 0.0 { ((t_s + 0.5 * dt) / case.look_s) as u64 } else { tick };
+            let look = look(scene, &subject, t_s);
+            if case.free {
+                run.momentum_error =
+                    run.momentum_error.max(momentum_error(&look, &masses, momentum, subject.momentum_kgms()));
+            }
+            let census = subject.census();
+            run.lost = run.lost.max(census.lost(&movable));
+            run.doubled = run.doubled.max(census.doubled());
+            run.looks.push(look);
+        }
+    }
+    run.pairs = subject.contacts().pairs;
+    run.quarantined = quarantined.len();
+    run.replicas_mean = replicas as f64 / ticks as f64;
+    if let Subject::Regions(world) = &subject {
+        run.transfers = world.stats().transfers;
+    }
+    Ok(run)
+}
+
+/// Changes a body of the scene in place, by Rapier's own setters, wherever it is held.
+pub(crate) fn change(subject: &mut Subject, body: usize, change: impl Fn(&mut RigidBody)) {
+    match subject {
+        Subject::Bare(world) => {
+            // Rapier numbers bodies in order of insertion.
+            change(&mut world.bodies[RigidBodyHandle::from_raw_parts(body as u32, 0)]);
+        }
+        Subject::Regions(world) => {
+            world.update(BodyId::persistent(body as u32), change).expect("a scene's body stays");
+        }
+    }
+}
+
+/// The world, its dt and its iterations a step.
+fn build(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<(Subject, f32, usize), WorldError> {
+    match setup {
+        Setup::Bare(bare) => {
+            let mut scene = scene.clone();
+            scene.dt_s = bare.dt_s.unwrap_or(scene.dt_s);
+            scene.solver_iterations = bare.iterations.unwrap_or(scene.solver_iterations);
+            let mut world = scene.bare_world();
+            if let Some(hz) = bare.contact_hz {
+                let parameters = &mut world.integration_parameters;
+                parameters.contact_softness.natural_frequency = hz;
+                parameters.static_contact_softness.natural_frequency = 2.0 * hz;
+            }
+            Ok((Subject::Bare(Box::new(world)), scene.dt_s, scene.solver_iterations))
+        }
+        Setup::Cut { regions, adjust } => {
+            let mut config = WorldConfig::for_scene(scene);
+            config.partitioning = match regions {
+                1 => Partitioning::Regions(1),
+                _ => Partitioning::Cuts((case.cuts)(*regions)),
+            };
+            adjust(&mut config);
+            let step = config.step;
+            let world = DcdWorld::from_scene(scene, config)?;
+            // As many as all micro-steps of a tick have together.
+            let iterations = step.exchanges * step.solver_iterations.div_ceil(step.exchanges);
+            Ok((Subject::Regions(Box::new(world)), step.dt_s, iterations))
+        }
+    }
+}
+
+fn look(scene: &Scene, subject: &Subject, t_s: f64) -> Look {
+    let mut bodies = vec![None; scene.bodies.len()];
+    for (id, _, pose, velocity) in subject.states() {
+        // Body i of a scene is the i-th persistent one.
+        bodies[id.bits() as usize] = Some((pose, velocity));
+    }
+    Look { t_s, bodies, energy_j: subject.energy_j(), penetration_m: subject.contacts().max_penetration_m }
+}
+
+/// Of every body of a scene, in kilograms; 0 for what does not move.
+pub(crate) fn masses_kg(scene: &Scene) -> Vec<f64> {
+    let world = scene.bare_world();
+    world
+        .rigid_bodies()
+        .map(|(_, body)| {
+            let mut body = body.clone();
+            body.recompute_mass_properties_from_colliders(&world.colliders);
+            if body.is_dynamic() { f64::from(body.mass()) } else { 0.0 }
+        })
+        .collect()
+}
+
+fn momentum_error(look: &Look, masses_kg: &[f64], start: [f64; 3], now: [f64; 3]) -> f64 {
+    let moving: f64 = look.moving().map(|body| masses_kg[body] * norm(look.velocity(body))).sum();
+    let off = norm(std::array::from_fn(|i| now[i] - start[i]));
+    if off == 0.0 { 0.0 } else { off / moving }
+}
+
+/// The length of a vector.
+pub(crate) fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// How far apart two points are.
+pub(crate) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    norm(std::array::from_fn(|i| a[i] - b[i]))
+}

@@ -4,6 +4,7 @@
 mod accuracy;
 mod draw;
 mod machine;
+mod maps;
 mod page;
 mod results;
 mod speed;
@@ -27,6 +28,8 @@ enum Suite {
     /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
     #[command(alias = "scaling")]
     Speed(speed::Speed),
+    /// Heat maps of where couplings fail, beside one bare Rapier world.
+    Maps(maps::Maps),
     #[command(hide = true)]
     SpeedWorker(speed::SpeedWorker),
 }
@@ -36,6 +39,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().suite {
         Suite::Accuracy(accuracy) => accuracy.run(),
         Suite::Speed(speed) => speed.run().map(done),
+        Suite::Maps(maps) => maps.run().map(done),
         Suite::SpeedWorker(worker) => worker.run().map(done),
     };
     result.unwrap_or_else(|error| {

@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::failure::Failure;
-use crate::physics::Coupling;
+use crate::physics::{Coupling, Preset, StepSettings};
 use crate::runtime::{Partitioning, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::{Axis, TreeError};
@@ -17,9 +17,22 @@ pub(super) struct CutArgs {
     /// How regions agree on the bodies that they share
     #[arg(long, value_name = "NAME", default_value = Coupling::default().name(), value_parser = coupling())]
     coupling: Coupling,
-    /// Micro-steps a tick, with an exchange between regions after each
-    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
-    exchanges: u8,
+    /// Micro-steps a tick, with an exchange between regions after each (for `auto` the most a border may take) [default: 1
+    /// for proxy and owner, 2 for overlap and island, 4 for auto]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..=64))]
+    exchanges: Option<u8>,
+    /// Contact hops across a border within which bodies live in both regions
+    #[arg(long, value_name = "HOPS", value_parser = clap::value_parser!(u8).range(1..=16))]
+    depth: Option<u8>,
+    /// The most bodies of an island that moves whole to one region
+    #[arg(long, value_name = "BODIES")]
+    island_limit: Option<usize>,
+    /// The disagreement of replicas that `auto` tolerates, in metres per second
+    #[arg(long, value_name = "M_S")]
+    tolerance: Option<f32>,
+    /// How much accuracy `auto` is asked for; sets the four options above, which still override it
+    #[arg(long, value_name = "NAME", value_parser = preset(), conflicts_with = "coupling")]
+    preset: Option<Preset>,
 }
 
 impl CutArgs {
@@ -38,10 +51,30 @@ impl CutArgs {
             }
             config.partitioning = Partitioning::Cuts(self.cut.clone());
         }
-        config.step.coupling = self.coupling;
-        config.step.exchanges = self.exchanges.into();
+        config.step = self.step(config.step);
         Ok(config)
     }
+
+    fn step(&self, step: StepSettings) -> StepSettings {
+        let step = match self.preset {
+            Some(preset) => step.with_preset(preset),
+            None => step.with_coupling(self.coupling),
+        };
+        StepSettings {
+            exchanges: self.exchanges.map_or(step.exchanges, usize::from),
+            depth: self.depth.map_or(step.depth, usize::from),
+            island_limit: self.island_limit.unwrap_or(step.island_limit),
+            tolerance_m_s: self.tolerance.unwrap_or(step.tolerance_m_s),
+            ..step
+        }
+    }
+}
+
+fn preset() -> impl TypedValueParser<Value = Preset> {
+    PossibleValuesParser::new(Preset::ALL.map(Preset::name)).map(|name| {
+        let named = Preset::ALL.into_iter().find(|preset| preset.name() == name);
+        named.expect("only names of presets get here")
+    })
 }
 
 fn coupling() -> impl TypedValueParser<Value = Coupling> {

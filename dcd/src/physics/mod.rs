@@ -17,7 +17,7 @@ mod watch;
 
 pub use coupling::Coupling;
 pub use directory::Handover;
-pub use host::{HostError, RegionHost, StepSettings};
+pub use host::{HostError, Preset, RegionHost, StepSettings};
 pub use joints::joint_record;
 pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;

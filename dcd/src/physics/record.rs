@@ -247,7 +247,7 @@ fn mass_record(props: &MassProperties) -> MassRecord {
     }
 }
 
-fn mass_properties(record: &MassRecord) -> MassProperties {
+pub(crate) fn mass_properties(record: &MassRecord) -> MassProperties {
     MassProperties {
         local_com: vector(record.local_com),
         inv_mass: record.inv_mass,

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use rapier3d::prelude::*;
 
 use super::assembly::{self, Assembly};
+use super::coupling::{self, Border, Shared};
 use super::partition::HUB_REACH_M;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::watch::ContactWatch;
@@ -39,7 +40,7 @@ pub(super) struct Slot {
     pub id: BodyId,
     pub epoch: Epoch,
     pub role: Role,
-    /// The other regions that hold it; kept by the owner.
+    /// The other regions that hold it; kept by the owner, and by replicas where regions agree on means.
     pub holders: RegionSet,
     pub traits: Arc<BodyTraits>,
     /// Radius of a ball around the centre of mass that holds all colliders, in metres.
@@ -54,6 +55,12 @@ pub(super) struct Slot {
     pub asleep_at: Option<Pose>,
     /// Replica: whether its owner has announced it since membership changed last.
     pub confirmed: bool,
+    /// What regions that agree on means know of each other's copies; none while the body is held by one region only.
+    pub shared: Option<Box<Shared>>,
+    /// Whether its island was small enough to be computed whole, when it last came near a border.
+    pub whole: bool,
+    /// The tick at which this region became the owner.
+    pub came: u32,
 }
 
 /// A body by name and by Rapier's handle.
@@ -100,6 +107,10 @@ pub struct Region {
     /// By Rapier's body index: the tick at which the coupling must look at the body again. Kept apart from the slots, so
     /// that passing over a body far from any border touches four bytes.
     pub(super) due: Vec<u32>,
+    /// What a coupling that agrees on means keeps from one exchange to the next.
+    pub(super) border: Border,
+    /// By rank of the other region: how far copies of bodies held by both were from agreement in the last exchange, m/s.
+    pub(super) disagreement: Vec<f32>,
     /// Scratch of the coupling, kept for its memory.
     pub(super) looked_at: Vec<RigidBodyHandle>,
     /// The same.
@@ -140,6 +151,8 @@ impl Region {
             fresh: Vec::new(),
             arrived: Vec::new(),
             due: Vec::new(),
+            border: Border::new(regions.len()),
+            disagreement: vec![0.0; regions.len()],
             looked_at: Vec::new(),
             changes: Vec::new(),
         }
@@ -197,6 +210,11 @@ impl Region {
     /// How many bodies it holds for others.
     pub fn replica_count(&self) -> usize {
         self.replicas.len()
+    }
+
+    /// By how many regions the mass of a body held here is divided: Rapier's body in each of them has that share of it.
+    pub fn share_of(&self, handle: RigidBodyHandle) -> usize {
+        self.slot_at(handle).and_then(|slot| slot.shared.as_deref()).map_or(1, |shared| shared.parts)
     }
 
     /// A body's pose in world space, as this region sees it.
@@ -267,6 +285,9 @@ impl Region {
             assembly: None,
             told_asleep: body.state.sleeping,
             confirmed: true,
+            shared: None,
+            whole: false,
+            came: 0,
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
@@ -327,6 +348,12 @@ impl Region {
         Some(joints::joint_record(id, held.record.a, held.record.b, &joint.data))
     }
 
+    /// The bodies that a joint held here ties.
+    pub(super) fn joint_ends(&self, id: JointId) -> Option<(RigidBodyHandle, RigidBodyHandle)> {
+        let joint = &self.joints.get(&id)?.record;
+        Some((self.handle_of(joint.a)?, self.handle_of(joint.b)?))
+    }
+
     /// Rapier's handle of a joint held here.
     pub(super) fn joint_handle(&self, id: JointId) -> Option<ImpulseJointHandle> {
         self.joints.get(&id).map(|held| held.handle)
@@ -350,7 +377,11 @@ impl Region {
 
     /// What a step changes of a body held here, in world space.
     pub fn body_state(&self, handle: RigidBodyHandle) -> BodyState {
-        record::state_of(&self.world.bodies[handle], self.anchor)
+        let mut state = record::state_of(&self.world.bodies[handle], self.anchor);
+        if let Some(shared) = &self.slot(handle).shared {
+            (state.force, state.torque) = (shared.user_force.to_array(), shared.user_torque.to_array());
+        }
+        state
     }
 
     /// What the owner of a body says of it.
@@ -369,9 +400,17 @@ impl Region {
     pub(super) fn set_role(&mut self, handle: RigidBodyHandle, role: Role, holders: RegionSet, epoch: Epoch) {
         let slot = self.slot_mut(handle);
         assert!(epoch >= slot.epoch, "{} would go back from epoch {} to {epoch}", slot.id, slot.epoch);
-        (slot.role, slot.holders, slot.epoch) = (role, holders, epoch);
+        (slot.role, slot.epoch) = (role, epoch);
         slot.asleep_at = None;
         slot.told_asleep = false;
+        self.due[handle.into_raw_parts().0 as usize] = 0;
+        self.set_holders(handle, holders);
+    }
+
+    /// Changes which other regions hold a body.
+    pub(super) fn set_holders(&mut self, handle: RigidBodyHandle, holders: RegionSet) {
+        let slot = self.slot_mut(handle);
+        slot.holders = holders;
         let link = Link { id: slot.id, handle };
         self.unlist(link.id);
         self.list(link);
@@ -380,24 +419,38 @@ impl Region {
     /// Membership changed: who holds replicas of this region's bodies, and whether its own replicas are still right, must
     /// be told again.
     pub(super) fn forget_holders(&mut self) {
-        self.shared.clear();
         self.fresh.clear();
+        self.border = Border::new(self.outbox.len());
         for Link { id, handle } in self.links() {
-            let index = handle.into_raw_parts().0 as usize;
-            let slot = self.slots[index].as_mut().expect("every body of a region has a slot");
+            let kept = coupling::make_whole(self, handle);
+            let slot = self.slot_mut(handle);
             match slot.role {
                 Role::Owner => {
-                    slot.holders = RegionSet::EMPTY;
+                    slot.holders = kept;
                     self.fresh.push(Link { id, handle });
                 }
                 Role::Replica { .. } => slot.confirmed = false,
                 Role::Immovable => {}
             }
         }
+        self.shared.clear();
     }
 
-    /// A user changed the body in place: reads the traits anew, and lets the coupling look at it soon.
-    pub(super) fn refresh(&mut self, handle: RigidBodyHandle) {
+    /// Lets a user change the body in place, whole even where it is shared; reads its traits anew, and lets the coupling
+    /// look at it soon.
+    pub(super) fn change<R>(
+        &mut self,
+        handle: RigidBodyHandle,
+        change: impl FnOnce(&mut RigidBody) -> R,
+    ) -> R {
+        coupling::whole(self, handle, |region| {
+            let result = change(&mut region.world.bodies[handle]);
+            region.refresh(handle);
+            result
+        })
+    }
+
+    fn refresh(&mut self, handle: RigidBodyHandle) {
         self.due[handle.into_raw_parts().0 as usize] = 0;
         let old = &self.slot(handle).traits;
         let new = record::traits_of(&self.world.bodies[handle], old.colliders.clone());

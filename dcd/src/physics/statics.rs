@@ -67,8 +67,17 @@ impl Statics {
         handle: RigidBodyHandle,
         shapes: &ShapeLibrary,
     ) -> Result<(), ShapeError> {
-        let bounds = region.world_bounds(handle).grown(0.1);
-        let Some(wider) = region.widen_cover(&bounds) else { return Ok(()) };
+        self.cover_box(region, &region.world_bounds(handle).grown(0.1), shapes)
+    }
+
+    /// Makes sure that all that is immovable in a box is in the region.
+    pub(super) fn cover_box(
+        &self,
+        region: &mut Region,
+        bounds: &Bounds,
+        shapes: &ShapeLibrary,
+    ) -> Result<(), ShapeError> {
+        let Some(wider) = region.widen_cover(bounds) else { return Ok(()) };
         for (body, bounds) in &self.bodies {
             if wider.touches(bounds) {
                 insert(region, body, shapes)?;

@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 
 use super::{BodyRecord, JointRecord, Velocity, WorldPose};
-use crate::space::{BodyId, Epoch, RegionId, Tick};
+use crate::space::{BodyId, Bounds, Epoch, RegionId, Tick};
 
 /// The owner's word on a body that the receiver holds a replica of.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
@@ -19,6 +19,71 @@ pub struct SharedState {
     pub velocity: Velocity,
     /// Whether the owner's copy sleeps.
     pub sleeping: bool,
+}
+
+/// What the sender's own copy of a body became in the last (micro-)step, for all regions that hold it to agree on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
+pub struct CopyState {
+    /// Which body.
+    pub id: BodyId,
+    /// Where the copy is.
+    pub pose: WorldPose,
+    /// How it moves.
+    pub velocity: Velocity,
+    /// Whether it sleeps.
+    pub sleeping: bool,
+    /// What contacts and joints press on this copy, newtons, as its region remembers it.
+    pub force_n: [f32; 3],
+    /// The same for turning, newton metres.
+    pub torque_nm: [f32; 3],
+    /// A hash of the bodies that press on this copy; 0 when none does.
+    pub partners: u64,
+    /// How many bodies of the copy's island the sender owns; [`BIG_ISLAND`] when it is too large to move.
+    pub island: u16,
+}
+
+/// The size told of islands that are too large to move whole.
+pub const BIG_ISLAND: u16 = u16::MAX;
+
+/// Who holds and who owns a body from now on, told by its owner to all who hold it.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Membership {
+    /// Which body.
+    pub id: BodyId,
+    /// Of the owner.
+    pub epoch: Epoch,
+    /// Rank of the owner.
+    pub owner: u8,
+    /// Ranks of all that hold it, the owner too, as bits of `RegionSet`.
+    pub holders: u64,
+    /// Ranks of those that will hold it after the next exchange and must hear its copies by then, as bits.
+    pub listeners: u64,
+}
+
+/// A body near the receiver's region which the receiver does not hold.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Sighting {
+    /// Which body.
+    pub id: BodyId,
+    /// A box around it, world space, metres.
+    pub bounds: Bounds,
+    /// How the box moves, m/s.
+    pub velocity: [f32; 3],
+    /// Whether it is awake.
+    pub awake: bool,
+    /// As in [`CopyState::island`]; 0 for what no contact moves.
+    pub island: u16,
+    /// Whether it touches nothing and nobody shares it: it can change its owner at once.
+    pub free: bool,
+}
+
+/// What a region shows to another: bodies that might meet the other's.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct Sight {
+    /// A box around all that the sender's bodies reach beyond its cell.
+    pub extent: Option<Bounds>,
+    /// In id order.
+    pub bodies: Vec<Sighting>,
 }
 
 /// The receiver becomes the owner of a body.
@@ -51,6 +116,12 @@ pub struct BorderMessage {
     pub transfers: Vec<Transfer>,
     /// Bodies of the receiver whose replica was woken here.
     pub wakes: Vec<BodyId>,
+    /// The sender's copies of bodies that both hold, when regions agree on means.
+    pub copies: Vec<CopyState>,
+    /// Changes among the holders of bodies that the receiver holds.
+    pub members: Vec<Membership>,
+    /// What the sender shows to the receiver; `None`: the same as before.
+    pub sight: Option<Sight>,
 }
 
 impl BorderMessage {
@@ -62,6 +133,9 @@ impl BorderMessage {
             && self.drops.is_empty()
             && self.transfers.is_empty()
             && self.wakes.is_empty()
+            && self.copies.is_empty()
+            && self.members.is_empty()
+            && self.sight.is_none()
     }
 
     /// Forgets the content and keeps the memory.
@@ -72,6 +146,9 @@ impl BorderMessage {
         self.drops.clear();
         self.transfers.clear();
         self.wakes.clear();
+        self.copies.clear();
+        self.members.clear();
+        self.sight = None;
     }
 }
 

@@ -116,8 +116,14 @@ pub struct EnvironmentProperties {
     pub halo_m: Option<f64>,
     /// Name of the coupling.
     pub coupling: String,
-    /// Exchanges a tick.
+    /// Exchanges a tick, or the most that a border may take.
     pub exchanges: u32,
+    /// Contact hops of an overlap.
+    pub depth: u32,
+    /// The most bodies of an island that moves whole.
+    pub island_limit: u32,
+    /// The disagreement of replicas that is tolerated, m/s.
+    pub tolerance_m_s: f32,
     /// The fastest that a client may ask its avatars to move, m/s.
     pub avatar_speed_limit: f32,
     /// How ticks are kept in step.

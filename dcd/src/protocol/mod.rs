@@ -14,7 +14,10 @@ pub use body::{
     BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ExtraMass,
     Groups, MassRecord, Pose, Velocity, WorldPose,
 };
-pub use border::{BorderMessage, ContactForce, ContactKey, RegionEvents, SharedState, Touch, Transfer};
+pub use border::{
+    BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Membership, RegionEvents, SharedState, Sight,
+    Sighting, Touch, Transfer,
+};
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, decode, decode_value,
     encode, encode_value, encoded_len, pack_states, split,

@@ -2,7 +2,7 @@
 //! that agree. "Parse, don't validate": [`decode`](super::decode) never returns a message that fails [`Check`].
 
 use super::*;
-use crate::space::Bounds;
+use crate::space::{Bounds, MAX_REGIONS};
 
 /// Farther out than this nothing of a world can be, in metres.
 pub const WORLD_REACH_M: f64 = 1e9;
@@ -228,8 +228,38 @@ impl Check for ShapeRecord {
     }
 }
 
+impl Check for CopyState {
+    fn check(&self) -> Result<(), Invalid> {
+        self.pose.check()?;
+        self.velocity.check()?;
+        finite(&self.force_n, "copy.force_n")?;
+        finite(&self.torque_nm, "copy.torque_nm")
+    }
+}
+
+impl Check for Membership {
+    fn check(&self) -> Result<(), Invalid> {
+        must(usize::from(self.owner) < MAX_REGIONS, "member.owner", "the rank of a region, below 64")?;
+        must(self.holders >> self.owner & 1 == 1, "member.holders", "a set with the owner in it")
+    }
+}
+
+impl Check for Sight {
+    fn check(&self) -> Result<(), Invalid> {
+        let boxes = self.bodies.iter().map(|sighting| &sighting.bounds).chain(&self.extent);
+        let mut corners = boxes.flat_map(|bounds| bounds.min.iter().chain(&bounds.max));
+        must(corners.all(|v| !v.is_nan()), "sight.bounds", "numbers")?;
+        self.bodies.iter().try_for_each(|sighting| finite(&sighting.velocity, "sight.velocity"))?;
+        ascending(&self.bodies, |sighting| sighting.id, "sight.bodies")
+    }
+}
+
 impl Check for BorderMessage {
     fn check(&self) -> Result<(), Invalid> {
+        ascending(&self.copies, |copy| copy.id, "border.copies")?;
+        all(&self.copies)?;
+        all(&self.members)?;
+        self.sight.iter().try_for_each(Check::check)?;
         ascending(&self.states, |state| state.id, "border.states")?;
         all(&self.states)?;
         self.replicas.iter().try_for_each(Check::check)?;
@@ -266,6 +296,9 @@ impl Check for EnvironmentProperties {
         must(self.dt_s.is_finite() && self.dt_s > 0.0, "world.dt_s", "finite and positive")?;
         must(self.solver_iterations <= 1_000, "world.solver_iterations", "at most 1000")?;
         must((1..=64).contains(&self.exchanges), "world.exchanges", "1 to 64")?;
+        must((1..=16).contains(&self.depth), "world.depth", "1 to 16")?;
+        must(self.island_limit < u32::from(BIG_ISLAND), "world.island_limit", "below 65,535")?;
+        must(self.tolerance_m_s > 0.0, "world.tolerance_m_s", "positive")?;
         must(self.halo_m.is_none_or(|v| v.is_finite() && v >= 0.0), "world.halo_m", "finite, not negative")?;
         not_negative(&[self.avatar_speed_limit], "world.avatar_speed_limit")?;
         let Bounds { min, max } = self.tree.bounds();

@@ -208,6 +208,9 @@ fn host_of(world: &EnvironmentProperties, threads: usize) -> Result<RegionHost, 
         solver_iterations: world.solver_iterations as usize,
         coupling,
         exchanges: world.exchanges as usize,
+        depth: world.depth as usize,
+        island_limit: world.island_limit as usize,
+        tolerance_m_s: world.tolerance_m_s,
     };
     let partition = Partition::new(world.tree.clone(), world.halo_m);
     Ok(RegionHost::new(partition, settings, threads, &[])?)

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 
 use crate::physics::{
-    Coupling, Handover, HostError, Partition, RayFilter, RayHit, Region, RegionHost, Role, StepSettings,
+    Handover, HostError, Partition, RayFilter, RayHit, Region, RegionHost, Role, StepSettings,
 };
-use crate::protocol::{ContactLedger, StateHasher, Velocity, WorldEvents, WorldPose};
+use crate::protocol::{BIG_ISLAND, ContactLedger, StateHasher, Velocity, WorldEvents, WorldPose};
 use crate::scene::Scene;
 use crate::space::{Axis, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
 
@@ -63,8 +63,7 @@ impl WorldConfig {
                 gravity: scene.gravity,
                 dt_s: scene.dt_s,
                 solver_iterations: scene.solver_iterations,
-                coupling: Coupling::default(),
-                exchanges: 1,
+                ..StepSettings::default()
             },
         }
     }
@@ -479,6 +478,15 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
     }
     if step.exchanges == 0 || step.exchanges > 64 {
         return wrong("exchanges", step.exchanges.to_string(), "1 to 64 exchanges a tick");
+    }
+    if step.depth == 0 || step.depth > 16 {
+        return wrong("depth", step.depth.to_string(), "1 to 16 contact hops");
+    }
+    if step.island_limit >= usize::from(BIG_ISLAND) {
+        return wrong("island_limit", step.island_limit.to_string(), "fewer than 65,535 bodies");
+    }
+    if !(step.tolerance_m_s.is_finite() && step.tolerance_m_s > 0.0) {
+        return wrong("tolerance_m_s", step.tolerance_m_s.to_string(), "a positive number of metres per second");
     }
     if config.threads > 1024 {
         return wrong("threads", config.threads.to_string(), "1 to 1024 threads");

@@ -121,6 +121,11 @@ impl Cell {
         (0..3).all(|i| bounds.min[i] < self.max[i] && self.min[i] <= bounds.max[i])
     }
 
+    /// Whether every point of the closed box lies in the cell.
+    pub fn contains_box(&self, bounds: &Bounds) -> bool {
+        (0..3).all(|i| self.min[i] <= bounds.min[i] && bounds.max[i] < self.max[i])
+    }
+
     /// How far the point lies outside on the worst axis; negative inside (then the distance to the nearest face).
     pub fn excess_m(&self, point: [f64; 3]) -> f64 {
         (0..3).map(|i| (self.min[i] - point[i]).max(point[i] - self.max[i])).fold(f64::NEG_INFINITY, f64::max)

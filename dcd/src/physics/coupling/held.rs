@@ -1,14 +1,14 @@
-//! Taking in what others say of who holds and owns what: the other end of `holders`.
+//! Taking in what others say of who holds and owns what: the other end of `halo`.
 
 use rapier3d::prelude::*;
 
-use super::Ground;
+use super::{Ground, share};
 use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BodyRecord, BorderMessage, Transfer};
-use crate::space::RegionSet;
+use crate::space::{RegionSet, Tick};
 
 /// Bodies and joints that come, as owned or as replicas.
 pub(super) fn arrive(
@@ -16,12 +16,17 @@ pub(super) fn arrive(
     message: &BorderMessage,
     sender: usize,
     ground: Ground<'_>,
+    shares_mass: bool,
 ) -> Result<(), ShapeError> {
     for transfer in &message.transfers {
-        take_over(region, transfer, sender, ground)?;
+        take_over(region, transfer, sender, message.tick, ground, shares_mass)?;
     }
     for body in &message.replicas {
         hold(region, body, sender, ground)?;
+        let handle = region.handle_of(body.id).expect("held from now on");
+        if shares_mass && region.slot(handle).role != Role::Owner {
+            share::begin(region, handle);
+        }
     }
     for joint in &message.joints {
         ground.statics.ensure(region, joint, ground.shapes)?;
@@ -64,7 +69,9 @@ fn take_over(
     region: &mut Region,
     transfer: &Transfer,
     sender: usize,
+    tick: Tick,
     ground: Ground<'_>,
+    shares_mass: bool,
 ) -> Result<(), ShapeError> {
     let body = &transfer.body;
     let holders = RegionSet::from_bits(transfer.holders).without(RegionSet::only(region.rank()));
@@ -82,8 +89,12 @@ fn take_over(
         region.id()
     );
     region.set_role(handle, Role::Owner, holders, body.epoch);
+    region.slot_mut(handle).came = tick.0 as u32;
     region.arrived.push(Link { id: body.id, handle });
-    write_whole(region, handle, body);
+    // Copies that share the mass agree on their mean instead.
+    if !shares_mass {
+        write_whole(region, handle, body);
+    }
     Ok(())
 }
 

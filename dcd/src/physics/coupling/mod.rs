@@ -1,16 +1,30 @@
 //! How regions that hold the same body agree on it: the one place where regions meet.
 //!
-//! After each (micro-)step every region *gathers* what it has to say into one [`BorderMessage`] a neighbour, and then
-//! *applies* the messages of its neighbours in rank order. Values go in and come out; who carries them (memory, a
-//! simulator, QUIC) is not known here.
+//! Before each (micro-)step a region *prepares* what it shares; after it, every region *gathers* what it has to say into
+//! one [`BorderMessage`] a neighbour, and then *applies* the messages of its neighbours in rank order. Values go in and
+//! come out; who carries them (memory, a simulator, QUIC) is not known here.
+//!
+//! Two families: `owner` and `proxy` hold copies of all that comes near a border (`halo`) and let the owner's word
+//! stand. `overlap`, `island` and `auto` hold copies of what touches (`sight`, `reach`, `membership`), each with its share
+//! of the mass (`share`), and agree on their means (`agree`).
 
+mod agree;
+mod halo;
 mod held;
-mod holders;
+mod island;
+mod membership;
+mod overlap;
 mod owner;
+mod proxy;
+mod reach;
+mod share;
+mod sight;
 
-pub(super) use holders::Change;
+pub(super) use halo::Change;
 use serde::{Deserialize, Serialize};
+pub(super) use share::{Shared, make_whole, whole};
 
+use super::host::StepSettings;
 use super::partition::Partition;
 use super::region::Region;
 use super::shapes::ShapeLibrary;
@@ -22,36 +36,80 @@ use crate::space::Tick;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Coupling {
+    /// Replicas are kinematic ghosts that push and are not pushed. What most projects do; it gains energy and drops
+    /// stacks. The baseline that the other methods are compared with.
+    Proxy,
     /// Replicas are dynamic copies, overwritten by their owner after each step. Cheap and tolerant of delay; it does not
     /// conserve momentum across a border.
-    #[default]
     Owner,
+    /// Bodies within some contact hops of a border live in both regions, each copy with its share of the mass; regions
+    /// agree on means and even out what presses on the edges of the overlap.
+    Overlap,
+    /// As `overlap`, but an island small enough moves whole to one region, where it is computed exactly.
+    Island,
+    /// As `island`, with the exchanges of each border chosen by how far its copies disagree.
+    #[default]
+    Auto,
 }
 
 impl Coupling {
     /// All methods.
-    pub const ALL: [Self; 1] = [Self::Owner];
+    pub const ALL: [Self; 5] = [Self::Proxy, Self::Owner, Self::Overlap, Self::Island, Self::Auto];
 
     /// Its name on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Proxy => "proxy",
             Self::Owner => "owner",
+            Self::Overlap => "overlap",
+            Self::Island => "island",
+            Self::Auto => "auto",
         }
+    }
+
+    /// Exchanges a tick that suit it; of `auto`, the most it may take.
+    pub const fn usual_exchanges(self) -> usize {
+        match self {
+            Self::Proxy | Self::Owner => 1,
+            Self::Overlap | Self::Island => 2,
+            Self::Auto => 4,
+        }
+    }
+
+    /// Whether regions agree on means of copies that share a body's mass.
+    pub(super) const fn shares_mass(self) -> bool {
+        matches!(self, Self::Overlap | Self::Island | Self::Auto)
+    }
+
+    /// Whether small islands move whole to one region.
+    pub(super) const fn moves_islands(self) -> bool {
+        matches!(self, Self::Island | Self::Auto)
     }
 
     /// Fills `region.outbox` with what neighbours must hold of the bodies inserted since the last step.
-    pub(super) fn announce(self, region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-        holders::announce(region, partition, tick, dt_s);
+    pub(super) fn announce(self, region: &mut Region, moment: Moment<'_>) {
+        if self.shares_mass() {
+            membership::announce(region, moment);
+        } else {
+            halo::announce(region, moment.partition, moment.tick, moment.dt_s);
+        }
+    }
+
+    /// Before a step of the region.
+    pub(super) fn prepare(self, region: &mut Region, dt_s: f32) {
+        if self.shares_mass() {
+            share::prepare(region, dt_s);
+        }
     }
 
     /// Fills `region.outbox` after a step.
-    pub(super) fn gather(self, region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-        if partition.len() == 1 {
+    pub(super) fn gather(self, region: &mut Region, moment: Moment<'_>) {
+        if moment.partition.len() == 1 {
             region.fresh.clear();
-            return;
-        }
-        match self {
-            Self::Owner => owner::gather(region, partition, tick, dt_s),
+        } else if self.shares_mass() {
+            overlap::gather(region, moment);
+        } else {
+            owner::gather(region, moment.partition, moment.tick, moment.dt_s);
         }
     }
 
@@ -59,13 +117,42 @@ impl Coupling {
     pub(super) fn apply<'a>(
         self,
         region: &mut Region,
-        inbox: impl Iterator<Item = &'a BorderMessage>,
+        inbox: impl Iterator<Item = &'a BorderMessage> + Clone,
         ground: Ground<'_>,
     ) -> Result<(), super::ShapeError> {
         match self {
             Self::Owner => owner::apply(region, inbox, ground),
+            Self::Proxy => proxy::apply(region, inbox, ground),
+            Self::Overlap | Self::Island | Self::Auto => overlap::apply(region, inbox, ground),
         }
     }
+}
+
+/// What a region keeps for its borders from one exchange to the next.
+#[derive(Default)]
+pub(super) struct Border {
+    sights: sight::Sights,
+    reach: reach::Reach,
+    islands: island::Islands,
+    decisions: Vec<membership::Decision>,
+}
+
+impl Border {
+    pub(super) fn new(regions: usize) -> Self {
+        Self { sights: sight::Sights::new(regions), ..Self::default() }
+    }
+}
+
+/// Which exchange of which tick is being prepared.
+#[derive(Clone, Copy)]
+pub(super) struct Moment<'a> {
+    pub partition: &'a Partition,
+    pub settings: &'a StepSettings,
+    pub tick: Tick,
+    /// Of a micro-step.
+    pub dt_s: f32,
+    /// Whether it is the last exchange of the tick: who holds and owns what changes only then.
+    pub last: bool,
 }
 
 /// What every region of a process may look things up in.

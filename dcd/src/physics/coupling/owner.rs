@@ -2,7 +2,7 @@
 //! and is felt until the owner's word overwrites it after the step. It does not conserve momentum across a border: each
 //! side solves the contact with its own copy of the other body.
 
-use super::{Ground, held, holders};
+use super::{Ground, halo, held};
 use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::partition::Partition;
@@ -20,11 +20,11 @@ const WAKE_M_S: f32 = 0.05;
 
 /// Says how owned bodies moved, and to whom they must go.
 pub(super) fn gather(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-    holders::clear_outbox(region, tick);
+    halo::clear_outbox(region, tick);
     region.update_assemblies();
     tell_states(region);
     tell_wakes(region);
-    holders::tell(region, partition, tick, dt_s);
+    halo::tell(region, partition, tick, dt_s);
 }
 
 /// Takes in the word of the owners.
@@ -37,7 +37,7 @@ pub(super) fn apply<'a>(
     held::cover_hubs(region, ground)?;
     for message in inbox {
         let sender = ground.partition.rank_of(message.from).expect("messages come from regions of this tree");
-        held::arrive(region, message, sender, ground)?;
+        held::arrive(region, message, sender, ground, false)?;
         write_states(region, &message.states, sender);
         held::depart(region, message, sender);
     }

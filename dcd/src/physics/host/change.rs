@@ -16,8 +16,7 @@ impl RegionHost {
         for region in &mut self.regions {
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
-            let returned = change(&mut region.world_mut().bodies[handle]);
-            region.refresh(handle);
+            let returned = region.change(handle, &mut change);
             if role == Role::Immovable {
                 self.statics.set_traits(id, &region.slot(handle).traits);
             }
@@ -95,8 +94,7 @@ impl RegionHost {
         for region in &mut self.regions {
             if let Some(handle) = region.handle_of(id) {
                 let pose = convert::region_from_world(region.anchor(), &pose);
-                region.world_mut().bodies[handle].set_position(pose, true);
-                region.refresh(handle);
+                region.change(handle, |body| body.set_position(pose, true));
                 held = true;
             }
         }

@@ -10,7 +10,7 @@ use rapier3d::prelude::*;
 use rayon::prelude::*;
 
 use super::convert;
-use super::coupling::{Coupling, Ground};
+use super::coupling::{Coupling, Ground, Moment};
 use super::directory::{Directory, Handover, Home};
 use super::partition::Partition;
 use super::region::{Region, Role};
@@ -30,8 +30,14 @@ pub struct StepSettings {
     pub solver_iterations: usize,
     /// How regions agree.
     pub coupling: Coupling,
-    /// Micro-steps a tick, with an exchange after each.
+    /// Micro-steps a tick, with an exchange after each; with [`Coupling::Auto`] the most that a border may take.
     pub exchanges: usize,
+    /// Contact hops across a border within which bodies live in both regions, for couplings that overlap.
+    pub depth: usize,
+    /// The most bodies of an island that moves whole, for couplings that move islands.
+    pub island_limit: usize,
+    /// The disagreement of replicas that [`Coupling::Auto`] tolerates, in metres per second.
+    pub tolerance_m_s: f32,
 }
 
 impl Default for StepSettings {
@@ -41,8 +47,54 @@ impl Default for StepSettings {
             dt_s: 1.0 / 60.0,
             solver_iterations: 4,
             coupling: Coupling::default(),
-            exchanges: 1,
+            exchanges: Coupling::default().usual_exchanges(),
+            depth: 2,
+            island_limit: 256,
+            tolerance_m_s: 0.03,
         }
+    }
+}
+
+/// How much accuracy a world asks of [`Coupling::Auto`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Preset {
+    /// Speed first: borders may differ by 0.1 m/s.
+    Draft,
+    /// What games want: 0.03 m/s.
+    #[default]
+    Game,
+    /// Accuracy first: 0.01 m/s, three hops deep, islands of up to 1,024 bodies whole.
+    Precise,
+}
+
+impl Preset {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Draft, Self::Game, Self::Precise];
+
+    /// Its name on the command line and in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Game => "game",
+            Self::Precise => "precise",
+        }
+    }
+}
+
+impl StepSettings {
+    /// The same with another coupling, and the exchanges that are usual for it.
+    pub fn with_coupling(self, coupling: Coupling) -> Self {
+        Self { coupling, exchanges: coupling.usual_exchanges(), ..self }
+    }
+
+    /// The same with [`Coupling::Auto`] and what the preset stands for.
+    pub fn with_preset(self, preset: Preset) -> Self {
+        let (exchanges, depth, island_limit, tolerance_m_s) = match preset {
+            Preset::Draft => (2, 2, 64, 0.1),
+            Preset::Game => (4, 2, 256, 0.03),
+            Preset::Precise => (4, 3, 1024, 0.01),
+        };
+        Self { coupling: Coupling::Auto, exchanges, depth, island_limit, tolerance_m_s, ..self }
     }
 }
 
@@ -93,6 +145,8 @@ pub struct RegionHost {
     /// From regions computed elsewhere, for the exchange that is open.
     incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
     tick: Tick,
+    /// Micro-steps done of the tick to come.
+    round: usize,
     transfers: u64,
     /// Of the last step, and of insertions since.
     handovers: Vec<Handover>,
@@ -129,6 +183,7 @@ impl RegionHost {
             pool,
             incoming: BTreeMap::new(),
             tick: Tick(0),
+            round: 0,
             transfers: 0,
             handovers: Vec::new(),
         };
@@ -153,10 +208,13 @@ impl RegionHost {
         let settings = self.settings;
         let dt_s = settings.dt_s / settings.exchanges as f32;
         let iterations = settings.solver_iterations.div_ceil(settings.exchanges).max(1);
-        let (partition, tick) = (&self.partition, self.tick.next());
+        self.round += 1;
+        let last = self.round >= settings.exchanges;
+        let moment = Moment { partition: &self.partition, settings: &settings, tick: self.tick.next(), dt_s, last };
         on_all(&self.pool, &mut self.regions, |region| {
+            settings.coupling.prepare(region, dt_s);
             region.step(dt_s, iterations);
-            settings.coupling.gather(region, partition, tick, dt_s);
+            settings.coupling.gather(region, moment);
         });
     }
 
@@ -237,6 +295,7 @@ impl RegionHost {
     /// The tick is over: counts it.
     pub fn end_tick(&mut self) {
         self.tick = self.tick.next();
+        self.round = 0;
     }
 
     /// What the regions saw of contacts since [`RegionHost::clear_events`], in rank order.

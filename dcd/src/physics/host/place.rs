@@ -6,6 +6,7 @@ use rapier3d::prelude::*;
 
 use super::{HostError, RegionHost, on_all};
 use crate::physics::assembly::Groups;
+use crate::physics::coupling::Moment;
 use crate::physics::directory::Home;
 use crate::physics::region::{Region, Role};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
@@ -90,10 +91,10 @@ impl RegionHost {
 
     /// Says which regions must hold what was inserted since the last step; the exchange carries it.
     pub fn announce(&mut self) {
-        let (partition, tick, settings) = (&self.partition, self.tick, self.settings);
-        on_all(&self.pool, &mut self.regions, |region| {
-            settings.coupling.announce(region, partition, tick, settings.dt_s);
-        });
+        let settings = self.settings;
+        let (partition, tick, dt_s) = (&self.partition, self.tick, settings.dt_s);
+        let moment = Moment { partition, settings: &settings, tick, dt_s, last: true };
+        on_all(&self.pool, &mut self.regions, |region| settings.coupling.announce(region, moment));
     }
 
     /// Lets go of replicas that no owner has announced since [`RegionHost::rebuild`].

@@ -1,7 +1,8 @@
 //! Contacts as the solver left them: how many, how deep, how hard on the ground.
 //!
 //! A contact may be solved in several regions, wherever both bodies are held. The region that owns the dynamic body of the
-//! lowest id answers for it, so that each is counted once.
+//! lowest id answers for it, so that each is counted once. Where regions share a body's mass, each bears its part of the
+//! force, so forces are summed over all of them.
 
 use rapier3d::geometry::ContactManifold;
 use rapier3d::prelude::*;
@@ -83,16 +84,22 @@ pub(super) fn sample(view: View<'_>) -> ContactSample {
     let down = world.gravity.normalize_or_zero().to_array().map(f64::from);
     let gravity = f64::from(world.gravity.length());
     let mut sample = ContactSample::default();
-    for (_, body) in view.owned().filter(|(_, body)| body.is_dynamic() && body.is_enabled()) {
-        sample.weight_n += f64::from(body.mass()) * f64::from(body.gravity_scale()) * gravity;
+    for (handle, body) in view.owned_handles().filter(|(_, body)| body.is_dynamic() && body.is_enabled()) {
+        let mass = view.parts(handle) * f64::from(body.mass());
+        sample.weight_n += mass * f64::from(body.gravity_scale()) * gravity;
     }
     for pair in world.contact_pairs() {
-        let sides = [pair.collider1, pair.collider2].map(|collider| Side::of(view, collider));
-        if !pair.has_any_active_contact() || !answers(sides) {
+        let colliders = [pair.collider1, pair.collider2];
+        if colliders.iter().any(|&collider| world.colliders.get(collider).is_none()) {
+            // Removed since the step; Rapier forgets the pair in the next one.
             continue;
         }
-        sample.pairs += 1;
+        let sides = colliders.map(|collider| Side::of(view, collider));
+        if !pair.has_any_active_contact() || !(answers(sides) || has_part(sides)) {
+            continue;
+        }
         sample.max_penetration_m = sample.max_penetration_m.max(penetration_m(world, pair));
+        sample.pairs += usize::from(answers(sides));
         if let Some(fixed) = sides.iter().position(|side| *side == Side::Fixed) {
             let sign = if fixed == 1 { 1.0 } else { -1.0 };
             let force = pair_force_n(world, pair);
@@ -105,8 +112,8 @@ pub(super) fn sample(view: View<'_>) -> ContactSample {
 /// One end of a contact pair.
 #[derive(Clone, Copy, PartialEq)]
 enum Side {
-    /// On a dynamic body, by its id; whether the view owns it.
-    Dynamic(BodyId, bool),
+    /// On a dynamic body, by its id; whether the view owns it, and whether it has only a part of it.
+    Dynamic(BodyId, bool, bool),
     /// On a fixed body, or on none.
     Fixed,
     Kinematic,
@@ -120,7 +127,7 @@ impl Side {
             return Self::Fixed;
         };
         match view.name(handle) {
-            Some(id) if body.is_dynamic() => Self::Dynamic(id, view.owns(handle)),
+            Some(id) if body.is_dynamic() => Self::Dynamic(id, view.owns(handle), view.parts(handle) > 1.0),
             _ if body.is_fixed() => Self::Fixed,
             _ => Self::Kinematic,
         }
@@ -130,16 +137,21 @@ impl Side {
 /// Whether the owner of the dynamic body of the lowest id is this view.
 fn answers(sides: [Side; 2]) -> bool {
     match sides {
-        [Side::Dynamic(a, owned_a), Side::Dynamic(b, owned_b)] => {
+        [Side::Dynamic(a, owned_a, _), Side::Dynamic(b, owned_b, _)] => {
             if a <= b {
                 owned_a
             } else {
                 owned_b
             }
         }
-        [Side::Dynamic(_, owned), _] | [_, Side::Dynamic(_, owned)] => owned,
+        [Side::Dynamic(_, owned, _), _] | [_, Side::Dynamic(_, owned, _)] => owned,
         _ => false,
     }
+}
+
+/// Whether the contact is on a body of which the view has a part: then every region that has one bears a part of the force.
+fn has_part(sides: [Side; 2]) -> bool {
+    sides.iter().any(|side| matches!(side, Side::Dynamic(_, _, true)))
 }
 
 /// How deep the two colliders overlap where their bodies are now, in metres, without their skins.

@@ -158,11 +158,19 @@ impl<'a> View<'a> {
 
     /// The movable bodies that it answers for.
     pub fn owned(self) -> impl Iterator<Item = (BodyId, &'a RigidBody)> {
-        self.physics()
-            .bodies
-            .iter()
-            .filter(move |(handle, _)| self.owns(*handle))
-            .filter_map(move |(handle, body)| Some((self.name(handle)?, body)))
+        self.owned_handles().filter_map(move |(handle, body)| Some((self.name(handle)?, body)))
+    }
+
+    /// By how many the mass of the body is divided here: regions that share a body each have a part of it.
+    pub fn parts(self, handle: RigidBodyHandle) -> f64 {
+        match self {
+            Self::Bare(_) => 1.0,
+            Self::Region(region) => region.share_of(handle) as f64,
+        }
+    }
+
+    fn owned_handles(self) -> impl Iterator<Item = (RigidBodyHandle, &'a RigidBody)> {
+        self.physics().bodies.iter().filter(move |(handle, _)| self.owns(*handle))
     }
 
     fn pose(self, body: &RigidBody) -> WorldPose {

@@ -7,24 +7,26 @@ use super::convert;
 
 pub(super) fn energy_j(view: View<'_>) -> f64 {
     let gravity = view.physics().gravity.to_array().map(f64::from);
-    taking_part(view).map(|body| kinetic_j(&body) + potential_j(view, &body, gravity)).sum()
+    taking_part(view)
+        .map(|(parts, body)| parts * (kinetic_j(&body) + potential_j(view, &body, gravity)))
+        .sum()
 }
 
 pub(super) fn momentum_kgms(view: View<'_>) -> [f64; 3] {
-    taking_part(view).fold([0.0; 3], |sum, body| {
-        let (mass, velocity) = (f64::from(body.mass()), body.linvel().to_array());
+    taking_part(view).fold([0.0; 3], |sum, (parts, body)| {
+        let (mass, velocity) = (parts * f64::from(body.mass()), body.linvel().to_array());
         std::array::from_fn(|i| sum[i] + mass * f64::from(velocity[i]))
     })
 }
 
-/// Enabled dynamic bodies with their masses: Rapier works these out in the first step only, and a world is to be measured
+/// Enabled dynamic bodies with their masses, and into how many parts these are divided: Rapier works these out in the first step only, and a world is to be measured
 /// before it too.
-fn taking_part(view: View<'_>) -> impl Iterator<Item = RigidBody> {
+fn taking_part(view: View<'_>) -> impl Iterator<Item = (f64, RigidBody)> {
     let colliders = &view.physics().colliders;
-    view.owned().filter(|(_, body)| body.is_dynamic() && body.is_enabled()).map(|(_, body)| {
+    view.owned_handles().filter(|(_, body)| body.is_dynamic() && body.is_enabled()).map(move |(handle, body)| {
         let mut body = body.clone();
         body.recompute_mass_properties_from_colliders(colliders);
-        body
+        (view.parts(handle), body)
     })
 }
 

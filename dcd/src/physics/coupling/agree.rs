@@ -1,0 +1,138 @@
+//! What the regions that hold a body make of its copies: the mean, written back to each, and a push on each copy that
+//! evens out what presses on the copies unequally, because some of the body's neighbours are missing in some regions.
+//!
+//! The mean of copies that each have 1/n of the mass conserves momentum exactly. It is formed from the same numbers in the
+//! same order everywhere, so that all members get the same bits.
+
+use rapier3d::prelude::*;
+
+use super::share::{self, Shared};
+use crate::physics::convert;
+use crate::physics::region::{Link, Region, Role};
+use crate::protocol::{CopyState, Velocity, WorldPose};
+
+/// Below these a copy's pose is left alone: a pose written every step would never let it sleep.
+const STILL_M_S: f32 = 0.05;
+const STILL_RAD_S: f32 = 0.1;
+const MOVED_M: f32 = 2e-3;
+const TURNED_RAD: f32 = 2e-3;
+/// A sleeping copy is left alone unless the others differ by more than this.
+const WAKE_M_S: f32 = 0.05;
+const WAKE_RAD_S: f32 = 0.05;
+
+/// Agrees on every body held here and elsewhere. Returns, for each other region, how far the velocities of the copies of
+/// bodies held by both were from their means at most, in m/s.
+pub(super) fn agree(region: &mut Region, disagreement: &mut [f32]) {
+    for index in 0..region.shared.len() + region.replicas.len() {
+        let link = share::held(region, index);
+        let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { continue };
+        let worst = agree_on(region, link, &mut shared);
+        let own = region.rank();
+        for rank in shared.members.iter().filter(|&rank| rank != own) {
+            disagreement[rank] = disagreement[rank].max(worst);
+        }
+        region.slot_mut(link.handle).shared = Some(shared);
+    }
+}
+
+fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
+    if shared.heard.is_empty() {
+        return 0.0;
+    }
+    let own_rank = region.rank();
+    let body = &region.physics().bodies[link.handle];
+    if !shared.arriving && body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
+        return 0.0;
+    }
+    if !body.is_dynamic() {
+        // What its user moves is where its owner says.
+        if let Role::Replica { owner } = region.slot(link.handle).role
+            && let Some(&(_, copy)) = shared.heard.iter().find(|(rank, _)| *rank == owner)
+        {
+            write(region, link, &copy.pose, &copy.velocity);
+        }
+        return 0.0;
+    }
+    let own = (!shared.arriving).then_some((own_rank, shared.own));
+    let at = shared.heard.partition_point(|(rank, _)| *rank < own_rank);
+    let (before, after) = shared.heard.split_at(at);
+    let copies = || before.iter().chain(own.iter()).chain(after).map(|(_, copy)| copy);
+    let (pose, velocity) = mean(copies);
+    let count = copies().count() as f32;
+    let alike = copies().all(|copy| copy.partners == shared.own.partners);
+    if alike && !shared.arriving {
+        (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
+    } else {
+        let sum = |of: fn(&CopyState) -> [f32; 3]| copies().fold(Vector::ZERO, |sum, c| sum + Vector::from_array(of(c)));
+        let (force, torque) = (sum(|c| c.force_n) / count, sum(|c| c.torque_nm) / count);
+        let mine = |v: [f32; 3]| if shared.arriving { Vector::ZERO } else { Vector::from_array(v) };
+        let push = force - mine(shared.own.force_n);
+        let twist = torque - mine(shared.own.torque_nm);
+        (shared.push, shared.twist) = (push, twist);
+    }
+    let z = Vector::from_array(velocity.linear);
+    let worst = copies().map(|copy| (Vector::from_array(copy.velocity.linear) - z).length()).fold(0.0, f32::max);
+    write(region, link, &pose, &velocity);
+    shared.start = None;
+    worst
+}
+
+/// Positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on one hemisphere,
+/// which for copies as close as these is the exponential of the mean logarithm to third order.
+fn mean<'a, I: Iterator<Item = &'a CopyState>>(copies: impl Fn() -> I) -> (WorldPose, Velocity) {
+    let first = *copies().next().expect("a body has copies");
+    if copies().all(|copy| copy.pose == first.pose && copy.velocity == first.velocity) {
+        return (first.pose, first.velocity);
+    }
+    let count = copies().count() as f64;
+    let (mut translation, mut rotation) = ([0.0f64; 3], [0.0f64; 4]);
+    let (mut linear, mut angular) = ([0.0f64; 3], [0.0f64; 3]);
+    let q0 = first.pose.rotation.map(f64::from);
+    for copy in copies() {
+        let q = copy.pose.rotation.map(f64::from);
+        let sign = (0..4).map(|i| q[i] * q0[i]).sum::<f64>().signum();
+        for i in 0..3 {
+            translation[i] += copy.pose.translation[i];
+            linear[i] += f64::from(copy.velocity.linear[i]);
+            angular[i] += f64::from(copy.velocity.angular[i]);
+        }
+        for i in 0..4 {
+            rotation[i] += sign * q[i];
+        }
+    }
+    let norm = rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let pose = WorldPose {
+        translation: translation.map(|v| v / count),
+        rotation: rotation.map(|v| (v / norm) as f32),
+    };
+    (pose, Velocity { linear: linear.map(|v| (v / count) as f32), angular: angular.map(|v| (v / count) as f32) })
+}
+
+fn write(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity) {
+    let pose = convert::region_from_world(region.anchor(), pose);
+    let (linear, angular) = (convert::vector(velocity.linear), convert::vector(velocity.angular));
+    let body = &region.physics().bodies[link.handle];
+    if *body.position() == pose && body.linvel() == linear && body.angvel() == angular {
+        // Writing would make Rapier go over the body again.
+        return;
+    }
+    let moved_m = (pose.translation - body.translation()).length();
+    let turned_rad = 2.0 * pose.rotation.dot(*body.rotation()).abs().min(1.0).acos();
+    let moved = moved_m >= MOVED_M || turned_rad >= TURNED_RAD;
+    if body.is_sleeping() {
+        if moved_m >= MOVED_M || linear.length() > WAKE_M_S || angular.length() > WAKE_RAD_S {
+            let body = &mut region.world_mut().bodies[link.handle];
+            body.set_position(pose, false);
+            body.set_linvel(linear, false);
+            body.set_angvel(angular, false);
+            region.world_mut().wake_up(link.handle, true);
+        }
+        return;
+    }
+    let body = &mut region.world_mut().bodies[link.handle];
+    body.set_linvel(linear, false);
+    body.set_angvel(angular, false);
+    if moved || linear.length() >= STILL_M_S || angular.length() >= STILL_RAD_S {
+        body.set_position(pose, false);
+    }
+}

@@ -1,0 +1,317 @@
+//! Who holds and who owns a body, for couplings that agree on means. The owner decides, after the last step of a tick; all
+//! who hold the body learn of it by the same exchange and act on it together, so that its mass is divided by the same
+//! number everywhere.
+//!
+//! - A body is held by the regions within whose reach it is (`reach`), and some ticks longer, so that none flaps.
+//! - It is owned by the region of its centre, or by the one to which its island goes (`island`). What presses on
+//!   something is first held there for some ticks, so that the contacts and their warm start are there (thesis 3.3.3); what
+//!   is free goes at once.
+//! - A region that comes to hold a body which several hold already hears all copies first: it starts from their mean.
+
+use rapier3d::prelude::*;
+
+use super::{Border, Moment, halo, reach, share, sight};
+use crate::physics::convert;
+use crate::physics::partition::{OWNER_HYSTERESIS_M, Partition};
+use crate::physics::region::{Link, Region, Role};
+use crate::protocol::{BodyRecord, Membership, Transfer};
+use crate::space::{Bounds, RegionSet};
+
+/// Ticks for which a region keeps a body that it has no reason to hold any more.
+const KEEP_TICKS: u32 = 10;
+/// Ticks that a body which presses on something is held by the region to which it goes, before it is owned there.
+const SETTLE_TICKS: u32 = 8;
+
+/// Who will hold a body from the end of this exchange on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Decision {
+    link: Link,
+    members: RegionSet,
+    listeners: RegionSet,
+}
+
+/// What the owner wants of a body.
+#[derive(Clone, Copy)]
+struct Wish {
+    /// Regions that must hold it, without its owner's.
+    holders: RegionSet,
+    owner: usize,
+    /// Whether something touches the body, or its island if that moves whole.
+    pressed: bool,
+    /// Whether it, and its island if that moves whole, is where it goes, with its contacts.
+    ready: bool,
+}
+
+/// Says which regions must hold the bodies inserted since the last step: all whose cell they come near.
+pub(super) fn announce(region: &mut Region, moment: Moment<'_>) {
+    halo::clear_outbox(region, moment.tick);
+    let mut border = std::mem::take(&mut region.border);
+    border.decisions.clear();
+    share_fresh(region, &mut border, moment);
+    let fresh: Vec<_> = region.fresh.iter().map(|link| link.handle).collect();
+    region.fresh.clear();
+    sight::look(region, &mut border.sights, moment, &fresh);
+    sight::show(region, &mut border.sights, moment);
+    region.border = border;
+}
+
+/// Decides after a step who holds and owns what, and tells all whom it concerns.
+pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
+    let mut border = std::mem::take(&mut region.border);
+    border.decisions.clear();
+    share_fresh(region, &mut border, moment);
+    let mut looked_at = std::mem::take(&mut region.looked_at);
+    looked_at.clear();
+    looked_at.extend(region.fresh.drain(..).map(|link| link.handle));
+    let now = moment.tick.0 as u32;
+    let due = |handle: &RigidBodyHandle| region.due[handle.into_raw_parts().0 as usize] <= now;
+    looked_at.extend(region.physics().islands.active_bodies().filter(due));
+    sight::look(region, &mut border.sights, moment, &looked_at);
+    region.looked_at = looked_at;
+    if moment.settings.coupling.moves_islands() {
+        let Border { islands, sights, .. } = &mut border;
+        let held = region.shared.iter().chain(&region.replicas).copied();
+        let seeds: Vec<_> = sights.near.iter().map(|near| near.link).chain(held).map(|link| link.handle).collect();
+        islands.find(region, sights, moment, seeds.into_iter());
+        let region: &Region = region;
+        sights.set_islands(|handle| (islands.size(handle), goes_at_once(region, handle)));
+    }
+    sight::show(region, &mut border.sights, moment);
+    let met: Vec<_> = border
+        .sights
+        .meetings
+        .iter()
+        .filter(|meeting| meeting.island > 0)
+        .filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting)))
+        .filter(|(handle, meeting)| {
+            // As long as there is time, one of the two is to move to the other's region, and nothing need be shared.
+            let small = border.islands.of(*handle).is_some_and(|island| !island.big);
+            meeting.soon || !small
+        })
+        .map(|(handle, meeting)| (handle, meeting.rank))
+        .collect();
+    let Border { reach, islands, .. } = &mut border;
+    let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
+    reach.spread(region, moment.settings.depth, met.into_iter(), small);
+    let mut leaving = Vec::new();
+    for link in candidates(region, &border) {
+        leaving.extend(decide_on(region, &mut border, moment, link));
+    }
+    for (link, owner) in leaving {
+        hand_over(region, link, owner);
+    }
+    region.border = border;
+}
+
+/// Acts on what owners decided: sets who holds what, and divides masses anew.
+pub(super) fn commit<'a>(region: &mut Region, told: impl Iterator<Item = &'a Membership>) {
+    let own = RegionSet::only(region.rank());
+    let decisions = std::mem::take(&mut region.border.decisions);
+    for decision in &decisions {
+        if region.handle_of(decision.link.id) == Some(decision.link.handle) {
+            share::set_members(region, decision.link.handle, decision.members, decision.listeners);
+        }
+    }
+    region.border.decisions = decisions;
+    for membership in told {
+        let Some(handle) = region.handle_of(membership.id) else { continue };
+        let slot = region.slot(handle);
+        if membership.epoch < slot.epoch {
+            continue;
+        }
+        let members = RegionSet::from_bits(membership.holders);
+        if !members.contains(region.rank()) {
+            region.remove(membership.id);
+            continue;
+        }
+        if slot.role != Role::Owner && usize::from(membership.owner) != region.rank() {
+            let role = Role::Replica { owner: membership.owner.into() };
+            region.set_role(handle, role, members.without(own), membership.epoch);
+        }
+        share::set_members(region, handle, members, RegionSet::from_bits(membership.listeners));
+    }
+}
+
+/// The region of a centre; the present one until the centre has left it for good.
+pub(super) fn home_of(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize {
+    if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M { partition.rank_at(centre) } else { region.rank() }
+}
+
+/// Bodies that come from nowhere may touch anything at once: they are held wherever they come near.
+fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
+    let own = RegionSet::only(region.rank());
+    for Link { id, handle } in region.fresh.clone() {
+        if region.handle_of(id) != Some(handle) || region.slot(handle).role != Role::Owner {
+            continue;
+        }
+        let bounds = if region.slot(handle).reach_m.is_finite() {
+            region.world_bounds(handle)
+        } else {
+            Bounds::around([0.0; 3], [f64::INFINITY; 3])
+        };
+        let travel_m = f64::from(region.physics().bodies[handle].linvel().length() * moment.settings.dt_s);
+        let near = moment.partition.touching(&bounds.grown(moment.partition.halo_m() + travel_m));
+        let holders = near.union(region.slot(handle).holders).without(own);
+        if !holders.is_empty() {
+            let members = holders.union(own);
+            tell(region, handle, holders, RegionSet::EMPTY, members, RegionSet::EMPTY);
+            border.decisions.push(Decision { link: Link { id, handle }, members, listeners: RegionSet::EMPTY });
+        }
+    }
+}
+
+/// Every body owned here for which something may have to change, in id order.
+fn candidates(region: &Region, border: &Border) -> Vec<Link> {
+    let owned = |handle: &RigidBodyHandle| {
+        let slot = region.slot(*handle);
+        (slot.role == Role::Owner).then_some(Link { id: slot.id, handle: *handle })
+    };
+    let mut all: Vec<_> = region.shared.clone();
+    all.extend(border.reach.reached.iter().filter_map(owned));
+    all.extend(border.sights.near.iter().map(|near| near.link));
+    let moving = border.islands.found.iter().filter(|island| !island.big && island.target != region.rank());
+    all.extend(moving.flat_map(|island| &island.members));
+    all.sort_unstable_by_key(|link| link.id);
+    all.dedup_by_key(|link| link.id);
+    // Those inserted in this tick have been decided on already.
+    let fresh = |link: &Link| border.decisions.iter().any(|decision| decision.link.id == link.id);
+    all.retain(|link| border.decisions.is_empty() || !fresh(link));
+    all
+}
+
+/// Decides on one body. Returns it with its new owner if it is to go there at once.
+fn decide_on(
+    region: &mut Region,
+    border: &mut Border,
+    moment: Moment<'_>,
+    link: Link,
+) -> Option<(Link, usize)> {
+    let wish = wish_for(region, border, moment, link.handle);
+    let own_rank = region.rank();
+    let own = RegionSet::only(own_rank);
+    let slot = region.slot(link.handle);
+    let (held, epoch) = (slot.holders, slot.epoch);
+    let asleep = region.physics().bodies[link.handle].is_sleeping();
+    let alone = wish.holders == RegionSet::only(wish.owner);
+    if alone && wish.owner != own_rank && goes_at_once(region, link.handle) {
+        return Some((link, wish.owner));
+    }
+    let mut holders = held.union(wish.holders);
+    let (mut owner, mut listeners) = (own_rank, RegionSet::EMPTY);
+    let added = wish.holders.without(held);
+    if let Some(shared) = region.slot_mut(link.handle).shared.as_deref_mut() {
+        // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
+        shared.settled += 1;
+        let needless = !held.without(wish.holders).is_empty() && !asleep;
+        shared.idle = if needless { shared.idle + 1 } else { 0 };
+        if shared.idle > if wish.pressed { KEEP_TICKS } else { 0 } {
+            holders = wish.holders;
+        }
+        // A newcomer among several must have heard all copies: they listen for one exchange before.
+        if !added.without(shared.listeners).is_empty() {
+            listeners = added.union(shared.listeners);
+            holders = holders.without(added.without(shared.listeners));
+        }
+        let there = held.contains(wish.owner) && holders.contains(wish.owner);
+        if wish.owner != own_rank && there && wish.ready && !asleep {
+            owner = wish.owner;
+        }
+        if holders == held && listeners == shared.listeners && owner == own_rank {
+            return None;
+        }
+    } else if holders.is_empty() {
+        return None;
+    }
+    let members = holders.union(own);
+    tell(region, link.handle, holders.without(held), held.without(holders), members, listeners);
+    if owner != own_rank {
+        let record = region.body_record(link.handle);
+        let body = BodyRecord { epoch: epoch.next(), ..record };
+        region.outbox[owner].transfers.push(Transfer { body, holders: members.without(RegionSet::only(owner)).bits() });
+        for rank in members.without(own).iter() {
+            let told = region.outbox[rank].members.last_mut().filter(|told| told.id == link.id);
+            let told = told.expect("every member was told");
+            (told.epoch, told.owner) = (epoch.next(), owner as u8);
+        }
+        region.set_role(link.handle, Role::Replica { owner }, members.without(own), epoch.next());
+    }
+    border.decisions.push(Decision { link, members, listeners });
+    None
+}
+
+fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidBodyHandle) -> Wish {
+    let own = RegionSet::only(region.rank());
+    let body = &region.physics().bodies[handle];
+    let island = border.islands.of(handle).filter(|island| !island.big);
+    let owner = match island {
+        Some(island) => island.target,
+        // What sleeps stays where it is.
+        None if body.is_sleeping() => region.rank(),
+        None => home_of(
+            region,
+            moment.partition,
+            convert::world_point(region.anchor(), body.center_of_mass()),
+        ),
+    };
+    let pressed = island.map_or_else(|| reach::is_pressed(region, handle), |island| island.pressed);
+    let is_ready = |handle| {
+        let slot = region.slot(handle);
+        let settled = slot.shared.as_ref().is_some_and(|shared| shared.settled >= SETTLE_TICKS);
+        slot.holders.contains(owner) && (settled || !pressed)
+    };
+    let ready = match island {
+        Some(island) => island.members.iter().all(|member| is_ready(member.handle)),
+        None => is_ready(handle),
+    };
+    // What no contact moves is held by those who come near it, and draws nobody along.
+    let id = region.slot(handle).id;
+    let met = border.sights.meetings_of(id).fold(RegionSet::EMPTY, |set, meeting| {
+        set.union(RegionSet::only(meeting.rank))
+    });
+    let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
+    let holders = border.reach.of(handle).union(met).union(RegionSet::only(owner)).without(own);
+    Wish { holders, owner, pressed, ready }
+}
+
+/// Whether nobody shares the body, nothing presses on it or is tied to it, so that it loses nothing by going at once.
+fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
+    let asleep = region.physics().bodies[handle].is_sleeping();
+    region.slot(handle).holders.is_empty() && !asleep && !reach::is_pressed(region, handle)
+}
+
+/// Sends a body that nobody shares to its new owner, whole.
+fn hand_over(region: &mut Region, link: Link, owner: usize) {
+    let record = region.body_record(link.handle);
+    let epoch = record.epoch.next();
+    let body = BodyRecord { epoch, ..record };
+    region.outbox[owner].transfers.push(Transfer { body, holders: 0 });
+    region.remove(link.id);
+}
+
+/// Tells all members, new, remaining and former, and sends the body to the new ones.
+fn tell(
+    region: &mut Region,
+    handle: RigidBodyHandle,
+    added: RegionSet,
+    dropped: RegionSet,
+    members: RegionSet,
+    listeners: RegionSet,
+) {
+    let record = region.body_record(handle);
+    let joints: Vec<_> = region.joints_of(handle).collect();
+    let own = RegionSet::only(region.rank());
+    let membership = Membership {
+        id: record.id,
+        epoch: record.epoch,
+        owner: region.rank() as u8,
+        holders: members.bits(),
+        listeners: listeners.bits(),
+    };
+    for rank in added.iter() {
+        region.outbox[rank].replicas.push(record.clone());
+        region.outbox[rank].joints.extend_from_slice(&joints);
+    }
+    for rank in members.union(dropped).without(own).iter() {
+        region.outbox[rank].members.push(membership);
+    }
+}

@@ -1,0 +1,107 @@
+//! Split-mass overlap: bodies within some contact hops of a border live in both regions, each copy with its share of the
+//! mass, so every region can solve the contacts at the border by itself. After each micro-step the regions agree on the
+//! copies' means, which conserves momentum exactly; a memory of what pressed on each copy evens out the edges of the
+//! overlap, where a body has all its neighbours in one region and only some in another.
+//!
+//! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
+
+use super::{Ground, Moment, agree, halo, held, membership, share};
+use crate::physics::ShapeError;
+use crate::physics::partition::Partition;
+use crate::physics::region::{Link, Region, Role};
+use crate::protocol::{BorderMessage, CopyState};
+use crate::space::RegionSet;
+
+/// Says how the copies here moved, and after the last step of a tick who shall hold what.
+pub(super) fn gather(region: &mut Region, moment: Moment<'_>) {
+    halo::clear_outbox(region, moment.tick);
+    for index in 0..region.shared.len() + region.replicas.len() {
+        tell_copy(region, share::held(region, index), moment.last);
+    }
+    for message in &mut region.outbox {
+        // Owned and replicated bodies come one after the other.
+        message.copies.sort_unstable_by_key(|copy| copy.id);
+    }
+    if moment.last {
+        membership::decide(region, moment);
+    }
+}
+
+/// Takes in the others' copies and what owners decided.
+pub(super) fn apply<'a>(
+    region: &mut Region,
+    inbox: impl Iterator<Item = &'a BorderMessage> + Clone,
+    ground: Ground<'_>,
+) -> Result<(), ShapeError> {
+    region.arrived.clear();
+    held::cover_hubs(region, ground)?;
+    cover_far(region, ground)?;
+    for message in inbox.clone() {
+        let sender = rank_of(ground.partition, message);
+        held::arrive(region, message, sender, ground, true)?;
+        hear(region, &message.copies, sender);
+        region.border.sights.see(sender, message);
+    }
+    let mut disagreement = std::mem::take(&mut region.disagreement);
+    disagreement.fill(0.0);
+    agree::agree(region, &mut disagreement);
+    region.disagreement = disagreement;
+    membership::commit(region, inbox.flat_map(|message| &message.members));
+    region.border.sights.meet();
+    Ok(())
+}
+
+/// An island that is computed whole may reach far out of the cell.
+fn cover_far(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError> {
+    for index in 0..region.border.sights.near.len() {
+        let bounds = region.border.sights.near[index].swept;
+        if !region.cell().contains_box(&bounds) {
+            ground.statics.cover_box(region, &bounds, ground.shapes)?;
+        }
+    }
+    Ok(())
+}
+
+fn rank_of(partition: &Partition, message: &BorderMessage) -> usize {
+    partition.rank_of(message.from).expect("messages come from regions of this tree")
+}
+
+/// Sends a copy to all who hold the body; once only when it falls asleep.
+fn tell_copy(region: &mut Region, link: Link, last: bool) {
+    let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { return };
+    let asleep = region.physics().bodies[link.handle].is_sleeping();
+    let told = region.slot(link.handle).told_asleep;
+    let listeners = if last { shared.listeners } else { RegionSet::EMPTY };
+    if !(asleep && told) || !listeners.is_empty() {
+        let island = region.border.islands.size(link.handle);
+        share::read(region, link.handle, &mut shared, island);
+        region.slot_mut(link.handle).told_asleep = asleep;
+        let own = RegionSet::only(region.rank());
+        for rank in shared.members.union(listeners).without(own).iter() {
+            region.outbox[rank].copies.push(shared.own);
+        }
+    }
+    region.slot_mut(link.handle).shared = Some(shared);
+}
+
+/// Keeps the others' copies; both lists are in id order, so there is no look-up a body.
+fn hear(region: &mut Region, copies: &[CopyState], sender: usize) {
+    let (mut in_shared, mut in_replicas) = (0, 0);
+    for copy in copies {
+        let handle = [(true, &mut in_shared), (false, &mut in_replicas)].into_iter().find_map(|(owned, at)| {
+            let list = if owned { &region.shared } else { &region.replicas };
+            while list.get(*at).is_some_and(|link| link.id < copy.id) {
+                *at += 1;
+            }
+            list.get(*at).filter(|link| link.id == copy.id).map(|link| link.handle)
+        });
+        let Some(handle) = handle else { continue };
+        let slot = region.slot_mut(handle);
+        debug_assert!(slot.role != Role::Immovable);
+        let Some(shared) = slot.shared.as_deref_mut() else { continue };
+        match shared.heard.binary_search_by_key(&sender, |(rank, _)| *rank) {
+            Ok(place) => shared.heard[place].1 = *copy,
+            Err(place) => shared.heard.insert(place, (sender, *copy)),
+        }
+    }
+}

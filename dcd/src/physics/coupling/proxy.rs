@@ -1,0 +1,35 @@
+//! Proxy coupling: each body is computed by its owner; neighbours hold it as a kinematic ghost, which pushes and is not
+//! pushed. What most projects do, and the baseline of the charts: a contact across a border meets infinite mass on both
+//! sides, so elastic bodies gain energy, and a stack's ground feels only what lies on its own side.
+
+use rapier3d::prelude::*;
+
+use super::{Ground, owner};
+use crate::physics::ShapeError;
+use crate::physics::region::{Region, Role};
+use crate::protocol::{BodyKind, BorderMessage};
+
+/// Takes in the word of the owners, and makes ghosts of what is owned elsewhere.
+pub(super) fn apply<'a>(
+    region: &mut Region,
+    inbox: impl Iterator<Item = &'a BorderMessage>,
+    ground: Ground<'_>,
+) -> Result<(), ShapeError> {
+    owner::apply(region, inbox, ground)?;
+    for link in region.replicas.clone() {
+        set_kind(region, link.handle, RigidBodyType::KinematicVelocityBased);
+    }
+    for link in region.arrived.clone() {
+        if region.slot(link.handle).role == Role::Owner {
+            set_kind(region, link.handle, RigidBodyType::Dynamic);
+        }
+    }
+    Ok(())
+}
+
+fn set_kind(region: &mut Region, handle: RigidBodyHandle, kind: RigidBodyType) {
+    let dynamic = region.slot(handle).traits.kind == BodyKind::Dynamic;
+    if dynamic && region.physics().bodies[handle].body_type() != kind {
+        region.world_mut().bodies[handle].set_body_type(kind, false);
+    }
+}

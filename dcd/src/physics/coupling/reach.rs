@@ -1,0 +1,153 @@
+//! How far borders reach into a region along contacts and joints: which bodies are within some hops of another region's.
+
+use rapier3d::prelude::*;
+
+use crate::physics::partition::HUB_REACH_M;
+use crate::physics::region::{Region, Role};
+use crate::protocol::BodyKind;
+use crate::space::RegionSet;
+
+/// The regions that each body is within reach of; kept for its memory.
+#[derive(Debug, Default)]
+pub(super) struct Reach {
+    /// By Rapier's body index: bits of `RegionSet`.
+    marks: Vec<u64>,
+    /// Bodies with a mark.
+    pub reached: Vec<RigidBodyHandle>,
+    frontier: Vec<(RigidBodyHandle, u64)>,
+    next: Vec<(RigidBodyHandle, u64)>,
+}
+
+impl Reach {
+    /// Regions of whose bodies this one is within reach, as found last.
+    pub(super) fn of(&self, handle: RigidBodyHandle) -> RegionSet {
+        let mark = self.marks.get(handle.into_raw_parts().0 as usize);
+        RegionSet::from_bits(mark.copied().unwrap_or(0))
+    }
+
+    /// Finds anew which bodies are within `depth` hops of those that other regions own. `met` are bodies owned here that
+    /// come near one which is not held here, with the regions that own those: they are one hop away. Bodies that `waits`
+    /// says so of are reached only by what touches them already.
+    pub(super) fn spread(
+        &mut self,
+        region: &Region,
+        depth: usize,
+        met: impl Iterator<Item = (RigidBodyHandle, usize)>,
+        waits: impl Fn(RigidBodyHandle) -> bool,
+    ) {
+        for handle in self.reached.drain(..) {
+            self.marks[handle.into_raw_parts().0 as usize] = 0;
+        }
+        self.frontier.clear();
+        for link in &region.replicas {
+            if let Role::Replica { owner } = region.slot(link.handle).role {
+                self.frontier.push((link.handle, RegionSet::only(owner).bits()));
+            }
+        }
+        let mut met = Some(met);
+        for _ in 0..depth {
+            self.next.clear();
+            for index in 0..self.frontier.len() {
+                let (handle, set) = self.frontier[index];
+                if passes_on(region, handle) {
+                    for_each_neighbour(region, handle, |other, touches| {
+                        if touches || !waits(other) {
+                            self.mark(other, set);
+                        }
+                    });
+                }
+            }
+            for (handle, rank) in met.take().into_iter().flatten() {
+                self.mark(handle, RegionSet::only(rank).bits());
+            }
+            std::mem::swap(&mut self.frontier, &mut self.next);
+        }
+    }
+
+    fn mark(&mut self, handle: RigidBodyHandle, set: u64) {
+        let index = handle.into_raw_parts().0 as usize;
+        if self.marks.len() <= index {
+            self.marks.resize(index + 1, 0);
+        }
+        let new = set & !self.marks[index];
+        if new != 0 {
+            if self.marks[index] == 0 {
+                self.reached.push(handle);
+            }
+            self.marks[index] |= new;
+            self.next.push((handle, new));
+        }
+    }
+}
+
+/// A hub, and what no contact moves, is held wherever its neighbours are but does not draw others along.
+fn passes_on(region: &Region, handle: RigidBodyHandle) -> bool {
+    let slot = region.slot(handle);
+    slot.reach_m <= HUB_REACH_M && slot.traits.kind == BodyKind::Dynamic
+}
+
+/// Every movable body that is near enough to touch this one, overlaps it as a sensor, or is tied to it, and whether it does
+/// touch it; some may come twice.
+fn for_each_neighbour(
+    region: &Region,
+    handle: RigidBodyHandle,
+    mut visit: impl FnMut(RigidBodyHandle, bool),
+) {
+    for_each_contact(region, handle, &mut visit);
+    let world = region.physics();
+    for &collider in world.bodies[handle].colliders() {
+        for (first, second, overlap) in world.narrow_phase.intersection_pairs_with(collider) {
+            let other = if first == collider { second } else { first };
+            visit_parent(region, handle, other, |other| visit(other, overlap));
+        }
+    }
+}
+
+/// Every movable body that is near enough to touch this one or is tied to it, and whether it does touch it; some may come
+/// twice.
+pub(super) fn for_each_contact(
+    region: &Region,
+    handle: RigidBodyHandle,
+    mut visit: impl FnMut(RigidBodyHandle, bool),
+) {
+    let world = region.physics();
+    for &collider in world.bodies[handle].colliders() {
+        for pair in world.narrow_phase.contact_pairs_with(collider) {
+            let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
+            visit_parent(region, handle, other, |other| visit(other, pair.has_any_active_contact()));
+        }
+    }
+    for &joint in &region.slot(handle).joints {
+        if let Some((a, b)) = region.joint_ends(joint) {
+            let other = if a == handle { b } else { a };
+            if is_movable(region, other) {
+                visit(other, true);
+            }
+        }
+    }
+}
+
+/// Whether anything touches the body, what is immovable too, or a joint holds it.
+pub(super) fn is_pressed(region: &Region, handle: RigidBodyHandle) -> bool {
+    let world = region.physics();
+    let touches = |&collider: &ColliderHandle| {
+        world.narrow_phase.contact_pairs_with(collider).any(ContactPair::has_any_active_contact)
+    };
+    !region.slot(handle).joints.is_empty() || world.bodies[handle].colliders().iter().any(touches)
+}
+
+fn visit_parent(
+    region: &Region,
+    of: RigidBodyHandle,
+    other: ColliderHandle,
+    visit: impl FnOnce(RigidBodyHandle),
+) {
+    let parent = region.physics().colliders.get(other).and_then(Collider::parent);
+    if let Some(parent) = parent.filter(|&parent| parent != of && is_movable(region, parent)) {
+        visit(parent);
+    }
+}
+
+fn is_movable(region: &Region, handle: RigidBodyHandle) -> bool {
+    region.role_of(handle).is_some_and(|(_, role)| role != Role::Immovable)
+}

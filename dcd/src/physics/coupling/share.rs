@@ -1,0 +1,283 @@
+//! A body that lives in several regions: each copy has its share of the mass, and is pressed by its share of the user's
+//! force and by what evens out the edges of the overlap.
+
+use rapier3d::prelude::*;
+
+use crate::physics::convert;
+use crate::physics::record;
+use crate::physics::region::{Link, Region};
+use crate::protocol::{BodyKind, BodyTraits, ColliderMass, CopyState, ExtraMass, MassRecord};
+use crate::space::RegionSet;
+
+/// What a region knows of a body that it shares with others.
+#[derive(Debug, Default)]
+pub(in crate::physics) struct Shared {
+    /// All that hold it as of the last exchange, this region too.
+    pub members: RegionSet,
+    /// Those that will hold it after the next change of members, and hear its copies by then.
+    pub listeners: RegionSet,
+    /// By how many its mass is divided.
+    pub parts: usize,
+    /// It came with this very exchange: the copy here does not count yet.
+    pub arriving: bool,
+    /// What the user presses on the whole body.
+    pub user_force: Vector,
+    pub user_torque: Vector,
+    /// The other members' copies as last heard, by rank.
+    pub heard: Vec<(usize, CopyState)>,
+    /// This region's copy after the last step.
+    pub own: CopyState,
+    /// What evens out the edges of the overlap: on this copy, until the next exchange.
+    pub push: Vector,
+    pub twist: Vector,
+    /// How the copy began the steps since the last exchange.
+    pub start: Option<Start>,
+    /// Ticks since members changed.
+    pub settled: u32,
+    /// Ticks for which some member has had no reason to be one.
+    pub idle: u32,
+}
+
+/// Velocities at the beginning of the steps between two exchanges.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::physics) struct Start {
+    linear: Vector,
+    /// As gyroscopic forces alone would have it at the end.
+    angular: Vector,
+    elapsed_s: f32,
+}
+
+/// A remembered force may grow by this factor a step; more is an impact, and no load to be evened out.
+const IMPACT: f32 = 4.0;
+/// How fast the memory of torques follows; forces are remembered as they are.
+const TORQUE_MEMORY: f32 = 0.3;
+
+/// Presses on every copy what it must feel in the step to come, and remembers how it starts.
+pub(super) fn prepare(region: &mut Region, dt_s: f32) {
+    for index in 0..region.shared.len() + region.replicas.len() {
+        let link = held(region, index);
+        let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { continue };
+        let body = &region.physics().bodies[link.handle];
+        if body.is_dynamic() && !body.is_sleeping() {
+            let start = shared.start.get_or_insert_with(|| Start {
+                linear: body.linvel(),
+                angular: body.angvel_with_gyroscopic_forces(dt_s),
+                elapsed_s: 0.0,
+            });
+            start.elapsed_s += dt_s;
+            press(region, link.handle, &shared);
+        }
+        region.slot_mut(link.handle).shared = Some(shared);
+    }
+}
+
+/// The `index`-th of all bodies that other regions hold too.
+pub(super) fn held(region: &Region, index: usize) -> Link {
+    let owned = region.shared.len();
+    if index < owned { region.shared[index] } else { region.replicas[index - owned] }
+}
+
+/// Makes Rapier's forces on the copy what they must be.
+fn press(region: &mut Region, handle: RigidBodyHandle, shared: &Shared) {
+    let parts = shared.parts.max(1) as f32;
+    let (force, torque) = (shared.user_force / parts + shared.push, shared.user_torque / parts + shared.twist);
+    let body = &region.physics().bodies[handle];
+    if body.user_force() == force && body.user_torque() == torque {
+        return;
+    }
+    let body = &mut region.world_mut().bodies[handle];
+    body.reset_forces(false);
+    body.reset_torques(false);
+    body.add_force(force, false);
+    body.add_torque(torque, false);
+}
+
+/// Reads the copy after a step: its state, and what contacts and joints pressed on it since the last exchange.
+pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared, island: u16) {
+    let (slot, body) = (region.slot(handle), &region.physics().bodies[handle]);
+    let (force, torque) = strain(body, region.physics().gravity, shared);
+    shared.own = CopyState {
+        id: slot.id,
+        pose: convert::world_from_region(region.anchor(), body.position()),
+        velocity: convert::velocity_of(body),
+        sleeping: body.is_sleeping(),
+        force_n: force.to_array(),
+        torque_nm: torque.to_array(),
+        partners: if body.is_dynamic() { partners(region, handle) } else { 0 },
+        island,
+    };
+}
+
+/// Force and torque of contacts and joints: what moved the copy besides gravity and what we pressed on it.
+fn strain(body: &RigidBody, gravity: Vector, shared: &Shared) -> (Vector, Vector) {
+    let before = (Vector::from_array(shared.own.force_n), Vector::from_array(shared.own.torque_nm));
+    // Frozen while asleep.
+    let Some(start) = shared.start.filter(|_| body.is_dynamic() && !body.is_sleeping()) else { return before };
+    let (parts, mass) = (shared.parts.max(1) as f32, body.mass());
+    let fall = gravity * body.gravity_scale();
+    let gained = (body.linvel() - start.linear) / start.elapsed_s - fall;
+    let mut force = gained * mass - shared.push - shared.user_force / parts;
+    let spun = (body.angvel() - start.angular) / start.elapsed_s;
+    let mut torque = inertia_times(body, spun) - shared.twist - shared.user_torque / parts;
+    let most = IMPACT * (before.0.length() + mass * gravity.length().max(1.0));
+    if force.length() > most {
+        let cut = most / force.length();
+        force *= cut;
+        torque *= cut;
+    }
+    (force, before.1 + (torque - before.1) * TORQUE_MEMORY)
+}
+
+fn inertia_times(body: &RigidBody, angular: Vector) -> Vector {
+    let local = &body.mass_properties().local_mprops;
+    let world_from_principal = *body.rotation() * local.principal_inertia_local_frame;
+    world_from_principal * (local.principal_inertia() * (world_from_principal.inverse() * angular))
+}
+
+/// A hash of the names of the bodies that press on this one or are tied to it, the same in whatever order they come.
+fn partners(region: &Region, handle: RigidBodyHandle) -> u64 {
+    let world = region.physics();
+    let mut hash = 0u64;
+    for &collider in world.bodies[handle].colliders() {
+        for pair in world.narrow_phase.contact_pairs_with(collider) {
+            if !pair.has_any_active_contact() || pair.total_impulse_magnitude() == 0.0 {
+                continue;
+            }
+            let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
+            let parent = world.colliders.get(other).and_then(Collider::parent);
+            if let Some((id, _)) = parent.and_then(|parent| region.role_of(parent)) {
+                hash = hash.wrapping_add(mixed(id.bits().wrapping_add(1)));
+            }
+        }
+    }
+    for joint in &region.slot(handle).joints {
+        hash = hash.wrapping_add(mixed(!joint.0));
+    }
+    hash
+}
+
+/// Steele, Lea and Flood's SplitMix64 finaliser.
+fn mixed(v: u64) -> u64 {
+    let v = (v ^ (v >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let v = (v ^ (v >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    v ^ (v >> 31)
+}
+
+/// Makes these regions the members: each copy has its share of the mass from now on. A body with one member is whole.
+pub(super) fn set_members(
+    region: &mut Region,
+    handle: RigidBodyHandle,
+    members: RegionSet,
+    listeners: RegionSet,
+) {
+    let mut shared = region.slot_mut(handle).shared.take().unwrap_or_else(|| {
+        let body = &region.physics().bodies[handle];
+        Box::new(Shared {
+            parts: 1,
+            user_force: body.user_force(),
+            user_torque: body.user_torque(),
+            ..Shared::default()
+        })
+    });
+    if shared.members != members {
+        (shared.settled, shared.idle) = (0, 0);
+        shared.heard.retain(|(rank, _)| members.contains(*rank));
+        region.slot_mut(handle).told_asleep = false;
+    }
+    (shared.members, shared.listeners, shared.arriving) = (members, listeners, false);
+    let parts = if region.slot(handle).traits.kind == BodyKind::Dynamic { members.len() } else { 1 };
+    if shared.parts != parts {
+        shared.parts = parts;
+        divide(region, handle, parts);
+    }
+    let alone = members.len() == 1;
+    if alone {
+        (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
+        press(region, handle, &shared);
+    }
+    let own = RegionSet::only(region.rank());
+    region.set_holders(handle, members.without(own));
+    region.slot_mut(handle).shared = (!alone).then_some(shared);
+}
+
+/// Undoes all sharing of a body. Returns which other regions held it.
+pub(in crate::physics) fn make_whole(region: &mut Region, handle: RigidBodyHandle) -> RegionSet {
+    if region.slot(handle).shared.is_none() {
+        return RegionSet::EMPTY;
+    }
+    let holders = region.slot(handle).holders;
+    set_members(region, handle, RegionSet::only(region.rank()), RegionSet::EMPTY);
+    holders
+}
+
+/// A body has come to be held here, or is announced anew: its copy does not count before the next exchange.
+pub(super) fn begin(region: &mut Region, handle: RigidBodyHandle) {
+    let body = &region.physics().bodies[handle];
+    let (user_force, user_torque) = (body.user_force(), body.user_torque());
+    let shared = region.slot_mut(handle).shared.get_or_insert_with(|| {
+        Box::new(Shared { parts: 1, ..Shared::default() })
+    });
+    (shared.arriving, shared.user_force, shared.user_torque) = (true, user_force, user_torque);
+    shared.heard.clear();
+}
+
+/// Lets a user see and change the body whole: with all of its mass and none but the user's forces.
+pub(in crate::physics) fn whole<R>(
+    region: &mut Region,
+    handle: RigidBodyHandle,
+    change: impl FnOnce(&mut Region) -> R,
+) -> R {
+    let Some(mut shared) = region.slot_mut(handle).shared.take() else { return change(region) };
+    let (parts, push, twist) = (shared.parts, shared.push, shared.twist);
+    (shared.parts, shared.push, shared.twist) = (1, Vector::ZERO, Vector::ZERO);
+    divide(region, handle, 1);
+    press(region, handle, &shared);
+    let result = change(region);
+    let body = &region.physics().bodies[handle];
+    (shared.user_force, shared.user_torque) = (body.user_force(), body.user_torque());
+    shared.parts = if region.slot(handle).traits.kind == BodyKind::Dynamic { parts.max(shared.members.len()) } else { 1 };
+    (shared.push, shared.twist) = (push, twist);
+    // What the user did is no contact's doing.
+    shared.start = None;
+    divide(region, handle, shared.parts);
+    press(region, handle, &shared);
+    region.slot_mut(handle).shared = Some(shared);
+    result
+}
+
+/// Gives every source of the body's mass its share.
+fn divide(region: &mut Region, handle: RigidBodyHandle, parts: usize) {
+    let traits = region.slot(handle).traits.clone();
+    let share = 1.0 / parts as f32;
+    let PhysicsWorld { bodies, colliders, .. } = region.world_mut();
+    let body = &mut bodies[handle];
+    for (record, &collider) in traits.colliders.iter().zip(body.colliders()) {
+        let collider = &mut colliders[collider];
+        match &record.mass {
+            ColliderMass::Density(density) => collider.set_density(density * share),
+            ColliderMass::Mass(mass) => collider.set_mass(mass * share),
+            ColliderMass::Properties(props) => collider.set_mass_properties(shared_properties(props, share)),
+        }
+    }
+    divide_extra(body, &traits, share);
+    body.recompute_mass_properties_from_colliders(colliders);
+}
+
+fn divide_extra(body: &mut RigidBody, traits: &BodyTraits, share: f32) {
+    match &traits.extra_mass {
+        None => {}
+        Some(ExtraMass::Mass(mass)) => body.set_additional_mass(mass * share, false),
+        Some(ExtraMass::Properties(props)) => {
+            body.set_additional_mass_properties(shared_properties(props, share), false);
+        }
+    }
+}
+
+fn shared_properties(props: &MassRecord, share: f32) -> MassProperties {
+    let whole = record::mass_properties(props);
+    MassProperties {
+        inv_mass: whole.inv_mass / share,
+        inv_principal_inertia: whole.inv_principal_inertia / share,
+        ..whole
+    }
+}

@@ -1,0 +1,320 @@
+//! What regions show each other before anything touches: the bodies near the other's, as boxes that they will not leave in
+//! the next ticks. Both sides compare what they showed with what they saw, so both find the same meetings. A region whose
+//! bodies reach into another cell says so, and is shown what is there.
+
+use rapier3d::prelude::*;
+
+use super::Moment;
+use crate::physics::convert;
+use crate::physics::region::{Link, Region, Role};
+use crate::protocol::{BodyKind, BorderMessage, Sight, Sighting};
+use crate::space::{BodyId, Bounds, RegionSet};
+
+/// Regions look so many ticks ahead: time enough to move one of two bodies to the other's region, and on to a third.
+const AHEAD_TICKS: f32 = 6.0;
+/// From being shown to being held takes so many ticks.
+const SOON_TICKS: f32 = 3.0;
+/// Bodies count as meeting when they come so near, metres.
+const MARGIN_M: f64 = 0.05;
+/// Bodies far from any border are looked at again after at most so many ticks.
+const LONGEST_REST: u32 = 8;
+/// By how much a body may be sped up meanwhile without being seen late.
+const SURPRISE_M_S: f32 = 10.0;
+
+/// What a region shows and sees; kept from tick to tick.
+#[derive(Debug, Default)]
+pub(super) struct Sights {
+    /// Bodies owned here near or beyond the border, in id order.
+    pub near: Vec<Near>,
+    /// By rank: what was shown to that region last.
+    shown: Vec<Sight>,
+    /// By rank: what was seen of it last.
+    seen: Vec<Sight>,
+    /// Where something changed, so that meetings must be found anew.
+    changed: RegionSet,
+    /// In order of body, then rank.
+    pub meetings: Vec<Meeting>,
+    /// Of a tick, seconds.
+    tick_s: f32,
+    /// Nothing in here concerns another region, in region space.
+    inner: (Vector, Vector),
+    /// Scratch.
+    lists: Vec<Vec<Sighting>>,
+}
+
+/// A body owned here that another region may need to know of.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Near {
+    pub link: Link,
+    /// Around it as it is now.
+    bounds: Bounds,
+    velocity: Vector,
+    /// Around all that it may reach in the ticks to come.
+    pub swept: Bounds,
+    awake: bool,
+    /// The island's size as shown, in bodies owned here.
+    pub island: u16,
+    pub free: bool,
+}
+
+/// A body owned here and one that is not held here come near each other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Meeting {
+    /// The one owned here.
+    pub own: BodyId,
+    /// Rank of the other's owner.
+    pub rank: usize,
+    /// Size of the other's island in bodies owned there; 0 for what no contact moves.
+    pub island: u16,
+    /// Whether the other can come here at once.
+    pub free: bool,
+    /// Whether they may touch before there is time for another plan.
+    pub soon: bool,
+}
+
+impl Sights {
+    pub(super) fn new(regions: usize) -> Self {
+        let sights = vec![Sight::default(); regions];
+        Self {
+            shown: sights.clone(),
+            seen: sights,
+            lists: vec![Vec::new(); regions],
+            inner: (Vector::splat(f32::INFINITY), Vector::splat(f32::NEG_INFINITY)),
+            ..Self::default()
+        }
+    }
+
+    /// Notes of every body near the border the size of its island, and whether it is free, to be shown.
+    pub(super) fn set_islands(&mut self, of: impl Fn(RigidBodyHandle) -> (u16, bool)) {
+        for near in &mut self.near {
+            (near.island, near.free) = of(near.link.handle);
+        }
+    }
+
+    /// Takes in what another region shows.
+    pub(super) fn see(&mut self, rank: usize, message: &BorderMessage) {
+        if let Some(sight) = &message.sight {
+            self.seen[rank] = sight.clone();
+            self.changed.insert(rank);
+        }
+    }
+
+    /// Finds who meets whom, where something changed.
+    pub(super) fn meet(&mut self) {
+        for rank in std::mem::take(&mut self.changed).iter() {
+            let meetings = &mut self.meetings;
+            meetings.retain(|meeting| meeting.rank != rank);
+            let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
+            for_each_overlap(&self.shown[rank].bodies, &self.seen[rank].bodies, ahead_s, |own, other, after_s| {
+                if own.awake || other.awake {
+                    let Sighting { island, free, .. } = *other;
+                    let soon = after_s <= f64::from(SOON_TICKS * self.tick_s);
+                    meetings.push(Meeting { own: own.id, rank, island, free, soon });
+                }
+            });
+            meetings.sort_unstable_by_key(|met| (met.own, met.rank, met.island, met.free, met.soon));
+        }
+    }
+
+    /// Meetings of one body.
+    pub(super) fn meetings_of(&self, own: BodyId) -> impl Iterator<Item = &Meeting> {
+        let from = self.meetings.partition_point(|meeting| meeting.own < own);
+        self.meetings[from..].iter().take_while(move |meeting| meeting.own == own)
+    }
+
+    /// The part of the region where nothing concerns the others: its cell without what the others' bodies reach into.
+    fn find_inner(&mut self, region: &Region) {
+        let cell = region.cell();
+        let mut inner = Bounds::new(cell.min, cell.max);
+        for extent in self.seen.iter().filter_map(|sight| sight.extent) {
+            cut(&mut inner, &extent);
+        }
+        let inner = inner.grown(-MARGIN_M);
+        self.inner =
+            (convert::region_point(region.anchor(), inner.min), convert::region_point(region.anchor(), inner.max));
+    }
+
+    /// For how many ticks a body surely stays within, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
+    /// [`LONGEST_REST`]. A body that is hit harder is seen at most so many ticks late.
+    fn rest_of(&self, region: &Region, handle: RigidBodyHandle, tick_s: f32) -> u32 {
+        let body = &region.physics().bodies[handle];
+        let centre = body.center_of_mass();
+        let gap = (centre - self.inner.0).min(self.inner.1 - centre).min_element();
+        let speed = body.linvel().length() + SURPRISE_M_S;
+        let gap = gap - region.slot(handle).reach_m - AHEAD_TICKS * tick_s * body.linvel().length();
+        ((gap / (speed * tick_s)).max(0.0) as u32).min(LONGEST_REST)
+    }
+}
+
+/// Keeps `inner` clear of a box, by moving the face that has least far to go.
+fn cut(inner: &mut Bounds, away: &Bounds) {
+    if !inner.touches(away) {
+        return;
+    }
+    let (mut least, mut face) = (f64::INFINITY, None);
+    for axis in 0..3 {
+        let (low, high) = (away.max[axis] - inner.min[axis], inner.max[axis] - away.min[axis]);
+        for (distance, upper) in [(low, false), (high, true)] {
+            if distance < least {
+                (least, face) = (distance, Some((axis, upper)));
+            }
+        }
+    }
+    match face {
+        Some((axis, true)) => inner.max[axis] = away.min[axis],
+        Some((axis, false)) => inner.min[axis] = away.max[axis],
+        // It spans an unbounded cell: nowhere is out of its reach.
+        None => *inner = Bounds::new([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]),
+    }
+}
+
+/// Looks at bodies owned here: keeps a list of those near the border, and lets the others rest.
+pub(super) fn look(region: &mut Region, sights: &mut Sights, moment: Moment<'_>, handles: &[RigidBodyHandle]) {
+    let tick_s = moment.settings.dt_s;
+    sights.tick_s = tick_s;
+    let now = moment.tick.0 as u32;
+    sights.find_inner(region);
+    let own = |near: &Near| {
+        let here = region.handle_of(near.link.id) == Some(near.link.handle);
+        here && region.slot(near.link.handle).role == Role::Owner
+    };
+    sights.near.retain(own);
+    for &handle in handles {
+        let slot = region.slot(handle);
+        if slot.role != Role::Owner {
+            continue;
+        }
+        let link = Link { id: slot.id, handle };
+        let place = sights.near.binary_search_by_key(&link.id, |near| near.link.id);
+        let rest = sights.rest_of(region, handle, tick_s);
+        if rest > 0 {
+            region.due[handle.into_raw_parts().0 as usize] = now + rest;
+            if let Ok(place) = place {
+                sights.near.remove(place);
+            }
+            continue;
+        }
+        let near = near(region, link, tick_s);
+        match place {
+            Ok(place) => sights.near[place] = near,
+            Err(place) => sights.near.insert(place, near),
+        }
+    }
+    for near in &mut sights.near {
+        near.awake = !region.physics().bodies[near.link.handle].is_sleeping();
+    }
+}
+
+fn near(region: &Region, link: Link, tick_s: f32) -> Near {
+    let body = &region.physics().bodies[link.handle];
+    let ahead_s = AHEAD_TICKS * tick_s;
+    let turn_m = (body.angvel().length() * ahead_s).min(1.0) * region.slot(link.handle).reach_m;
+    let bounds = region.world_bounds(link.handle).grown(MARGIN_M + f64::from(turn_m));
+    let velocity = body.linvel();
+    let swept = swept(&bounds, velocity.to_array(), f64::from(ahead_s));
+    Near { link, bounds, velocity, swept, awake: true, island: 1, free: false }
+}
+
+/// Around a moving box for some time.
+fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
+    let way = velocity.map(|v| f64::from(v) * ahead_s);
+    bounds.union(&Bounds {
+        min: std::array::from_fn(|i| bounds.min[i] + way[i]),
+        max: std::array::from_fn(|i| bounds.max[i] + way[i]),
+    })
+}
+
+/// Says to every other region what it must see, if that changed.
+pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>) {
+    let own = RegionSet::only(region.rank());
+    let mut extent: Option<Bounds> = None;
+    for near in &sights.near {
+        let bounds = near.swept;
+        if !region.cell().contains_box(&bounds) {
+            extent = Some(extent.map_or(bounds, |extent| extent.union(&bounds)));
+        }
+        let mut viewers = moment.partition.touching(&bounds);
+        for (rank, sight) in sights.seen.iter().enumerate() {
+            if sight.extent.is_some_and(|extent| extent.touches(&bounds)) {
+                viewers.insert(rank);
+            }
+        }
+        let slot = region.slot(near.link.handle);
+        let dynamic = slot.traits.kind == BodyKind::Dynamic;
+        for rank in viewers.without(slot.holders).without(own).iter() {
+            sights.lists[rank].push(Sighting {
+                id: near.link.id,
+                bounds: near.bounds,
+                velocity: near.velocity.to_array(),
+                awake: near.awake,
+                island: if dynamic { near.island } else { 0 },
+                free: near.free,
+            });
+        }
+    }
+    for (rank, list) in sights.lists.iter_mut().enumerate() {
+        if rank != region.rank() && (sights.shown[rank].bodies != *list || sights.shown[rank].extent != extent) {
+            sights.shown[rank] = Sight { extent, bodies: std::mem::take(list) };
+            sights.changed.insert(rank);
+            region.outbox[rank].sight = Some(sights.shown[rank].clone());
+        }
+        list.clear();
+    }
+}
+
+/// Every pair of boxes that will overlap within a time, and after how many seconds: by sweeping along the axis on which the
+/// second list is widest.
+fn for_each_overlap(
+    first: &[Sighting],
+    second: &[Sighting],
+    ahead_s: f64,
+    mut visit: impl FnMut(&Sighting, &Sighting, f64),
+) {
+    let boxes = |list: &[Sighting]| -> Vec<_> {
+        list.iter().map(|sighting| (swept(&sighting.bounds, sighting.velocity, ahead_s), *sighting)).collect()
+    };
+    let (mut first, mut second) = (boxes(first), boxes(second));
+    let Some(around) = second.iter().map(|(bounds, _)| *bounds).reduce(|a, b| a.union(&b)) else { return };
+    let axis = around.longest_axis().index();
+    for list in [&mut first, &mut second] {
+        list.sort_unstable_by(|(a, _), (b, _)| a.min[axis].total_cmp(&b.min[axis]));
+    }
+    let longest = second.iter().map(|(bounds, _)| bounds.max[axis] - bounds.min[axis]).fold(0.0, f64::max);
+    let mut from = 0;
+    for (bounds, own) in &first {
+        while second.get(from).is_some_and(|(other, _)| other.min[axis] < bounds.min[axis] - longest) {
+            from += 1;
+        }
+        for (others, other) in &second[from..] {
+            if others.min[axis] > bounds.max[axis] {
+                break;
+            }
+            if bounds.touches(others)
+                && let Some(after_s) = meet_after(own, other).filter(|after_s| *after_s <= ahead_s)
+            {
+                visit(own, other, after_s);
+            }
+        }
+    }
+}
+
+/// In how many seconds two moving boxes begin to overlap; 0 if they do now, none if they never will.
+fn meet_after(a: &Sighting, b: &Sighting) -> Option<f64> {
+    let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
+    for axis in 0..3 {
+        let speed = f64::from(b.velocity[axis]) - f64::from(a.velocity[axis]);
+        // The gaps to be closed by b's coming up, and by its coming down.
+        let below = a.bounds.min[axis] - b.bounds.max[axis];
+        let above = a.bounds.max[axis] - b.bounds.min[axis];
+        if speed == 0.0 {
+            if below > 0.0 || above < 0.0 {
+                return None;
+            }
+            continue;
+        }
+        let (one, other) = (below / speed, above / speed);
+        enter = enter.max(one.min(other));
+        leave = leave.min(one.max(other));
+    }
+    (enter <= leave).then_some(enter)
+}

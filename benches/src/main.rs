@@ -2,6 +2,7 @@
 //! fail.
 
 mod accuracy;
+mod chart;
 mod draw;
 mod machine;
 mod maps;
@@ -25,6 +26,8 @@ struct Arguments {
 enum Suite {
     /// Every scene of the suite at 1, 2, 4 and 8 regions, against closed forms and one bare Rapier world.
     Accuracy(accuracy::Accuracy),
+    /// Speed against accuracy, as CSV, SVG and PNG; and whether any fixed setting is better than `auto`.
+    Chart(chart::Chart),
     /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
     #[command(alias = "scaling")]
     Speed(speed::Speed),
@@ -38,6 +41,7 @@ fn main() -> ExitCode {
     let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().suite {
         Suite::Accuracy(accuracy) => accuracy.run(),
+        Suite::Chart(chart) => chart.run().map(done),
         Suite::Speed(speed) => speed.run().map(done),
         Suite::Maps(maps) => maps.run().map(done),
         Suite::SpeedWorker(worker) => worker.run().map(done),

@@ -33,7 +33,8 @@ impl StepMs {
         Self::from_steps(&steps)
     }
 
-    fn from_steps(steps: &[Duration]) -> Result<Self, Box<dyn Error>> {
+    /// Of all steps of a run, in order; those of the warm-up do not count.
+    pub(crate) fn from_steps(steps: &[Duration]) -> Result<Self, Box<dyn Error>> {
         let times = StepTimes::of(steps);
         match (times.mean, times.p50, times.p99, times.max) {
             (Some(mean_ms), Some(p50_ms), Some(p99_ms), Some(max_ms)) => {

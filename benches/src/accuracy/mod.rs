@@ -22,10 +22,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde_json::json;
 
-pub(crate) use reading::{Reference, read};
-pub(crate) use scene::{Case, Experiment, Size};
+pub(crate) use gate::judge;
+pub(crate) use reading::{Reading, Reference, read};
+pub(crate) use scene::{Case, Experiment, Measure, Size};
 pub(crate) use scenes::experiments;
-pub(crate) use trace::{Bare, Setup};
+pub(crate) use trace::{Bare, Setup, build};
 
 use report::{Line, Row};
 

@@ -182,7 +182,11 @@ pub(crate) fn change(subject: &mut Subject, body: usize, change: impl Fn(&mut Ri
 }
 
 /// The world, its dt and its iterations a step.
-fn build(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<(Subject, f32, usize), WorldError> {
+pub(crate) fn build(
+    case: &Case,
+    scene: &Scene,
+    setup: &Setup<'_>,
+) -> Result<(Subject, f32, usize), WorldError> {
     match setup {
         Setup::Bare(bare) => {
             let mut scene = scene.clone();

@@ -37,7 +37,7 @@ const CELL: (u32, u32) = (54, 28);
 const LEFT: u32 = 74;
 const ABOVE: u32 = 30;
 const BELOW: u32 = 50;
-const HEAD: u32 = 84;
+const HEAD: u32 = 104;
 const FOOT: u32 = 64;
 const AIR: u32 = 14;
 
@@ -69,10 +69,7 @@ impl Picture for HeatMaps {
         ((self.columns() as u32 * width + 2 * AIR).max(760), HEAD + rows * height + FOOT)
     }
 
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B>
-    where
-        B::ErrorType: 'static,
-    {
+    fn draw(&self, area: &Area<'_>) -> Drawn {
         area.draw(&Text::new(self.title.clone(), (16, 14), text(24)))?;
         for (i, line) in self.caption.lines().enumerate() {
             area.draw(&Text::new(line.to_owned(), (16, 42 + 16 * i as i32), text(13)))?;
@@ -88,10 +85,7 @@ impl Picture for HeatMaps {
 }
 
 impl HeatMaps {
-    fn draw_map<B: DrawingBackend>(&self, map: &HeatMap, area: &Area<B>) -> Drawn<B>
-    where
-        B::ErrorType: 'static,
-    {
+    fn draw_map(&self, map: &HeatMap, area: &Area<'_>) -> Drawn {
         let rows = map.rows.len() as u32;
         area.draw(&Text::new(map.title.clone(), (LEFT as i32, 8), text(15)))?;
         for (row, (name, values)) in map.rows.iter().zip(&map.values).enumerate() {
@@ -116,10 +110,7 @@ impl HeatMaps {
         area.draw(&Text::new(self.y_label.clone(), (4, (ABOVE + rows * CELL.1 / 2) as i32), label))
     }
 
-    fn draw_cell<B: DrawingBackend>(&self, value: Option<f64>, at: (i32, i32), area: &Area<B>) -> Drawn<B>
-    where
-        B::ErrorType: 'static,
-    {
+    fn draw_cell(&self, value: Option<f64>, at: (i32, i32), area: &Area<'_>) -> Drawn {
         let (width, height) = (CELL.0 as i32, CELL.1 as i32);
         let colour = value.map_or(WHITE, |value| colour(self.badness(value)));
         area.draw(&Rectangle::new([at, (at.0 + width - 1, at.1 + height - 1)], colour.filled()))?;
@@ -132,10 +123,7 @@ impl HeatMaps {
         area.draw(&Text::new(short(value), (at.0 + width / 2, at.1 + height / 2), style))
     }
 
-    fn draw_scale<B: DrawingBackend>(&self, area: &Area<B>, top: u32) -> Drawn<B>
-    where
-        B::ErrorType: 'static,
-    {
+    fn draw_scale(&self, area: &Area<'_>, top: u32) -> Drawn {
         const WIDTH: i32 = 360;
         let (left, top) = (16, top as i32 + 8);
         for step in 0..WIDTH {

@@ -86,10 +86,7 @@ impl Picture for LinePanels {
         (width, height + rows * LEGEND_ROW + 2 * AIR)
     }
 
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B>
-    where
-        B::ErrorType: 'static,
-    {
+    fn draw(&self, area: &Area<'_>) -> Drawn {
         area.draw(&Text::new(self.title.clone(), (16, 14), text(24)))?;
         for (i, line) in self.caption.lines().enumerate() {
             area.draw(&Text::new(line.to_owned(), (16, 42 + 16 * i as i32), text(13)))?;
@@ -116,10 +113,7 @@ impl Picture for LinePanels {
 }
 
 impl LinePanel {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>, x_label: &str, y_reversed: bool) -> Drawn<B>
-    where
-        B::ErrorType: 'static,
-    {
+    fn draw(&self, area: &Area<'_>, x_label: &str, y_reversed: bool) -> Drawn {
         let points = || self.lines.iter().flat_map(|line| &line.points);
         let x = Decades::around(points().map(|point| point.0));
         let y = Decades::around(points().map(|point| point.1).chain(self.limit));
@@ -174,7 +168,7 @@ impl LinePanel {
 }
 
 /// Charts tell places on the whole picture; areas draw relative to themselves.
-fn relative<B: DrawingBackend>(area: &Area<B>, at: (i32, i32)) -> (i32, i32) {
+fn relative(area: &Area<'_>, at: (i32, i32)) -> (i32, i32) {
     let (left, top) = area.get_base_pixel();
     (at.0 - left, at.1 - top)
 }
@@ -186,10 +180,7 @@ impl Line {
 }
 
 impl Mark {
-    fn draw<B: DrawingBackend>(self, area: &Area<B>, at: (i32, i32), colour: RGBColor) -> Drawn<B>
-    where
-        B::ErrorType: 'static,
-    {
+    fn draw(self, area: &Area<'_>, at: (i32, i32), colour: RGBColor) -> Drawn {
         let (fill, line) = (colour.filled(), colour.stroke_width(2));
         match self {
             Self::Dot => area.draw(&Circle::new(at, 4, fill)),

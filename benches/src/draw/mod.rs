@@ -1,4 +1,4 @@
-//! Pictures: drawn once, written as SVG and as PNG. The font is part of the program, so that a machine without one draws too.
+//! Pictures: drawn as SVG, and turned into PNG. The font is part of the program, so that a machine without one draws too.
 
 mod axis;
 mod heat;
@@ -10,6 +10,7 @@ use std::path::Path;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::register_font;
+use resvg::{tiny_skia, usvg};
 
 pub(crate) use heat::{HeatMap, HeatMaps};
 pub(crate) use lines::{Line, LinePanel, LinePanels, Mark};
@@ -31,46 +32,42 @@ pub(crate) const COLOURS: [RGBColor; 7] = [
 ];
 const FAINT: RGBColor = RGBColor(225, 225, 225);
 
-type Area<B> = DrawingArea<B, Shift>;
-type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Drawn = Result<(), DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>>;
 
-/// Something that can be drawn on any surface.
+/// Something that can be drawn.
 pub(crate) trait Picture {
     /// Pixels, wide and high.
     fn size(&self) -> (u32, u32);
     /// Draws it on a white area of that size.
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B>
-    where
-        B::ErrorType: 'static;
+    fn draw(&self, area: &Area<'_>) -> Drawn;
 }
 
-/// Writes `stem.svg` and `stem.png`.
+/// Writes `stem.svg`, and `stem.png` made from it.
 pub(crate) fn write(picture: &impl Picture, stem: &Path) -> Result<(), Box<dyn Error>> {
+    // Plotters must know how wide a text is.
     register_font(FONT, FontStyle::Normal, dejavu::sans::regular())
         .map_err(|_| "the built-in font is broken")?;
-    let (width, height) = picture.size();
-
     let mut svg = String::new();
-    on(picture, SVGBackend::with_string(&mut svg, (width, height)))?;
+    {
+        let area = SVGBackend::with_string(&mut svg, picture.size()).into_drawing_area();
+        area.fill(&WHITE).and_then(|()| picture.draw(&area)).and_then(|()| area.present())?;
+    }
     write_file(&stem.with_extension("svg"), svg.as_bytes())?;
-
-    let mut pixels = vec![0; 3 * width as usize * height as usize];
-    on(picture, BitMapBackend::with_buffer(&mut pixels, (width, height)))?;
-    let mut file = Vec::new();
-    let mut png = png::Encoder::new(&mut file, width, height);
-    png.set_color(png::ColorType::Rgb);
-    png.set_depth(png::BitDepth::Eight);
-    png.write_header()?.write_image_data(&pixels)?;
-    write_file(&stem.with_extension("png"), &file)
+    write_file(&stem.with_extension("png"), &png_of(&svg)?)
 }
 
-fn on<B: DrawingBackend>(picture: &impl Picture, backend: B) -> Result<(), Box<dyn Error>>
-where
-    B::ErrorType: 'static,
-{
-    let area = backend.into_drawing_area();
-    area.fill(&WHITE).and_then(|()| picture.draw(&area)).and_then(|()| area.present())?;
-    Ok(())
+fn png_of(svg: &str) -> Result<Vec<u8>, Box<dyn Error>> {
+    /// Sharp also on screens of high resolution.
+    const SCALE: f32 = 1.5;
+    let mut options = usvg::Options::default();
+    options.fontdb_mut().load_font_data(dejavu::sans::regular().to_vec());
+    options.fontdb_mut().set_sans_serif_family("DejaVu Sans");
+    let tree = usvg::Tree::from_str(svg, &options)?;
+    let size = tree.size().to_int_size().scale_by(SCALE).ok_or("a picture without area")?;
+    let mut pixels = tiny_skia::Pixmap::new(size.width(), size.height()).ok_or("a picture without area")?;
+    resvg::render(&tree, tiny_skia::Transform::from_scale(SCALE, SCALE), &mut pixels.as_mut());
+    Ok(pixels.encode_png()?)
 }
 
 /// A text style of so many pixels.

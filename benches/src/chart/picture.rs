@@ -1,0 +1,107 @@
+//! The chart: speed to the right, small errors at the top, so the best is top right.
+
+use plotters::style::RGBColor;
+
+use super::Row;
+use crate::draw::{BLACK_LINE, COLOURS, Line, LinePanel, LinePanels, Mark};
+use crate::results::Measured;
+
+/// One panel a case.
+pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
+    let mut cases: Vec<(&str, &str)> = Vec::new();
+    for Measured { row, .. } in rows {
+        if !cases.contains(&(&*row.scene, &*row.case)) {
+            cases.push((&row.scene, &row.case));
+        }
+    }
+    let panels = cases.into_iter().map(|(scene, case)| {
+        panel(
+            rows.iter()
+                .map(|row| &row.row)
+                .filter(|row| (&*row.scene, &*row.case) == (scene, case))
+                .collect(),
+        )
+    });
+    let machine = rows.last().map_or(String::new(), |row| row.machine.caption());
+    LinePanels {
+        title: "Speed and accuracy".to_owned(),
+        caption: format!(
+            "Best is top right. Couplings: dot 2, triangle 4, square 8 regions, joined from 1 over 2 to 4 exchanges; auto: its presets, ring 1 region. Dashed: the gate.\n{machine}"
+        ),
+        x_label: "real-time factor".to_owned(),
+        y_reversed: true,
+        columns: 3,
+        panels: panels.collect(),
+    }
+}
+
+fn panel(rows: Vec<&Row>) -> LinePanel {
+    let mut kinds: Vec<(&str, &str, usize)> = Vec::new();
+    for row in &rows {
+        let kind = (&*row.method, &*row.sweep, row.regions);
+        if !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    // Auto last, over the others.
+    kinds.sort_by_key(|kind| kind.0 == "auto");
+    // What broke is drawn at the lower edge, not as far below as its figure says.
+    let sane = rows.iter().map(|row| row.error).filter(|error| *error < 1e6).fold(0.0, f64::max);
+    // An error of nothing lies where rounding begins.
+    let least = rows.iter().map(|row| row.error).filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
+    let drawn = |error: f64| error.clamp(least.min(sane), 3.0 * sane);
+    let lines = kinds.into_iter().map(|(method, sweep, regions)| {
+        let of_kind =
+            rows.iter().filter(|row| (&*row.method, &*row.sweep, row.regions) == (method, sweep, regions));
+        let points = of_kind.map(|row| (row.rtf, drawn(row.error), label(row))).collect();
+        let name = match method {
+            "bare" => format!("one bare Rapier world, by {sweep}"),
+            _ => method.to_owned(),
+        };
+        Line { name, colour: colour(method, sweep), thick: method == "auto", mark: mark(regions), points }
+    });
+    let gate = rows.iter().map(|row| row.gate).fold(0.0, f64::max);
+    LinePanel {
+        title: format!("{} {}", rows[0].scene, rows[0].case),
+        y_label: if rows[0].unit.is_empty() {
+            "error".to_owned()
+        } else {
+            format!("error, {}", rows[0].unit)
+        },
+        lines: lines.collect(),
+        limit: (gate > 0.0 && gate < 1e6).then_some(gate),
+    }
+}
+
+/// Where a sweep of one world begins, and the presets of auto.
+fn label(row: &Row) -> String {
+    match (&*row.method, &*row.sweep) {
+        ("auto", _) if row.regions == 2 => row.setting[..1].to_owned(),
+        ("bare", "dt") => row.setting.clone(),
+        ("bare", _) => format!("{}i", row.setting),
+        _ => String::new(),
+    }
+}
+
+fn colour(method: &str, sweep: &str) -> RGBColor {
+    match (method, sweep) {
+        ("bare", "dt") => COLOURS[6],
+        ("bare", _) => COLOURS[5],
+        ("proxy", _) => COLOURS[4],
+        ("owner", _) => COLOURS[1],
+        ("overlap", _) => COLOURS[0],
+        ("island", _) => COLOURS[2],
+        ("auto", _) => BLACK_LINE,
+        _ => COLOURS[3],
+    }
+}
+
+fn mark(regions: usize) -> Mark {
+    match regions {
+        0 => Mark::Cross,
+        1 => Mark::Ring,
+        2 => Mark::Dot,
+        4 => Mark::Triangle,
+        _ => Mark::Square,
+    }
+}

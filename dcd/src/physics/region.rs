@@ -59,8 +59,6 @@ pub(super) struct Slot {
     pub shared: Option<Box<Shared>>,
     /// Whether its island was small enough to be computed whole, when it last came near a border.
     pub whole: bool,
-    /// The tick at which this region became the owner.
-    pub came: u32,
 }
 
 /// A body by name and by Rapier's handle.
@@ -109,8 +107,6 @@ pub struct Region {
     pub(super) due: Vec<u32>,
     /// What a coupling that agrees on means keeps from one exchange to the next.
     pub(super) border: Border,
-    /// By rank of the other region: how far copies of bodies held by both were from agreement in the last exchange, m/s.
-    pub(super) disagreement: Vec<f32>,
     /// Scratch of the coupling, kept for its memory.
     pub(super) looked_at: Vec<RigidBodyHandle>,
     /// The same.
@@ -125,6 +121,7 @@ impl Region {
         part: &Bounds,
         gravity: [f32; 3],
         regions: &[RegionId],
+        steps: usize,
     ) -> Self {
         let mut world = PhysicsWorld::new();
         world.gravity = convert::vector(gravity);
@@ -151,8 +148,7 @@ impl Region {
             fresh: Vec::new(),
             arrived: Vec::new(),
             due: Vec::new(),
-            border: Border::new(regions.len()),
-            disagreement: vec![0.0; regions.len()],
+            border: Border::new(regions.len(), steps),
             looked_at: Vec::new(),
             changes: Vec::new(),
         }
@@ -222,6 +218,21 @@ impl Region {
         convert::world_from_region(self.anchor, self.world.bodies[handle].position())
     }
 
+    /// Micro-steps of the present tick.
+    pub fn steps(&self) -> usize {
+        self.border.pace.steps_of(self.rank)
+    }
+
+    /// Micro-steps of the next tick.
+    pub(super) fn steps_next(&self) -> usize {
+        self.border.pace.next_of(self.rank)
+    }
+
+    /// Has nothing to say in this round.
+    pub(super) fn be_silent(&mut self) {
+        self.outbox.iter_mut().for_each(BorderMessage::clear);
+    }
+
     /// Steps the Rapier world.
     pub(super) fn step(&mut self, dt_s: f32, iterations: usize) {
         self.world.integration_parameters.dt = dt_s;
@@ -287,7 +298,6 @@ impl Region {
             confirmed: true,
             shared: None,
             whole: false,
-            came: 0,
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
@@ -418,9 +428,9 @@ impl Region {
 
     /// Membership changed: who holds replicas of this region's bodies, and whether its own replicas are still right, must
     /// be told again.
-    pub(super) fn forget_holders(&mut self) {
+    pub(super) fn forget_holders(&mut self, steps: usize) {
         self.fresh.clear();
-        self.border = Border::new(self.outbox.len());
+        self.border = Border::new(self.outbox.len(), steps);
         for Link { id, handle } in self.links() {
             let kept = coupling::make_whole(self, handle);
             let slot = self.slot_mut(handle);

@@ -122,6 +122,8 @@ pub struct BorderMessage {
     pub members: Vec<Membership>,
     /// What the sender shows to the receiver; `None`: the same as before.
     pub sight: Option<Sight>,
+    /// Micro-steps that the sender takes in the next tick; 0: as many as before.
+    pub steps: u8,
 }
 
 impl BorderMessage {
@@ -136,6 +138,7 @@ impl BorderMessage {
             && self.copies.is_empty()
             && self.members.is_empty()
             && self.sight.is_none()
+            && self.steps == 0
     }
 
     /// Forgets the content and keeps the memory.
@@ -149,6 +152,7 @@ impl BorderMessage {
         self.copies.clear();
         self.members.clear();
         self.sight = None;
+        self.steps = 0;
     }
 }
 

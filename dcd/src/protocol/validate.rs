@@ -260,6 +260,7 @@ impl Check for BorderMessage {
         all(&self.copies)?;
         all(&self.members)?;
         self.sight.iter().try_for_each(Check::check)?;
+        must(self.steps <= 64, "border.steps", "at most 64")?;
         ascending(&self.states, |state| state.id, "border.states")?;
         all(&self.states)?;
         self.replicas.iter().try_for_each(Check::check)?;

@@ -486,7 +486,11 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
         return wrong("island_limit", step.island_limit.to_string(), "fewer than 65,535 bodies");
     }
     if !(step.tolerance_m_s.is_finite() && step.tolerance_m_s > 0.0) {
-        return wrong("tolerance_m_s", step.tolerance_m_s.to_string(), "a positive number of metres per second");
+        return wrong(
+            "tolerance_m_s",
+            step.tolerance_m_s.to_string(),
+            "a positive number of metres per second",
+        );
     }
     if config.threads > 1024 {
         return wrong("threads", config.threads.to_string(), "1 to 1024 threads");

@@ -6,10 +6,13 @@
 
 use rapier3d::prelude::*;
 
+use super::Moment;
+use super::auto::Pace;
 use super::share::{self, Shared};
 use crate::physics::convert;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{CopyState, Velocity, WorldPose};
+use crate::space::RegionSet;
 
 /// Below these a copy's pose is left alone: a pose written every step would never let it sleep.
 const STILL_M_S: f32 = 0.05;
@@ -20,16 +23,24 @@ const TURNED_RAD: f32 = 2e-3;
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
 
-/// Agrees on every body held here and elsewhere. Returns, for each other region, how far the velocities of the copies of
-/// bodies held by both were from their means at most, in m/s.
-pub(super) fn agree(region: &mut Region, disagreement: &mut [f32]) {
+/// Agrees on every body held here and elsewhere that is exchanged in this round. Says, for each other region, how far the
+/// velocities of the copies of bodies held by both were from their means at most, in m/s; none where nothing is.
+pub(super) fn agree(
+    region: &mut Region,
+    pace: &Pace,
+    moment: Moment<'_>,
+    disagreement: &mut [Option<f32>],
+) {
+    disagreement.fill(None);
+    let own = RegionSet::only(region.rank());
     for index in 0..region.shared.len() + region.replicas.len() {
         let link = share::held(region, index);
         let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { continue };
-        let worst = agree_on(region, link, &mut shared);
-        let own = region.rank();
-        for rank in shared.members.iter().filter(|&rank| rank != own) {
-            disagreement[rank] = disagreement[rank].max(worst);
+        if moment.is_due(pace.exchanges_among(shared.members)) {
+            let worst = agree_on(region, link, &mut shared);
+            for rank in shared.members.without(own).iter() {
+                disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
+            }
         }
         region.slot_mut(link.handle).shared = Some(shared);
     }
@@ -63,7 +74,9 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
     if alike && !shared.arriving {
         (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
     } else {
-        let sum = |of: fn(&CopyState) -> [f32; 3]| copies().fold(Vector::ZERO, |sum, c| sum + Vector::from_array(of(c)));
+        let sum = |of: fn(&CopyState) -> [f32; 3]| {
+            copies().fold(Vector::ZERO, |sum, c| sum + Vector::from_array(of(c)))
+        };
         let (force, torque) = (sum(|c| c.force_n) / count, sum(|c| c.torque_nm) / count);
         let mine = |v: [f32; 3]| if shared.arriving { Vector::ZERO } else { Vector::from_array(v) };
         let push = force - mine(shared.own.force_n);
@@ -71,7 +84,8 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
         (shared.push, shared.twist) = (push, twist);
     }
     let z = Vector::from_array(velocity.linear);
-    let worst = copies().map(|copy| (Vector::from_array(copy.velocity.linear) - z).length()).fold(0.0, f32::max);
+    let worst =
+        copies().map(|copy| (Vector::from_array(copy.velocity.linear) - z).length()).fold(0.0, f32::max);
     write(region, link, &pose, &velocity);
     shared.start = None;
     worst
@@ -105,7 +119,10 @@ fn mean<'a, I: Iterator<Item = &'a CopyState>>(copies: impl Fn() -> I) -> (World
         translation: translation.map(|v| v / count),
         rotation: rotation.map(|v| (v / norm) as f32),
     };
-    (pose, Velocity { linear: linear.map(|v| (v / count) as f32), angular: angular.map(|v| (v / count) as f32) })
+    (
+        pose,
+        Velocity { linear: linear.map(|v| (v / count) as f32), angular: angular.map(|v| (v / count) as f32) },
+    )
 }
 
 fn write(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity) {

@@ -8,7 +8,7 @@ use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BodyRecord, BorderMessage, Transfer};
-use crate::space::{RegionSet, Tick};
+use crate::space::RegionSet;
 
 /// Bodies and joints that come, as owned or as replicas.
 pub(super) fn arrive(
@@ -19,7 +19,7 @@ pub(super) fn arrive(
     shares_mass: bool,
 ) -> Result<(), ShapeError> {
     for transfer in &message.transfers {
-        take_over(region, transfer, sender, message.tick, ground, shares_mass)?;
+        take_over(region, transfer, sender, ground, shares_mass)?;
     }
     for body in &message.replicas {
         hold(region, body, sender, ground)?;
@@ -69,7 +69,6 @@ fn take_over(
     region: &mut Region,
     transfer: &Transfer,
     sender: usize,
-    tick: Tick,
     ground: Ground<'_>,
     shares_mass: bool,
 ) -> Result<(), ShapeError> {
@@ -89,7 +88,6 @@ fn take_over(
         region.id()
     );
     region.set_role(handle, Role::Owner, holders, body.epoch);
-    region.slot_mut(handle).came = tick.0 as u32;
     region.arrived.push(Link { id: body.id, handle });
     // Copies that share the mass agree on their mean instead.
     if !shares_mass {

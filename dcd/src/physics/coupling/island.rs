@@ -6,7 +6,7 @@ use rapier3d::prelude::*;
 
 use super::Moment;
 use super::reach;
-use super::sight::Sights;
+use super::sight::{self, Meeting, Sights};
 use crate::physics::convert;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BIG_ISLAND, BodyKind};
@@ -15,9 +15,6 @@ use crate::protocol::{BIG_ISLAND, BodyKind};
 const ENTER: f32 = 0.75;
 /// An island stays where it is as long as this part of its bodies lies there.
 const STAY: f32 = 0.25;
-
-/// What came here does not go home before so many ticks: who parts slowly would meet again.
-const STAY_TICKS: u32 = 15;
 
 /// The islands that come near a border, as found last; kept for its memory.
 #[derive(Debug, Default)]
@@ -38,6 +35,8 @@ pub(super) struct Island {
     pub big: bool,
     /// Something touches it or ties it together.
     pub pressed: bool,
+    /// Of a member with one that is not held here.
+    soonest: Option<Meeting>,
     /// Was to be whole already.
     whole: bool,
     /// How many bodies others own of it, by rank.
@@ -56,7 +55,11 @@ impl Islands {
     /// How many bodies of a body's island this region owns, for others.
     pub(super) fn size(&self, handle: RigidBodyHandle) -> u16 {
         self.of(handle).map_or(1, |island| {
-            if island.big { BIG_ISLAND } else { island.members.len().clamp(1, usize::from(BIG_ISLAND) - 1) as u16 }
+            if island.big {
+                BIG_ISLAND
+            } else {
+                island.members.len().clamp(1, usize::from(BIG_ISLAND) - 1) as u16
+            }
         })
     }
 
@@ -112,7 +115,11 @@ impl Islands {
                     island.pressed |= reach::is_pressed(region, handle);
                     island.whole |= slot.whole;
                     for meeting in sights.meetings_of(slot.id).filter(|meeting| meeting.island > 0) {
-                        island.count(meeting.rank, meeting.island);
+                        island.soonest.get_or_insert(*meeting);
+                        // What is free comes here by itself.
+                        if !meeting.free {
+                            island.count(meeting.rank, meeting.island);
+                        }
                     }
                 }
                 Role::Replica { owner } => {
@@ -171,6 +178,16 @@ impl Island {
         if self.big || self.members.is_empty() {
             return;
         }
+        let free = !self.pressed && self.members.len() == 1;
+        if let Some(meeting) = self.soonest.filter(|_| free) {
+            // A free body goes where it will meet the other.
+            self.target = match meeting {
+                Meeting { free: false, rank, .. } => rank,
+                Meeting { rank, place, .. } if place == own || place == rank => place,
+                Meeting { rank, .. } => rank.min(own),
+            };
+            return;
+        }
         if !self.elsewhere.is_empty() {
             // Most bodies, then the lowest rank: all owners come to the same result.
             let all = self.elsewhere.iter().copied().chain([(own, self.members.len())]);
@@ -189,12 +206,19 @@ impl Island {
             }
         }
         let here = centres.iter().find(|(rank, _)| *rank == own).map_or(0, |(_, count)| *count);
-        let now = moment.tick.0 as u32;
-        let rested = |link: &Link| now.saturating_sub(region.slot(link.handle).came) >= STAY_TICKS;
-        if (here as f32) < STAY * self.members.len() as f32 && self.members.iter().all(rested) {
+        if (here as f32) < STAY * self.members.len() as f32 && !self.has_company(region, moment.settings.dt_s)
+        {
             let best = centres.into_iter().max_by_key(|&(rank, count)| (count, std::cmp::Reverse(rank)));
             self.target = best.map_or(own, |(rank, _)| rank);
         }
+    }
+}
+
+impl Island {
+    /// Whether it will meet others of this region soon: it would only come back.
+    fn has_company(&self, region: &Region, tick_s: f32) -> bool {
+        let stranger = |handle| self.members.iter().all(|member| member.handle != handle);
+        self.members.iter().any(|&member| sight::has_company(region, member, tick_s, stranger))
     }
 }
 

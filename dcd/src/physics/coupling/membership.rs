@@ -71,7 +71,8 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
     if moment.settings.coupling.moves_islands() {
         let Border { islands, sights, .. } = &mut border;
         let held = region.shared.iter().chain(&region.replicas).copied();
-        let seeds: Vec<_> = sights.near.iter().map(|near| near.link).chain(held).map(|link| link.handle).collect();
+        let seeds: Vec<_> =
+            sights.near.iter().map(|near| near.link).chain(held).map(|link| link.handle).collect();
         islands.find(region, sights, moment, seeds.into_iter());
         let region: &Region = region;
         sights.set_islands(|handle| (islands.size(handle), goes_at_once(region, handle)));
@@ -84,9 +85,10 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         .filter(|meeting| meeting.island > 0)
         .filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting)))
         .filter(|(handle, meeting)| {
-            // As long as there is time, one of the two is to move to the other's region, and nothing need be shared.
+            // What is free moves to the other's region, and small islands do as long as there is time: nothing need be shared.
             let small = border.islands.of(*handle).is_some_and(|island| !island.big);
-            meeting.soon || !small
+            let free = meeting.free || goes_at_once(region, *handle);
+            !small || !free && meeting.is_soon(moment.settings.dt_s)
         })
         .map(|(handle, meeting)| (handle, meeting.rank))
         .collect();
@@ -134,7 +136,11 @@ pub(super) fn commit<'a>(region: &mut Region, told: impl Iterator<Item = &'a Mem
 
 /// The region of a centre; the present one until the centre has left it for good.
 pub(super) fn home_of(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize {
-    if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M { partition.rank_at(centre) } else { region.rank() }
+    if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
+        partition.rank_at(centre)
+    } else {
+        region.rank()
+    }
 }
 
 /// Bodies that come from nowhere may touch anything at once: they are held wherever they come near.
@@ -155,7 +161,11 @@ fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
         if !holders.is_empty() {
             let members = holders.union(own);
             tell(region, handle, holders, RegionSet::EMPTY, members, RegionSet::EMPTY);
-            border.decisions.push(Decision { link: Link { id, handle }, members, listeners: RegionSet::EMPTY });
+            border.decisions.push(Decision {
+                link: Link { id, handle },
+                members,
+                listeners: RegionSet::EMPTY,
+            });
         }
     }
 }
@@ -227,7 +237,9 @@ fn decide_on(
     if owner != own_rank {
         let record = region.body_record(link.handle);
         let body = BodyRecord { epoch: epoch.next(), ..record };
-        region.outbox[owner].transfers.push(Transfer { body, holders: members.without(RegionSet::only(owner)).bits() });
+        region.outbox[owner]
+            .transfers
+            .push(Transfer { body, holders: members.without(RegionSet::only(owner)).bits() });
         for rank in members.without(own).iter() {
             let told = region.outbox[rank].members.last_mut().filter(|told| told.id == link.id);
             let told = told.expect("every member was told");
@@ -247,11 +259,9 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
         Some(island) => island.target,
         // What sleeps stays where it is.
         None if body.is_sleeping() => region.rank(),
-        None => home_of(
-            region,
-            moment.partition,
-            convert::world_point(region.anchor(), body.center_of_mass()),
-        ),
+        None => {
+            home_of(region, moment.partition, convert::world_point(region.anchor(), body.center_of_mass()))
+        }
     };
     let pressed = island.map_or_else(|| reach::is_pressed(region, handle), |island| island.pressed);
     let is_ready = |handle| {
@@ -265,9 +275,10 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     };
     // What no contact moves is held by those who come near it, and draws nobody along.
     let id = region.slot(handle).id;
-    let met = border.sights.meetings_of(id).fold(RegionSet::EMPTY, |set, meeting| {
-        set.union(RegionSet::only(meeting.rank))
-    });
+    let met = border
+        .sights
+        .meetings_of(id)
+        .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)));
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
     let holders = border.reach.of(handle).union(met).union(RegionSet::only(owner)).without(own);
     Wish { holders, owner, pressed, ready }

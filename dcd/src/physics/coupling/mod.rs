@@ -9,6 +9,7 @@
 //! of the mass (`share`), and agree on their means (`agree`).
 
 mod agree;
+mod auto;
 mod halo;
 mod held;
 mod island;
@@ -86,6 +87,14 @@ impl Coupling {
         matches!(self, Self::Island | Self::Auto)
     }
 
+    /// Micro-steps a tick at first, of which `exchanges` is the setting.
+    pub(super) const fn first_steps(self, exchanges: usize) -> usize {
+        match self {
+            Self::Auto => 1,
+            _ => exchanges,
+        }
+    }
+
     /// Fills `region.outbox` with what neighbours must hold of the bodies inserted since the last step.
     pub(super) fn announce(self, region: &mut Region, moment: Moment<'_>) {
         if self.shares_mass() {
@@ -119,11 +128,12 @@ impl Coupling {
         region: &mut Region,
         inbox: impl Iterator<Item = &'a BorderMessage> + Clone,
         ground: Ground<'_>,
+        moment: Moment<'_>,
     ) -> Result<(), super::ShapeError> {
         match self {
             Self::Owner => owner::apply(region, inbox, ground),
             Self::Proxy => proxy::apply(region, inbox, ground),
-            Self::Overlap | Self::Island | Self::Auto => overlap::apply(region, inbox, ground),
+            Self::Overlap | Self::Island | Self::Auto => overlap::apply(region, inbox, ground, moment),
         }
     }
 }
@@ -135,11 +145,21 @@ pub(super) struct Border {
     reach: reach::Reach,
     islands: island::Islands,
     decisions: Vec<membership::Decision>,
+    /// How many micro-steps regions take.
+    pub pace: auto::Pace,
+    /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
+    disagreement: Vec<Option<f32>>,
 }
 
 impl Border {
-    pub(super) fn new(regions: usize) -> Self {
-        Self { sights: sight::Sights::new(regions), ..Self::default() }
+    /// For a world of so many regions that take so many micro-steps a tick at first.
+    pub(super) fn new(regions: usize, steps: usize) -> Self {
+        Self {
+            sights: sight::Sights::new(regions),
+            pace: auto::Pace::new(regions, steps),
+            disagreement: vec![None; regions],
+            ..Self::default()
+        }
     }
 }
 
@@ -149,10 +169,32 @@ pub(super) struct Moment<'a> {
     pub partition: &'a Partition,
     pub settings: &'a StepSettings,
     pub tick: Tick,
-    /// Of a micro-step.
+    /// Of this region's micro-steps.
     pub dt_s: f32,
+    /// The rounds of the tick, and which of them this is, from 1.
+    pub rounds: usize,
+    pub round: usize,
     /// Whether it is the last exchange of the tick: who holds and owns what changes only then.
     pub last: bool,
+}
+
+impl<'a> Moment<'a> {
+    /// Round 0 is the exchange before a tick in which new bodies are announced.
+    pub(super) fn new(
+        partition: &'a Partition,
+        settings: &'a StepSettings,
+        tick: Tick,
+        rounds: usize,
+        round: usize,
+    ) -> Self {
+        let last = round == 0 || round >= rounds;
+        Self { partition, settings, tick, dt_s: settings.dt_s, rounds, round, last }
+    }
+
+    /// Whether what happens so many times a tick happens in this round.
+    pub(super) fn is_due(&self, times: usize) -> bool {
+        self.round.is_multiple_of((self.rounds / times.clamp(1, self.rounds)).max(1))
+    }
 }
 
 /// What every region of a process may look things up in.

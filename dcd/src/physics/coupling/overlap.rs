@@ -5,7 +5,7 @@
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Ground, Moment, agree, halo, held, membership, share};
+use super::{Coupling, Ground, Moment, agree, halo, held, membership, share};
 use crate::physics::ShapeError;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
@@ -16,7 +16,7 @@ use crate::space::RegionSet;
 pub(super) fn gather(region: &mut Region, moment: Moment<'_>) {
     halo::clear_outbox(region, moment.tick);
     for index in 0..region.shared.len() + region.replicas.len() {
-        tell_copy(region, share::held(region, index), moment.last);
+        tell_copy(region, share::held(region, index), moment);
     }
     for message in &mut region.outbox {
         // Owned and replicated bodies come one after the other.
@@ -24,6 +24,10 @@ pub(super) fn gather(region: &mut Region, moment: Moment<'_>) {
     }
     if moment.last {
         membership::decide(region, moment);
+        let steps = region.border.pace.tell(region.rank());
+        for message in &mut region.outbox {
+            message.steps = steps;
+        }
     }
 }
 
@@ -32,6 +36,7 @@ pub(super) fn apply<'a>(
     region: &mut Region,
     inbox: impl Iterator<Item = &'a BorderMessage> + Clone,
     ground: Ground<'_>,
+    moment: Moment<'_>,
 ) -> Result<(), ShapeError> {
     region.arrived.clear();
     held::cover_hubs(region, ground)?;
@@ -41,13 +46,19 @@ pub(super) fn apply<'a>(
         held::arrive(region, message, sender, ground, true)?;
         hear(region, &message.copies, sender);
         region.border.sights.see(sender, message);
+        region.border.pace.hear(sender, message.steps);
     }
-    let mut disagreement = std::mem::take(&mut region.disagreement);
-    disagreement.fill(0.0);
-    agree::agree(region, &mut disagreement);
-    region.disagreement = disagreement;
+    let mut border = std::mem::take(&mut region.border);
+    agree::agree(region, &border.pace, moment, &mut border.disagreement);
+    if moment.settings.coupling == Coupling::Auto {
+        border.pace.judge(&border.disagreement, moment);
+    }
+    region.border = border;
     membership::commit(region, inbox.flat_map(|message| &message.members));
-    region.border.sights.meet();
+    if moment.last {
+        region.border.sights.meet(ground.partition);
+        region.border.pace.turn();
+    }
     Ok(())
 }
 
@@ -67,11 +78,15 @@ fn rank_of(partition: &Partition, message: &BorderMessage) -> usize {
 }
 
 /// Sends a copy to all who hold the body; once only when it falls asleep.
-fn tell_copy(region: &mut Region, link: Link, last: bool) {
+fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
+    let Some(shared) = region.slot(link.handle).shared.as_deref() else { return };
+    if !moment.is_due(region.border.pace.exchanges_among(shared.members)) {
+        return;
+    }
     let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { return };
     let asleep = region.physics().bodies[link.handle].is_sleeping();
     let told = region.slot(link.handle).told_asleep;
-    let listeners = if last { shared.listeners } else { RegionSet::EMPTY };
+    let listeners = if moment.last { shared.listeners } else { RegionSet::EMPTY };
     if !(asleep && told) || !listeners.is_empty() {
         let island = region.border.islands.size(link.handle);
         share::read(region, link.handle, &mut shared, island);
@@ -88,13 +103,14 @@ fn tell_copy(region: &mut Region, link: Link, last: bool) {
 fn hear(region: &mut Region, copies: &[CopyState], sender: usize) {
     let (mut in_shared, mut in_replicas) = (0, 0);
     for copy in copies {
-        let handle = [(true, &mut in_shared), (false, &mut in_replicas)].into_iter().find_map(|(owned, at)| {
-            let list = if owned { &region.shared } else { &region.replicas };
-            while list.get(*at).is_some_and(|link| link.id < copy.id) {
-                *at += 1;
-            }
-            list.get(*at).filter(|link| link.id == copy.id).map(|link| link.handle)
-        });
+        let handle =
+            [(true, &mut in_shared), (false, &mut in_replicas)].into_iter().find_map(|(owned, at)| {
+                let list = if owned { &region.shared } else { &region.replicas };
+                while list.get(*at).is_some_and(|link| link.id < copy.id) {
+                    *at += 1;
+                }
+                list.get(*at).filter(|link| link.id == copy.id).map(|link| link.handle)
+            });
         let Some(handle) = handle else { continue };
         let slot = region.slot_mut(handle);
         debug_assert!(slot.role != Role::Immovable);

@@ -80,7 +80,8 @@ pub(super) fn held(region: &Region, index: usize) -> Link {
 /// Makes Rapier's forces on the copy what they must be.
 fn press(region: &mut Region, handle: RigidBodyHandle, shared: &Shared) {
     let parts = shared.parts.max(1) as f32;
-    let (force, torque) = (shared.user_force / parts + shared.push, shared.user_torque / parts + shared.twist);
+    let (force, torque) =
+        (shared.user_force / parts + shared.push, shared.user_torque / parts + shared.twist);
     let body = &region.physics().bodies[handle];
     if body.user_force() == force && body.user_torque() == torque {
         return;
@@ -112,7 +113,9 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared
 fn strain(body: &RigidBody, gravity: Vector, shared: &Shared) -> (Vector, Vector) {
     let before = (Vector::from_array(shared.own.force_n), Vector::from_array(shared.own.torque_nm));
     // Frozen while asleep.
-    let Some(start) = shared.start.filter(|_| body.is_dynamic() && !body.is_sleeping()) else { return before };
+    let Some(start) = shared.start.filter(|_| body.is_dynamic() && !body.is_sleeping()) else {
+        return before;
+    };
     let (parts, mass) = (shared.parts.max(1) as f32, body.mass());
     let fall = gravity * body.gravity_scale();
     let gained = (body.linvel() - start.linear) / start.elapsed_s - fall;
@@ -214,9 +217,10 @@ pub(in crate::physics) fn make_whole(region: &mut Region, handle: RigidBodyHandl
 pub(super) fn begin(region: &mut Region, handle: RigidBodyHandle) {
     let body = &region.physics().bodies[handle];
     let (user_force, user_torque) = (body.user_force(), body.user_torque());
-    let shared = region.slot_mut(handle).shared.get_or_insert_with(|| {
-        Box::new(Shared { parts: 1, ..Shared::default() })
-    });
+    let shared = region
+        .slot_mut(handle)
+        .shared
+        .get_or_insert_with(|| Box::new(Shared { parts: 1, ..Shared::default() }));
     (shared.arriving, shared.user_force, shared.user_torque) = (true, user_force, user_torque);
     shared.heard.clear();
 }
@@ -235,7 +239,11 @@ pub(in crate::physics) fn whole<R>(
     let result = change(region);
     let body = &region.physics().bodies[handle];
     (shared.user_force, shared.user_torque) = (body.user_force(), body.user_torque());
-    shared.parts = if region.slot(handle).traits.kind == BodyKind::Dynamic { parts.max(shared.members.len()) } else { 1 };
+    shared.parts = if region.slot(handle).traits.kind == BodyKind::Dynamic {
+        parts.max(shared.members.len())
+    } else {
+        1
+    };
     (shared.push, shared.twist) = (push, twist);
     // What the user did is no contact's doing.
     shared.start = None;

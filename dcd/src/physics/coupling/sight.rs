@@ -6,14 +6,17 @@ use rapier3d::prelude::*;
 
 use super::Moment;
 use crate::physics::convert;
+use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BodyKind, BorderMessage, Sight, Sighting};
 use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Regions look so many ticks ahead: time enough to move one of two bodies to the other's region, and on to a third.
 const AHEAD_TICKS: f32 = 6.0;
-/// From being shown to being held takes so many ticks.
+/// From being shown to being held takes so many ticks, with one to spare.
 const SOON_TICKS: f32 = 3.0;
+/// What both regions hold already is seen by its contacts, unless it is faster than this.
+const SLOW_M_S: f32 = 0.5;
 /// Bodies count as meeting when they come so near, metres.
 const MARGIN_M: f64 = 0.05;
 /// Bodies far from any border are looked at again after at most so many ticks.
@@ -32,7 +35,7 @@ pub(super) struct Sights {
     seen: Vec<Sight>,
     /// Where something changed, so that meetings must be found anew.
     changed: RegionSet,
-    /// In order of body, then rank.
+    /// In order of body, the soonest first.
     pub meetings: Vec<Meeting>,
     /// Of a tick, seconds.
     tick_s: f32,
@@ -68,8 +71,17 @@ pub(super) struct Meeting {
     pub island: u16,
     /// Whether the other can come here at once.
     pub free: bool,
-    /// Whether they may touch before there is time for another plan.
-    pub soon: bool,
+    /// In how many seconds they may touch.
+    pub after_s: f64,
+    /// Rank of the region in whose cell that will be.
+    pub place: usize,
+}
+
+impl Meeting {
+    /// Whether there is no time left for another plan than to share both bodies.
+    pub(super) fn is_soon(&self, tick_s: f32) -> bool {
+        self.after_s <= f64::from(SOON_TICKS * tick_s)
+    }
 }
 
 impl Sights {
@@ -100,19 +112,26 @@ impl Sights {
     }
 
     /// Finds who meets whom, where something changed.
-    pub(super) fn meet(&mut self) {
+    pub(super) fn meet(&mut self, partition: &Partition) {
         for rank in std::mem::take(&mut self.changed).iter() {
             let meetings = &mut self.meetings;
             meetings.retain(|meeting| meeting.rank != rank);
             let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
-            for_each_overlap(&self.shown[rank].bodies, &self.seen[rank].bodies, ahead_s, |own, other, after_s| {
-                if own.awake || other.awake {
-                    let Sighting { island, free, .. } = *other;
-                    let soon = after_s <= f64::from(SOON_TICKS * self.tick_s);
-                    meetings.push(Meeting { own: own.id, rank, island, free, soon });
-                }
+            for_each_overlap(
+                &self.shown[rank].bodies,
+                &self.seen[rank].bodies,
+                ahead_s,
+                |own, other, after_s| {
+                    if own.awake || other.awake {
+                        let Sighting { island, free, .. } = *other;
+                        let place = partition.rank_at(middle(own, other, after_s));
+                        meetings.push(Meeting { own: own.id, rank, island, free, after_s, place });
+                    }
+                },
+            );
+            meetings.sort_by(|a, b| {
+                a.own.cmp(&b.own).then(a.after_s.total_cmp(&b.after_s)).then(a.rank.cmp(&b.rank))
             });
-            meetings.sort_unstable_by_key(|met| (met.own, met.rank, met.island, met.free, met.soon));
         }
     }
 
@@ -130,8 +149,10 @@ impl Sights {
             cut(&mut inner, &extent);
         }
         let inner = inner.grown(-MARGIN_M);
-        self.inner =
-            (convert::region_point(region.anchor(), inner.min), convert::region_point(region.anchor(), inner.max));
+        self.inner = (
+            convert::region_point(region.anchor(), inner.min),
+            convert::region_point(region.anchor(), inner.max),
+        );
     }
 
     /// For how many ticks a body surely stays within, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
@@ -169,7 +190,12 @@ fn cut(inner: &mut Bounds, away: &Bounds) {
 }
 
 /// Looks at bodies owned here: keeps a list of those near the border, and lets the others rest.
-pub(super) fn look(region: &mut Region, sights: &mut Sights, moment: Moment<'_>, handles: &[RigidBodyHandle]) {
+pub(super) fn look(
+    region: &mut Region,
+    sights: &mut Sights,
+    moment: Moment<'_>,
+    handles: &[RigidBodyHandle],
+) {
     let tick_s = moment.settings.dt_s;
     sights.tick_s = tick_s;
     let now = moment.tick.0 as u32;
@@ -241,7 +267,8 @@ pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>)
         }
         let slot = region.slot(near.link.handle);
         let dynamic = slot.traits.kind == BodyKind::Dynamic;
-        for rank in viewers.without(slot.holders).without(own).iter() {
+        let known = if near.velocity.length() > SLOW_M_S { RegionSet::EMPTY } else { slot.holders };
+        for rank in viewers.without(known).without(own).iter() {
             sights.lists[rank].push(Sighting {
                 id: near.link.id,
                 bounds: near.bounds,
@@ -253,7 +280,9 @@ pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>)
         }
     }
     for (rank, list) in sights.lists.iter_mut().enumerate() {
-        if rank != region.rank() && (sights.shown[rank].bodies != *list || sights.shown[rank].extent != extent) {
+        if rank != region.rank()
+            && (sights.shown[rank].bodies != *list || sights.shown[rank].extent != extent)
+        {
             sights.shown[rank] = Sight { extent, bodies: std::mem::take(list) };
             sights.changed.insert(rank);
             region.outbox[rank].sight = Some(sights.shown[rank].clone());
@@ -289,8 +318,9 @@ fn for_each_overlap(
             if others.min[axis] > bounds.max[axis] {
                 break;
             }
+            let (a, b) = ((&own.bounds, own.velocity), (&other.bounds, other.velocity));
             if bounds.touches(others)
-                && let Some(after_s) = meet_after(own, other).filter(|after_s| *after_s <= ahead_s)
+                && let Some(after_s) = meet_after(a, b).filter(|after_s| *after_s <= ahead_s)
             {
                 visit(own, other, after_s);
             }
@@ -298,14 +328,22 @@ fn for_each_overlap(
     }
 }
 
+/// Half way between two bodies after some time; the same from both sides.
+fn middle(a: &Sighting, b: &Sighting, after_s: f64) -> [f64; 3] {
+    let centre = |s: &Sighting, i: usize| {
+        0.5 * (s.bounds.min[i] + s.bounds.max[i]) + f64::from(s.velocity[i]) * after_s
+    };
+    std::array::from_fn(|i| 0.5 * (centre(a, i) + centre(b, i)))
+}
+
 /// In how many seconds two moving boxes begin to overlap; 0 if they do now, none if they never will.
-fn meet_after(a: &Sighting, b: &Sighting) -> Option<f64> {
+fn meet_after(a: (&Bounds, [f32; 3]), b: (&Bounds, [f32; 3])) -> Option<f64> {
     let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {
-        let speed = f64::from(b.velocity[axis]) - f64::from(a.velocity[axis]);
+        let speed = f64::from(b.1[axis]) - f64::from(a.1[axis]);
         // The gaps to be closed by b's coming up, and by its coming down.
-        let below = a.bounds.min[axis] - b.bounds.max[axis];
-        let above = a.bounds.max[axis] - b.bounds.min[axis];
+        let below = a.0.min[axis] - b.0.max[axis];
+        let above = a.0.max[axis] - b.0.min[axis];
         if speed == 0.0 {
             if below > 0.0 || above < 0.0 {
                 return None;
@@ -317,4 +355,36 @@ fn meet_after(a: &Sighting, b: &Sighting) -> Option<f64> {
         leave = leave.min(one.max(other));
     }
     (enter <= leave).then_some(enter)
+}
+
+/// Whether a body will meet another one of this region in the ticks to come, of those for which `counts` says so.
+pub(super) fn has_company(
+    region: &Region,
+    link: Link,
+    tick_s: f32,
+    counts: impl Fn(RigidBodyHandle) -> bool,
+) -> bool {
+    let world = region.physics();
+    let body = near(region, link, tick_s);
+    // The others come too.
+    let around = body.swept.grown(f64::from(SURPRISE_M_S * AHEAD_TICKS * tick_s));
+    let aabb = Aabb::new(
+        convert::region_point(region.anchor(), around.min),
+        convert::region_point(region.anchor(), around.max),
+    );
+    let filter = QueryFilter::only_dynamic().exclude_rigid_body(link.handle);
+    world.intersect_aabb_conservative(aabb, filter).filter_map(|(_, collider)| collider.parent()).any(
+        |other| {
+            counts(other)
+                && region.role_of(other).is_some_and(|(id, role)| {
+                    let other = near(region, Link { id, handle: other }, tick_s);
+                    let ahead_s = f64::from(AHEAD_TICKS * tick_s);
+                    let (a, b) = (
+                        (&body.bounds, body.velocity.to_array()),
+                        (&other.bounds, other.velocity.to_array()),
+                    );
+                    role == Role::Owner && meet_after(a, b).is_some_and(|after_s| after_s <= ahead_s)
+                })
+        },
+    )
 }

@@ -2,6 +2,7 @@
 
 mod change;
 mod place;
+mod rounds;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -145,7 +146,8 @@ pub struct RegionHost {
     /// From regions computed elsewhere, for the exchange that is open.
     incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
     tick: Tick,
-    /// Micro-steps done of the tick to come.
+    /// Rounds of the tick to come, and how many of them are done.
+    rounds: usize,
     round: usize,
     transfers: u64,
     /// Of the last step, and of insertions since.
@@ -183,6 +185,7 @@ impl RegionHost {
             pool,
             incoming: BTreeMap::new(),
             tick: Tick(0),
+            rounds: settings.coupling.first_steps(settings.exchanges),
             round: 0,
             transfers: 0,
             handovers: Vec::new(),
@@ -203,17 +206,20 @@ impl RegionHost {
         &mut self.shapes
     }
 
-    /// The first half of a (micro-)step: every region steps and says what its neighbours must know.
+    /// The first half of a round: every region that is to step in it does, and says what its neighbours must know.
     pub fn compute(&mut self) {
-        let settings = self.settings;
-        let dt_s = settings.dt_s / settings.exchanges as f32;
-        let iterations = settings.solver_iterations.div_ceil(settings.exchanges).max(1);
         self.round += 1;
-        let last = self.round >= settings.exchanges;
-        let moment = Moment { partition: &self.partition, settings: &settings, tick: self.tick.next(), dt_s, last };
+        let settings = self.settings;
+        let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
+        let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
         on_all(&self.pool, &mut self.regions, |region| {
-            settings.coupling.prepare(region, dt_s);
-            region.step(dt_s, iterations);
+            let steps = region.steps();
+            if !moment.is_due(steps) {
+                return region.be_silent();
+            }
+            let moment = Moment { dt_s: settings.dt_s / steps as f32, ..moment };
+            settings.coupling.prepare(region, moment.dt_s);
+            region.step(moment.dt_s, settings.solver_iterations.div_ceil(steps).max(1));
             settings.coupling.gather(region, moment);
         });
     }
@@ -237,7 +243,9 @@ impl RegionHost {
             let outboxes: Vec<_> =
                 self.regions.iter_mut().map(|region| std::mem::take(&mut region.outbox)).collect();
             let ground = Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
-            let (incoming, place_of, coupling) = (&self.incoming, &self.place_of, self.settings.coupling);
+            let (incoming, place_of, settings) = (&self.incoming, &self.place_of, self.settings);
+            let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
+            let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
             let failure = std::sync::Mutex::new(None);
             on_all(&self.pool, &mut self.regions, |region| {
                 let (to, rank) = (region.id(), region.rank());
@@ -246,7 +254,10 @@ impl RegionHost {
                     Some(place) => Some(&outboxes[*place][rank]),
                     None => incoming.get(&(to, from)),
                 });
-                if let Err(error) = coupling.apply(region, inbox, ground) {
+                if !moment.is_due(region.steps()) {
+                    return;
+                }
+                if let Err(error) = settings.coupling.apply(region, inbox, ground, moment) {
                     failure.lock().expect("no panic while locked").get_or_insert(error);
                 }
             });
@@ -282,13 +293,14 @@ impl RegionHost {
             self.announce();
             self.exchange()?;
         }
-        for _ in 0..self.settings.exchanges {
+        for _ in 0..self.rounds {
             self.compute();
             self.exchange()?;
         }
         // Stable: a body that went twice has its ways in order.
         self.handovers.sort_by_key(|handover| handover.body);
         self.end_tick();
+        self.set_rounds(self.rounds_wanted());
         Ok(())
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use rapier3d::prelude::*;
 
-use super::{HostError, RegionHost, on_all};
+use super::{HostError, RegionHost, StepSettings, on_all};
 use crate::physics::assembly::Groups;
 use crate::physics::coupling::Moment;
 use crate::physics::directory::Home;
@@ -21,7 +21,9 @@ impl RegionHost {
         assert!(self.place_of[rank].is_none(), "{id} is hosted here already");
         let part = self.partition.tree().part(id);
         let cell = *self.partition.cell(rank);
-        let region = Region::new(id, rank, cell, &part, self.settings.gravity, self.partition.leaves());
+        let StepSettings { gravity, coupling, exchanges, .. } = self.settings;
+        let steps = coupling.first_steps(exchanges);
+        let region = Region::new(id, rank, cell, &part, gravity, self.partition.leaves(), steps);
         let place = self.regions.partition_point(|other| other.rank() < rank);
         self.regions.insert(place, region);
         self.index();
@@ -72,8 +74,10 @@ impl RegionHost {
             }
             self.directory.remove(id);
         }
+        let steps = self.settings.coupling.first_steps(self.settings.exchanges);
+        self.rounds = steps;
         for region in &mut self.regions {
-            region.forget_holders();
+            region.forget_holders(steps);
         }
         for &id in hosted {
             if !self.regions.iter().any(|region| region.id() == id) {
@@ -92,8 +96,7 @@ impl RegionHost {
     /// Says which regions must hold what was inserted since the last step; the exchange carries it.
     pub fn announce(&mut self) {
         let settings = self.settings;
-        let (partition, tick, dt_s) = (&self.partition, self.tick, settings.dt_s);
-        let moment = Moment { partition, settings: &settings, tick, dt_s, last: true };
+        let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0);
         on_all(&self.pool, &mut self.regions, |region| settings.coupling.announce(region, moment));
     }
 

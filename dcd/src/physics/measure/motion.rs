@@ -23,11 +23,13 @@ pub(super) fn momentum_kgms(view: View<'_>) -> [f64; 3] {
 /// before it too.
 fn taking_part(view: View<'_>) -> impl Iterator<Item = (f64, RigidBody)> {
     let colliders = &view.physics().colliders;
-    view.owned_handles().filter(|(_, body)| body.is_dynamic() && body.is_enabled()).map(move |(handle, body)| {
-        let mut body = body.clone();
-        body.recompute_mass_properties_from_colliders(colliders);
-        (view.parts(handle), body)
-    })
+    view.owned_handles().filter(|(_, body)| body.is_dynamic() && body.is_enabled()).map(
+        move |(handle, body)| {
+            let mut body = body.clone();
+            body.recompute_mass_properties_from_colliders(colliders);
+            (view.parts(handle), body)
+        },
+    )
 }
 
 fn kinetic_j(body: &RigidBody) -> f64 {

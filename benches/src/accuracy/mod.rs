@@ -108,14 +108,10 @@ fn method(name: &str) -> Result<Coupling, String> {
     })
 }
 
-/// The usual number of exchanges a tick of each method; for `auto` the most it may take.
+/// A method with as many exchanges a tick as suit it.
 pub(crate) fn use_method(config: &mut WorldConfig, method: Coupling) {
     config.step.coupling = method;
-    config.step.exchanges = match method.name() {
-        "proxy" | "owner" => 1,
-        "overlap" | "island" => 2,
-        _ => 4,
-    };
+    config.step.exchanges = method.usual_exchanges();
 }
 
 /// The settings of a bare world for a case.

@@ -91,7 +91,8 @@ impl Trace {
 
     /// The looks of the last so many simulated seconds.
     pub(crate) fn tail(&self, seconds: f64) -> impl Iterator<Item = &Look> {
-        let from_s = self.last().t_s - seconds - 1e-9;
+        // A tick is a number of 32 bits, so times are off by some ten-millionths.
+        let from_s = self.last().t_s - seconds - 1e-5;
         self.looks.iter().filter(move |look| look.t_s >= from_s)
     }
 }
@@ -252,4 +253,47 @@ pub(crate) fn norm(v: [f64; 3]) -> f64 {
 /// How far apart two points are.
 pub(crate) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     norm(std::array::from_fn(|i| a[i] - b[i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use dcd::scene::Params;
+
+    use super::*;
+
+    fn falling_tower(cut: bool) -> Trace {
+        let scene = Scene::named("tower", &Params::new()).unwrap();
+        let cuts = |_| vec![(dcd::space::Axis::X, 0.1)];
+        let case = Case::new("any", scene, 2.0, cuts, |_, _| 0.0).resting();
+        let regions = if cut { 2 } else { 1 };
+        let setup = Setup::Cut { regions, adjust: &|config| config.step.solver_iterations = 8 };
+        trace(&case, &case.scenes[0], &setup).unwrap()
+    }
+
+    #[test]
+    fn a_run_is_looked_at_at_equal_intervals_and_weighed_in_its_last_second() {
+        let trace = falling_tower(false);
+        let times: Vec<_> = trace.looks.iter().map(|look| (look.t_s * 10.0).round() as u32).collect();
+        assert_eq!(times, (0..=20).collect::<Vec<_>>());
+        assert_eq!((trace.ground_ratios.len(), trace.steps.len()), (60, 120));
+        assert_eq!(trace.tail(1.0).count(), 11);
+        assert!((trace.substep_s - 1.0 / 480.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn fixed_bodies_are_not_seen_and_movable_ones_always_are() {
+        let trace = falling_tower(true);
+        assert!(trace.looks.iter().all(|look| look.moving().eq(1..=10)));
+        assert_eq!((trace.lost, trace.doubled, trace.quarantined), (0, 0, 0));
+        assert!(trace.replicas_mean > 9.0);
+    }
+
+    #[test]
+    fn momentum_is_measured_in_parts_of_all_that_moves() {
+        let at = |v: f32| Some((WorldPose::default(), Velocity { linear: [v, 0.0, 0.0], angular: [0.0; 3] }));
+        let look = Look { bodies: vec![None, at(1.0), at(-3.0)], ..Look::default() };
+        let error = momentum_error(&look, &[0.0, 1.0, 3.0], [0.0; 3], [-8.0, 0.0, 0.0]);
+        assert!((error - 0.8).abs() < 1e-12);
+        assert_eq!(momentum_error(&Look::default(), &[], [0.0; 3], [0.0; 3]), 0.0);
+    }
 }

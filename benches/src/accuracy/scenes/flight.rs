@@ -131,7 +131,7 @@ fn shot_at_a_wall(speed_m_s: f32, fixed: bool) -> Case {
     scene.push(WorldPose::at([start_m, 0.0, 0.0]), body, ball);
     scene.bounds = Bounds::new([start_m, -4.0, -4.0], [8.0, 4.0, 4.0]);
     let borders = planes(Axis::X, [0.0, -0.15, 0.15, -1.0, -0.5, 0.5, 1.0]);
-    let label = format!("{speed_m_s} m/s, {} wall", if fixed { "fixed" } else { "loose" });
+    let label = format!("{speed_m_s} m/s {} wall", if fixed { "fixed" } else { "loose" });
     let beyond = Case::new(label, scene, 0.5, borders, move |trace, _| {
         let wall_m = |look: &Look| if fixed { WALL_M } else { look.place(0)[0] };
         worst(trace.looks.iter().map(|look| (look.place(1)[0] - wall_m(look)).max(0.0)))

@@ -69,6 +69,21 @@ mod tests {
     }
 
     #[test]
+    fn no_label_is_given_twice_or_breaks_a_line_of_csv() {
+        for experiment in experiments() {
+            for size in [Size::Quick, Size::Full] {
+                let mut labels: Vec<_> =
+                    (experiment.cases)(size).into_iter().map(|case| case.label).collect();
+                assert!(labels.iter().all(|label| !label.contains([',', '\n', '"'])), "{labels:?}");
+                let count = labels.len();
+                labels.sort_unstable();
+                labels.dedup();
+                assert_eq!(labels.len(), count, "{labels:?}");
+            }
+        }
+    }
+
+    #[test]
     fn no_name_and_no_number_is_given_twice() {
         let (mut names, mut numbers): (Vec<_>, Vec<_>) =
             experiments().iter().map(|experiment| (experiment.name, experiment.number)).unzip();

@@ -26,7 +26,7 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     LinePanels {
         title: "Speed and accuracy".to_owned(),
         caption: format!(
-            "Best is top right. Couplings: dot 2, triangle 4, square 8 regions, joined from 1 over 2 to 4 exchanges; auto: its presets, ring 1 region. Dashed: the gate.\n{machine}"
+            "Best is top right. Couplings: dot 2, triangle 4, square 8 regions, joined from 1 over 2 to 4 exchanges; auto: its presets, ring 1 region. Dashed: the gate. Errors lost in noise lie at its level.\n{machine}"
         ),
         x_label: "real-time factor".to_owned(),
         y_reversed: true,
@@ -45,11 +45,10 @@ fn panel(rows: Vec<&Row>) -> LinePanel {
     }
     // Auto last, over the others.
     kinds.sort_by_key(|kind| kind.0 == "auto");
-    // What broke is drawn at the lower edge, not as far below as its figure says.
+    // What broke is drawn at the lower edge, not as far below as its figure says; what is lost in noise at the upper.
     let sane = rows.iter().map(|row| row.error).filter(|error| *error < 1e6).fold(0.0, f64::max);
-    // An error of nothing lies where rounding begins.
-    let least = rows.iter().map(|row| row.error).filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
-    let drawn = |error: f64| error.clamp(least.min(sane), 3.0 * sane);
+    let noise = rows.iter().map(|row| row.noise).fold(f64::INFINITY, f64::min);
+    let drawn = |error: f64| error.clamp(noise.min(sane), 3.0 * sane);
     let lines = kinds.into_iter().map(|(method, sweep, regions)| {
         let of_kind =
             rows.iter().filter(|row| (&*row.method, &*row.sweep, row.regions) == (method, sweep, regions));

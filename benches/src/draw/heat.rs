@@ -128,7 +128,7 @@ impl HeatMaps {
         let (left, top) = (16, top as i32 + 8);
         for step in 0..WIDTH {
             let colour = colour(f64::from(step) / f64::from(WIDTH - 1)).filled();
-            area.draw(&Rectangle::new([(left + step, top), (left + step + 1, top + 14)], colour))?;
+            area.draw(&Rectangle::new([(left + step, top), (left + WIDTH, top + 14)], colour))?;
         }
         for value in Decades::points_within(self.scale) {
             let x = left + (f64::from(WIDTH) * self.badness(value)) as i32;

@@ -50,7 +50,7 @@ pub(crate) enum Mark {
 const PANEL: (u32, u32) = (430, 330);
 const HEAD: u32 = 78;
 const LEGEND_ROW: u32 = 22;
-const LEGEND_ENTRY: u32 = 215;
+const LEGEND_ENTRY: u32 = 250;
 const AIR: u32 = 12;
 
 impl LinePanels {

@@ -223,6 +223,11 @@ impl Region {
         self.border.pace.steps_of(self.rank)
     }
 
+    /// How far copies at the worst border were from their means in the last tick, m/s.
+    pub(super) fn disagreement_m_s(&self) -> f32 {
+        self.border.pace.disagreement_m_s()
+    }
+
     /// Micro-steps of the next tick.
     pub(super) fn steps_next(&self) -> usize {
         self.border.pace.next_of(self.rank)

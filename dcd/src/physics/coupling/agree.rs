@@ -25,12 +25,7 @@ const WAKE_RAD_S: f32 = 0.05;
 
 /// Agrees on every body held here and elsewhere that is exchanged in this round. Says, for each other region, how far the
 /// velocities of the copies of bodies held by both were from their means at most, in m/s; none where nothing is.
-pub(super) fn agree(
-    region: &mut Region,
-    pace: &Pace,
-    moment: Moment<'_>,
-    disagreement: &mut [Option<f32>],
-) {
+pub(super) fn agree(region: &mut Region, pace: &Pace, moment: Moment<'_>, disagreement: &mut [Option<f32>]) {
     disagreement.fill(None);
     let own = RegionSet::only(region.rank());
     for index in 0..region.shared.len() + region.replicas.len() {

@@ -92,9 +92,10 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         })
         .map(|(handle, meeting)| (handle, meeting.rank))
         .collect();
-    let Border { reach, islands, .. } = &mut border;
+    let Border { reach, islands, pace, .. } = &mut border;
+    let depth = moment.settings.depth + pace.extra_depth();
     let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
-    reach.spread(region, moment.settings.depth, met.into_iter(), small);
+    reach.spread(region, depth, met.into_iter(), small);
     let mut leaving = Vec::new();
     for link in candidates(region, &border) {
         leaving.extend(decide_on(region, &mut border, moment, link));

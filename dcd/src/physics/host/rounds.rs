@@ -14,6 +14,12 @@ impl RegionHost {
         self.rounds = rounds;
     }
 
+    /// How far the copies of a body were from their mean in the last tick at the worst border, summed over its exchanges, in
+    /// m/s: the error estimate of [`Coupling::Auto`](super::Coupling::Auto).
+    pub fn disagreement_m_s(&self) -> f32 {
+        self.regions.iter().map(|region| region.disagreement_m_s()).fold(0.0, f32::max)
+    }
+
     /// Rounds of the tick to come, or of the one under way.
     pub fn rounds(&self) -> usize {
         self.rounds

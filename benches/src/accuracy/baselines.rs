@@ -40,3 +40,15 @@ fn owner_fells_a_tower() {
     let (error_m, verdict) = verdict("tower", "1:1 centre", method("owner").unwrap(), 2);
     assert!(error_m > 1.0, "{verdict:?}");
 }
+
+#[test]
+fn proxy_heats_a_gas() {
+    let (error, verdict) = verdict("gas", "216 balls", method("proxy").unwrap(), 4);
+    assert!(error > 1.0, "energy grows by {error} of itself: {verdict:?}");
+}
+
+#[test]
+fn proxy_fells_a_tower() {
+    let (error_m, verdict) = verdict("tower", "1:1 centre", method("proxy").unwrap(), 2);
+    assert!(error_m > 1.0, "{verdict:?}");
+}

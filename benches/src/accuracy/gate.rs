@@ -9,7 +9,6 @@
 use super::reading::Reading;
 use super::scene::Case;
 
-const SLACK: f64 = 1.1;
 const MOMENTUM: f64 = 1e-5;
 const GROUND_FORCE: f64 = 0.01;
 
@@ -31,7 +30,7 @@ impl Verdict {
 
 /// Holds a reading against that of one bare world.
 pub(crate) fn judge(case: &Case, reading: &Reading, r1: &Reading) -> Verdict {
-    let limit = (SLACK * reading.r1_error + case.floor).max(case.threshold.unwrap_or(0.0));
+    let limit = (case.slack * reading.r1_error + case.floor).max(reading.threshold);
     let mut failures = Vec::new();
     let mut fail = |failed: bool, words: String| failures.extend(failed.then_some(words));
     fail(reading.error > limit, format!("error {:.3e} {} > {limit:.3e}", reading.error, case.unit));
@@ -42,7 +41,7 @@ pub(crate) fn judge(case: &Case, reading: &Reading, r1: &Reading) -> Verdict {
         ("momentum", reading.momentum_error, r1.momentum_error, MOMENTUM),
         ("ground force", reading.ground_error, r1.ground_error, GROUND_FORCE),
     ] {
-        let allowed = allowed.max(SLACK * r1.unwrap_or(0.0));
+        let allowed = allowed.max(case.slack * r1.unwrap_or(0.0));
         let own = own.unwrap_or(0.0);
         fail(own > allowed, format!("{what} off by {own:.1e} of the whole"));
     }
@@ -68,6 +67,7 @@ mod tests {
         Reading {
             error,
             r1_error,
+            threshold: 0.0,
             momentum_error: None,
             ground_error: None,
             lost: 0,
@@ -94,10 +94,10 @@ mod tests {
 
     #[test]
     fn a_threshold_passes_whatever_one_world_does_and_gives_way_where_one_world_misses_it() {
-        let case = case().within(0.01);
-        assert!(passes(&case, &reading(0.0099, 0.0)));
-        assert!(!passes(&case, &reading(0.0101, 0.0)));
-        assert!(passes(&case, &reading(0.021, 0.02)));
+        let with = |error, r1_error| Reading { threshold: 0.01, ..reading(error, r1_error) };
+        assert!(passes(&case(), &with(0.0099, 0.0)));
+        assert!(!passes(&case(), &with(0.0101, 0.0)));
+        assert!(passes(&case(), &with(0.021, 0.02)));
     }
 
     #[test]

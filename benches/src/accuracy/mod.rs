@@ -3,6 +3,7 @@
 
 #[cfg(test)]
 mod baselines;
+mod fleet;
 mod gate;
 mod limits;
 mod reading;
@@ -10,6 +11,7 @@ mod report;
 mod scene;
 mod scenes;
 mod trace;
+mod world;
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -26,7 +28,7 @@ pub(crate) use gate::judge;
 pub(crate) use reading::{Reading, Reference, read};
 pub(crate) use scene::{Case, Experiment, Measure, Size};
 pub(crate) use scenes::experiments;
-pub(crate) use trace::{Bare, Setup, build};
+pub(crate) use world::{Bare, Setup, World};
 
 use report::{Line, Row};
 

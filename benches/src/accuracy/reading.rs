@@ -19,7 +19,8 @@ use dcd::scene::Scene;
 use rayon::prelude::*;
 
 use super::scene::{Case, Measure};
-use super::trace::{Bare, Setup, Trace, trace};
+use super::trace::{Trace, trace};
+use super::world::{Bare, Setup};
 
 /// What stands for an error that is no number: bodies lost, or thrown to infinity.
 const BROKEN: f64 = 1e9;
@@ -29,15 +30,16 @@ const NUDGE_M: f64 = 1e-6;
 
 /// What one bare Rapier world with the scene's own settings makes of a case (R1).
 pub(crate) struct Reference {
-    traces: Vec<Trace>,
+    /// By number of micro-steps; one entry unless the case compares early positions.
+    worlds: Vec<Vec<Trace>>,
     /// Of a chaotic case: mean and standard deviation of each figure.
-    figures: Vec<Figure>,
+    spreads: Vec<Spread>,
     /// Its own reading.
     pub r1: Reading,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Figure {
+struct Spread {
     mean: f64,
     deviation: f64,
 }
@@ -49,6 +51,8 @@ pub(crate) struct Reading {
     pub error: f64,
     /// What one bare world has for it: the gate compares the two.
     pub r1_error: f64,
+    /// An error up to this always passes.
+    pub threshold: f64,
     /// |P − P₀| / Σ m|v|, largest of the run, if momentum must stay.
     pub momentum_error: Option<f64>,
     /// |mean ground force / weight − 1| of the last second, if all rests on the ground then.
@@ -74,64 +78,108 @@ pub(crate) struct Reading {
 impl Reference {
     /// Runs the bare world.
     pub(crate) fn of(case: &Case) -> Result<Self, WorldError> {
+        let of_reference = case.reference_scenes.as_ref().unwrap_or(&case.scenes);
+        let micro_steps: &[usize] = if case.early { &[1, 2, 4] } else { &[1] };
+        let worlds = micro_steps
+            .iter()
+            .map(|&count| traces(case, of_reference, &Setup::Bare(micro_stepped(&case.scenes[0], count))))
+            .collect::<Result<Vec<_>, _>>()?;
         let bare = Setup::Bare(Bare::default());
-        let traces = traces(case, case.reference_scenes.as_ref().unwrap_or(&case.scenes), &bare)?;
-        let figures = match &case.measure {
-            Measure::Statistics(figures) => {
-                let nudged: Vec<_> = case.scenes.iter().map(nudged).collect();
-                let twins = self::traces(case, &nudged, &bare)?;
-                let all: Vec<_> = traces.iter().chain(&twins).map(figures).collect();
-                (0..all[0].len()).map(|i| Figure::of(all.iter().map(|of_run| of_run[i]))).collect()
+        let twins = match &case.measure {
+            Measure::Statistics(_) => Some(nudged_traces(case, &bare)?),
+            Measure::Formula(_) if case.early => Some(nudged_traces(case, &bare)?),
+            Measure::Formula(_) => None,
+        };
+        let spreads = match (&case.measure, &twins) {
+            (Measure::Statistics(figures), Some(twins)) => {
+                let all: Vec<_> = worlds[0].iter().chain(twins).map(figures).collect();
+                (0..all[0].len()).map(|i| Spread::of(all.iter().map(|run| run[i].value))).collect()
             }
             _ => Vec::new(),
         };
-        let own = if case.twin {
-            Some(self::traces(case, &case.scenes.iter().map(nudged).collect::<Vec<_>>(), &bare)?)
-        } else if case.reference_scenes.is_some() {
-            Some(self::traces(case, &case.scenes, &bare)?)
-        } else {
-            None
+        let own = match (case.reference_scenes.is_some(), twins) {
+            (false, None) => None,
+            (true, _) => Some(traces(case, &case.scenes, &bare)?),
+            (false, twins) => twins,
         };
-        let (error, _) = errors(case, own.as_ref().unwrap_or(&traces), &traces, &figures);
-        let r1_error = figures.iter().map(|figure| figure.deviation).fold(error, f64::max);
-        let r1 = Reading::new(case, own.as_ref().unwrap_or(&traces), [r1_error; 2]);
-        Ok(Self { traces, figures, r1 })
+        let own = own.as_ref().unwrap_or(&worlds[0]);
+        let mut outcome = outcome(case, own, &worlds[..1], &spreads);
+        if !spreads.is_empty() {
+            // One world is as far off as its runs are from each other.
+            outcome.error = spreads.iter().map(|spread| spread.deviation).fold(0.0, f64::max);
+            outcome.r1_error = Some(outcome.error);
+        }
+        let r1 = Reading::new(case, own, outcome, outcome.error);
+        Ok(Self { worlds, spreads, r1 })
     }
 }
 
 /// Runs a case by any setup.
 pub(crate) fn read(case: &Case, setup: &Setup<'_>, reference: &Reference) -> Result<Reading, WorldError> {
     let traces = traces(case, &case.scenes, setup)?;
-    let (error, r1_error) = errors(case, &traces, &reference.traces, &reference.figures);
-    Ok(Reading::new(case, &traces, [error, r1_error.unwrap_or(reference.r1.error)]))
+    let outcome = outcome(case, &traces, &reference.worlds, &reference.spreads);
+    Ok(Reading::new(case, &traces, outcome, reference.r1.error))
 }
 
 fn traces(case: &Case, scenes: &[Scene], setup: &Setup<'_>) -> Result<Vec<Trace>, WorldError> {
     scenes.par_iter().map(|scene| trace(case, scene, setup)).collect()
 }
 
-/// The error of some runs; for statistics also what one world has for the figure that is worst.
-fn errors(case: &Case, traces: &[Trace], r1: &[Trace], figures: &[Figure]) -> (f64, Option<f64>) {
+fn nudged_traces(case: &Case, bare: &Setup<'_>) -> Result<Vec<Trace>, WorldError> {
+    traces(case, &case.scenes.iter().map(nudged).collect::<Vec<_>>(), bare)
+}
+
+/// A bare world that takes so many micro-steps a tick.
+fn micro_stepped(scene: &Scene, count: usize) -> Bare {
+    Bare {
+        dt_s: Some(scene.dt_s / count as f32),
+        iterations: Some(scene.solver_iterations.div_ceil(count)),
+        contact_hz: None,
+    }
+}
+
+/// What the gate compares.
+#[derive(Clone, Copy)]
+struct Outcome {
+    error: f64,
+    /// Of one world, if it is not that of its own reading.
+    r1_error: Option<f64>,
+    threshold: f64,
+}
+
+/// The error of some runs; for statistics of the figure that is worst by what is allowed.
+fn outcome(case: &Case, traces: &[Trace], worlds: &[Vec<Trace>], spreads: &[Spread]) -> Outcome {
+    let threshold = case.threshold.unwrap_or(0.0);
     match &case.measure {
         Measure::Formula(formula) => {
-            (worst(traces.iter().zip(r1).map(|(trace, r1)| formula(trace, r1))), None)
+            let against = |r1: &Vec<Trace>| worst(traces.iter().zip(r1).map(|(own, r1)| formula(own, r1)));
+            let error = worlds.iter().map(against).fold(f64::INFINITY, f64::min);
+            Outcome { error, r1_error: None, threshold }
         }
-        Measure::Statistics(of_run) => {
-            let of_runs: Vec<_> = traces.iter().map(of_run).collect();
-            let errors = figures.iter().enumerate().map(|(i, figure)| {
-                let mean = of_runs.iter().map(|of_run| of_run[i]).sum::<f64>() / of_runs.len() as f64;
-                (finite((mean - figure.mean).abs()), figure.deviation)
-            });
-            let badness = |&(error, deviation): &(f64, f64)| error / (deviation + case.floor);
-            let (error, deviation) = errors
+        Measure::Statistics(figures) => {
+            let runs: Vec<_> = traces.iter().map(figures).collect();
+            let of_figure = |(i, spread): (usize, &Spread)| {
+                let figure = runs[0][i];
+                let mean = runs.iter().map(|run| run[i].value).sum::<f64>() / runs.len() as f64;
+                let error = finite(figure.better.error(mean, spread.mean));
+                let threshold = threshold.max(figure.within);
+                Outcome { error, r1_error: Some(spread.deviation), threshold }
+            };
+            let badness = |outcome: &Outcome| {
+                let deviation = outcome.r1_error.unwrap_or(0.0);
+                outcome.error / (case.slack * deviation + case.floor).max(outcome.threshold)
+            };
+            spreads
+                .iter()
+                .enumerate()
+                .map(of_figure)
                 .max_by(|a, b| badness(a).total_cmp(&badness(b)))
-                .expect("statistics have at least one figure");
-            (error, Some(deviation))
+                .expect("statistics have at least one figure")
         }
     }
 }
 
-impl Figure {
+impl Spread {
     /// Mean and sample standard deviation.
     fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count() as f64;
@@ -142,14 +190,15 @@ impl Figure {
 }
 
 impl Reading {
-    fn new(case: &Case, traces: &[Trace], [error, r1_error]: [f64; 2]) -> Self {
+    fn new(case: &Case, traces: &[Trace], outcome: Outcome, r1_error: f64) -> Self {
         let most = |of: fn(&Trace) -> usize| traces.iter().map(of).max().unwrap_or(0);
         let steps: Vec<_> = traces.iter().flat_map(|trace| trace.steps.iter().copied()).collect();
         let wall_s: f64 = steps.iter().map(std::time::Duration::as_secs_f64).sum();
         let simulated_s: f64 = traces.iter().map(|trace| trace.last().t_s).sum();
         Self {
-            error: finite(error),
-            r1_error,
+            error: finite(outcome.error),
+            r1_error: outcome.r1_error.unwrap_or(r1_error),
+            threshold: outcome.threshold,
             momentum_error: case.free.then(|| worst(traces.iter().map(|trace| trace.momentum_error))),
             ground_error: case.rests.then(|| worst(traces.iter().map(ground_error))),
             lost: most(|trace| trace.lost),
@@ -204,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_figure_is_the_mean_and_the_sample_deviation() {
-        let figure = Figure::of([2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0].into_iter());
+        let figure = Spread::of([2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0].into_iter());
         assert_eq!(figure.mean, 5.0);
         assert!((figure.deviation - (32.0f64 / 7.0).sqrt()).abs() < 1e-12);
     }

@@ -1,10 +1,11 @@
 //! What an experiment is: scenes, where they are cut, and a formula that turns what was seen into one error.
 
-use dcd::runtime::measure::Subject;
 use dcd::scene::Scene;
 use dcd::space::Axis;
 
+use super::fleet::Fault;
 use super::trace::Trace;
+use super::world::World;
 
 /// One row of the suite.
 pub(crate) struct Experiment {
@@ -48,21 +49,43 @@ pub(crate) type Cut = (Axis, f64);
 pub(crate) type Cuts = Box<dyn Fn(usize) -> Vec<Cut> + Send + Sync>;
 
 /// What is done to the world before each step, told the simulated seconds so far.
-pub(crate) type Drive = Box<dyn Fn(&mut Subject, f64) + Send + Sync>;
+pub(crate) type Drive = Box<dyn Fn(&mut World, f64) + Send + Sync>;
 
 /// The error of a run, beside one bare world's.
 pub(crate) type Formula = Box<dyn Fn(&Trace, &Trace) -> f64 + Send + Sync>;
 
 /// Figures of a run, all in one unit.
-pub(crate) type Figures = Box<dyn Fn(&Trace) -> Vec<f64> + Send + Sync>;
+pub(crate) type Figures = Box<dyn Fn(&Trace) -> Vec<Figure> + Send + Sync>;
+
+/// One figure of a chaotic run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Figure {
+    /// What it is.
+    pub value: f64,
+    /// On which side of one world's mean a run may be as well.
+    pub better: Better,
+    /// An error up to this always passes.
+    pub within: f64,
+}
+
+/// Where a figure is better than that of one world, so that being there is no error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Better {
+    /// Nowhere.
+    Nowhere,
+    /// Below it, as of penetration.
+    Less,
+    /// Between it and what is right.
+    Towards(f64),
+}
 
 /// How runs become an error.
 pub(crate) enum Measure {
     /// The worst of a case's runs counts.
     Formula(Formula),
-    /// For what is chaotic. The error is how far the mean of a figure over
-    /// all seeds is from that of one bare world and its twins (one body of which starts 1 µm aside); the error of one world
-    /// is the standard deviation of its own runs and their twins. Of several figures the one counts that is worst by this.
+    /// For what is chaotic. The error is how far the mean of a figure over all seeds is from that of one bare world and its
+    /// twins (one body of which starts 1 µm aside); the error of one world is the standard deviation of its own runs and
+    /// their twins. Of several figures the one counts that is worst by what is allowed.
     Statistics(Figures),
 }
 
@@ -74,8 +97,10 @@ pub(crate) struct Case {
     pub scenes: Vec<Scene>,
     /// What one bare world is run with for the reference, where that is another scene.
     pub reference_scenes: Option<Vec<Scene>>,
-    /// Whether a formula's error of one world is that of a twin, one body of which starts 1 µm aside.
-    pub twin: bool,
+    /// Positions are compared before chaos grows: what one world has for an error is that of a twin, one body of which
+    /// starts 1 µm aside; and a run is compared with the nearest of three bare worlds, of 1, 2 and 4 micro-steps a tick
+    /// (dt/k, 4/k iterations), since a world that exchanges k times takes as many.
+    pub early: bool,
     /// Simulated seconds.
     pub seconds: f64,
     /// Simulated seconds from one look at the bodies to the next; 0 looks after every step.
@@ -90,6 +115,8 @@ pub(crate) struct Case {
     pub unit: &'static str,
     /// An error up to this always passes, in the unit of the error.
     pub threshold: Option<f64>,
+    /// How often the error of one world is allowed.
+    pub slack: f64,
     /// What rounding alone may add to the error of one world, in the unit of the error.
     pub floor: f64,
     /// Nothing acts from outside, so momentum must stay.
@@ -98,6 +125,22 @@ pub(crate) struct Case {
     pub rests: bool,
     /// How many pairs of colliders must touch at the end.
     pub pairs: Option<usize>,
+    /// What is wrong with exchanges.
+    pub fault: Option<Fault>,
+}
+
+impl Better {
+    /// How far a mean is off that of one world, where that is an error.
+    pub(crate) fn error(self, mean: f64, one_world: f64) -> f64 {
+        let off = mean - one_world;
+        match self {
+            Self::Less if off < 0.0 => 0.0,
+            Self::Towards(right) if off * (right - one_world) > 0.0 => {
+                (off.abs() - (right - one_world).abs()).max(0.0)
+            }
+            _ => off.abs(),
+        }
+    }
 }
 
 impl Case {
@@ -124,7 +167,8 @@ impl Case {
             label: label.into(),
             scenes,
             reference_scenes: None,
-            twin: false,
+            early: false,
+            slack: 1.1,
             seconds,
             look_s: 0.1,
             cuts: Box::new(cuts),
@@ -136,7 +180,23 @@ impl Case {
             free: false,
             rests: false,
             pairs: None,
+            fault: None,
         }
+    }
+
+    /// Another formula.
+    pub(crate) fn measured_by(
+        mut self,
+        measure: impl Fn(&Trace, &Trace) -> f64 + Send + Sync + 'static,
+    ) -> Self {
+        self.measure = Measure::Formula(Box::new(measure));
+        self
+    }
+
+    /// Measured, but nothing is asked of the error.
+    pub(crate) fn charted(mut self) -> Self {
+        (self.threshold, self.rests) = (Some(f64::MAX), false);
+        self
     }
 
     /// The error's unit and floor, where it is no length.
@@ -152,7 +212,7 @@ impl Case {
     }
 
     /// Something acts on the world before each step; it is told the simulated seconds so far.
-    pub(crate) fn driven(mut self, drive: impl Fn(&mut Subject, f64) + Send + Sync + 'static) -> Self {
+    pub(crate) fn driven(mut self, drive: impl Fn(&mut World, f64) + Send + Sync + 'static) -> Self {
         self.drive = Some(Box::new(drive));
         self
     }
@@ -188,5 +248,22 @@ pub(crate) fn corner(axes: [Axis; 3], point: [f64; 3]) -> impl Fn(usize) -> Vec<
         let count = regions.ilog2() as usize;
         assert!(regions == 1 << count && count <= 3, "a corner has 1, 2, 4 or 8 regions, not {regions}");
         axes[..count].iter().map(|&axis| (axis, point[axis.index()])).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_figure_may_be_better_than_that_of_one_world() {
+        assert_eq!(Better::Nowhere.error(0.5, 0.75), 0.25);
+        assert_eq!(Better::Less.error(0.5, 0.75), 0.0);
+        assert_eq!(Better::Less.error(1.0, 0.75), 0.25);
+        let energy = Better::Towards(1.0);
+        assert_eq!(energy.error(0.5, 0.75), 0.25);
+        assert_eq!(energy.error(0.9, 0.75), 0.0);
+        assert_eq!(energy.error(1.25, 0.75), 0.25);
+        assert!(energy.error(f64::NAN, 0.75).is_nan());
     }
 }

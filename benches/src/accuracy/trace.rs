@@ -6,37 +6,13 @@ use std::time::{Duration, Instant};
 use dcd::physics::Measured;
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::rapier3d::prelude::*;
-use dcd::runtime::measure::{Plan, Subject};
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
+use dcd::runtime::WorldError;
+use dcd::runtime::measure::Plan;
 use dcd::scene::Scene;
 use dcd::space::BodyId;
 
 use super::scene::Case;
-
-/// What a scene is computed by.
-#[derive(Clone, Copy)]
-pub(crate) enum Setup<'a> {
-    /// One bare Rapier world.
-    Bare(Bare),
-    /// Regions, as the case cuts them.
-    Cut {
-        /// How many.
-        regions: usize,
-        /// Changes the configuration that the scene asks for.
-        adjust: &'a (dyn Fn(&mut WorldConfig) + Sync),
-    },
-}
-
-/// Settings of a bare world; those not given are the scene's and Rapier's.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Bare {
-    /// Seconds a step.
-    pub dt_s: Option<f32>,
-    /// Solver iterations a step.
-    pub iterations: Option<usize>,
-    /// Natural frequency of contacts between moving bodies; twice that for contacts with fixed ones, as Rapier has it.
-    pub contact_hz: Option<f32>,
-}
+use super::world::{Setup, World};
 
 /// What was seen of a run.
 #[derive(Clone, Debug, Default)]
@@ -116,7 +92,7 @@ impl Look {
 
 /// Runs one scene of a case, from before its first step to after its last.
 pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Trace, WorldError> {
-    let (mut subject, dt_s, iterations) = build(case, scene, setup)?;
+    let (mut world, dt_s, iterations) = World::new(case, scene, setup)?;
     let ticks = Plan::ticks_of(case.seconds, dt_s);
     let dt = f64::from(dt_s);
     let masses = masses_kg(scene);
@@ -124,106 +100,51 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
         .filter(|&index| scene.bodies[index].body.body_type != RigidBodyType::Fixed)
         .map(|index| BodyId::persistent(index as u32))
         .collect();
-    let momentum = subject.momentum_kgms();
+    let momentum = world.momentum_kgms();
     let mut run = Trace { substep_s: dt / iterations as f64, ..Trace::default() };
-    run.looks.push(look(scene, &subject, 0.0));
+    run.looks.push(look(scene, &world, 0.0));
     let (mut replicas, mut quarantined, mut looks) = (0, BTreeSet::new(), 0);
     for tick in 1..=ticks {
         if let Some(drive) = &case.drive {
-            drive(&mut subject, (tick - 1) as f64 * dt);
+            drive(&mut world, (tick - 1) as f64 * dt);
         }
         let start = Instant::now();
-        match &mut subject {
-            Subject::Bare(world) => world.step(),
-            Subject::Regions(world) => world.step()?,
-        }
+        world.step()?;
         run.steps.push(start.elapsed());
-        if let Subject::Regions(world) = &subject {
-            replicas += world.stats().replicas;
-        }
-        quarantined.extend(subject.quarantined());
+        replicas += world.replicas();
+        quarantined.extend(world.quarantined());
         let t_s = tick as f64 * dt;
         if case.rests && (ticks - tick) as f64 * dt < 1.0 - 0.5 * dt {
-            run.ground_ratios.extend(subject.contacts().ground_force_ratio());
+            run.ground_ratios.extend(world.contacts().ground_force_ratio());
         }
         let due = case.look_s <= 0.0 || t_s > (looks + 1) as f64 * case.look_s - 0.5 * dt;
         if due || tick == ticks {
             looks = if case.look_s > 0.0 { ((t_s + 0.5 * dt) / case.look_s) as u64 } else { tick };
-            let look = look(scene, &subject, t_s);
+            let look = look(scene, &world, t_s);
             if case.free {
                 run.momentum_error =
-                    run.momentum_error.max(momentum_error(&look, &masses, momentum, subject.momentum_kgms()));
+                    run.momentum_error.max(momentum_error(&look, &masses, momentum, world.momentum_kgms()));
             }
-            let census = subject.census();
+            let census = world.census();
             run.lost = run.lost.max(census.lost(&movable));
             run.doubled = run.doubled.max(census.doubled());
             run.looks.push(look);
         }
     }
-    run.pairs = subject.contacts().pairs;
+    run.pairs = world.contacts().pairs;
     run.quarantined = quarantined.len();
     run.replicas_mean = replicas as f64 / ticks as f64;
-    if let Subject::Regions(world) = &subject {
-        run.transfers = world.stats().transfers;
-    }
+    run.transfers = world.transfers();
     Ok(run)
 }
 
-/// Changes a body of the scene in place, by Rapier's own setters, wherever it is held.
-pub(crate) fn change(subject: &mut Subject, body: usize, change: impl Fn(&mut RigidBody)) {
-    match subject {
-        Subject::Bare(world) => {
-            // Rapier numbers bodies in order of insertion.
-            change(&mut world.bodies[RigidBodyHandle::from_raw_parts(body as u32, 0)]);
-        }
-        Subject::Regions(world) => {
-            world.update(BodyId::persistent(body as u32), change).expect("a scene's body stays");
-        }
-    }
-}
-
-/// The world, its dt and its iterations a step.
-pub(crate) fn build(
-    case: &Case,
-    scene: &Scene,
-    setup: &Setup<'_>,
-) -> Result<(Subject, f32, usize), WorldError> {
-    match setup {
-        Setup::Bare(bare) => {
-            let mut scene = scene.clone();
-            scene.dt_s = bare.dt_s.unwrap_or(scene.dt_s);
-            scene.solver_iterations = bare.iterations.unwrap_or(scene.solver_iterations);
-            let mut world = scene.bare_world();
-            if let Some(hz) = bare.contact_hz {
-                let parameters = &mut world.integration_parameters;
-                parameters.contact_softness.natural_frequency = hz;
-                parameters.static_contact_softness.natural_frequency = 2.0 * hz;
-            }
-            Ok((Subject::Bare(Box::new(world)), scene.dt_s, scene.solver_iterations))
-        }
-        Setup::Cut { regions, adjust } => {
-            let mut config = WorldConfig::for_scene(scene);
-            config.partitioning = match regions {
-                1 => Partitioning::Regions(1),
-                _ => Partitioning::Cuts((case.cuts)(*regions)),
-            };
-            adjust(&mut config);
-            let step = config.step;
-            let world = DcdWorld::from_scene(scene, config)?;
-            // As many as all micro-steps of a tick have together.
-            let iterations = step.exchanges * step.solver_iterations.div_ceil(step.exchanges);
-            Ok((Subject::Regions(Box::new(world)), step.dt_s, iterations))
-        }
-    }
-}
-
-fn look(scene: &Scene, subject: &Subject, t_s: f64) -> Look {
+fn look(scene: &Scene, world: &World, t_s: f64) -> Look {
     let mut bodies = vec![None; scene.bodies.len()];
-    for (id, _, pose, velocity) in subject.states() {
+    for (id, _, pose, velocity) in world.states() {
         // Body i of a scene is the i-th persistent one.
         bodies[id.bits() as usize] = Some((pose, velocity));
     }
-    Look { t_s, bodies, energy_j: subject.energy_j(), penetration_m: subject.contacts().max_penetration_m }
+    Look { t_s, bodies, energy_j: world.energy_j(), penetration_m: world.contacts().max_penetration_m }
 }
 
 /// Of every body of a scene, in kilograms; 0 for what does not move.
@@ -257,6 +178,7 @@ pub(crate) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use dcd::runtime::WorldConfig;
     use dcd::scene::Params;
 
     use super::*;
@@ -266,7 +188,11 @@ mod tests {
         let cuts = |_| vec![(dcd::space::Axis::X, 0.1)];
         let case = Case::new("any", scene, 2.0, cuts, |_, _| 0.0).resting();
         let regions = if cut { 2 } else { 1 };
-        let setup = Setup::Cut { regions, adjust: &|config| config.step.solver_iterations = 8 };
+        let adjust = |config: &mut WorldConfig| {
+            (config.step.coupling, config.step.exchanges) = (dcd::physics::Coupling::Owner, 1);
+            config.step.solver_iterations = 8;
+        };
+        let setup = Setup::Cut { regions, adjust: &adjust };
         trace(&case, &case.scenes[0], &setup).unwrap()
     }
 

@@ -3,10 +3,9 @@
 use std::time::Instant;
 
 use dcd::physics::{Coupling, Preset};
-use dcd::runtime::measure::Subject;
-use dcd::runtime::{WorldConfig, WorldError};
+use dcd::runtime::WorldConfig;
 
-use crate::accuracy::{Bare, Case, Setup, build};
+use crate::accuracy::{Bare, Case, Setup, World};
 use crate::timing::{StepMs, WARM_UP};
 
 /// What is set.
@@ -61,14 +60,15 @@ impl Setting {
     ) -> Result<StepMs, Box<dyn std::error::Error>> {
         let dt_s = self.dt_s(case);
         let ticks = ((seconds / dt_s).round() as usize).max(WARM_UP + 30);
-        let (mut subject, ..) = self.with_threads(threads, |setup| build(case, &case.scenes[0], &setup))?;
+        let (mut world, ..) =
+            self.with_threads(threads, |setup| World::new(case, &case.scenes[0], &setup))?;
         let mut steps = Vec::with_capacity(ticks);
         for tick in 0..ticks {
             if let Some(drive) = &case.drive {
-                drive(&mut subject, tick as f64 * dt_s);
+                drive(&mut world, tick as f64 * dt_s);
             }
             let start = Instant::now();
-            step(&mut subject)?;
+            world.step()?;
             steps.push(start.elapsed());
         }
         StepMs::from_steps(&steps)
@@ -116,12 +116,4 @@ impl Setting {
         };
         f64::from(own.unwrap_or(case.scenes[0].dt_s))
     }
-}
-
-fn step(subject: &mut Subject) -> Result<(), WorldError> {
-    match subject {
-        Subject::Bare(world) => world.step(),
-        Subject::Regions(world) => world.step()?,
-    }
-    Ok(())
 }

@@ -64,7 +64,7 @@ fn chain(size: Size) -> Vec<Case> {
         hanging("hanging 16 iterations", stiff(scene(1000, 0.0), 16)),
         hanging("hanging 12 extra iterations", extra(scene(1000, 0.0), 12)),
         hanging("10:1 hanging 4 iterations", scene(10, 0.0)),
-        // COUPLING.md: chains within 40 mm of one world at 1 s.
+        // Half a hundredth of its length.
         swinging.within(0.04),
     ]
 }

@@ -2,6 +2,7 @@
 
 mod borders;
 mod collapse;
+mod delayed;
 mod drops;
 mod flight;
 mod impacts;
@@ -40,6 +41,7 @@ pub(crate) fn experiments() -> Vec<Experiment> {
         borders::GIANT,
         collapse::DOMINO,
         statistics::SPHERES_1000,
+        delayed::DELAYED,
     ]
 }
 

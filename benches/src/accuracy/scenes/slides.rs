@@ -7,7 +7,7 @@ use dcd::space::{Axis, Bounds};
 
 use super::super::reading::worst;
 use super::super::scene::{Case, Cut, Experiment, Size, corner};
-use super::super::trace::{change, distance};
+use super::super::trace::distance;
 
 /// A ball that slides until it rolls: slipping ends right on the border.
 pub(super) const SLIDE_TO_ROLL: Experiment = Experiment {
@@ -29,8 +29,9 @@ pub(super) const SLOPE: Experiment = Experiment {
     finer: true,
 };
 
-/// SimBenchmark's rolling test: a wide box on 25 balls, pushed with 150 N. There for 4 s; here for 1 s, after which balls
-/// that slip leave the box.
+/// After SimBenchmark's rolling test: a wide box on 25 balls, pushed. There for 4 s, here for 1 s, after which balls that
+/// slip leave the box. With μ 0.4 all balls slip at 150 N; with μ 0.8 some would (how the box weighs on 25 balls is not
+/// determined by statics, and R2 is as far from the formula as R1), so that it is pushed with 75 N and all roll.
 pub(super) const ROLLING_BOX: Experiment = Experiment {
     number: 3,
     name: "rolling_box",
@@ -118,13 +119,14 @@ fn box_on_slope(offset_deg: f64) -> Case {
 }
 
 const BALLS: f64 = 25.0;
-const PUSH_N: f64 = 150.0;
+/// Friction, and the force of the push in newtons: one that slips, one that rolls.
+const PUSHES: [(f64, f64); 2] = [(0.4, 150.0), (0.8, 75.0)];
 
 fn rolling_box(_: Size) -> Vec<Case> {
     const HEADINGS_DEG: [f64; 4] = [0.0, 30.0, 45.0, 90.0];
     let mut cases = Vec::new();
-    for friction in [0.4, 0.8] {
-        let exact = pushed_acceleration(friction);
+    for (friction, push_n) in PUSHES {
+        let exact = pushed_acceleration(friction, push_n);
         for heading_deg in HEADINGS_DEG {
             let label = format!("μ {friction} {heading_deg}°");
             let along = heading(heading_deg);
@@ -134,7 +136,7 @@ fn rolling_box(_: Size) -> Vec<Case> {
                 });
                 squares.sum::<f64>() / trace.looks.len() as f64
             });
-            cases.push(pushed(case, along).in_unit("m²/s²", 1e-4).within(1e-3));
+            cases.push(pushed(case, along, push_n).in_unit("m²/s²", 1e-4).within(1e-3));
         }
         // Speeds of different headings differ as much as the speed along one does from its part along each axis.
         let diagonal = heading(30.0);
@@ -149,7 +151,7 @@ fn rolling_box(_: Size) -> Vec<Case> {
                 (ratio - 1.0).abs()
             },
         );
-        cases.push(pushed(case, diagonal).in_unit("", 1e-4).within(0.01));
+        cases.push(pushed(case, diagonal, push_n).in_unit("", 1e-4).within(0.01));
     }
     cases
 }
@@ -160,12 +162,12 @@ fn under_the_box() -> impl Fn(usize) -> Vec<Cut> {
 }
 
 /// The force that acts on the box from the first step on, through its centre.
-fn pushed(case: Case, along: [f64; 3]) -> Case {
-    let force = Vector::from_array(along.map(|part| (part * PUSH_N) as f32));
-    case.every_step().driven(move |subject, t_s| {
+fn pushed(case: Case, along: [f64; 3], push_n: f64) -> Case {
+    let force = Vector::from_array(along.map(|part| (part * push_n) as f32));
+    case.every_step().driven(move |world, t_s| {
         // Rapier keeps a force until it is reset.
         if t_s == 0.0 {
-            change(subject, BOX, |body| body.add_force(force, true));
+            world.change(BOX, |body| body.add_force(force, true));
         }
     })
 }
@@ -177,12 +179,12 @@ fn heading(degrees: f64) -> [f64; 3] {
 
 /// Of the box. A ball that rolls under it goes half as fast and takes 0.35 of its mass times the box's acceleration as
 /// friction (from m a / 2 = f₁ + f₂ and 2/5 m r² a / 2r = (f₁ − f₂) r); where friction cannot give that, the box slips.
-fn pushed_acceleration(friction: f64) -> f64 {
+fn pushed_acceleration(friction: f64, push_n: f64) -> f64 {
     const BOX_KG: f64 = 10.0;
     const BALL_KG: f64 = 1.0;
-    let rolling = PUSH_N / (BOX_KG + BALLS * 0.35 * BALL_KG);
+    let rolling = push_n / (BOX_KG + BALLS * 0.35 * BALL_KG);
     let grip_n = friction * BOX_KG * 9.81;
-    if BALLS * 0.35 * BALL_KG * rolling <= grip_n { rolling } else { (PUSH_N - grip_n) / BOX_KG }
+    if BALLS * 0.35 * BALL_KG * rolling <= grip_n { rolling } else { (push_n - grip_n) / BOX_KG }
 }
 
 /// The box among the bodies: after the floor.
@@ -225,7 +227,7 @@ fn seam(_: Size) -> Vec<Case> {
         let case = Case::new(label, scene, 4.0, corner, move |trace, _| {
             worst(trace.looks.iter().map(|look| (look.place(1)[1] - resting_y).abs()))
         });
-        case.every_step().within(0.05).resting()
+        case.every_step().within(0.05)
     };
     vec![along("along an edge", 0.0), along("across cells", 0.37)]
 }
@@ -236,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_pushed_box_accelerates_by_its_mass_and_that_of_its_balls_unless_it_slips() {
-        assert!((pushed_acceleration(0.8) - 8.0).abs() < 1e-12);
-        assert!((pushed_acceleration(0.4) - (15.0 - 0.4 * 9.81)).abs() < 1e-12);
+        assert!((pushed_acceleration(0.8, 75.0) - 4.0).abs() < 1e-12);
+        assert!((pushed_acceleration(0.4, 150.0) - (15.0 - 0.4 * 9.81)).abs() < 1e-12);
     }
 }

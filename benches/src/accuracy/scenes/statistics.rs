@@ -3,7 +3,7 @@
 use dcd::scene::{Params, Scene};
 use dcd::space::Axis;
 
-use super::super::scene::{Case, Cut, Experiment, Measure, Size, corner};
+use super::super::scene::{Better, Case, Cut, Experiment, Figure, Measure, Size, corner};
 use super::super::trace::{Trace, distance, masses_kg, norm};
 
 /// Boxes that fall into a heap.
@@ -38,7 +38,7 @@ pub(super) const SPHERES_1000: Experiment = Experiment {
 
 /// How many seeds.
 fn seeds(size: Size) -> std::ops::RangeInclusive<u64> {
-    1..=size.pick(3, 8)
+    1..=size.pick(4, 8)
 }
 
 fn pile(size: Size) -> Vec<Case> {
@@ -54,13 +54,14 @@ fn pile(size: Size) -> Vec<Case> {
     };
     match size {
         Size::Quick => vec![case(150, 5.0, seeds(size))],
-        // Of ten thousand every mean is sharp; two seeds do, within the 25 mm of COUPLING.md.
-        Size::Full => vec![case(1_000, 8.0, seeds(size)), case(10_000, 10.0, 1..=2).within(0.025)],
+        // Of ten thousand every mean is sharp: two seeds do.
+        Size::Full => vec![case(1_000, 8.0, seeds(size)), case(10_000, 10.0, 1..=2)],
     }
 }
 
-/// Mean height, deepest penetration, and the height that the remaining motion could lift the boxes, in metres.
-fn heap_figures(trace: &Trace) -> [f64; 3] {
+/// Mean height, deepest penetration, and the height that the remaining motion could lift the boxes, in metres. A heap may
+/// lie 25 mm higher or lower in the mean: how boxes of 1 m come to lie is chance.
+fn heap_figures(trace: &Trace) -> [Figure; 3] {
     const GRAVITY_M_S2: f64 = 9.81;
     let mut sums = [0.0; 3];
     let mut looks = 0.0;
@@ -74,7 +75,12 @@ fn heap_figures(trace: &Trace) -> [f64; 3] {
         sums[2] += mean(&|body| 0.5 * norm(look.velocity(body)).powi(2) / GRAVITY_M_S2);
         looks += 1.0;
     }
-    sums.map(|sum| sum / looks)
+    let [height, penetration, motion] = sums.map(|sum| sum / looks);
+    [
+        Figure { value: height, better: Better::Nowhere, within: 0.025 },
+        Figure { value: penetration, better: Better::Less, within: 0.0 },
+        Figure { value: motion, better: Better::Less, within: 0.0 },
+    ]
 }
 
 fn spheres(size: Size) -> Vec<Case> {
@@ -106,11 +112,11 @@ fn spheres(size: Size) -> Vec<Case> {
         (squares / r1.moving().count() as f64).sqrt()
     });
     let figures = Measure::Statistics(Box::new(|trace| {
-        let [height_m, _, motion_m] = heap_figures(trace);
-        vec![height_m, motion_m]
+        let [height, _, motion] = heap_figures(trace);
+        vec![height, motion]
     }));
     let late = Case::of("5 s", seeds(size).map(scene).collect(), 5.0, cuts, figures);
-    vec![Case { twin: true, ..early }, Case { rests: true, ..late }]
+    vec![Case { early: true, ..early }, Case { rests: true, ..late }]
 }
 
 fn gas(size: Size) -> Vec<Case> {
@@ -128,7 +134,7 @@ fn gas(size: Size) -> Vec<Case> {
 }
 
 /// Energy left, and the net momentum as a share of all that moves; the walls take and give momentum.
-fn gas_figures(trace: &Trace, masses_kg: &[f64]) -> Vec<f64> {
+fn gas_figures(trace: &Trace, masses_kg: &[f64]) -> Vec<Figure> {
     let last = trace.last();
     let (mut net, mut all) = ([0.0; 3], 0.0);
     for body in last.moving() {
@@ -136,5 +142,9 @@ fn gas_figures(trace: &Trace, masses_kg: &[f64]) -> Vec<f64> {
         (0..3).for_each(|i| net[i] += momentum[i]);
         all += norm(momentum);
     }
-    vec![last.energy_j / trace.first().energy_j, norm(net) / all]
+    vec![
+        // One world loses a quarter; who loses less is right.
+        Figure { value: last.energy_j / trace.first().energy_j, better: Better::Towards(1.0), within: 0.0 },
+        Figure { value: norm(net) / all, better: Better::Nowhere, within: 0.0 },
+    ]
 }

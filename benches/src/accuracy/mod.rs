@@ -24,6 +24,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde_json::json;
 
+pub(crate) use fleet::Fault;
 pub(crate) use gate::judge;
 pub(crate) use reading::{Reading, Reference, read};
 pub(crate) use scene::{Case, Experiment, Measure, Size};

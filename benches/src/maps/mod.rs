@@ -1,5 +1,6 @@
 //! Where methods fail: heat maps over what makes them fail, with the map of one bare Rapier world beside each.
 
+mod network;
 mod picture;
 mod projectile;
 mod restitution;
@@ -84,7 +85,7 @@ pub(crate) struct Row {
     value: f64,
 }
 
-const KINDS: [&Kind; 3] = [&tower::KIND, &projectile::KIND, &restitution::KIND];
+const KINDS: [&Kind; 4] = [&tower::KIND, &projectile::KIND, &restitution::KIND, &network::KIND];
 
 const BARE: &str = "bare";
 

@@ -1,10 +1,10 @@
 //! Towers: how heavy the top may be, how high the tower, and where the border may lie.
 
 use dcd::physics::Measured as _;
+use dcd::protocol::{Velocity, WorldPose};
 use dcd::runtime::WorldError;
-use dcd::runtime::measure::Subject;
 use dcd::scene::{Params, Scene};
-use dcd::space::Axis;
+use dcd::space::{Axis, BodyId, RegionId};
 
 use super::{BROKEN, Cell, Grid, Kind, step, subject};
 
@@ -53,13 +53,12 @@ fn cell(cell: &Cell, quick: bool) -> Result<f64, WorldError> {
     let scene = Scene::named("tower", &params).expect("the library has towers");
     let mut subject = subject(&scene, cell.method, vec![plane(cell.panel, cell.y)], |_| ())?;
     step(&mut subject, if quick { 120 } else { 600 })?;
-    Ok(strayed_m(&scene, &subject))
+    Ok(strayed_m(&scene, &subject.states()))
 }
 
 /// How far the worst body is from where it started.
-fn strayed_m(scene: &Scene, subject: &Subject) -> f64 {
-    let states = subject.states();
-    let starts = |id: dcd::space::BodyId| scene.bodies[id.bits() as usize].pose.translation;
+fn strayed_m(scene: &Scene, states: &[(BodyId, RegionId, WorldPose, Velocity)]) -> f64 {
+    let starts = |id: BodyId| scene.bodies[id.bits() as usize].pose.translation;
     let far = states.iter().map(|(id, _, pose, _)| {
         let start = starts(*id);
         (0..3).map(|i| (pose.translation[i] - start[i]).powi(2)).sum::<f64>().sqrt()

@@ -37,7 +37,6 @@ const CELL: (u32, u32) = (54, 28);
 const LEFT: u32 = 74;
 const ABOVE: u32 = 30;
 const BELOW: u32 = 50;
-const HEAD: u32 = 104;
 const FOOT: u32 = 64;
 const AIR: u32 = 14;
 
@@ -54,6 +53,11 @@ impl HeatMaps {
         )
     }
 
+    /// Room for title and caption.
+    fn head(&self) -> u32 {
+        56 + 16 * self.caption.lines().count() as u32
+    }
+
     /// 0 is the best, 1 the worst.
     fn badness(&self, value: f64) -> f64 {
         let (best, worst) = (self.scale.0.log10(), self.scale.1.log10());
@@ -66,7 +70,7 @@ impl Picture for HeatMaps {
     fn size(&self) -> (u32, u32) {
         let (width, height) = self.map_size();
         let rows = self.maps.len().div_ceil(self.columns()).max(1) as u32;
-        ((self.columns() as u32 * width + 2 * AIR).max(760), HEAD + rows * height + FOOT)
+        ((self.columns() as u32 * width + 2 * AIR).max(760), self.head() + rows * height + FOOT)
     }
 
     fn draw(&self, area: &Area<'_>) -> Drawn {
@@ -77,7 +81,7 @@ impl Picture for HeatMaps {
         let size = self.map_size();
         for (i, map) in self.maps.iter().enumerate() {
             let (column, row) = ((i % self.columns()) as u32, (i / self.columns()) as u32);
-            let at = ((AIR + column * size.0) as i32, (HEAD + row * size.1) as i32);
+            let at = ((AIR + column * size.0) as i32, (self.head() + row * size.1) as i32);
             self.draw_map(map, &area.clone().shrink(at, size))?;
         }
         self.draw_scale(area, self.size().1 - FOOT)

@@ -7,7 +7,8 @@ use crate::results::Measured;
 /// Name of a panel's files, without ending.
 pub(super) fn stem(kind: &Kind, panel: &str) -> String {
     let name = if panel.is_empty() { kind.name.to_owned() } else { format!("{}-{panel}", kind.name) };
-    format!("map-{}", name.replace(' ', "-"))
+    let words: Vec<_> = name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    format!("map-{}", words.join("-"))
 }
 
 /// One map a method; none when nothing of the panel was computed.

@@ -129,12 +129,7 @@ impl Scene {
     }
 
     /// Adds a body with one collider and gives its index.
-    pub fn push(
-        &mut self,
-        pose: WorldPose,
-        body: RigidBodyBuilder,
-        collider: ColliderBuilder,
-    ) -> usize {
+    pub fn push(&mut self, pose: WorldPose, body: RigidBodyBuilder, collider: ColliderBuilder) -> usize {
         self.bodies.push(SceneBody { pose, body, colliders: vec![collider] });
         self.bodies.len() - 1
     }

@@ -10,7 +10,8 @@
 
 use rapier3d::prelude::*;
 
-use super::{Border, Moment, halo, reach, share, sight};
+use super::sight::{self, Sights};
+use super::{Border, Moment, halo, reach, share};
 use crate::physics::convert;
 use crate::physics::partition::{OWNER_HYSTERESIS_M, Partition};
 use crate::physics::region::{Link, Region, Role};
@@ -70,9 +71,7 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
     region.looked_at = looked_at;
     if moment.settings.coupling.moves_islands() {
         let Border { islands, sights, .. } = &mut border;
-        let held = region.shared.iter().chain(&region.replicas).copied();
-        let seeds: Vec<_> =
-            sights.near.iter().map(|near| near.link).chain(held).map(|link| link.handle).collect();
+        let seeds = island_seeds(region, sights);
         islands.find(region, sights, moment, seeds.into_iter());
         let region: &Region = region;
         sights.set_islands(|handle| (islands.size(handle), goes_at_once(region, handle)));
@@ -169,6 +168,17 @@ fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
             });
         }
     }
+}
+
+/// Bodies whose island counts. A body near the border that is alone, meets nobody and lies in its cell is one by itself.
+fn island_seeds(region: &Region, sights: &Sights) -> Vec<RigidBodyHandle> {
+    let near = sights.near.iter().filter(|near| {
+        let handle = near.link.handle;
+        let here = region.cell().contains_box(&near.swept) && region.slot(handle).holders.is_empty();
+        !here || sights.meetings_of(near.link.id).next().is_some() || reach::is_pressed(region, handle)
+    });
+    let held = region.shared.iter().chain(&region.replicas);
+    near.map(|near| &near.link).chain(held).map(|link| link.handle).collect()
 }
 
 /// Every body owned here for which something may have to change, in id order.

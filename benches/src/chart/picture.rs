@@ -2,7 +2,7 @@
 
 use plotters::style::RGBColor;
 
-use super::Row;
+use super::{Row, front};
 use crate::draw::{BLACK_LINE, COLOURS, Line, LinePanel, LinePanels, Mark};
 use crate::results::Measured;
 
@@ -14,13 +14,18 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
             cases.push((&row.scene, &row.case));
         }
     }
+    let verdicts = front::verdicts(rows);
     let panels = cases.into_iter().map(|(scene, case)| {
-        panel(
-            rows.iter()
-                .map(|row| &row.row)
-                .filter(|row| (&*row.scene, &*row.case) == (scene, case))
-                .collect(),
-        )
+        let own =
+            verdicts.iter().filter(|verdict| (&*verdict.auto.scene, &*verdict.auto.case) == (scene, case));
+        let usual: Vec<_> = own.filter(|verdict| verdict.auto.setting == "game").collect();
+        let beaten = usual.iter().filter(|verdict| verdict.better.is_some()).count();
+        let verdict = match (beaten, usual.len()) {
+            (0, _) => "auto on the front".to_owned(),
+            (beaten, all) => format!("auto beaten at {beaten} of {all}"),
+        };
+        let of_case = rows.iter().map(|row| &row.row);
+        panel(&verdict, of_case.filter(|row| (&*row.scene, &*row.case) == (scene, case)).collect())
     });
     let machine = rows.last().map_or(String::new(), |row| row.machine.caption());
     LinePanels {
@@ -35,7 +40,7 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     }
 }
 
-fn panel(rows: Vec<&Row>) -> LinePanel {
+fn panel(verdict: &str, rows: Vec<&Row>) -> LinePanel {
     let mut kinds: Vec<(&str, &str, usize)> = Vec::new();
     for row in &rows {
         let kind = (&*row.method, &*row.sweep, row.regions);
@@ -52,7 +57,12 @@ fn panel(rows: Vec<&Row>) -> LinePanel {
     let lines = kinds.into_iter().map(|(method, sweep, regions)| {
         let of_kind =
             rows.iter().filter(|row| (&*row.method, &*row.sweep, row.regions) == (method, sweep, regions));
-        let points = of_kind.map(|row| (row.rtf, drawn(row.error), label(row))).collect();
+        let mut of_kind: Vec<_> = of_kind.collect();
+        if method == "bare" {
+            // From the coarsest to the finest.
+            of_kind.sort_by_key(|row| row.setting.trim_start_matches("1/").parse().unwrap_or(0u64));
+        }
+        let points = of_kind.into_iter().map(|row| (row.rtf, drawn(row.error), label(row))).collect();
         let name = match method {
             "bare" => format!("one bare Rapier world, by {sweep}"),
             _ => method.to_owned(),
@@ -61,7 +71,7 @@ fn panel(rows: Vec<&Row>) -> LinePanel {
     });
     let gate = rows.iter().map(|row| row.gate).fold(0.0, f64::max);
     LinePanel {
-        title: format!("{} {}", rows[0].scene, rows[0].case),
+        title: format!("{} {}: {verdict}", rows[0].scene, rows[0].case),
         y_label: if rows[0].unit.is_empty() {
             "error".to_owned()
         } else {

@@ -74,3 +74,38 @@ fn png_of(svg: &str) -> Result<Vec<u8>, Box<dyn Error>> {
 fn text(size: u32) -> TextStyle<'static> {
     (FONT, size).into_font().color(&BLACK)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_written_twice_and_its_text_is_drawn_without_fonts_of_the_machine() {
+        let stem = std::env::temp_dir().join(format!("dcd-benches-picture-{}", std::process::id()));
+        let picture = |title: &str| HeatMaps {
+            title: title.into(),
+            caption: String::new(),
+            x_label: String::new(),
+            y_label: String::new(),
+            scale_label: String::new(),
+            scale: (0.1, 1.0),
+            columns: 1,
+            maps: vec![HeatMap {
+                title: String::new(),
+                columns: vec![String::new()],
+                rows: vec![String::new()],
+                values: vec![vec![Some(0.5)]],
+            }],
+        };
+        let pngs = ["", "Title"].map(|title| {
+            write(&picture(title), &stem).unwrap();
+            assert!(std::fs::read_to_string(stem.with_extension("svg")).unwrap().contains(title));
+            std::fs::read(stem.with_extension("png")).unwrap()
+        });
+        for ending in ["svg", "png"] {
+            std::fs::remove_file(stem.with_extension(ending)).unwrap();
+        }
+        assert!(pngs[0].starts_with(b"\x89PNG"));
+        assert_ne!(pngs[0], pngs[1], "the title leaves a trace");
+    }
+}

@@ -27,7 +27,7 @@ pub(crate) struct Speed {
     /// How often each world is run; the fastest counts.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
-    /// A few small worlds and short runs; writes no file unless `--out` names one.
+    /// A few small worlds and short runs, without `parallel`; writes no file unless `--out` names one.
     #[arg(long)]
     quick: bool,
     /// Prints one JSON object last.
@@ -45,6 +45,9 @@ pub(crate) struct Speed {
     /// Leaves out Rapier's own `parallel` solver, which needs a second build of this program.
     #[arg(long)]
     no_parallel: bool,
+    /// Measures it also with `--quick`.
+    #[arg(long, conflicts_with = "no_parallel")]
+    parallel: bool,
     /// Draws the picture and the page's table from the file, without measuring.
     #[arg(long)]
     draw: bool,
@@ -81,7 +84,8 @@ impl Speed {
             let path = out.ok_or("`--draw` with `--quick` needs `--out`: name the file to draw")?;
             return publish(&path, &results::read_csv(&path)?);
         }
-        let parallel = if self.no_parallel { None } else { Some(parallel_build()?) };
+        let with_parallel = self.parallel || !(self.quick || self.no_parallel);
+        let parallel = if with_parallel { Some(parallel_build()?) } else { None };
         let machine = Machine::here();
         let wanted = |case: &&Case| self.scene.is_empty() || self.scene.iter().any(|name| name == case.scene);
         let cases: Vec<_> = if self.quick { QUICK_CASES } else { CASES }.iter().filter(wanted).collect();

@@ -50,8 +50,8 @@ pub(crate) struct Accuracy {
     #[arg(long, value_name = "METHOD", num_args = 1.., value_parser = method)]
     method: Vec<Coupling>,
     /// Into how many regions the scenes are cut.
-    #[arg(long, value_delimiter = ',', default_value = "1,2,4,8", value_parser = clap::value_parser!(u8).range(1..=8))]
-    regions: Vec<u8>,
+    #[arg(long, value_delimiter = ',', default_value = "1,2,4,8", value_parser = regions)]
+    regions: Vec<usize>,
     /// Writes every case as CSV, and the table of the page beside it.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
@@ -66,7 +66,7 @@ impl Accuracy {
         let mut rows = Vec::new();
         println!("{}", Row::HEAD);
         for experiment in &experiments {
-            let mut regions: Vec<_> = self.regions.iter().map(|&count| usize::from(count)).collect();
+            let mut regions = self.regions.clone();
             regions.extend(experiment.more_regions);
             println!("\n{} {}: {}", experiment.number, experiment.name, experiment.metric);
             for row in run(experiment, size, &methods, &regions)? {
@@ -112,6 +112,14 @@ fn method(name: &str) -> Result<Coupling, String> {
         let known: Vec<_> = Coupling::ALL.iter().map(|coupling| coupling.name()).collect();
         format!("there is {}", known.join(", "))
     })
+}
+
+/// A number of regions that every scene has cuts for.
+fn regions(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count @ (1 | 2 | 4 | 8)) => Ok(count),
+        _ => Err("scenes are cut into 1, 2, 4 or 8 regions".to_owned()),
+    }
 }
 
 /// A method with as many exchanges a tick as suit it.

@@ -30,8 +30,7 @@ const NUDGE_M: f64 = 1e-6;
 
 /// What one bare Rapier world with the scene's own settings makes of a case (R1).
 pub(crate) struct Reference {
-    /// By number of micro-steps; one entry unless the case compares early positions.
-    worlds: Vec<Vec<Trace>>,
+    traces: Vec<Trace>,
     /// Of a chaotic case: mean and standard deviation of each figure.
     spreads: Vec<Spread>,
     /// Its own reading.
@@ -79,12 +78,8 @@ impl Reference {
     /// Runs the bare world.
     pub(crate) fn of(case: &Case) -> Result<Self, WorldError> {
         let of_reference = case.reference_scenes.as_ref().unwrap_or(&case.scenes);
-        let micro_steps: &[usize] = if case.early { &[1, 2, 4] } else { &[1] };
-        let worlds = micro_steps
-            .iter()
-            .map(|&count| traces(case, of_reference, &Setup::Bare(micro_stepped(&case.scenes[0], count))))
-            .collect::<Result<Vec<_>, _>>()?;
         let bare = Setup::Bare(Bare::default());
+        let traces = traces(case, of_reference, &bare)?;
         let twins = match &case.measure {
             Measure::Statistics(_) => Some(nudged_traces(case, &bare)?),
             Measure::Formula(_) if case.early => Some(nudged_traces(case, &bare)?),
@@ -92,32 +87,32 @@ impl Reference {
         };
         let spreads = match (&case.measure, &twins) {
             (Measure::Statistics(figures), Some(twins)) => {
-                let all: Vec<_> = worlds[0].iter().chain(twins).map(figures).collect();
+                let all: Vec<_> = traces.iter().chain(twins).map(figures).collect();
                 (0..all[0].len()).map(|i| Spread::of(all.iter().map(|run| run[i].value))).collect()
             }
             _ => Vec::new(),
         };
         let own = match (case.reference_scenes.is_some(), twins) {
             (false, None) => None,
-            (true, _) => Some(traces(case, &case.scenes, &bare)?),
+            (true, _) => Some(self::traces(case, &case.scenes, &bare)?),
             (false, twins) => twins,
         };
-        let own = own.as_ref().unwrap_or(&worlds[0]);
-        let mut outcome = outcome(case, own, &worlds[..1], &spreads);
+        let own = own.as_ref().unwrap_or(&traces);
+        let mut outcome = outcome(case, own, &traces, &spreads);
         if !spreads.is_empty() {
             // One world is as far off as its runs are from each other.
             outcome.error = spreads.iter().map(|spread| spread.deviation).fold(0.0, f64::max);
             outcome.r1_error = Some(outcome.error);
         }
         let r1 = Reading::new(case, own, outcome, outcome.error);
-        Ok(Self { worlds, spreads, r1 })
+        Ok(Self { traces, spreads, r1 })
     }
 }
 
 /// Runs a case by any setup.
 pub(crate) fn read(case: &Case, setup: &Setup<'_>, reference: &Reference) -> Result<Reading, WorldError> {
     let traces = traces(case, &case.scenes, setup)?;
-    let outcome = outcome(case, &traces, &reference.worlds, &reference.spreads);
+    let outcome = outcome(case, &traces, &reference.traces, &reference.spreads);
     Ok(Reading::new(case, &traces, outcome, reference.r1.error))
 }
 
@@ -127,15 +122,6 @@ fn traces(case: &Case, scenes: &[Scene], setup: &Setup<'_>) -> Result<Vec<Trace>
 
 fn nudged_traces(case: &Case, bare: &Setup<'_>) -> Result<Vec<Trace>, WorldError> {
     traces(case, &case.scenes.iter().map(nudged).collect::<Vec<_>>(), bare)
-}
-
-/// A bare world that takes so many micro-steps a tick.
-fn micro_stepped(scene: &Scene, count: usize) -> Bare {
-    Bare {
-        dt_s: Some(scene.dt_s / count as f32),
-        iterations: Some(scene.solver_iterations.div_ceil(count)),
-        contact_hz: None,
-    }
 }
 
 /// What the gate compares.
@@ -148,12 +134,11 @@ struct Outcome {
 }
 
 /// The error of some runs; for statistics of the figure that is worst by what is allowed.
-fn outcome(case: &Case, traces: &[Trace], worlds: &[Vec<Trace>], spreads: &[Spread]) -> Outcome {
+fn outcome(case: &Case, traces: &[Trace], r1: &[Trace], spreads: &[Spread]) -> Outcome {
     let threshold = case.threshold.unwrap_or(0.0);
     match &case.measure {
         Measure::Formula(formula) => {
-            let against = |r1: &Vec<Trace>| worst(traces.iter().zip(r1).map(|(own, r1)| formula(own, r1)));
-            let error = worlds.iter().map(against).fold(f64::INFINITY, f64::min);
+            let error = worst(traces.iter().zip(r1).map(|(own, r1)| formula(own, r1)));
             Outcome { error, r1_error: None, threshold }
         }
         Measure::Statistics(figures) => {

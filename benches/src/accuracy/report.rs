@@ -77,7 +77,8 @@ impl Row {
     /// The cause, if every case that fails has a known one.
     pub(crate) fn known_limit(&self) -> Option<&'static str> {
         let failing = self.lines.iter().filter(|line| !line.pass());
-        let causes: Option<Vec<_>> = failing.map(|line| limits::cause(self.name, &line.case)).collect();
+        let causes: Option<Vec<_>> =
+            failing.map(|line| limits::cause(self.name, &line.case, self.method)).collect();
         causes?.first().copied()
     }
 
@@ -182,7 +183,7 @@ impl Row {
                 self.regions,
                 reading.error,
                 reading.r1_error,
-                or_nothing(verdict.as_ref().map(|verdict| verdict.limit)),
+                or_nothing(verdict.as_ref().map(|verdict| verdict.limit).filter(|limit| limit.is_finite())),
                 line.pass(),
                 or_nothing(reading.momentum_error),
                 or_nothing(reading.ground_error),
@@ -199,5 +200,73 @@ impl Row {
             .expect("a string takes all");
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dcd::runtime::measure::StepTimes;
+
+    use super::*;
+
+    fn line(case: &str, error: f64, limit: f64) -> Line {
+        let reading = Reading {
+            error,
+            r1_error: 0.5 * limit,
+            threshold: 0.0,
+            momentum_error: None,
+            ground_error: None,
+            lost: 0,
+            doubled: 0,
+            quarantined: 0,
+            pairs: 0,
+            transfers: 0,
+            replicas_mean: 0.0,
+            step_ms: StepTimes::default(),
+            rtf: 1.0,
+        };
+        let failures = if error > limit { vec!["too far".to_owned()] } else { Vec::new() };
+        Line { case: case.to_owned(), unit: "m", reading, verdict: Some(Verdict { limit, failures }) }
+    }
+
+    fn row(lines: Vec<Line>) -> Row {
+        Row { number: 10, name: "tower", method: "auto", regions: 4, lines }
+    }
+
+    #[test]
+    fn the_case_nearest_to_its_limit_stands_for_the_row_and_a_failing_one_before_all() {
+        let good = row(vec![line("a", 0.9, 1.0), line("b", 0.02, 0.1)]);
+        assert_eq!((good.json()["error"].as_f64(), good.pass()), (Some(0.9), true));
+        let bad = row(vec![line("a", 0.9, 1.0), line("b", 0.2, 0.1)]);
+        assert_eq!((bad.json()["error"].as_f64(), bad.pass()), (Some(0.2), false));
+        assert!(bad.table().contains("b: too far") && !bad.table().contains("a: too far"));
+    }
+
+    #[test]
+    fn a_row_of_json_has_the_fields_that_others_read() {
+        let json = row(vec![line("a", 0.5, f64::INFINITY)]).json();
+        let keys: Vec<_> = json.as_object().unwrap().keys().map(String::as_str).collect();
+        let wanted = [
+            "error",
+            "known_limit",
+            "method",
+            "name",
+            "pass",
+            "r1_error",
+            "regions",
+            "scene",
+            "threshold",
+            "unit",
+        ];
+        assert_eq!(keys, wanted);
+        assert!(json["threshold"].is_null() && json["known_limit"].is_null());
+    }
+
+    #[test]
+    fn a_line_of_csv_has_as_many_fields_as_its_head() {
+        let csv = row(vec![line("a", 0.5, 1.0), line("b", 0.5, 1.0)]).csv();
+        let fields = |line: &str| line.matches(',').count();
+        assert!(csv.lines().all(|line| fields(line) == fields(Row::CSV_HEAD)), "{csv}");
+        assert_eq!(csv.lines().count(), 2);
     }
 }

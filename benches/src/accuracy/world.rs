@@ -71,6 +71,9 @@ impl World {
                     _ => Partitioning::Cuts((case.cuts)(*regions)),
                 };
                 adjust(&mut config);
+                if case.early {
+                    config.step.exchanges = 1;
+                }
                 let step = config.step;
                 let world = match case.fault {
                     Some(_) if *regions > 1 => Self::Apart(Fleet::new(scene, &config, case.fault)?),

@@ -8,6 +8,7 @@ mod host;
 mod joints;
 mod measure;
 mod partition;
+mod placement;
 mod query;
 mod record;
 mod region;

@@ -56,8 +56,8 @@ pub struct Membership {
     pub owner: u8,
     /// Ranks of all that hold it, the owner too, as bits of `RegionSet`.
     pub holders: u64,
-    /// Ranks of those that will hold it after the next exchange and must hear its copies by then, as bits.
-    pub listeners: u64,
+    /// Ranks of those of them whose copies only follow the others', as bits: they have no part of the mass.
+    pub shadows: u64,
 }
 
 /// A body near the receiver's region which the receiver does not hold.

@@ -240,7 +240,9 @@ impl Check for CopyState {
 impl Check for Membership {
     fn check(&self) -> Result<(), Invalid> {
         must(usize::from(self.owner) < MAX_REGIONS, "member.owner", "the rank of a region, below 64")?;
-        must(self.holders >> self.owner & 1 == 1, "member.holders", "a set with the owner in it")
+        must(self.holders >> self.owner & 1 == 1, "member.holders", "a set with the owner in it")?;
+        let real = self.holders & !self.shadows;
+        must(real >> self.owner & 1 == 1, "member.shadows", "a set without the owner in it")
     }
 }
 

@@ -77,8 +77,8 @@ impl PhysicsDevice {
             PhysicsCommand::Rebuild { tick, regions, placed, joints, drop } => {
                 let host = self.world();
                 let placed = placed.into_iter().map(|placed| (placed.region, placed.body)).collect();
-                host.rebuild(&regions, placed, &joints, &drop)?;
                 host.set_tick(tick);
+                host.rebuild(&regions, placed, &joints, &drop)?;
                 host.announce();
                 self.rebuilding = true;
                 Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() })

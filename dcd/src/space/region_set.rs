@@ -52,6 +52,11 @@ impl RegionSet {
         Self(self.0 & !other.0)
     }
 
+    /// Regions in both sets.
+    pub const fn intersection(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
     /// Whether no region is in the set.
     pub const fn is_empty(self) -> bool {
         self.0 == 0

@@ -38,7 +38,7 @@ pub(super) const SPHERES_1000: Experiment = Experiment {
 
 /// How many seeds.
 fn seeds(size: Size) -> std::ops::RangeInclusive<u64> {
-    1..=size.pick(4, 8)
+    1..=size.pick(3, 8)
 }
 
 fn pile(size: Size) -> Vec<Case> {
@@ -84,7 +84,7 @@ fn heap_figures(trace: &Trace) -> [Figure; 3] {
 }
 
 fn spheres(size: Size) -> Vec<Case> {
-    let spheres = size.pick(300, 1000);
+    let spheres = size.pick(216, 1000);
     let scene = |seed| {
         let params = Params::new().with("n", spheres).with("seed", seed).with("fill", 0.1);
         let mut scene = Scene::named("gas", &params).expect("the library has gases");
@@ -115,7 +115,8 @@ fn spheres(size: Size) -> Vec<Case> {
         let [height, _, motion] = heap_figures(trace);
         vec![height, motion]
     }));
-    let late = Case::of("5 s", seeds(size).map(scene).collect(), 5.0, cuts, figures);
+    let late_s = size.pick(4.0, 5.0);
+    let late = Case::of(format!("{late_s} s"), seeds(size).map(scene).collect(), late_s, cuts, figures);
     vec![Case { early: true, ..early }, Case { rests: true, ..late }]
 }
 

@@ -47,7 +47,8 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
     }
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
-    if !shared.arriving && body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
+    let counts = !shared.shadows.contains(own_rank);
+    if body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
         return 0.0;
     }
     if !body.is_dynamic() {
@@ -59,24 +60,21 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
         }
         return 0.0;
     }
-    let own = (!shared.arriving).then_some((own_rank, shared.own));
+    let own = counts.then_some((own_rank, shared.own));
     let at = shared.heard.partition_point(|(rank, _)| *rank < own_rank);
     let (before, after) = shared.heard.split_at(at);
     let copies = || before.iter().chain(own.iter()).chain(after).map(|(_, copy)| copy);
     let (pose, velocity) = mean(copies);
     let count = copies().count() as f32;
     let alike = copies().all(|copy| copy.partners == shared.own.partners);
-    if alike && !shared.arriving {
+    if alike || !counts {
         (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
     } else {
         let sum = |of: fn(&CopyState) -> [f32; 3]| {
-            copies().fold(Vector::ZERO, |sum, c| sum + Vector::from_array(of(c)))
+            copies().fold(Vector::ZERO, |sum, copy| sum + Vector::from_array(of(copy)))
         };
-        let (force, torque) = (sum(|c| c.force_n) / count, sum(|c| c.torque_nm) / count);
-        let mine = |v: [f32; 3]| if shared.arriving { Vector::ZERO } else { Vector::from_array(v) };
-        let push = force - mine(shared.own.force_n);
-        let twist = torque - mine(shared.own.torque_nm);
-        (shared.push, shared.twist) = (push, twist);
+        shared.push = sum(|copy| copy.force_n) / count - Vector::from_array(shared.own.force_n);
+        shared.twist = sum(|copy| copy.torque_nm) / count - Vector::from_array(shared.own.torque_nm);
     }
     let z = Vector::from_array(velocity.linear);
     let worst =

@@ -2,6 +2,8 @@
 //! goes whole to one region, to the one that owns most of it; there it is computed as in one world. Larger ones stay
 //! where their bodies are.
 
+use std::cmp::Ordering;
+
 use rapier3d::prelude::*;
 
 use super::Moment;
@@ -12,7 +14,7 @@ use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BIG_ISLAND, BodyKind};
 
 /// An island that is not whole yet becomes so below this part of the limit, so that none flaps.
-const ENTER: f32 = 0.75;
+const ENTER: f32 = 0.85;
 /// An island stays where it is as long as this part of its bodies lies there.
 const STAY: f32 = 0.25;
 
@@ -35,7 +37,7 @@ pub(super) struct Island {
     pub big: bool,
     /// Something touches it or ties it together.
     pub pressed: bool,
-    /// Of a member with one that is not held here.
+    /// The first with a body that is not held here: with one that is not free, or with any.
     soonest: Option<Meeting>,
     /// Was to be whole already.
     whole: bool,
@@ -77,7 +79,7 @@ impl Islands {
         self.found.clear();
         for seed in seeds {
             if takes_part(region, seed) && self.place(seed) == 0 {
-                self.explore(region, sights, moment.settings.island_limit, seed);
+                self.explore(region, sights, moment, seed);
             }
         }
         for island in &mut self.found {
@@ -103,7 +105,8 @@ impl Islands {
     }
 
     /// Follows contacts and joints from a body, until the island is seen to be too large.
-    fn explore(&mut self, region: &Region, sights: &Sights, limit: usize, seed: RigidBodyHandle) {
+    fn explore(&mut self, region: &Region, sights: &Sights, moment: Moment<'_>, seed: RigidBodyHandle) {
+        let (limit, tick_s) = (moment.settings.island_limit, moment.settings.dt_s);
         let mut island = Island::default();
         self.open.clear();
         self.enter(seed);
@@ -115,11 +118,7 @@ impl Islands {
                     island.pressed |= reach::is_pressed(region, handle);
                     island.whole |= slot.whole;
                     for meeting in sights.meetings_of(slot.id).filter(|meeting| meeting.island > 0) {
-                        island.soonest.get_or_insert(*meeting);
-                        // What is free comes here by itself.
-                        if !meeting.free {
-                            island.count(meeting.rank, meeting.island);
-                        }
+                        island.meet(meeting);
                     }
                 }
                 Role::Replica { owner } => {
@@ -138,8 +137,10 @@ impl Islands {
             let mut met_big = false;
             let owned = region.slot(handle).role == Role::Owner;
             reach::for_each_contact(region, handle, |other, touches| {
-                // Bodies of two owners that will touch belong together before they do.
-                let linked = touches || owned != (region.slot(other).role == Role::Owner);
+                // Bodies that will touch belong together before they do.
+                let linked = touches
+                    || owned != (region.slot(other).role == Role::Owner)
+                    || sight::will_meet(region, handle, other, tick_s);
                 if !linked || !takes_part(region, other) {
                     return;
                 }
@@ -156,6 +157,17 @@ impl Islands {
 }
 
 impl Island {
+    fn meet(&mut self, meeting: &Meeting) {
+        let first = |a: &Meeting, b: &Meeting| (a.free, a.after_s) <= (b.free, b.after_s);
+        if self.soonest.is_none_or(|soonest| !first(&soonest, meeting)) {
+            self.soonest = Some(*meeting);
+        }
+        // What is free comes here by itself.
+        if !meeting.free {
+            self.count(meeting.rank, meeting.island);
+        }
+    }
+
     fn count(&mut self, rank: usize, island: u16) {
         self.big |= island == BIG_ISLAND;
         let size = usize::from(island);
@@ -178,13 +190,14 @@ impl Island {
         if self.big || self.members.is_empty() {
             return;
         }
-        let free = !self.pressed && self.members.len() == 1;
-        if let Some(meeting) = self.soonest.filter(|_| free) {
-            // A free body goes where it will meet the other.
-            self.target = match meeting {
-                Meeting { free: false, rank, .. } => rank,
-                Meeting { rank, place, .. } if place == own || place == rank => place,
-                Meeting { rank, .. } => rank.min(own),
+        if let Some(meeting) = self.soonest.filter(|_| !self.pressed) {
+            let size = self.members.len().cmp(&usize::from(meeting.island));
+            self.target = match (meeting.free, size) {
+                // What is free goes to what is not, the smaller to the larger, and equals go where they will meet.
+                (false, _) | (_, Ordering::Less) => meeting.rank,
+                (_, Ordering::Greater) => own,
+                _ if meeting.place == own || meeting.place == meeting.rank => meeting.place,
+                _ => meeting.rank.min(own),
             };
             return;
         }

@@ -6,7 +6,8 @@
 //! - It is owned by the region of its centre, or by the one to which its island goes (`island`). What presses on
 //!   something is first held there for some ticks, so that the contacts and their warm start are there (thesis 3.3.3); what
 //!   is free goes at once.
-//! - A region that comes to hold a body which several hold already hears all copies first: it starts from their mean.
+//! - What only moves on is followed by a shadow there, which has no part of the mass; so is, for one exchange, what comes to
+//!   be held where several hold it already: the shadow starts from their mean.
 
 use rapier3d::prelude::*;
 
@@ -28,7 +29,7 @@ const SETTLE_TICKS: u32 = 8;
 pub(super) struct Decision {
     link: Link,
     members: RegionSet,
-    listeners: RegionSet,
+    shadows: RegionSet,
 }
 
 /// What the owner wants of a body.
@@ -36,6 +37,8 @@ pub(super) struct Decision {
 struct Wish {
     /// Regions that must hold it, without its owner's.
     holders: RegionSet,
+    /// Those of them which its contacts reach.
+    reached: RegionSet,
     owner: usize,
     /// Whether something touches the body, or its island if that moves whole.
     pressed: bool,
@@ -74,7 +77,9 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         let seeds = island_seeds(region, sights);
         islands.find(region, sights, moment, seeds.into_iter());
         let region: &Region = region;
-        sights.set_islands(|handle| (islands.size(handle), goes_at_once(region, handle)));
+        let free =
+            |handle| islands.of(handle).is_none_or(|island| !island.pressed) && goes_at_once(region, handle);
+        sights.set_islands(|handle| (islands.size(handle), free(handle)));
     }
     sight::show(region, &mut border.sights, moment);
     let met: Vec<_> = border
@@ -86,7 +91,8 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         .filter(|(handle, meeting)| {
             // What is free moves to the other's region, and small islands do as long as there is time: nothing need be shared.
             let small = border.islands.of(*handle).is_some_and(|island| !island.big);
-            let free = meeting.free || goes_at_once(region, *handle);
+            let pressed = border.islands.of(*handle).is_none_or(|island| island.pressed);
+            let free = meeting.free || !pressed && goes_at_once(region, *handle);
             !small || !free && meeting.is_soon(moment.settings.dt_s)
         })
         .map(|(handle, meeting)| (handle, meeting.rank))
@@ -111,7 +117,11 @@ pub(super) fn commit<'a>(region: &mut Region, told: impl Iterator<Item = &'a Mem
     let decisions = std::mem::take(&mut region.border.decisions);
     for decision in &decisions {
         if region.handle_of(decision.link.id) == Some(decision.link.handle) {
-            share::set_members(region, decision.link.handle, decision.members, decision.listeners);
+            if decision.members.contains(region.rank()) {
+                share::set_members(region, decision.link.handle, decision.members, decision.shadows);
+            } else {
+                region.remove(decision.link.id);
+            }
         }
     }
     region.border.decisions = decisions;
@@ -130,7 +140,7 @@ pub(super) fn commit<'a>(region: &mut Region, told: impl Iterator<Item = &'a Mem
             let role = Role::Replica { owner: membership.owner.into() };
             region.set_role(handle, role, members.without(own), membership.epoch);
         }
-        share::set_members(region, handle, members, RegionSet::from_bits(membership.listeners));
+        share::set_members(region, handle, members, RegionSet::from_bits(membership.shadows));
     }
 }
 
@@ -147,7 +157,8 @@ pub(super) fn home_of(region: &Region, partition: &Partition, centre: [f64; 3]) 
 fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
     let own = RegionSet::only(region.rank());
     for Link { id, handle } in region.fresh.clone() {
-        if region.handle_of(id) != Some(handle) || region.slot(handle).role != Role::Owner {
+        let here = region.handle_of(id) == Some(handle);
+        if !here || region.slot(handle).role != Role::Owner || region.slot(handle).whole {
             continue;
         }
         let bounds = if region.slot(handle).reach_m.is_finite() {
@@ -160,12 +171,8 @@ fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
         let holders = near.union(region.slot(handle).holders).without(own);
         if !holders.is_empty() {
             let members = holders.union(own);
-            tell(region, handle, holders, RegionSet::EMPTY, members, RegionSet::EMPTY);
-            border.decisions.push(Decision {
-                link: Link { id, handle },
-                members,
-                listeners: RegionSet::EMPTY,
-            });
+            tell(region, handle, holders, holders, members, RegionSet::EMPTY, region.rank());
+            border.decisions.push(Decision { link: Link { id, handle }, members, shadows: RegionSet::EMPTY });
         }
     }
 }
@@ -217,48 +224,52 @@ fn decide_on(
     if alone && wish.owner != own_rank && goes_at_once(region, link.handle) {
         return Some((link, wish.owner));
     }
-    let mut holders = held.union(wish.holders);
-    let (mut owner, mut listeners) = (own_rank, RegionSet::EMPTY);
-    let added = wish.holders.without(held);
-    if let Some(shared) = region.slot_mut(link.handle).shared.as_deref_mut() {
+    let (mut members, mut owner) = (held.union(wish.holders).union(own), own_rank);
+    let shared = region.slot_mut(link.handle).shared.as_deref_mut();
+    if shared.is_none() && members == own {
+        return None;
+    }
+    let (mut before, mut shadows_before) = (own, RegionSet::EMPTY);
+    let mut ready = false;
+    if let Some(shared) = shared {
+        (before, shadows_before) = (shared.members, shared.shadows);
         // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
         shared.settled += 1;
         let needless = !held.without(wish.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
         if shared.idle > if wish.pressed { KEEP_TICKS } else { 0 } {
-            holders = wish.holders;
+            members = wish.holders.union(own);
         }
-        // A newcomer among several must have heard all copies: they listen for one exchange before.
-        if !added.without(shared.listeners).is_empty() {
-            listeners = added.union(shared.listeners);
-            holders = holders.without(added.without(shared.listeners));
+        ready = wish.ready && held.contains(wish.owner) && members.contains(wish.owner) && !asleep;
+    }
+    // Whom contacts reach comes to count: at once where all others' mean is what the owner sends, else after one exchange.
+    let counting = before.without(shadows_before);
+    let at_once = if counting == own { members } else { before };
+    let counts = counting.union(wish.reached.without(own).intersection(at_once)).intersection(members);
+    let mut shadows = members.without(counts);
+    if wish.owner != own_rank && ready {
+        owner = wish.owner;
+        if shadows.contains(owner) {
+            shadows.remove(owner);
+            if counts == own {
+                members = RegionSet::only(owner);
+            }
         }
-        let there = held.contains(wish.owner) && holders.contains(wish.owner);
-        if wish.owner != own_rank && there && wish.ready && !asleep {
-            owner = wish.owner;
-        }
-        if holders == held && listeners == shared.listeners && owner == own_rank {
-            return None;
-        }
-    } else if holders.is_empty() {
+        shadows = shadows.intersection(members);
+    }
+    if (members, shadows, owner) == (before, shadows_before, own_rank) {
         return None;
     }
-    let members = holders.union(own);
-    tell(region, link.handle, holders.without(held), held.without(holders), members, listeners);
+    let told = members.union(before).without(own);
+    tell(region, link.handle, told, members.without(before), members, shadows, owner);
     if owner != own_rank {
         let record = region.body_record(link.handle);
         let body = BodyRecord { epoch: epoch.next(), ..record };
-        region.outbox[owner]
-            .transfers
-            .push(Transfer { body, holders: members.without(RegionSet::only(owner)).bits() });
-        for rank in members.without(own).iter() {
-            let told = region.outbox[rank].members.last_mut().filter(|told| told.id == link.id);
-            let told = told.expect("every member was told");
-            (told.epoch, told.owner) = (epoch.next(), owner as u8);
-        }
+        let holders = members.without(RegionSet::only(owner));
+        region.outbox[owner].transfers.push(Transfer { body, holders: holders.bits() });
         region.set_role(link.handle, Role::Replica { owner }, members.without(own), epoch.next());
     }
-    border.decisions.push(Decision { link, members, listeners });
+    border.decisions.push(Decision { link, members, shadows });
     None
 }
 
@@ -291,8 +302,9 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
         .meetings_of(id)
         .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)));
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
-    let holders = border.reach.of(handle).union(met).union(RegionSet::only(owner)).without(own);
-    Wish { holders, owner, pressed, ready }
+    let reached = border.reach.of(handle).union(met).without(own);
+    let holders = reached.union(RegionSet::only(owner)).without(own);
+    Wish { holders, reached, owner, pressed, ready }
 }
 
 /// Whether nobody shares the body, nothing presses on it or is tied to it, so that it loses nothing by going at once.
@@ -314,26 +326,27 @@ fn hand_over(region: &mut Region, link: Link, owner: usize) {
 fn tell(
     region: &mut Region,
     handle: RigidBodyHandle,
+    told: RegionSet,
     added: RegionSet,
-    dropped: RegionSet,
     members: RegionSet,
-    listeners: RegionSet,
+    shadows: RegionSet,
+    owner: usize,
 ) {
     let record = region.body_record(handle);
     let joints: Vec<_> = region.joints_of(handle).collect();
-    let own = RegionSet::only(region.rank());
+    let epoch = if owner == region.rank() { record.epoch } else { record.epoch.next() };
     let membership = Membership {
         id: record.id,
-        epoch: record.epoch,
-        owner: region.rank() as u8,
+        epoch,
+        owner: owner as u8,
         holders: members.bits(),
-        listeners: listeners.bits(),
+        shadows: shadows.bits(),
     };
     for rank in added.iter() {
         region.outbox[rank].replicas.push(record.clone());
         region.outbox[rank].joints.extend_from_slice(&joints);
     }
-    for rank in members.union(dropped).without(own).iter() {
+    for rank in told.iter() {
         region.outbox[rank].members.push(membership);
     }
 }

@@ -86,13 +86,12 @@ fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
     let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { return };
     let asleep = region.physics().bodies[link.handle].is_sleeping();
     let told = region.slot(link.handle).told_asleep;
-    let listeners = if moment.last { shared.listeners } else { RegionSet::EMPTY };
-    if !(asleep && told) || !listeners.is_empty() {
+    if !shared.shadows.contains(region.rank()) && !(asleep && told) {
         let island = region.border.islands.size(link.handle);
         share::read(region, link.handle, &mut shared, island);
         region.slot_mut(link.handle).told_asleep = asleep;
         let own = RegionSet::only(region.rank());
-        for rank in shared.members.union(listeners).without(own).iter() {
+        for rank in shared.members.without(own).iter() {
             region.outbox[rank].copies.push(shared.own);
         }
     }

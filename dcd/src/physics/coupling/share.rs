@@ -14,12 +14,10 @@ use crate::space::RegionSet;
 pub(in crate::physics) struct Shared {
     /// All that hold it as of the last exchange, this region too.
     pub members: RegionSet,
-    /// Those that will hold it after the next change of members, and hear its copies by then.
-    pub listeners: RegionSet,
-    /// By how many its mass is divided.
+    /// Those of them whose copies do not count: they follow the others', to have their contacts when they come to count.
+    pub shadows: RegionSet,
+    /// By how many its mass is divided: the members that count.
     pub parts: usize,
-    /// It came with this very exchange: the copy here does not count yet.
-    pub arriving: bool,
     /// What the user presses on the whole body.
     pub user_force: Vector,
     pub user_torque: Vector,
@@ -171,7 +169,7 @@ pub(super) fn set_members(
     region: &mut Region,
     handle: RigidBodyHandle,
     members: RegionSet,
-    listeners: RegionSet,
+    shadows: RegionSet,
 ) {
     let mut shared = region.slot_mut(handle).shared.take().unwrap_or_else(|| {
         let body = &region.physics().bodies[handle];
@@ -182,13 +180,14 @@ pub(super) fn set_members(
             ..Shared::default()
         })
     });
-    if shared.members != members {
+    let counting = members.without(shadows);
+    if (shared.members, shared.shadows) != (members, shadows) {
         (shared.settled, shared.idle) = (0, 0);
-        shared.heard.retain(|(rank, _)| members.contains(*rank));
+        shared.heard.retain(|(rank, _)| counting.contains(*rank));
         region.slot_mut(handle).told_asleep = false;
     }
-    (shared.members, shared.listeners, shared.arriving) = (members, listeners, false);
-    let parts = if region.slot(handle).traits.kind == BodyKind::Dynamic { members.len() } else { 1 };
+    (shared.members, shared.shadows) = (members, shadows);
+    let parts = if region.slot(handle).traits.kind == BodyKind::Dynamic { counting.len() } else { 1 };
     if shared.parts != parts {
         shared.parts = parts;
         divide(region, handle, parts);
@@ -213,7 +212,7 @@ pub(in crate::physics) fn make_whole(region: &mut Region, handle: RigidBodyHandl
     holders
 }
 
-/// A body has come to be held here, or is announced anew: its copy does not count before the next exchange.
+/// A body has come to be held here, or is announced anew: no copies of others have been heard.
 pub(super) fn begin(region: &mut Region, handle: RigidBodyHandle) {
     let body = &region.physics().bodies[handle];
     let (user_force, user_torque) = (body.user_force(), body.user_torque());
@@ -221,7 +220,7 @@ pub(super) fn begin(region: &mut Region, handle: RigidBodyHandle) {
         .slot_mut(handle)
         .shared
         .get_or_insert_with(|| Box::new(Shared { parts: 1, ..Shared::default() }));
-    (shared.arriving, shared.user_force, shared.user_torque) = (true, user_force, user_torque);
+    (shared.user_force, shared.user_torque) = (user_force, user_torque);
     shared.heard.clear();
 }
 
@@ -232,18 +231,16 @@ pub(in crate::physics) fn whole<R>(
     change: impl FnOnce(&mut Region) -> R,
 ) -> R {
     let Some(mut shared) = region.slot_mut(handle).shared.take() else { return change(region) };
-    let (parts, push, twist) = (shared.parts, shared.push, shared.twist);
+    let (push, twist) = (shared.push, shared.twist);
     (shared.parts, shared.push, shared.twist) = (1, Vector::ZERO, Vector::ZERO);
     divide(region, handle, 1);
     press(region, handle, &shared);
     let result = change(region);
     let body = &region.physics().bodies[handle];
     (shared.user_force, shared.user_torque) = (body.user_force(), body.user_torque());
-    shared.parts = if region.slot(handle).traits.kind == BodyKind::Dynamic {
-        parts.max(shared.members.len())
-    } else {
-        1
-    };
+    let counting = shared.members.without(shared.shadows).len();
+    let dynamic = region.slot(handle).traits.kind == BodyKind::Dynamic;
+    shared.parts = if dynamic { counting.max(1) } else { 1 };
     (shared.push, shared.twist) = (push, twist);
     // What the user did is no contact's doing.
     shared.start = None;

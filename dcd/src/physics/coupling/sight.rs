@@ -357,6 +357,13 @@ fn meet_after(a: (&Bounds, [f32; 3]), b: (&Bounds, [f32; 3])) -> Option<f64> {
     (enter <= leave).then_some(enter)
 }
 
+/// Whether two bodies of this region will meet in the ticks to come.
+pub(super) fn will_meet(region: &Region, a: RigidBodyHandle, b: RigidBodyHandle, tick_s: f32) -> bool {
+    let seen = [a, b].map(|handle| near(region, Link { id: region.slot(handle).id, handle }, tick_s));
+    let [a, b] = seen.map(|near| (near.bounds, near.velocity.to_array()));
+    meet_after((&a.0, a.1), (&b.0, b.1)).is_some_and(|after_s| after_s <= f64::from(AHEAD_TICKS * tick_s))
+}
+
 /// Whether a body will meet another one of this region in the ticks to come, of those for which `counts` says so.
 pub(super) fn has_company(
     region: &Region,

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use rapier3d::prelude::*;
 
 use super::{HostError, RegionHost, StepSettings, on_all};
-use crate::physics::assembly::Groups;
 use crate::physics::coupling::Moment;
 use crate::physics::directory::Home;
+use crate::physics::placement::Placement;
 use crate::physics::region::{Region, Role};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};
-use crate::space::{BodyId, JointId, RegionId, RegionSet};
+use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 
 impl RegionHost {
     /// Takes on one more region, empty.
@@ -44,8 +44,12 @@ impl RegionHost {
     pub fn insert(&mut self, mut bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
         bodies.sort_by_key(|body| body.id);
         self.check(&bodies, joints)?;
-        let owners = self.owners(&bodies, joints);
-        self.insert_placed(bodies, &owners, joints)
+        let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
+        let owners = placement.owners(&bodies, &self.partition);
+        // A scene comes at once, and nothing touches it but itself.
+        let scene = self.tick == Tick(0) && bodies.len() > 1;
+        let whole = if scene { placement.whole(&owners) } else { vec![false; bodies.len()] };
+        self.insert_placed(bodies, &owners, &whole, joints)
     }
 
     /// Computes these regions from now on and no other, as when membership changes. Kept regions keep their bodies;
@@ -87,10 +91,17 @@ impl RegionHost {
         // New regions get what is immovable in the same pass, so that all is inserted in id order, as in a new world.
         placed.extend(self.statics.bodies().map(|body| (RegionId(0), body.clone())));
         placed.sort_by_key(|(_, body)| body.id);
-        let owners: Vec<_> =
+        let mut owners: Vec<_> =
             placed.iter().map(|(region, _)| self.partition.rank_of(*region).unwrap_or(usize::MAX)).collect();
-        let bodies = placed.into_iter().map(|(_, body)| body).collect();
-        self.insert_placed(bodies, &owners, joints)
+        let bodies: Vec<_> = placed.into_iter().map(|(_, body)| body).collect();
+        let mut whole = vec![false; bodies.len()];
+        if self.tick == Tick(0) {
+            // The whole scene, told to every node: each places it as a world in one process would.
+            let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
+            owners = placement.owners(&bodies, &self.partition);
+            whole = placement.whole(&owners);
+        }
+        self.insert_placed(bodies, &owners, &whole, joints)
     }
 
     /// Says which regions must hold what was inserted since the last step; the exchange carries it.
@@ -182,33 +193,12 @@ impl RegionHost {
         self.statics.body(id).is_some() || self.regions.iter().any(|region| region.handle_of(id).is_some())
     }
 
-    /// Rank of the owner of each body: assemblies go whole, to the region of their lowest body.
-    fn owners(&self, bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<usize> {
-        let movable = |id: &BodyId| {
-            let place = bodies.binary_search_by_key(id, |body| body.id);
-            place.is_ok_and(|place| bodies[place].traits.kind != BodyKind::Fixed)
-        };
-        let mut groups = Groups::default();
-        for joint in joints {
-            if movable(&joint.a) && movable(&joint.b) {
-                groups.join(joint.a, joint.b);
-            }
-        }
-        bodies
-            .iter()
-            .map(|body| {
-                let root = groups.root(body.id);
-                let lead = bodies.binary_search_by_key(&root, |body| body.id).map_or(body, |at| &bodies[at]);
-                self.partition.rank_at(lead.state.pose.translation)
-            })
-            .collect()
-    }
-
-    /// In id order, as one Rapier world would be filled; `owners` are ranks.
+    /// In id order, as one Rapier world would be filled; `owners` are ranks, `whole` are bodies whose island lies in one region.
     fn insert_placed(
         &mut self,
         bodies: Vec<BodyRecord>,
         owners: &[usize],
+        whole: &[bool],
         joints: &[JointRecord],
     ) -> Result<(), HostError> {
         for body in &bodies {
@@ -221,11 +211,12 @@ impl RegionHost {
         // Region by region: what Rapier allocates for the bodies of one world then lies together. Filled in turns, two
         // worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two regions).
         for region in &mut self.regions {
-            for (body, &owner) in bodies.iter().zip(owners) {
+            for ((body, &owner), &whole) in bodies.iter().zip(owners).zip(whole) {
                 if body.traits.kind == BodyKind::Fixed {
                     self.statics.insert_near(body.id, region, &self.shapes)?;
                 } else if owner == region.rank() {
                     let handle = region.insert(body, Role::Owner, RegionSet::EMPTY, &self.shapes)?;
+                    region.slot_mut(handle).whole = whole;
                     self.statics.cover(region, handle, &self.shapes)?;
                     self.directory.set(body.id, Home { rank: owner, handle });
                 }

@@ -1,0 +1,152 @@
+//! Where new bodies are computed at first. What joints tie, and what touches, is placed as it would be some ticks later: a
+//! small group whole, in the region where most of it lies.
+
+use parry3d::partitioning::{Bvh, BvhBuildStrategy};
+use rapier3d::prelude::*;
+
+use super::host::StepSettings;
+use super::partition::Partition;
+use super::record;
+use super::shapes::{ShapeError, ShapeLibrary};
+use crate::protocol::{BodyKind, BodyRecord, JointRecord};
+use crate::space::Bounds;
+
+/// Bodies closer than this touch.
+const NEAR_M: f64 = 0.02;
+
+/// Which of some new bodies belong together.
+pub(super) struct Placement {
+    /// By body: the first body of its group.
+    group: Vec<u32>,
+    /// By first body: how many there are.
+    sizes: Vec<u32>,
+    limit: usize,
+}
+
+impl Placement {
+    /// Groups of bodies in id order. Only couplings that move islands look at what touches.
+    pub(super) fn of(
+        bodies: &[BodyRecord],
+        joints: &[JointRecord],
+        shapes: &ShapeLibrary,
+        settings: &StepSettings,
+    ) -> Result<Self, ShapeError> {
+        let mut groups = Groups { parents: (0..bodies.len() as u32).collect() };
+        let movable = |id| {
+            let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
+            (bodies[place].traits.kind != BodyKind::Fixed).then_some(place as u32)
+        };
+        for joint in joints {
+            if let (Some(a), Some(b)) = (movable(joint.a), movable(joint.b)) {
+                groups.join(a, b);
+            }
+        }
+        if settings.coupling.moves_islands() {
+            join_touching(bodies, shapes, &mut groups)?;
+        }
+        let group: Vec<_> = (0..bodies.len() as u32).map(|body| groups.root(body)).collect();
+        let mut sizes = vec![0; bodies.len()];
+        for &root in &group {
+            sizes[root as usize] += 1;
+        }
+        let limit = match settings.coupling {
+            coupling if coupling.moves_islands() => settings.island_limit,
+            coupling if coupling.shares_mass() => 1,
+            _ => usize::MAX,
+        };
+        Ok(Self { group, sizes, limit })
+    }
+
+    /// Rank of the first owner of each body.
+    pub(super) fn owners(&self, bodies: &[BodyRecord], partition: &Partition) -> Vec<usize> {
+        let homes: Vec<_> =
+            bodies.iter().map(|body| partition.rank_at(body.state.pose.translation)).collect();
+        let mut votes = std::collections::BTreeMap::<(u32, usize), usize>::new();
+        for (&group, &home) in self.group.iter().zip(&homes) {
+            if self.is_small(group) && self.sizes[group as usize] > 1 {
+                *votes.entry((group, home)).or_default() += 1;
+            }
+        }
+        let mut chosen = std::collections::BTreeMap::<u32, (usize, usize)>::new();
+        for ((group, home), count) in votes {
+            let best = chosen.entry(group).or_insert((home, count));
+            // The lowest rank among equals: they come in order.
+            if count > best.1 {
+                *best = (home, count);
+            }
+        }
+        let home = |(body, &group): (usize, &u32)| chosen.get(&group).map_or(homes[body], |(rank, _)| *rank);
+        self.group.iter().enumerate().map(home).collect()
+    }
+
+    /// Whether each body's group is small and has one owner.
+    pub(super) fn whole(&self, owners: &[usize]) -> Vec<bool> {
+        let one_owner = |body: usize| owners[body] == owners[self.group[body] as usize];
+        let mut whole: Vec<_> = self.group.iter().map(|&group| self.is_small(group)).collect();
+        for body in 0..owners.len() {
+            if !one_owner(body) {
+                whole[self.group[body] as usize] = false;
+            }
+        }
+        self.group.iter().map(|&group| whole[group as usize]).collect()
+    }
+
+    fn is_small(&self, group: u32) -> bool {
+        self.sizes[group as usize] as usize <= self.limit
+    }
+}
+
+fn join_touching(
+    bodies: &[BodyRecord],
+    shapes: &ShapeLibrary,
+    groups: &mut Groups,
+) -> Result<(), ShapeError> {
+    let mut boxes = Vec::new();
+    for (index, body) in bodies.iter().enumerate() {
+        if body.traits.kind == BodyKind::Dynamic {
+            let bounds = record::bounds_of(body, shapes)?.grown(0.5 * NEAR_M);
+            boxes.push((index, bounds));
+        }
+    }
+    let Some(all) = boxes.iter().map(|(_, bounds)| *bounds).reduce(|a, b| a.union(&b)) else {
+        return Ok(());
+    };
+    let origin = if all.is_finite() { all.centre() } else { [0.0; 3] };
+    let aabb = |bounds: &Bounds| {
+        let local =
+            |corner: [f64; 3]| Vector::from_array(std::array::from_fn(|i| (corner[i] - origin[i]) as f32));
+        Aabb::new(local(bounds.min), local(bounds.max))
+    };
+    let leaves = boxes.iter().map(|(_, bounds)| aabb(bounds)).enumerate();
+    let bvh = Bvh::from_iter(BvhBuildStrategy::Binned, leaves);
+    for (index, bounds) in &boxes {
+        for leaf in bvh.intersect_aabb(&aabb(bounds)) {
+            groups.join(*index as u32, boxes[leaf as usize].0 as u32);
+        }
+    }
+    Ok(())
+}
+
+/// Union-find; the root of a group is its first body.
+struct Groups {
+    parents: Vec<u32>,
+}
+
+impl Groups {
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parents[a.max(b) as usize] = a.min(b);
+    }
+
+    fn root(&mut self, body: u32) -> u32 {
+        let mut root = body;
+        while self.parents[root as usize] != root {
+            root = self.parents[root as usize];
+        }
+        let mut at = body;
+        while at != root {
+            at = std::mem::replace(&mut self.parents[at as usize], root);
+        }
+        root
+    }
+}

@@ -30,7 +30,7 @@ pub(super) const PANELS: &[Panel] = &[
     Panel::new("rolling_box", "", Size::Full),
     Panel::new("chain", "", Size::Full),
     Panel::new("joint_grid", "joints", Size::Quick),
-    Panel::new("elastic_666", "", Size::Full),
+    Panel::new("elastic_666", "", Size::Quick),
     Panel::new("gas", "", Size::Quick),
     Panel { regions: &[1, 2, 8], ..Panel::new("pile", "1000 boxes", Size::Full) },
 ];

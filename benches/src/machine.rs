@@ -44,11 +44,13 @@ fn cpu_model() -> Option<String> {
     Some(line.split_once(':')?.1.trim().to_owned())
 }
 
+/// Results do not count as sources: the second of two runs would seem to be of other sources than the first.
 fn commit() -> Option<String> {
-    let git = Command::new("git")
-        .args(["describe", "--always", "--dirty", "--exclude=*"])
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .ok()?;
-    git.status.success().then(|| String::from_utf8_lossy(&git.stdout).trim().to_owned())
+    let git = |arguments: &[&str]| {
+        Command::new("git").args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output().ok()
+    };
+    let head = git(&["rev-parse", "--short", "HEAD"])?;
+    let changes = git(&["status", "--porcelain", "--", ":(top)", ":(top,exclude)benches/results"])?;
+    let dirty = if changes.stdout.is_empty() { "" } else { "-dirty" };
+    head.status.success().then(|| format!("{}{dirty}", String::from_utf8_lossy(&head.stdout).trim()))
 }

@@ -1,7 +1,15 @@
-//! The speed and accuracy suite of dcd: what partitioning costs and gains, and how far its results are off.
+//! The speed and accuracy suite of dcd: what partitioning costs and gains, how far its results are off, and where its methods
+//! fail.
 
 mod accuracy;
-mod scaling;
+mod chart;
+mod draw;
+mod machine;
+mod maps;
+mod page;
+mod results;
+mod speed;
+mod timing;
 
 use std::process::ExitCode;
 
@@ -16,22 +24,30 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Suite {
-    /// Step times of a bare Rapier world, one region, and several regions, in turn, as ratios.
-    Scaling(scaling::Scaling),
     /// Every scene of the suite at 1, 2, 4 and 8 regions, against closed forms and one bare Rapier world.
     Accuracy(accuracy::Accuracy),
+    /// Speed against accuracy, as CSV, SVG and PNG; and whether any fixed setting is better than `auto`.
+    Chart(chart::Chart),
+    /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
+    #[command(alias = "scaling")]
+    Speed(speed::Speed),
+    /// Heat maps of where couplings fail, beside one bare Rapier world.
+    Maps(maps::Maps),
+    #[command(hide = true)]
+    SpeedWorker(speed::SpeedWorker),
 }
 
 fn main() -> ExitCode {
+    let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().suite {
-        Suite::Scaling(scaling) => scaling.run().map(|()| ExitCode::SUCCESS),
         Suite::Accuracy(accuracy) => accuracy.run(),
+        Suite::Chart(chart) => chart.run().map(done),
+        Suite::Speed(speed) => speed.run().map(done),
+        Suite::Maps(maps) => maps.run().map(done),
+        Suite::SpeedWorker(worker) => worker.run().map(done),
     };
-    match result {
-        Ok(code) => code,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    result.unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        ExitCode::FAILURE
+    })
 }

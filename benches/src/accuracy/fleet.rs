@@ -2,6 +2,8 @@
 //! late or lost. What changes who holds and owns a body always arrives, as it does over the network: only the words on how
 //! bodies moved are touched.
 
+use std::collections::VecDeque;
+
 use dcd::physics::{HostError, Measured, Partition, RegionHost, View};
 use dcd::protocol::{BorderMessage, CopyState, SharedState};
 use dcd::rapier3d::prelude::RigidBody;
@@ -11,13 +13,22 @@ use dcd::space::{BodyId, RegionId};
 
 /// What is wrong with exchanges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Fault {
+pub(crate) struct Fault {
+    /// By how many exchanges all motion comes late.
+    pub late: usize,
+    /// Of so many exchanges one is lost; 0 loses none.
+    pub lost_one_in: u64,
+    /// A lost exchange is lost only to regions of higher rank, so that holders disagree on what happened; else all skip it.
+    pub one_way: bool,
+}
+
+impl Fault {
     /// All holders skip every tenth one.
-    Skipped,
+    pub(crate) const SKIPPED: Self = Self { late: 0, lost_one_in: 10, one_way: false };
     /// Each brings what was to come with the one before.
-    Late,
+    pub(crate) const LATE: Self = Self { late: 1, lost_one_in: 0, one_way: false };
     /// Of every tenth one, only what goes to regions of lower rank arrives.
-    LostOneWay,
+    pub(crate) const LOST_ONE_WAY: Self = Self { one_way: true, ..Self::SKIPPED };
 }
 
 /// One host a region.
@@ -25,8 +36,8 @@ pub(crate) struct Fleet {
     hosts: Vec<RegionHost>,
     fault: Option<Fault>,
     exchanges: u64,
-    /// Of the exchange before: who spoke to whom, and what of motion.
-    before: Vec<Motion>,
+    /// Of the exchanges before, the oldest first: who spoke to whom, and what of motion.
+    under_way: VecDeque<Vec<Motion>>,
 }
 
 struct Motion {
@@ -51,7 +62,7 @@ impl Fleet {
                 Ok(host)
             })
             .collect::<Result<_, HostError>>()?;
-        let mut fleet = Self { hosts, fault, exchanges: 0, before: Vec::new() };
+        let mut fleet = Self { hosts, fault, exchanges: 0, under_way: VecDeque::new() };
         fleet.deliver(None)?;
         Ok(fleet)
     }
@@ -90,15 +101,12 @@ impl Fleet {
 
     fn deliver(&mut self, fault: Option<Fault>) -> Result<(), WorldError> {
         let mut messages: Vec<_> = self.hosts.iter().flat_map(RegionHost::outgoing).cloned().collect();
-        let tenth = self.exchanges.is_multiple_of(10);
-        match fault {
-            Some(Fault::Skipped) if tenth => messages.iter_mut().for_each(BorderMessage::forget_motion),
-            Some(Fault::LostOneWay) if tenth => {
-                let lost = messages.iter_mut().filter(|message| message.from < message.to);
+        if let Some(fault) = fault {
+            self.delay(&mut messages, fault.late);
+            if fault.lost_one_in > 0 && self.exchanges.is_multiple_of(fault.lost_one_in) {
+                let lost = messages.iter_mut().filter(|message| !fault.one_way || message.from < message.to);
                 lost.for_each(BorderMessage::forget_motion);
             }
-            Some(Fault::Late) => self.delay(&mut messages),
-            _ => {}
         }
         for message in messages {
             let to = self.hosts.iter_mut().find(|host| host.regions()[0].id() == message.to);
@@ -110,28 +118,28 @@ impl Fleet {
         Ok(())
     }
 
-    /// Gives each message the motion of the one before it.
-    fn delay(&mut self, messages: &mut Vec<BorderMessage>) {
-        for Motion { from, to, .. } in &self.before {
+    /// Gives each message the motion of so many exchanges before.
+    fn delay(&mut self, messages: &mut Vec<BorderMessage>, exchanges: usize) {
+        let now = messages.iter_mut().map(|message| Motion {
+            from: message.from,
+            to: message.to,
+            states: std::mem::take(&mut message.states),
+            copies: std::mem::take(&mut message.copies),
+        });
+        self.under_way.push_back(now.collect());
+        if self.under_way.len() <= exchanges {
+            return;
+        }
+        for motion in self.under_way.pop_front().expect("one was put in") {
+            let Motion { from, to, states, copies } = motion;
+            let place = messages.iter().position(|message| (message.from, message.to) == (from, to));
             // Whoever has nothing to say now said something before.
-            if !messages.iter().any(|message| (message.from, message.to) == (*from, *to)) {
-                messages.push(BorderMessage { from: *from, to: *to, ..BorderMessage::default() });
-            }
+            let place = place.unwrap_or_else(|| {
+                messages.push(BorderMessage { from, to, ..BorderMessage::default() });
+                messages.len() - 1
+            });
+            (messages[place].states, messages[place].copies) = (states, copies);
         }
-        let mut now = Vec::new();
-        for message in messages.iter_mut() {
-            let (from, to) = (message.from, message.to);
-            let mut motion = Motion { from, to, states: Vec::new(), copies: Vec::new() };
-            if let Some(before) = self.before.iter_mut().find(|before| (before.from, before.to) == (from, to))
-            {
-                std::mem::swap(&mut motion.states, &mut before.states);
-                std::mem::swap(&mut motion.copies, &mut before.copies);
-            }
-            std::mem::swap(&mut motion.states, &mut message.states);
-            std::mem::swap(&mut motion.copies, &mut message.copies);
-            now.push(motion);
-        }
-        self.before = now;
     }
 }
 
@@ -190,12 +198,19 @@ mod tests {
     }
 
     #[test]
+    fn what_is_late_by_more_is_another_run_and_what_is_late_by_nothing_is_the_same() {
+        let late = |late| hash_after(60, Some(Fault { late, ..Fault::LATE }));
+        assert_eq!(late(0), hash_after(60, None));
+        assert_ne!(late(1), late(2));
+    }
+
+    #[test]
     fn every_fault_changes_something_and_not_before_it_occurs() {
         let sound = hash_after(60, None);
-        for fault in [Fault::Skipped, Fault::Late, Fault::LostOneWay] {
+        for fault in [Fault::SKIPPED, Fault::LATE, Fault::LOST_ONE_WAY] {
             assert_ne!(hash_after(60, Some(fault)), sound, "{fault:?}");
         }
-        for fault in [Fault::Skipped, Fault::LostOneWay] {
+        for fault in [Fault::SKIPPED, Fault::LOST_ONE_WAY] {
             assert_eq!(hash_after(4, Some(fault)), hash_after(4, None), "{fault:?}");
         }
     }

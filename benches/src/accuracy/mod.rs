@@ -14,7 +14,7 @@ mod trace;
 mod world;
 
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
@@ -24,11 +24,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde_json::json;
 
-pub(crate) use reading::{Reference, read};
-pub(crate) use scene::{Case, Experiment, Size};
+pub(crate) use fleet::Fault;
+pub(crate) use gate::judge;
+pub(crate) use reading::{Reading, Reference, read};
+pub(crate) use scene::{Case, Experiment, Measure, Size};
 pub(crate) use scenes::experiments;
-pub(crate) use world::{Bare, Setup};
+pub(crate) use world::{Bare, Setup, World};
 
+use crate::page;
 use report::{Line, Row};
 
 /// What is run.
@@ -49,7 +52,7 @@ pub(crate) struct Accuracy {
     /// Into how many regions the scenes are cut.
     #[arg(long, value_delimiter = ',', default_value = "1,2,4,8", value_parser = regions)]
     regions: Vec<usize>,
-    /// Writes every case as CSV.
+    /// Writes every case as CSV, and the table of the page beside it.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
 }
@@ -75,6 +78,8 @@ impl Accuracy {
             let csv: String = rows.iter().map(Row::csv).collect();
             std::fs::write(path, format!("{}{csv}", Row::CSV_HEAD))
                 .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+            let folder = path.parent().unwrap_or(Path::new("."));
+            page::put(folder, "accuracy", &page::table(&Row::PAGE_HEAD, rows.iter().map(Row::page)))?;
         }
         let unexplained = rows.iter().filter(|row| !row.pass() && row.known_limit().is_none()).count();
         println!("{} of {} rows pass or are known limits", rows.len() - unexplained, rows.len());

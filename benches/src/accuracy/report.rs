@@ -8,6 +8,7 @@ use super::gate::Verdict;
 use super::limits;
 use super::reading::Reading;
 use super::scene::{Case, Experiment};
+use crate::results::short;
 
 /// One case by one method at one number of regions.
 pub(crate) struct Line {
@@ -118,6 +119,32 @@ impl Row {
             write!(text, "\n      {}: {failures}", line.case).expect("a string takes all");
         }
         text
+    }
+
+    /// Over the cells of the page.
+    pub(crate) const PAGE_HEAD: [&str; 9] =
+        ["#", "scene", "method", "regions", "error", "R1", "may be", "unit", "verdict of the worst case"];
+
+    /// Cells of the page's table.
+    pub(crate) fn page(&self) -> Vec<String> {
+        let worst = self.worst();
+        let verdict = match (self.is_bare(), self.pass(), self.known_limit()) {
+            (true, ..) => "reference".to_owned(),
+            (_, true, _) => format!("{}: passes", worst.case),
+            (_, false, Some(cause)) => format!("{}: known limit, {cause}", worst.case),
+            (_, false, None) => format!("{}: fails", worst.case),
+        };
+        vec![
+            self.number.to_string(),
+            self.name.to_owned(),
+            self.method.to_owned(),
+            if self.is_bare() { "–".to_owned() } else { self.regions.to_string() },
+            short(worst.reading.error),
+            short(worst.reading.r1_error),
+            short(worst.limit()),
+            worst.unit.to_owned(),
+            verdict,
+        ]
     }
 
     /// As in the JSON's list.

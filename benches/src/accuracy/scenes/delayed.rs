@@ -20,7 +20,7 @@ const SKIPPED: f64 = 1.25;
 
 fn delayed(size: Size) -> Vec<Case> {
     let mut cases = Vec::new();
-    for fault in [Fault::Skipped, Fault::Late, Fault::LostOneWay] {
+    for fault in [Fault::SKIPPED, Fault::LATE, Fault::LOST_ONE_WAY] {
         let scenes = [
             (super::stacks::TOWER, "1:1 centre"),
             (super::stacks::TOWER, "10:1 centre"),
@@ -39,9 +39,9 @@ fn delayed(size: Size) -> Vec<Case> {
 
 fn with_fault(mut case: Case, name: &str, fault: Fault) -> Case {
     let what = match fault {
-        Fault::Skipped => "one in ten skipped by all",
-        Fault::Late => "always one late",
-        Fault::LostOneWay => "one in ten lost one way",
+        Fault::LATE => "always one late",
+        Fault::LOST_ONE_WAY => "one in ten lost one way",
+        _ => "one in ten skipped by all",
     };
     case.label = format!("{what}: {name} {}", case.label);
     case.fault = Some(fault);
@@ -50,7 +50,7 @@ fn with_fault(mut case: Case, name: &str, fault: Fault) -> Case {
         case = case.measured_by(|trace, _| displacement(trace));
         case.threshold = None;
     }
-    if fault == Fault::Skipped {
+    if fault == Fault::SKIPPED {
         case.slack *= SKIPPED;
         case.threshold = case.threshold.map(|threshold| SKIPPED * threshold);
         case

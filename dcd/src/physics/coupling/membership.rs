@@ -23,6 +23,9 @@ use crate::space::{Bounds, RegionSet};
 const KEEP_TICKS: u32 = 10;
 /// Ticks that a body which presses on something is held by the region to which it goes, before it is owned there.
 const SETTLE_TICKS: u32 = 8;
+/// The same for one that is only followed there: its load has found its way through the contacts by then, and there is no
+/// hurry.
+const FOLLOW_TICKS: u32 = 60;
 
 /// Who will hold a body from the end of this exchange on.
 #[derive(Clone, Copy, Debug)]
@@ -296,7 +299,10 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     let pressed = island.map_or_else(|| reach::is_pressed(region, handle), |island| island.pressed);
     let is_ready = |handle| {
         let slot = region.slot(handle);
-        let settled = slot.shared.as_ref().is_some_and(|shared| shared.settled >= SETTLE_TICKS);
+        let settled = slot.shared.as_ref().is_some_and(|shared| {
+            let follows = shared.shadows.contains(owner);
+            shared.settled >= if follows { FOLLOW_TICKS } else { SETTLE_TICKS }
+        });
         slot.holders.contains(owner) && (settled || !pressed)
     };
     let ready = match island {

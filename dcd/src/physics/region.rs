@@ -373,11 +373,13 @@ impl Region {
     /// Takes a body out, with its joints. Returns whether it was held here.
     pub(super) fn remove(&mut self, id: BodyId) -> bool {
         let Some(handle) = self.handle_of(id) else { return false };
-        for joint in self.slot(handle).joints.clone() {
-            self.remove_joint(joint);
+        let joints: Vec<_> = self.joints_of(handle).collect();
+        for joint in &joints {
+            self.remove_joint(joint.id);
         }
-        self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
         self.by_id.remove(&id);
+        // What is still held here waits for it.
+        joints.iter().for_each(|joint| self.insert_joint(joint));
         self.watch.forget(id);
         self.guide.forget(handle);
         self.fresh.retain(|link| link.handle != handle);

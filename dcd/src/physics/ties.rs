@@ -41,6 +41,11 @@ impl Region {
         self.share_joint(joint.id);
     }
 
+    /// A body is no more: nothing waits for it.
+    pub(super) fn forget_ties(&mut self, id: BodyId) {
+        self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
+    }
+
     /// Unties two bodies and wakes them.
     pub(super) fn remove_joint(&mut self, id: JointId) {
         self.waiting.remove(&id);

@@ -334,9 +334,9 @@ impl DcdWorld {
         }
     }
 
-    /// The mass of a body in kilograms, whole even where several regions share it.
+    /// The mass of a body in kilograms, whole even where several regions share it; 0 for a fixed one.
     pub fn mass_kg(&self, body: BodyId) -> Option<f32> {
-        self.host.mass_kg(body)
+        if self.body(body)?.is_fixed() { Some(0.0) } else { self.host.mass_kg(body) }
     }
 
     /// How a body moves; zero for an immovable one.

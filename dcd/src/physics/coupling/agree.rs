@@ -63,8 +63,11 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
     let own = (counts && !shared.broken).then_some((own_rank, shared.own));
     let at = shared.heard.partition_point(|(rank, _)| *rank < own_rank);
     let (before, after) = shared.heard.split_at(at);
-    let copies =
-        || before.iter().chain(own.iter()).chain(after).map(|(_, copy)| copy).filter(|copy| copy.sound);
+    let shadows = shared.shadows;
+    let copies = || {
+        let all = before.iter().chain(own.iter()).chain(after);
+        all.filter(|(rank, copy)| copy.sound && !shadows.contains(*rank)).map(|(_, copy)| copy)
+    };
     if copies().next().is_none() {
         share::set_aside(region, link.handle, shared);
         return 0.0;
@@ -85,8 +88,10 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
         shared.twist = sum(|copy| copy.torque_nm) / count - Vector::from_array(shared.own.torque_nm);
     }
     let z = Vector::from_array(velocity.linear);
-    let worst =
-        copies().map(|copy| (Vector::from_array(copy.velocity.linear) - z).length()).fold(0.0, f32::max);
+    let off = |copy: &CopyState| (Vector::from_array(copy.velocity.linear) - z).length();
+    let worst = copies().map(off).fold(0.0, f32::max);
+    let following = shared.heard.iter().filter(|(rank, _)| shadows.contains(*rank));
+    shared.strayed_m_s = following.map(|(_, copy)| off(copy)).fold(0.0, f32::max);
     write(region, link, &pose, &velocity);
     shared.start = None;
     worst

@@ -23,9 +23,10 @@ use crate::space::{Bounds, RegionSet};
 const KEEP_TICKS: u32 = 10;
 /// Ticks that a body which presses on something is held by the region to which it goes, before it is owned there.
 const SETTLE_TICKS: u32 = 8;
-/// The same for one that is only followed there: its load has found its way through the contacts by then, and there is no
-/// hurry.
-const FOLLOW_TICKS: u32 = 60;
+/// What is only followed there waits until its shadow strays no further than this, in m/s: then its load has found its way
+/// through the contacts there. After so many ticks it goes anyway.
+const STRAY_M_S: f32 = 1e-3;
+const FOLLOW_TICKS: u32 = 120;
 
 /// Who will hold a body from the end of this exchange on.
 #[derive(Clone, Copy, Debug)]
@@ -105,9 +106,10 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
     let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
     let leaving = sights.near.iter().map(|near| near.link.handle).filter(|&handle| !small(handle));
     let leaving = leaving.filter_map(|handle| {
-        let centre = region.physics().bodies[handle].center_of_mass();
-        let home = home_of(region, moment.partition, convert::world_point(region.anchor(), centre));
-        (home != region.rank()).then_some((handle, home))
+        let body = &region.physics().bodies[handle];
+        let centre = convert::world_point(region.anchor(), body.center_of_mass());
+        let home = home_of(region, moment.partition, centre);
+        (home != region.rank() && !body.is_sleeping()).then_some((handle, home))
     });
     reach.spread(region, depth, leaving, met.into_iter(), small);
     let mut leaving = Vec::new();
@@ -260,8 +262,7 @@ fn decide_on(
         owner = wish.owner;
         if shadows.contains(owner) {
             shadows.remove(owner);
-            // What a joint ties to another body must not go there alone: the joint would be lost.
-            if counts == own && region.slot(link.handle).joints.is_empty() {
+            if counts == own {
                 members = RegionSet::only(owner);
             }
         }
@@ -300,8 +301,8 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     let is_ready = |handle| {
         let slot = region.slot(handle);
         let settled = slot.shared.as_ref().is_some_and(|shared| {
-            let follows = shared.shadows.contains(owner);
-            shared.settled >= if follows { FOLLOW_TICKS } else { SETTLE_TICKS }
+            let strays = shared.shadows.contains(owner) && shared.strayed_m_s > STRAY_M_S;
+            shared.settled >= if strays { FOLLOW_TICKS } else { SETTLE_TICKS }
         });
         slot.holders.contains(owner) && (settled || !pressed)
     };

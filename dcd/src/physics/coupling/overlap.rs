@@ -75,7 +75,7 @@ fn rank_of(partition: &Partition, message: &BorderMessage) -> usize {
     partition.rank_of(message.from).expect("messages come from regions of this tree")
 }
 
-/// Sends a copy to all who hold the body; once only when it falls asleep.
+/// Sends a copy to all who hold the body, and what a shadow became to the owner alone; once only when it falls asleep.
 fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
     let Some(shared) = region.slot(link.handle).shared.as_deref() else { return };
     if !moment.is_due(region.border.pace.exchanges_among(shared.members)) {
@@ -84,13 +84,15 @@ fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
     let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { return };
     let asleep = region.physics().bodies[link.handle].is_sleeping();
     let told = region.slot(link.handle).told_asleep;
-    let follows = shared.shadows.contains(region.rank());
-    if !(follows || asleep && told) {
+    if !(asleep && told) {
         let island = region.border.islands.size(link.handle);
         share::read(region, link.handle, &mut shared, island);
         region.slot_mut(link.handle).told_asleep = asleep;
-        let own = RegionSet::only(region.rank());
-        for rank in shared.members.without(own).iter() {
+        let hearers = match region.slot(link.handle).role {
+            Role::Replica { owner } if shared.shadows.contains(region.rank()) => RegionSet::only(owner),
+            _ => shared.members.without(RegionSet::only(region.rank())),
+        };
+        for rank in hearers.iter() {
             region.outbox[rank].copies.push(shared.own);
         }
     }

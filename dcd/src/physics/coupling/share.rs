@@ -33,6 +33,8 @@ pub(in crate::physics) struct Shared {
     pub twist: Vector,
     /// How the copy began the steps since the last exchange.
     pub start: Option<Start>,
+    /// How far the velocities of shadows were from what they follow, m/s; told to the owner.
+    pub strayed_m_s: f32,
     /// Ticks since members changed.
     pub settled: u32,
     /// Ticks for which some member has had no reason to be one.
@@ -197,7 +199,7 @@ pub(super) fn set_members(
     let counting = members.without(shadows);
     if (shared.members, shared.shadows) != (members, shadows) {
         (shared.settled, shared.idle) = (0, 0);
-        shared.heard.retain(|(rank, _)| counting.contains(*rank));
+        shared.heard.retain(|(rank, _)| members.contains(*rank));
         region.slot_mut(handle).told_asleep = false;
     }
     (shared.members, shared.shadows) = (members, shadows);

@@ -128,6 +128,7 @@ impl RegionHost {
         let mut held = self.statics.remove(id);
         for region in &mut self.regions {
             held |= region.remove(id);
+            region.forget_ties(id);
         }
         self.directory.remove(id);
         held

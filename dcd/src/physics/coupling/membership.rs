@@ -44,6 +44,8 @@ struct Wish {
     /// Those of them which its contacts reach.
     reached: RegionSet,
     owner: usize,
+    /// Whether its island moves whole.
+    whole: bool,
     /// Whether something touches the body, or its island if that moves whole.
     pressed: bool,
     /// Whether it, and its island if that moves whole, is where it goes, with its contacts.
@@ -93,11 +95,10 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         .filter(|meeting| meeting.island > 0)
         .filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting)))
         .filter(|(handle, meeting)| {
-            // What is free moves to the other's region, and small islands do as long as there is time: nothing need be shared.
-            let small = border.islands.of(*handle).is_some_and(|island| !island.big);
-            let pressed = border.islands.of(*handle).is_none_or(|island| island.pressed);
-            let free = meeting.free || !pressed && goes_at_once(region, *handle);
-            !small || !free && meeting.is_soon(moment.settings.dt_s)
+            // What is free moves to the other's region before they touch: nothing need be shared.
+            let island = border.islands.of(*handle).filter(|island| !island.big);
+            let goes = island.is_some_and(|island| !island.pressed) && goes_at_once(region, *handle);
+            island.is_none() || !(meeting.free || goes)
         })
         .map(|(handle, meeting)| (handle, meeting.rank))
         .collect();
@@ -111,7 +112,8 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         let home = home_of(region, moment.partition, centre);
         (home != region.rank() && !body.is_sleeping()).then_some((handle, home))
     });
-    reach.spread(region, depth, leaving, met.into_iter(), small);
+    let waits = |handle| islands.of(handle).is_some_and(|island| !island.big && !island.pressed);
+    reach.spread(region, depth, leaving, met.into_iter(), waits);
     let mut leaving = Vec::new();
     for link in candidates(region, &border) {
         leaving.extend(decide_on(region, &mut border, moment, link));
@@ -262,7 +264,8 @@ fn decide_on(
         owner = wish.owner;
         if shadows.contains(owner) {
             shadows.remove(owner);
-            if counts == own {
+            // Nothing that stays here touches it.
+            if counts == own && (wish.whole || !touches_any(region, link.handle)) {
                 members = RegionSet::only(owner);
             }
         }
@@ -319,7 +322,14 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
     let reached = border.reach.of(handle).union(met).without(own);
     let holders = reached.union(RegionSet::only(owner)).without(own);
-    Wish { holders, reached, owner, pressed, ready }
+    Wish { holders, reached, owner, whole: island.is_some(), pressed, ready }
+}
+
+/// Whether the body touches one that can move, or is tied to it.
+fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
+    let mut any = false;
+    reach::for_each_contact(region, handle, |_, touches| any |= touches);
+    any
 }
 
 /// Whether nobody shares the body, nothing presses on it or is tied to it, so that it loses nothing by going at once.

@@ -13,8 +13,6 @@ use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Regions look so many ticks ahead: time enough to move one of two bodies to the other's region, and on to a third.
 const AHEAD_TICKS: f32 = 6.0;
-/// From being shown to being held takes so many ticks, with one to spare.
-const SOON_TICKS: f32 = 3.0;
 /// What both regions hold already is seen by its contacts, unless it is faster than this.
 const SLOW_M_S: f32 = 0.5;
 /// Bodies count as meeting when they come so near, metres.
@@ -75,13 +73,6 @@ pub(super) struct Meeting {
     pub after_s: f64,
     /// Rank of the region in whose cell that will be.
     pub place: usize,
-}
-
-impl Meeting {
-    /// Whether there is no time left for another plan than to share both bodies.
-    pub(super) fn is_soon(&self, tick_s: f32) -> bool {
-        self.after_s <= f64::from(SOON_TICKS * tick_s)
-    }
 }
 
 impl Sights {

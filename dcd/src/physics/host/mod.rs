@@ -144,6 +144,7 @@ pub struct RegionHost {
     /// By rank: where in `regions`.
     place_of: Vec<Option<usize>>,
     directory: Directory,
+    threads: usize,
     pool: Option<Arc<rayon::ThreadPool>>,
     /// From regions computed elsewhere, for the exchange that is open.
     incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
@@ -186,6 +187,7 @@ impl RegionHost {
             statics: Statics::default(),
             regions: Vec::new(),
             directory: Directory::default(),
+            threads,
             pool,
             incoming: BTreeMap::new(),
             tick: Tick(0),
@@ -198,7 +200,29 @@ impl RegionHost {
         for &region in hosted {
             host.add_region(region);
         }
+        host.lend_threads()?;
         Ok(host)
+    }
+
+    /// Gives Rapier's own parallel solver its threads: all of them in the only region; elsewhere each region has one, since
+    /// a world that waited for workers busy in other regions would wait for ever.
+    #[cfg(feature = "parallel")]
+    fn lend_threads(&mut self) -> Result<(), HostError> {
+        let threads = if self.partition.len() == 1 { self.threads.max(1) } else { 1 };
+        for region in &mut self.regions {
+            let world = region.world_mut();
+            if world.num_threads() != Some(threads) {
+                world
+                    .configure_thread_pool(threads)
+                    .map_err(|cause| HostError::Threads { threads, cause })?;
+            }
+        }
+        Ok(())
+    }
+
+    #[cfg(not(feature = "parallel"))]
+    fn lend_threads(&mut self) -> Result<(), HostError> {
+        Ok(())
     }
 
     /// The shapes of this process.

@@ -89,6 +89,7 @@ impl RegionHost {
                 self.add_region(id);
             }
         }
+        self.lend_threads()?;
         // New regions get what is immovable in the same pass, so that all is inserted in id order, as in a new world.
         placed.extend(self.statics.bodies().map(|body| (RegionId(0), body.clone())));
         placed.sort_by_key(|(_, body)| body.id);

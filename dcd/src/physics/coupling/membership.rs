@@ -11,7 +11,7 @@
 
 use rapier3d::prelude::*;
 
-use super::sight::{self, Sights};
+use super::sight::{self, Near, Sights};
 use super::{Border, Moment, halo, reach, share};
 use crate::physics::convert;
 use crate::physics::partition::{OWNER_HYSTERESIS_M, Partition};
@@ -105,7 +105,8 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
     let Border { reach, islands, pace, sights, .. } = &mut border;
     let depth = moment.settings.depth + pace.extra_depth();
     let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
-    let leaving = sights.near.iter().map(|near| near.link.handle).filter(|&handle| !small(handle));
+    let out = sights.near.iter().filter(|near| !region.cell().contains_box(&near.swept));
+    let leaving = out.map(|near| near.link.handle).filter(|&handle| !small(handle));
     let leaving = leaving.filter_map(|handle| {
         let body = &region.physics().bodies[handle];
         let centre = convert::world_point(region.anchor(), body.center_of_mass());
@@ -209,7 +210,11 @@ fn candidates(region: &Region, border: &Border) -> Vec<Link> {
     };
     let mut all: Vec<_> = region.shared.clone();
     all.extend(border.reach.reached.iter().filter_map(owned));
-    all.extend(border.sights.near.iter().map(|near| near.link));
+    let stays = |near: &&Near| {
+        let meets = border.sights.meetings_of(near.link.id).next().is_some();
+        region.cell().contains_box(&near.swept) && !meets
+    };
+    all.extend(border.sights.near.iter().filter(|near| !stays(near)).map(|near| near.link));
     let moving = border.islands.found.iter().filter(|island| !island.big && island.target != region.rank());
     all.extend(moving.flat_map(|island| &island.members));
     all.sort_unstable_by_key(|link| link.id);

@@ -191,10 +191,8 @@ pub(super) fn look(
     sights.tick_s = tick_s;
     let now = moment.tick.0 as u32;
     sights.find_inner(region);
-    let own = |near: &Near| {
-        let here = region.handle_of(near.link.id) == Some(near.link.handle);
-        here && region.slot(near.link.handle).role == Role::Owner
-    };
+    // By Rapier's handle, not by name: nothing is hashed.
+    let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Role::Owner));
     sights.near.retain(own);
     for &handle in handles {
         let slot = region.slot(handle);
@@ -400,4 +398,72 @@ pub(super) fn has_company(
                 })
         },
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    use super::*;
+
+    fn sighting(id: u32, at: [f64; 3], velocity: [f32; 3]) -> Sighting {
+        let bounds = Bounds::around(at, [0.5; 3]);
+        Sighting { id: BodyId::persistent(id), bounds, velocity, awake: true, island: 1, free: true }
+    }
+
+    #[test]
+    fn boxes_meet_when_the_gap_closes_on_every_axis_at_once() {
+        let meet = |b: Sighting| {
+            let a = sighting(0, [0.0; 3], [1.0, 0.0, 0.0]);
+            meet_after((&a.bounds, a.velocity), (&b.bounds, b.velocity))
+        };
+        assert_eq!(meet(sighting(1, [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0])), Some(1.0));
+        assert_eq!(meet(sighting(1, [3.0, 0.0, 0.0], [1.0, 0.0, 0.0])), None, "as fast, it is never reached");
+        assert_eq!(meet(sighting(1, [3.0, 0.0, 0.0], [2.0, 0.0, 0.0])), None, "it flees");
+        assert_eq!(meet(sighting(1, [3.0, 4.0, 0.0], [-1.0, 0.0, 0.0])), None, "they pass");
+        assert_eq!(meet(sighting(1, [0.5, 0.5, 0.0], [9.0, 9.0, 9.0])), Some(0.0), "they overlap");
+    }
+
+    #[test]
+    fn both_sides_find_the_meetings_that_a_look_at_every_pair_finds() {
+        let mut dice = ChaCha8Rng::seed_from_u64(3);
+        let mut roll = |from: f32, to: f32| from + (to - from) * (dice.next_u32() as f32 / u32::MAX as f32);
+        let mut list = |first: u32| -> Vec<_> {
+            (first..first + 60)
+                .map(|id| {
+                    let at = std::array::from_fn(|_| f64::from(roll(-6.0, 6.0)));
+                    sighting(id, at, std::array::from_fn(|_| roll(-5.0, 5.0)))
+                })
+                .collect()
+        };
+        let (ours, theirs) = (list(0), list(100));
+        let pairs = |a: &[Sighting], b: &[Sighting], swapped: bool| {
+            let mut found = Vec::new();
+            for_each_overlap(a, b, 0.1, |a, b, after_s| {
+                let ids = if swapped { (b.id, a.id) } else { (a.id, b.id) };
+                found.push((ids, after_s.to_bits(), middle(a, b, after_s)));
+            });
+            found.sort_by_key(|(ids, ..)| *ids);
+            found
+        };
+        let found = pairs(&ours, &theirs, false);
+        assert_eq!(found, pairs(&theirs, &ours, true));
+        let all = ours.iter().flat_map(|a| theirs.iter().map(move |b| (a, b)));
+        let soon = all.filter(|(a, b)| {
+            let after_s = meet_after((&a.bounds, a.velocity), (&b.bounds, b.velocity));
+            after_s.is_some_and(|after_s| after_s <= 0.1)
+        });
+        assert_eq!(found.len(), soon.count());
+        assert!(found.len() > 20, "{}", found.len());
+    }
+
+    #[test]
+    fn what_others_reach_into_is_no_longer_inner() {
+        let mut inner = Bounds::new([f64::NEG_INFINITY, 0.0, 0.0], [10.0; 3]);
+        cut(&mut inner, &Bounds::new([8.0, 2.0, 2.0], [11.0, 4.0, 4.0]));
+        assert_eq!((inner.min[0], inner.max), (f64::NEG_INFINITY, [8.0, 10.0, 10.0]));
+        cut(&mut inner, &Bounds::new([20.0; 3], [21.0; 3]));
+        assert_eq!(inner.max, [8.0, 10.0, 10.0]);
+    }
 }

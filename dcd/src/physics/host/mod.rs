@@ -144,6 +144,7 @@ pub struct RegionHost {
     /// By rank: where in `regions`.
     place_of: Vec<Option<usize>>,
     directory: Directory,
+    #[cfg(feature = "parallel")]
     threads: usize,
     pool: Option<Arc<rayon::ThreadPool>>,
     /// From regions computed elsewhere, for the exchange that is open.
@@ -187,6 +188,7 @@ impl RegionHost {
             statics: Statics::default(),
             regions: Vec::new(),
             directory: Directory::default(),
+            #[cfg(feature = "parallel")]
             threads,
             pool,
             incoming: BTreeMap::new(),

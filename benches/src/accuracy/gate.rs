@@ -53,7 +53,6 @@ pub(crate) fn judge(case: &Case, reading: &Reading, r1: &Reading) -> Verdict {
 
 #[cfg(test)]
 mod tests {
-    use dcd::runtime::measure::StepTimes;
     use dcd::scene::{Params, Scene};
 
     use super::*;
@@ -64,21 +63,7 @@ mod tests {
     }
 
     fn reading(error: f64, r1_error: f64) -> Reading {
-        Reading {
-            error,
-            r1_error,
-            threshold: 0.0,
-            momentum_error: None,
-            ground_error: None,
-            lost: 0,
-            doubled: 0,
-            quarantined: 0,
-            pairs: 0,
-            transfers: 0,
-            replicas_mean: 0.0,
-            step_ms: StepTimes::default(),
-            rtf: 1.0,
-        }
+        Reading::plain(error, r1_error)
     }
 
     fn passes(case: &Case, reading: &Reading) -> bool {

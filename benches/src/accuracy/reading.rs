@@ -225,6 +225,28 @@ fn nudged(scene: &Scene) -> Scene {
 }
 
 #[cfg(test)]
+impl Reading {
+    /// A run of which nothing but the error is said, to be judged and reported.
+    pub(crate) fn plain(error: f64, r1_error: f64) -> Self {
+        Self {
+            error,
+            r1_error,
+            threshold: 0.0,
+            momentum_error: None,
+            ground_error: None,
+            lost: 0,
+            doubled: 0,
+            quarantined: 0,
+            pairs: 0,
+            transfers: 0,
+            replicas_mean: 0.0,
+            step_ms: StepTimes::default(),
+            rtf: 1.0,
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

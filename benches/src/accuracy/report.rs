@@ -205,26 +205,11 @@ impl Row {
 
 #[cfg(test)]
 mod tests {
-    use dcd::runtime::measure::StepTimes;
 
     use super::*;
 
     fn line(case: &str, error: f64, limit: f64) -> Line {
-        let reading = Reading {
-            error,
-            r1_error: 0.5 * limit,
-            threshold: 0.0,
-            momentum_error: None,
-            ground_error: None,
-            lost: 0,
-            doubled: 0,
-            quarantined: 0,
-            pairs: 0,
-            transfers: 0,
-            replicas_mean: 0.0,
-            step_ms: StepTimes::default(),
-            rtf: 1.0,
-        };
+        let reading = Reading::plain(error, 0.5 * limit);
         let failures = if error > limit { vec!["too far".to_owned()] } else { Vec::new() };
         Line { case: case.to_owned(), unit: "m", reading, verdict: Some(Verdict { limit, failures }) }
     }

@@ -177,7 +177,7 @@ fn wrong_usage_names_cause_and_remedy_and_exits_with_2() {
         (&["run", "tower", "--cut", "y=2", "--cut", "y=2"], &["plane y=2 cuts no region", "each plane once"]),
         (&["run", "tower", "--cut", "w=1"], &["write an axis and metres"]),
         (&["run", "tower", "--cut", "x=0", "--regions", "2"], &["cannot be used with"]),
-        (&["run", "tower", "--regions", "65"], &["65 is not in 0..=64"]),
+        (&["run", "tower", "--regions", "257"], &["257 is not in 0..=256"]),
         (&["run", "tower", "--coupling", "magic"], &["possible values: proxy, owner, overlap, island, auto"]),
         (&["run", "tower", "--coupling", "auto", "--preset", "game"], &["cannot be used with"]),
         (&["run", "tower", "--preset", "fine"], &["possible values: draft, game, precise"]),

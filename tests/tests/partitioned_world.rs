@@ -534,10 +534,10 @@ fn bad_input_is_refused_with_cause_and_remedy() {
     assert!(matches!(world.remove(ghost), Err(WorldError::NoBody(id)) if id == ghost));
     assert!(world.set_pose(ghost, WorldPose::default()).is_err());
     assert!(world.insert_joint(ghost, ghost, SphericalJointBuilder::new()).is_err());
-    for regions in [0, 65] {
+    for regions in [0, 257] {
         let config = WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::default() };
         let error = DcdWorld::new(config).err().unwrap().to_string();
-        assert!(error.contains("1 to 64"), "{error}");
+        assert!(error.contains("1 to 256"), "{error}");
     }
     let mut config = WorldConfig::default();
     config.step.dt_s = 0.0;

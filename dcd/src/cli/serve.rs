@@ -15,6 +15,7 @@ use super::world::{CutArgs, explained};
 use crate::protocol::{Pace, View, ViewNumber};
 use crate::runtime::{ServeConfig, ServerProcess};
 use crate::scene::{Params, Scene};
+use crate::space::MAX_REGIONS;
 use crate::space::Tick;
 
 /// How often the user's wish to end is looked for.
@@ -44,8 +45,8 @@ pub(super) struct Serve {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     nodes: u16,
     /// Regions, by halving the largest [default: what the scene says, else 1]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=64), conflicts_with = "cut")]
-    regions: Option<u8>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_REGIONS as i64), conflicts_with = "cut")]
+    regions: Option<u16>,
     #[command(flatten)]
     cuts: CutArgs,
     /// Steps as fast as the nodes can, rather than in real time

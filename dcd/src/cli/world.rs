@@ -38,7 +38,7 @@ pub(super) struct CutArgs {
 
 impl CutArgs {
     /// The world that the scene and the arguments ask for; `regions` are made by halving.
-    pub(super) fn config(&self, scene: &Scene, regions: Option<u8>) -> Result<WorldConfig, Failure> {
+    pub(super) fn config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
         let mut config = WorldConfig::for_scene(scene);
         if let Some(count) = regions {
             config.partitioning = Partitioning::Regions(count.into());

@@ -9,6 +9,7 @@ mod guide;
 mod host;
 mod joints;
 mod measure;
+mod outbox;
 mod partition;
 mod placement;
 mod query;

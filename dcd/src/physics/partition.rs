@@ -1,5 +1,7 @@
 //! What every region must know of all the others: their cells, and how far replicas reach.
 
+use std::sync::Arc;
+
 use crate::space::{Bounds, Cell, DistributionTree, RegionId, RegionSet};
 
 /// A body whose reach is larger is a hub: it does not widen the halo of all others, and its own box is used.
@@ -15,18 +17,67 @@ pub(super) const OWNER_HYSTERESIS_M: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub struct Partition {
     tree: DistributionTree,
-    leaves: Vec<RegionId>,
+    leaves: Arc<[RegionId]>,
     cells: Vec<Cell>,
+    /// The tree's inner vertices, the root first.
+    branches: Vec<Branch>,
     halo_m: f64,
     fixed_halo: bool,
+}
+
+/// An inner vertex, laid out for quick descent.
+#[derive(Clone, Copy, Debug)]
+struct Branch {
+    axis: usize,
+    at: f64,
+    below: [Twig; 2],
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Twig {
+    /// Index of a branch.
+    Branch(usize),
+    /// Rank of a region.
+    Leaf(usize),
 }
 
 impl Partition {
     /// The halo follows the largest body that is no hub, unless `halo_m` fixes it.
     pub fn new(tree: DistributionTree, halo_m: Option<f64>) -> Self {
-        let leaves: Vec<_> = tree.leaves().collect();
-        let cells = leaves.iter().map(|&leaf| tree.cell(leaf)).collect();
-        Self { tree, leaves, cells, halo_m: halo_m.unwrap_or(0.0), fixed_halo: halo_m.is_some() }
+        let mut partition = Self {
+            leaves: Arc::new([]),
+            cells: Vec::new(),
+            branches: Vec::new(),
+            halo_m: halo_m.unwrap_or(0.0),
+            fixed_halo: halo_m.is_some(),
+            tree,
+        };
+        partition.index();
+        partition
+    }
+
+    /// Lays out the tree anew.
+    fn index(&mut self) {
+        self.leaves = self.tree.leaves().collect();
+        self.cells = self.leaves.iter().map(|&leaf| self.tree.cell(leaf)).collect();
+        self.branches.clear();
+        self.lay_out(RegionId(0));
+    }
+
+    fn lay_out(&mut self, vertex: RegionId) -> Twig {
+        let (Some((axis, at)), Some((left, right))) =
+            (self.tree.cut_of(vertex), self.tree.children_of(vertex))
+        else {
+            return Twig::Leaf(self.leaves.binary_search(&vertex).expect("a vertex without cut is a leaf"));
+        };
+        let place = self.branches.len();
+        self.branches.push(Branch { axis: axis.index(), at, below: [Twig::Branch(place); 2] });
+        self.branches[place].below = [self.lay_out(left), self.lay_out(right)];
+        Twig::Branch(place)
+    }
+
+    fn root(&self) -> Twig {
+        if self.branches.is_empty() { Twig::Leaf(0) } else { Twig::Branch(0) }
     }
 
     /// The tree.
@@ -35,7 +86,7 @@ impl Partition {
     }
 
     /// The regions in rank order.
-    pub fn leaves(&self) -> &[RegionId] {
+    pub fn leaves(&self) -> &Arc<[RegionId]> {
         &self.leaves
     }
 
@@ -61,8 +112,16 @@ impl Partition {
 
     /// The rank of the region that holds the point.
     pub fn rank_at(&self, point: [f64; 3]) -> usize {
-        let leaf = self.tree.leaf_at(point);
-        self.leaves.binary_search(&leaf).expect("leaf_at gives a leaf")
+        let mut at = self.root();
+        loop {
+            match at {
+                Twig::Leaf(rank) => return rank,
+                Twig::Branch(place) => {
+                    let branch = &self.branches[place];
+                    at = branch.below[usize::from(point[branch.axis] >= branch.at)];
+                }
+            }
+        }
     }
 
     /// The rank of a region, if it is a leaf.
@@ -73,12 +132,23 @@ impl Partition {
     /// The regions whose cell the box touches.
     pub fn touching(&self, bounds: &Bounds) -> RegionSet {
         let mut found = RegionSet::EMPTY;
-        for (rank, cell) in self.cells.iter().enumerate() {
-            if cell.touches(bounds) {
-                found.insert(rank);
+        self.visit(self.root(), bounds, &mut found);
+        found
+    }
+
+    fn visit(&self, twig: Twig, bounds: &Bounds, found: &mut RegionSet) {
+        match twig {
+            Twig::Leaf(rank) => found.insert(rank),
+            Twig::Branch(place) => {
+                let Branch { axis, at, below } = self.branches[place];
+                if bounds.min[axis] < at {
+                    self.visit(below[0], bounds, found);
+                }
+                if bounds.max[axis] >= at {
+                    self.visit(below[1], bounds, found);
+                }
             }
         }
-        found
     }
 
     /// A body of this reach is in the world from now on. A body P that touches a body Q of the neighbour must be held

@@ -8,16 +8,16 @@ use rapier3d::prelude::*;
 use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
 use super::guide::{self, Guide};
+use super::outbox::Outbox;
 use super::partition::HUB_REACH_M;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::ties::HeldJoint;
 use super::watch::ContactWatch;
 use super::{convert, record};
 use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, BorderMessage, JointRecord, RegionEvents, SharedState,
-    WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, JointRecord, RegionEvents, SharedState, WorldPose,
 };
-use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet};
+use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet, Tick};
 
 /// Immovable bodies are held this far beyond the cell, so that what reaches out of it finds its ground.
 const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
@@ -99,8 +99,11 @@ pub struct Region {
     /// Whether a body's mass is shared among the regions that hold it; else each copy has all of it.
     pub(super) shares_mass: bool,
     pub(super) events: RegionEvents,
-    /// One message a region of the world, by rank.
-    pub(super) outbox: Vec<BorderMessage>,
+    pub(super) outbox: Outbox,
+    /// Whether anything was changed here, or heard of others, since the last step.
+    pub(super) stirred: bool,
+    /// Whether it rests in the present tick.
+    pub(super) rests: bool,
     /// Bodies inserted here as its own whose neighbourhood no exchange has seen yet.
     pub(super) fresh: Vec<Link>,
     /// Bodies that became this region's own in the last exchange.
@@ -123,7 +126,7 @@ impl Region {
         cell: Cell,
         part: &Bounds,
         gravity: [f32; 3],
-        regions: &[RegionId],
+        regions: &Arc<[RegionId]>,
         steps: usize,
     ) -> Self {
         let mut world = PhysicsWorld::new();
@@ -148,10 +151,9 @@ impl Region {
             quarantined: Vec::new(),
             shares_mass: false,
             events: RegionEvents { region: id, ..RegionEvents::default() },
-            outbox: regions
-                .iter()
-                .map(|&to| BorderMessage { from: id, to, ..BorderMessage::default() })
-                .collect(),
+            outbox: Outbox::new(id, regions.clone()),
+            stirred: true,
+            rests: false,
             fresh: Vec::new(),
             arrived: Vec::new(),
             due: Vec::new(),
@@ -245,9 +247,20 @@ impl Region {
         &self.quarantined
     }
 
-    /// Has nothing to say in this round.
-    pub(super) fn be_silent(&mut self) {
-        self.outbox.iter_mut().for_each(BorderMessage::clear);
+    /// Whether nothing here can change in the tick to come: all that it holds is at rest, and nobody has stirred it.
+    pub(super) fn is_idle(&self) -> bool {
+        !self.stirred
+            && self.shared.is_empty()
+            && self.replicas.is_empty()
+            && !self.border.awaits_any()
+            && self.world.islands.active_bodies().next().is_none()
+            && self.fresh.is_empty()
+            && self.border.pace.is_settled(self.rank)
+    }
+
+    /// Says and does nothing in this round.
+    pub(super) fn be_silent(&mut self, tick: Tick) {
+        self.outbox.clear(tick);
     }
 
     /// Steps the Rapier world.
@@ -259,6 +272,7 @@ impl Region {
             self.quarantined.clear();
         }
         guide::guide(self, steps);
+        self.stirred = false;
         self.world.step_with_events(&(), &self.watch);
         let heard = self.events.forces.len();
         self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
@@ -302,6 +316,7 @@ impl Region {
     }
 
     pub(super) fn world_mut(&mut self) -> &mut PhysicsWorld {
+        self.stirred = true;
         &mut self.world
     }
 
@@ -328,6 +343,7 @@ impl Region {
     ) -> Result<RigidBodyHandle, ShapeError> {
         assert!(!self.by_id.contains_key(&body.id), "{} is already held by {}", body.id, self.id);
         let (rigid_body, colliders) = record::build(body, self.anchor, shapes)?;
+        self.stirred = true;
         let handle = self.world.bodies.insert(rigid_body);
         for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
             let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
@@ -383,7 +399,7 @@ impl Region {
         self.watch.forget(id);
         self.guide.forget(handle);
         self.fresh.retain(|link| link.handle != handle);
-        self.world.remove_body(handle);
+        self.world_mut().remove_body(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;
         self.unlist(id);
         true
@@ -448,9 +464,9 @@ impl Region {
 
     /// Membership changed: who holds replicas of this region's bodies, and whether its own replicas are still right, must
     /// be told again.
-    pub(super) fn forget_holders(&mut self, steps: usize) {
+    pub(super) fn forget_holders(&mut self, regions: usize, steps: usize) {
         self.fresh.clear();
-        self.border = Border::new(self.outbox.len(), steps);
+        self.border = Border::new(regions, steps);
         self.guide.reset();
         for Link { id, handle } in self.links() {
             let kept = coupling::make_whole(self, handle);
@@ -498,6 +514,7 @@ impl Region {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
         Some(coupling::whole_colliders(self, handle, |region| {
             let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
+            region.stirred = true;
             let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);
             let old = &slot.traits.colliders[index];
             let mass = own.mass_properties();

@@ -90,7 +90,7 @@ impl Region {
         let Some(handle) = self.handle_of(id) else { return own };
         let slot = self.slot(handle);
         match slot.role {
-            Role::Immovable => RegionSet::from_bits(u64::MAX),
+            Role::Immovable => RegionSet::ALL,
             _ => slot.shared.as_ref().map_or(own, |shared| shared.members.without(shared.shadows)),
         }
     }

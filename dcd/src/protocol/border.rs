@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 
 use super::{BodyRecord, JointRecord, Velocity, WorldPose};
-use crate::space::{BodyId, Bounds, Epoch, RegionId, Tick};
+use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
 /// The owner's word on a body that the receiver holds a replica of.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
@@ -56,10 +56,10 @@ pub struct Membership {
     pub epoch: Epoch,
     /// Rank of the owner.
     pub owner: u8,
-    /// Ranks of all that hold it, the owner too, as bits of `RegionSet`.
-    pub holders: u64,
-    /// Ranks of those of them whose copies only follow the others', as bits: they have no part of the mass.
-    pub shadows: u64,
+    /// All that hold it, the owner too.
+    pub holders: RegionSet,
+    /// Those of them whose copies only follow the others': they have no part of the mass.
+    pub shadows: RegionSet,
 }
 
 /// A body near the receiver's region which the receiver does not hold.
@@ -93,8 +93,8 @@ pub struct Sight {
 pub struct Transfer {
     /// The body, whole, at the epoch of the new owner.
     pub body: BodyRecord,
-    /// Ranks of the regions that hold a replica, as bits of `RegionSet`.
-    pub holders: u64,
+    /// The regions that hold a replica.
+    pub holders: RegionSet,
     /// Whether its island moves whole.
     pub whole: bool,
 }

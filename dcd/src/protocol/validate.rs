@@ -2,7 +2,7 @@
 //! that agree. "Parse, don't validate": [`decode`](super::decode) never returns a message that fails [`Check`].
 
 use super::*;
-use crate::space::{Bounds, MAX_REGIONS};
+use crate::space::Bounds;
 
 /// Farther out than this nothing of a world can be, in metres.
 pub const WORLD_REACH_M: f64 = 1e9;
@@ -245,10 +245,9 @@ impl Check for CopyState {
 
 impl Check for Membership {
     fn check(&self) -> Result<(), Invalid> {
-        must(usize::from(self.owner) < MAX_REGIONS, "member.owner", "the rank of a region, below 64")?;
-        must(self.holders >> self.owner & 1 == 1, "member.holders", "a set with the owner in it")?;
-        let real = self.holders & !self.shadows;
-        must(real >> self.owner & 1 == 1, "member.shadows", "a set without the owner in it")
+        let owner = usize::from(self.owner);
+        must(self.holders.contains(owner), "member.holders", "a set with the owner in it")?;
+        must(!self.shadows.contains(owner), "member.shadows", "a set without the owner in it")
     }
 }
 

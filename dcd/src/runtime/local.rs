@@ -16,7 +16,7 @@ use crate::space::{Axis, BodyId, Bounds, DistributionTree, JointId, RegionId, Ti
 /// How the world is cut into regions.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Partitioning {
-    /// So many, by halving the largest across its longest axis; 1 to 64.
+    /// So many, by halving the largest across its longest axis; 1 to 256.
     Regions(usize),
     /// By these planes (metres of world space), each through the whole world.
     Cuts(Vec<(Axis, f64)>),

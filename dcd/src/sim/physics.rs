@@ -219,7 +219,7 @@ impl StandIn {
                             set.insert(rank);
                         }
                     }
-                    let transfer = Transfer { body: body.clone(), holders: set.bits(), whole: false };
+                    let transfer = Transfer { body: body.clone(), holders: set, whole: false };
                     to(target, &mut |message| message.transfers.push(transfer.clone()));
                     left.push(id);
                 }
@@ -248,9 +248,8 @@ impl StandIn {
         }
         for Transfer { body, holders, .. } in message.transfers {
             region.replicas.remove(&body.id);
-            let held = RegionSet::from_bits(holders);
             let holders =
-                tree.leaves().enumerate().filter(|(rank, _)| held.contains(*rank)).map(|(_, leaf)| leaf);
+                tree.leaves().enumerate().filter(|(rank, _)| holders.contains(*rank)).map(|(_, leaf)| leaf);
             region.owned.insert(body.id, Owned { body, holders: holders.collect() });
         }
     }

@@ -1,40 +1,39 @@
-//! A set of regions as one machine word, by their rank among the leaves.
+//! A set of regions as a few machine words, by their rank among the leaves.
+
+use bincode::{Decode, Encode};
 
 /// The most regions one world may have at a time: what [`RegionSet`] can name.
-pub const MAX_REGIONS: usize = 64;
+pub const MAX_REGIONS: usize = 64 * WORDS;
+
+const WORDS: usize = 4;
 
 /// Regions by rank: bit `i` stands for the `i`-th leaf of the tree in id order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct RegionSet(u64);
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Encode, Decode)]
+pub struct RegionSet([u64; WORDS]);
 
 impl RegionSet {
     /// No region.
-    pub const EMPTY: Self = Self(0);
+    pub const EMPTY: Self = Self([0; WORDS]);
+
+    /// Every region that a world can have.
+    pub const ALL: Self = Self([u64::MAX; WORDS]);
 
     /// The one region of this rank.
     pub fn only(rank: usize) -> Self {
-        assert!(rank < MAX_REGIONS, "region rank {rank} out of range");
-        Self(1 << rank)
-    }
-
-    /// The set whose [`RegionSet::bits`] these are.
-    pub const fn from_bits(bits: u64) -> Self {
-        Self(bits)
-    }
-
-    /// One bit a rank.
-    pub const fn bits(self) -> u64 {
-        self.0
+        let mut set = Self::EMPTY;
+        set.insert(rank);
+        set
     }
 
     /// Whether the region of this rank is in the set.
     pub fn contains(self, rank: usize) -> bool {
-        rank < MAX_REGIONS && self.0 & (1 << rank) != 0
+        rank < MAX_REGIONS && self.0[rank / 64] & (1 << (rank % 64)) != 0
     }
 
     /// Adds a region.
     pub fn insert(&mut self, rank: usize) {
-        *self = self.union(Self::only(rank));
+        assert!(rank < MAX_REGIONS, "region rank {rank} out of range");
+        self.0[rank / 64] |= 1 << (rank % 64);
     }
 
     /// Takes a region out.
@@ -43,41 +42,51 @@ impl RegionSet {
     }
 
     /// Regions in either set.
-    pub const fn union(self, other: Self) -> Self {
-        Self(self.0 | other.0)
+    pub fn union(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] | other.0[i]))
     }
 
     /// Regions in this set and not in the other.
-    pub const fn without(self, other: Self) -> Self {
-        Self(self.0 & !other.0)
+    pub fn without(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] & !other.0[i]))
     }
 
     /// Regions in both sets.
-    pub const fn intersection(self, other: Self) -> Self {
-        Self(self.0 & other.0)
+    pub fn intersection(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] & other.0[i]))
     }
 
     /// Whether no region is in the set.
-    pub const fn is_empty(self) -> bool {
-        self.0 == 0
+    pub fn is_empty(self) -> bool {
+        self.0 == [0; WORDS]
     }
 
     /// How many regions.
-    pub const fn len(self) -> usize {
-        self.0.count_ones() as usize
+    pub fn len(self) -> usize {
+        self.0.iter().map(|word| word.count_ones() as usize).sum()
     }
 
     /// Ranks in ascending order.
     pub fn iter(self) -> impl Iterator<Item = usize> {
-        let mut rest = self.0;
-        std::iter::from_fn(move || {
-            if rest == 0 {
-                return None;
-            }
-            let rank = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            Some(rank)
+        self.0.into_iter().enumerate().flat_map(|(word, bits)| {
+            let mut rest = bits;
+            std::iter::from_fn(move || {
+                if rest == 0 {
+                    return None;
+                }
+                let rank = 64 * word + rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                Some(rank)
+            })
         })
+    }
+}
+
+impl FromIterator<usize> for RegionSet {
+    fn from_iter<I: IntoIterator<Item = usize>>(ranks: I) -> Self {
+        let mut set = Self::EMPTY;
+        ranks.into_iter().for_each(|rank| set.insert(rank));
+        set
     }
 }
 
@@ -87,11 +96,12 @@ mod tests {
 
     #[test]
     fn iterates_in_rank_order() {
-        let mut set = RegionSet::only(63);
-        set.insert(0);
-        set.insert(5);
-        assert_eq!(set.iter().collect::<Vec<_>>(), [0, 5, 63]);
+        let mut set: RegionSet = [200, 0, 63, 5].into_iter().collect();
+        assert_eq!(set.iter().collect::<Vec<_>>(), [0, 5, 63, 200]);
         set.remove(5);
-        assert_eq!((set.len(), set.contains(5), set.contains(63)), (2, false, true));
+        assert_eq!((set.len(), set.contains(5), set.contains(63), set.contains(200)), (3, false, true, true));
+        assert_eq!(set.without(RegionSet::only(200)).union(RegionSet::only(64)).len(), 3);
+        assert!(set.intersection(RegionSet::only(136)).is_empty(), "another word's bit");
+        assert!(!RegionSet::ALL.contains(MAX_REGIONS) && RegionSet::ALL.contains(MAX_REGIONS - 1));
     }
 }

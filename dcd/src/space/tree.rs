@@ -289,6 +289,11 @@ impl DistributionTree {
         self.cuts.get(&vertex).copied()
     }
 
+    /// The two parts of an inner vertex: below its plane and above it.
+    pub fn children_of(&self, vertex: RegionId) -> Option<(RegionId, RegionId)> {
+        self.cuts.contains_key(&vertex).then(|| children(vertex))
+    }
+
     /// Calls `narrow(axis, at, is_left)` for every cut on the way from the root to the vertex.
     fn narrow(&self, vertex: RegionId, mut narrow: impl FnMut(Axis, f64, bool)) {
         let mut path = Vec::new();
@@ -476,6 +481,6 @@ mod tests {
         let tree = DistributionTree::halved(WORLD, 2).unwrap();
         assert_eq!(tree.leaves().collect::<Vec<_>>(), [RegionId(1), RegionId(2)]);
         assert_eq!(tree.cut_of(RegionId(0)), Some((Axis::X, 0.0)), "across the longest axis");
-        assert!(DistributionTree::halved(WORLD, 65).is_err());
+        assert!(DistributionTree::halved(WORLD, MAX_REGIONS + 1).is_err());
     }
 }

@@ -14,6 +14,7 @@ use super::scenes;
 use super::world::{CutArgs, explained};
 use crate::runtime::measure::{Plan, run};
 use crate::scene::{Params, Scene};
+use crate::space::MAX_REGIONS;
 
 /// Steps a scene on this machine and measures it
 ///
@@ -32,8 +33,8 @@ pub(super) struct Run {
     set: Vec<String>,
     /// Regions, by halving the largest; 0 steps one bare Rapier world instead, on one thread: the reference
     /// [default: what the scene says, else 1]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=64), conflicts_with = "cut")]
-    regions: Option<u8>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=MAX_REGIONS as i64), conflicts_with = "cut")]
+    regions: Option<u16>,
     #[command(flatten)]
     cuts: CutArgs,
     /// Regions stepped at a time [default: one a region, as far as there are cores]

@@ -84,6 +84,11 @@ impl Pace {
         if news { self.wanted } else { 0 }
     }
 
+    /// Whether this region, of this rank, says nothing new of its micro-steps, and has come down to one.
+    pub(in crate::physics) fn is_settled(&self, own: usize) -> bool {
+        self.steps[own] == (self.wanted, self.wanted) && self.borders.iter().all(|border| border.rung == 0)
+    }
+
     /// The tick is over.
     pub(super) fn turn(&mut self) {
         for (now, next) in &mut self.steps {

@@ -26,7 +26,7 @@ pub(in crate::physics) struct Change {
 
 /// Says which regions must hold the bodies inserted since the last step.
 pub(super) fn announce(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-    clear_outbox(region, tick);
+    region.outbox.clear(tick);
     region.update_assemblies();
     let fresh = std::mem::take(&mut region.fresh);
     let here = fresh.iter().filter(|link| region.handle_of(link.id) == Some(link.handle));
@@ -46,14 +46,6 @@ pub(super) fn tell(region: &mut Region, partition: &Partition, tick: Tick, dt_s:
     looked_at.extend(region.physics().islands.active_bodies().filter(due));
     tell_changes(region, partition, tick, dt_s, looked_at.iter().copied());
     region.looked_at = looked_at;
-}
-
-/// Begins a new exchange.
-pub(super) fn clear_outbox(region: &mut Region, tick: Tick) {
-    for message in &mut region.outbox {
-        message.clear();
-        message.tick = tick;
-    }
 }
 
 /// Says of each of these bodies, as far as it is owned here, what is new about its holders and its owner.
@@ -146,7 +138,7 @@ fn look_at_assembly(
 fn propose(region: &Region, link: Link, near: Near, owner: usize, changes: &mut Vec<Change>) {
     let own = RegionSet::only(region.rank());
     let held = region.slot(link.handle).holders;
-    let still_near = RegionSet::from_bits(held.bits() & near.within_hysteresis.bits());
+    let still_near = held.intersection(near.within_hysteresis);
     let holders = near.within_halo.union(still_near).without(own);
     if holders != held || owner != region.rank() {
         changes.push(Change { link, holders, owner });
@@ -174,17 +166,17 @@ fn tell_change(region: &mut Region, change: &Change) {
     let target = RegionSet::only(owner);
     let added = holders.without(before).without(if leaving { target } else { RegionSet::EMPTY });
     for rank in added.iter() {
-        region.outbox[rank].replicas.push(record.clone());
-        region.outbox[rank].joints.extend_from_slice(&joints);
+        region.outbox.to(rank).replicas.push(record.clone());
+        region.outbox.to(rank).joints.extend_from_slice(&joints);
     }
     for rank in before.without(holders).without(if leaving { target } else { RegionSet::EMPTY }).iter() {
-        region.outbox[rank].drops.push(link.id);
+        region.outbox.to(rank).drops.push(link.id);
     }
     if leaving {
         let holders = holders.union(own).without(target);
         let body = BodyRecord { epoch: epoch.next(), ..record };
-        let message = &mut region.outbox[owner];
-        message.transfers.push(Transfer { body, holders: holders.bits(), whole: false });
+        let message = &mut region.outbox.to(owner);
+        message.transfers.push(Transfer { body, holders, whole: false });
         message.joints.extend(joints);
         region.set_role(link.handle, Role::Replica { owner }, RegionSet::EMPTY, epoch.next());
     } else {

@@ -73,7 +73,7 @@ fn take_over(
     shares_mass: bool,
 ) -> Result<(), ShapeError> {
     let body = &transfer.body;
-    let holders = RegionSet::from_bits(transfer.holders).without(RegionSet::only(region.rank()));
+    let holders = transfer.holders.without(RegionSet::only(region.rank()));
     let handle = match region.handle_of(body.id) {
         None => {
             hold(region, body, sender, ground)?;

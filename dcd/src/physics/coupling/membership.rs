@@ -12,7 +12,7 @@
 use rapier3d::prelude::*;
 
 use super::sight::{self, Near, Sights};
-use super::{Border, Moment, halo, reach, share};
+use super::{Border, Moment, reach, share};
 use crate::physics::convert;
 use crate::physics::partition::{OWNER_HYSTERESIS_M, Partition};
 use crate::physics::region::{Link, Region, Role};
@@ -54,7 +54,7 @@ struct Wish {
 
 /// Says which regions must hold the bodies inserted since the last step: all whose cell they come near.
 pub(super) fn announce(region: &mut Region, moment: Moment<'_>) {
-    halo::clear_outbox(region, moment.tick);
+    region.outbox.clear(moment.tick);
     let mut border = std::mem::take(&mut region.border);
     border.decisions.clear();
     share_fresh(region, &mut border, moment);
@@ -145,7 +145,7 @@ pub(super) fn commit<'a>(region: &mut Region, told: impl Iterator<Item = &'a Mem
         if membership.epoch < slot.epoch {
             continue;
         }
-        let members = RegionSet::from_bits(membership.holders);
+        let members = membership.holders;
         if !members.contains(region.rank()) {
             region.remove(membership.id);
             continue;
@@ -154,7 +154,7 @@ pub(super) fn commit<'a>(region: &mut Region, told: impl Iterator<Item = &'a Mem
             let role = Role::Replica { owner: membership.owner.into() };
             region.set_role(handle, role, members.without(own), membership.epoch);
         }
-        share::set_members(region, handle, members, RegionSet::from_bits(membership.shadows));
+        share::set_members(region, handle, members, membership.shadows);
     }
 }
 
@@ -286,7 +286,7 @@ fn decide_on(
         let body = BodyRecord { epoch: epoch.next(), ..record };
         let holders = members.without(RegionSet::only(owner));
         let whole = region.slot(link.handle).whole;
-        region.outbox[owner].transfers.push(Transfer { body, holders: holders.bits(), whole });
+        region.outbox.to(owner).transfers.push(Transfer { body, holders, whole });
         region.set_role(link.handle, Role::Replica { owner }, members.without(own), epoch.next());
     }
     border.decisions.push(Decision { link, members, shadows });
@@ -349,7 +349,7 @@ fn hand_over(region: &mut Region, link: Link, owner: usize) {
     let epoch = record.epoch.next();
     let whole = region.slot(link.handle).whole;
     let body = BodyRecord { epoch, ..record };
-    region.outbox[owner].transfers.push(Transfer { body, holders: 0, whole });
+    region.outbox.to(owner).transfers.push(Transfer { body, holders: RegionSet::EMPTY, whole });
     region.remove(link.id);
 }
 
@@ -366,18 +366,12 @@ fn tell(
     let record = region.body_record(handle);
     let joints: Vec<_> = region.joints_of(handle).collect();
     let epoch = if owner == region.rank() { record.epoch } else { record.epoch.next() };
-    let membership = Membership {
-        id: record.id,
-        epoch,
-        owner: owner as u8,
-        holders: members.bits(),
-        shadows: shadows.bits(),
-    };
+    let membership = Membership { id: record.id, epoch, owner: owner as u8, holders: members, shadows };
     for rank in added.iter() {
-        region.outbox[rank].replicas.push(record.clone());
-        region.outbox[rank].joints.extend_from_slice(&joints);
+        region.outbox.to(rank).replicas.push(record.clone());
+        region.outbox.to(rank).joints.extend_from_slice(&joints);
     }
     for rank in told.iter() {
-        region.outbox[rank].members.push(membership);
+        region.outbox.to(rank).members.push(membership);
     }
 }

@@ -163,6 +163,13 @@ impl Border {
     }
 }
 
+impl Border {
+    /// Whether a body here is about to meet another region's.
+    pub(super) fn awaits_any(&self) -> bool {
+        !self.sights.meetings.is_empty()
+    }
+}
+
 /// Which exchange of which tick is being prepared.
 #[derive(Clone, Copy)]
 pub(super) struct Moment<'a> {

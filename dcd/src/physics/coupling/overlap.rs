@@ -5,7 +5,7 @@
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Ground, Moment, agree, halo, held, membership, share};
+use super::{Ground, Moment, agree, held, membership, share};
 use crate::physics::ShapeError;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
@@ -14,19 +14,19 @@ use crate::space::RegionSet;
 
 /// Says how the copies here moved, and after the last step of a tick who shall hold what.
 pub(super) fn gather(region: &mut Region, moment: Moment<'_>) {
-    halo::clear_outbox(region, moment.tick);
+    region.outbox.clear(moment.tick);
     for index in 0..region.shared.len() + region.replicas.len() {
         tell_copy(region, share::held(region, index), moment);
     }
-    for message in &mut region.outbox {
+    for message in region.outbox.begun() {
         // Owned and replicated bodies come one after the other.
         message.copies.sort_unstable_by_key(|copy| copy.id);
     }
     if moment.last {
         membership::decide(region, moment);
         let steps = region.border.pace.tell(region.rank());
-        for message in &mut region.outbox {
-            message.steps = steps;
+        if steps > 0 {
+            region.outbox.to_all(|message| message.steps = steps);
         }
     }
 }
@@ -93,7 +93,7 @@ fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
             _ => shared.members.without(RegionSet::only(region.rank())),
         };
         for rank in hearers.iter() {
-            region.outbox[rank].copies.push(shared.own);
+            region.outbox.to(rank).copies.push(shared.own);
         }
     }
     region.slot_mut(link.handle).shared = Some(shared);

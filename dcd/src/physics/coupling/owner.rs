@@ -20,7 +20,7 @@ const WAKE_M_S: f32 = 0.05;
 
 /// Says how owned bodies moved, and to whom they must go.
 pub(super) fn gather(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-    halo::clear_outbox(region, tick);
+    region.outbox.clear(tick);
     region.update_assemblies();
     tell_states(region);
     tell_wakes(region);
@@ -55,7 +55,7 @@ fn tell_states(region: &mut Region) {
         let slot = region.slot_mut(link.handle);
         slot.told_asleep = state.sleeping;
         for rank in slot.holders.iter() {
-            region.outbox[rank].states.push(state);
+            region.outbox.to(rank).states.push(state);
         }
     }
 }
@@ -71,7 +71,7 @@ fn tell_wakes(region: &mut Region) {
             && (body.linvel().length() > WAKE_M_S
                 || (body.translation() - asleep_at.translation).length() > DEAD_BAND_M);
         if stirred {
-            region.outbox[owner].wakes.push(link.id);
+            region.outbox.to(owner).wakes.push(link.id);
         }
     }
 }

@@ -10,19 +10,19 @@ use crate::space::RegionSet;
 /// The regions that each body is within reach of; kept for its memory.
 #[derive(Debug, Default)]
 pub(super) struct Reach {
-    /// By Rapier's body index: bits of `RegionSet`.
-    marks: Vec<u64>,
+    /// By Rapier's body index.
+    marks: Vec<RegionSet>,
     /// Bodies with a mark.
     pub reached: Vec<RigidBodyHandle>,
-    frontier: Vec<(RigidBodyHandle, u64)>,
-    next: Vec<(RigidBodyHandle, u64)>,
+    frontier: Vec<(RigidBodyHandle, RegionSet)>,
+    next: Vec<(RigidBodyHandle, RegionSet)>,
 }
 
 impl Reach {
     /// Regions of whose bodies this one is within reach, as found last.
     pub(super) fn of(&self, handle: RigidBodyHandle) -> RegionSet {
         let mark = self.marks.get(handle.into_raw_parts().0 as usize);
-        RegionSet::from_bits(mark.copied().unwrap_or(0))
+        mark.copied().unwrap_or_default()
     }
 
     /// Finds anew which bodies are within `depth` hops of those that other regions own, or will own: `leaving` are bodies
@@ -38,15 +38,15 @@ impl Reach {
         waits: impl Fn(RigidBodyHandle) -> bool,
     ) {
         for handle in self.reached.drain(..) {
-            self.marks[handle.into_raw_parts().0 as usize] = 0;
+            self.marks[handle.into_raw_parts().0 as usize] = RegionSet::EMPTY;
         }
         self.frontier.clear();
         for link in &region.replicas {
             if let Role::Replica { owner } = region.slot(link.handle).role {
-                self.frontier.push((link.handle, RegionSet::only(owner).bits()));
+                self.frontier.push((link.handle, RegionSet::only(owner)));
             }
         }
-        self.frontier.extend(leaving.map(|(handle, rank)| (handle, RegionSet::only(rank).bits())));
+        self.frontier.extend(leaving.map(|(handle, rank)| (handle, RegionSet::only(rank))));
         let mut met = Some(met);
         for _ in 0..depth {
             self.next.clear();
@@ -61,23 +61,23 @@ impl Reach {
                 }
             }
             for (handle, rank) in met.take().into_iter().flatten() {
-                self.mark(handle, RegionSet::only(rank).bits());
+                self.mark(handle, RegionSet::only(rank));
             }
             std::mem::swap(&mut self.frontier, &mut self.next);
         }
     }
 
-    fn mark(&mut self, handle: RigidBodyHandle, set: u64) {
+    fn mark(&mut self, handle: RigidBodyHandle, set: RegionSet) {
         let index = handle.into_raw_parts().0 as usize;
         if self.marks.len() <= index {
-            self.marks.resize(index + 1, 0);
+            self.marks.resize(index + 1, RegionSet::EMPTY);
         }
-        let new = set & !self.marks[index];
-        if new != 0 {
-            if self.marks[index] == 0 {
+        let new = set.without(self.marks[index]);
+        if !new.is_empty() {
+            if self.marks[index].is_empty() {
                 self.reached.push(handle);
             }
-            self.marks[index] |= new;
+            self.marks[index] = self.marks[index].union(new);
             self.next.push((handle, new));
         }
     }

@@ -282,7 +282,7 @@ pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>)
         {
             sights.shown[rank] = Sight { extent, bodies: std::mem::take(list) };
             sights.changed.insert(rank);
-            region.outbox[rank].sight = Some(sights.shown[rank].clone());
+            region.outbox.to(rank).sight = Some(sights.shown[rank].clone());
         }
         list.clear();
     }

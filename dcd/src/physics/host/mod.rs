@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::convert;
 use super::coupling::{Coupling, Ground, Moment};
 use super::directory::{Directory, Handover, Home};
+use super::outbox::Outbox;
 use super::partition::Partition;
 use super::region::{Region, Role};
 use super::shapes::{ShapeError, ShapeLibrary};
@@ -243,11 +244,17 @@ impl RegionHost {
         let settings = self.settings;
         let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
         let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
-        on_all(&self.pool, &mut self.regions, |region| {
-            let steps = region.steps();
-            if !moment.is_due(steps) {
-                return region.be_silent();
+        if round == 1 {
+            for region in &mut self.regions {
+                region.rests = region.is_idle();
             }
+        }
+        let is_due = |region: &Region| !region.rests && moment.is_due(region.steps());
+        for region in self.regions.iter_mut().filter(|region| !is_due(region)) {
+            region.be_silent(tick);
+        }
+        on_all(&self.pool, &mut self.regions, is_due, |region| {
+            let steps = region.steps();
             let moment = Moment { dt_s: settings.dt_s / steps as f32, ..moment };
             settings.coupling.prepare(region, moment.dt_s);
             region.step(moment.dt_s, settings.solver_iterations.div_ceil(steps).max(1));
@@ -257,10 +264,8 @@ impl RegionHost {
 
     /// What regions here have to say to regions elsewhere, non-empty messages only.
     pub fn outgoing(&self) -> impl Iterator<Item = &BorderMessage> {
-        self.regions.iter().flat_map(|region| &region.outbox).filter(|message| {
-            let rank = self.partition.rank_of(message.to).expect("messages go to leaves");
-            self.place_of[rank].is_none() && !message.is_empty()
-        })
+        let letters = self.regions.iter().flat_map(|region| region.outbox.letters());
+        letters.filter(|(rank, _)| self.place_of[*rank].is_none()).map(|(_, message)| message)
     }
 
     /// Hands in what a region computed elsewhere said; the exchange takes it in.
@@ -278,17 +283,26 @@ impl RegionHost {
             let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
             let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
             let failure = std::sync::Mutex::new(None);
-            on_all(&self.pool, &mut self.regions, |region| {
-                let (to, rank) = (region.id(), region.rank());
-                let leaves = ground.partition.leaves();
-                let inbox = place_of.iter().zip(leaves).filter_map(|(place, &from)| match place {
-                    Some(place) => Some(&outboxes[*place][rank]),
-                    None => incoming.get(&(to, from)),
-                });
-                if !moment.is_due(region.steps()) {
-                    return;
+            let mut inboxes = vec![Vec::new(); self.regions.len()];
+            let here = outboxes.iter().flat_map(Outbox::letters);
+            let elsewhere = incoming.iter().map(|((to, _), message)| {
+                (ground.partition.rank_of(*to).expect("messages go to regions of this tree"), message)
+            });
+            for (rank, message) in here.chain(elsewhere) {
+                if let Some(place) = place_of[rank] {
+                    inboxes[place].push(message);
                 }
-                if let Err(error) = settings.coupling.apply(region, inbox, ground, moment) {
+            }
+            // Ids are in rank order.
+            inboxes.iter_mut().for_each(|inbox| inbox.sort_by_key(|message| message.from));
+            let inbox_of = |region: &Region| &inboxes[place_of[region.rank()].expect("hosted here")];
+            let is_due = |region: &Region| {
+                moment.is_due(region.steps()) && !(region.rests && inbox_of(region).is_empty())
+            };
+            on_all(&self.pool, &mut self.regions, is_due, |region| {
+                let inbox = inbox_of(region);
+                region.stirred |= !inbox.is_empty();
+                if let Err(error) = settings.coupling.apply(region, inbox.iter().copied(), ground, moment) {
                     failure.lock().expect("no panic while locked").get_or_insert(error);
                 }
             });
@@ -454,7 +468,7 @@ impl RegionHost {
     }
 
     fn note_arrivals(&mut self) {
-        for message in self.regions.iter().flat_map(|region| &region.outbox) {
+        for (_, message) in self.regions.iter().flat_map(|region| region.outbox.letters()) {
             for transfer in &message.transfers {
                 self.directory.remove(transfer.body.id);
                 self.handovers.push(Handover { body: transfer.body.id, from: message.from, to: message.to });
@@ -469,12 +483,22 @@ impl RegionHost {
     }
 }
 
-/// Runs the same work on every region, in parallel when there is a pool.
-fn on_all(pool: &Option<Arc<rayon::ThreadPool>>, regions: &mut [Region], work: impl Fn(&mut Region) + Sync) {
+/// Runs the same work on every region that it is for, in parallel when there is a pool.
+fn on_all(
+    pool: &Option<Arc<rayon::ThreadPool>>,
+    regions: &mut [Region],
+    is_for: impl Fn(&Region) -> bool,
+    work: impl Fn(&mut Region) + Sync,
+) {
+    let chosen = regions.iter_mut().filter(|region| is_for(region));
     match pool {
-        Some(pool) if regions.len() > 1 => {
-            pool.install(|| regions.par_iter_mut().with_max_len(1).for_each(&work));
+        Some(pool) => {
+            let chosen: Vec<_> = chosen.collect();
+            match chosen.len() {
+                0 | 1 => chosen.into_iter().for_each(work),
+                _ => pool.install(|| chosen.into_par_iter().with_max_len(1).for_each(&work)),
+            }
         }
-        _ => regions.iter_mut().for_each(work),
+        None => chosen.for_each(work),
     }
 }

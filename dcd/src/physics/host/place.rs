@@ -82,7 +82,7 @@ impl RegionHost {
         let steps = self.settings.coupling.first_steps(self.settings.exchanges);
         self.rounds = steps;
         for region in &mut self.regions {
-            region.forget_holders(steps);
+            region.forget_holders(self.partition.len(), steps);
         }
         for &id in hosted {
             if !self.regions.iter().any(|region| region.id() == id) {
@@ -110,7 +110,7 @@ impl RegionHost {
     pub fn announce(&mut self) {
         let settings = self.settings;
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0);
-        on_all(&self.pool, &mut self.regions, |region| settings.coupling.announce(region, moment));
+        on_all(&self.pool, &mut self.regions, |_| true, |region| settings.coupling.announce(region, moment));
     }
 
     /// Lets go of replicas that no owner has announced since [`RegionHost::rebuild`].

@@ -290,7 +290,7 @@ fn numbers_that_no_world_can_use_are_refused_at_their_line() {
 
 #[test]
 fn what_does_not_fit_together_is_refused_at_its_table() {
-    refused("\n[world]\nregions = 65\n[[body]]\nextra_mass = 1\n", 2, &["regions = 65", "from 1 to 64"]);
+    refused("\n[world]\nregions = 257\n[[body]]\nextra_mass = 1\n", 2, &["regions = 257", "from 1 to 256"]);
     refused("[world]\nbounds = { min = [0, 0, 0], max = [1, 0, 1] }\n", 1, &["hold nothing"]);
     refused("[world]\nname = \"empty\"\n", 1, &["no finite body"]);
     refused("[[body]]\nname = \"x\"\n", 1, &["no mass", "extra_mass"]);

@@ -5,7 +5,7 @@ use rapier3d::prelude::*;
 use crate::protocol::{self, Velocity, WorldPose};
 
 /// Anchors lie on a grid this coarse, so that worlds within ±256 m have one anchor and all their regions agree bit for bit.
-const ANCHOR_GRID_M: f64 = 512.0;
+pub(crate) const ANCHOR_GRID_M: f64 = 512.0;
 
 /// The anchor of a region whose part of the world has this middle.
 pub(crate) fn anchor_of(centre: [f64; 3]) -> [f64; 3] {

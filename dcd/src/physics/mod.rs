@@ -5,6 +5,7 @@ mod choice;
 mod convert;
 mod coupling;
 mod directory;
+mod follow;
 mod guide;
 mod host;
 mod joints;

@@ -183,6 +183,25 @@ impl Region {
         self.anchor
     }
 
+    /// Moves the origin of region space: what is held here stays where it is in world space.
+    pub(super) fn set_anchor(&mut self, anchor: [f64; 3]) {
+        let from = std::mem::replace(&mut self.anchor, anchor);
+        // Exact: anchors lie on a grid that f32 represents, as long as they are within its reach of each other.
+        let shift = convert::region_point(anchor, from);
+        let moved = |pose: &Pose| Pose::from_parts(pose.translation + shift, pose.rotation);
+        for (_, body) in self.world_mut().bodies.iter_mut() {
+            let (here, next) = (moved(body.position()), moved(body.next_position()));
+            body.set_position(here, false);
+            if body.is_kinematic() {
+                body.set_next_kinematic_position(next);
+            }
+        }
+        for slot in self.slots.iter_mut().flatten() {
+            slot.asleep_at = slot.asleep_at.as_ref().map(moved);
+        }
+        self.due.fill(0);
+    }
+
     /// Its Rapier world: positions are relative to the anchor, replicas are among the bodies.
     pub fn physics(&self) -> &PhysicsWorld {
         &self.world

@@ -82,8 +82,10 @@ pub struct Sighting {
 /// What a region shows to another: bodies that might meet the other's.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub struct Sight {
-    /// A box around all that the sender's bodies reach beyond its cell.
+    /// A box around all that the sender's bodies reach beyond its cell; told to whom it concerns.
     pub extent: Option<Bounds>,
+    /// Other regions whose bodies reach into the sender's cell, as the receiver's do: they may meet there.
+    pub visitors: RegionSet,
     /// In id order.
     pub bodies: Vec<Sighting>,
 }

@@ -132,6 +132,19 @@ impl Sights {
         self.meetings[from..].iter().take_while(move |meeting| meeting.own == own)
     }
 
+    /// Whom it concerns that bodies reach out so far: the regions there, and those whose bodies reach there too, as
+    /// the regions there say. So nobody need hear of what happens far away.
+    fn audience(&self, extent: &Bounds, partition: &Partition) -> RegionSet {
+        let there = partition.touching(extent);
+        there.iter().fold(there, |all, rank| all.union(self.seen[rank].visitors))
+    }
+
+    /// Regions whose bodies reach into this one's cell.
+    fn visitors(&self, region: &Region) -> RegionSet {
+        let reaches = |sight: &Sight| sight.extent.is_some_and(|extent| region.cell().touches(&extent));
+        self.seen.iter().enumerate().filter(|(_, sight)| reaches(sight)).map(|(rank, _)| rank).collect()
+    }
+
     /// The part of the region where nothing concerns the others: its cell without what the others' bodies reach into.
     fn find_inner(&mut self, region: &Region) {
         let cell = region.cell();
@@ -276,11 +289,18 @@ pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>)
             });
         }
     }
+    let audience = extent.map_or(RegionSet::EMPTY, |extent| sights.audience(&extent, moment.partition));
+    let visitors = sights.visitors(region);
     for (rank, list) in sights.lists.iter_mut().enumerate() {
-        if rank != region.rank()
-            && (sights.shown[rank].bodies != *list || sights.shown[rank].extent != extent)
-        {
-            sights.shown[rank] = Sight { extent, bodies: std::mem::take(list) };
+        if rank == region.rank() {
+            continue;
+        }
+        let extent = extent.filter(|_| audience.contains(rank));
+        let met =
+            if visitors.contains(rank) { visitors.without(RegionSet::only(rank)) } else { RegionSet::EMPTY };
+        let shown = &mut sights.shown[rank];
+        if (shown.extent, shown.visitors) != (extent, met) || shown.bodies != *list {
+            *shown = Sight { extent, visitors: met, bodies: std::mem::take(list) };
             sights.changed.insert(rank);
             region.outbox.to(rank).sight = Some(sights.shown[rank].clone());
         }

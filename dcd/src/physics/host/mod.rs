@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::convert;
 use super::coupling::{Coupling, Ground, Moment};
 use super::directory::{Directory, Handover, Home};
+use super::follow;
 use super::outbox::Outbox;
 use super::partition::Partition;
 use super::region::{Region, Role};
@@ -255,6 +256,9 @@ impl RegionHost {
         }
         on_all(&self.pool, &mut self.regions, is_due, |region| {
             let steps = region.steps();
+            if round == 1 {
+                follow::follow(region, tick);
+            }
             let moment = Moment { dt_s: settings.dt_s / steps as f32, ..moment };
             settings.coupling.prepare(region, moment.dt_s);
             region.step(moment.dt_s, settings.solver_iterations.div_ceil(steps).max(1));

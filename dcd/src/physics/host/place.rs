@@ -7,6 +7,7 @@ use rapier3d::prelude::*;
 use super::{HostError, RegionHost, StepSettings, on_all};
 use crate::physics::coupling::Moment;
 use crate::physics::directory::Home;
+use crate::physics::follow;
 use crate::physics::placement::Placement;
 use crate::physics::region::{Region, Role};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
@@ -214,6 +215,17 @@ impl RegionHost {
         // Region by region: what Rapier allocates for the bodies of one world then lies together. Filled in turns, two
         // worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two regions).
         for region in &mut self.regions {
+            if region.owned_count() == 0 {
+                let movable = |body: &BodyRecord| body.traits.kind != BodyKind::Fixed;
+                let own = bodies
+                    .iter()
+                    .zip(owners)
+                    .filter(|(body, owner)| **owner == region.rank() && movable(body));
+                let places = own.map(|(body, _)| body.state.pose.translation);
+                if let Some(anchor) = follow::better_anchor(region.anchor(), places) {
+                    region.set_anchor(anchor);
+                }
+            }
             for ((body, &owner), &whole) in bodies.iter().zip(owners).zip(whole) {
                 if body.traits.kind == BodyKind::Fixed {
                     self.statics.insert_near(body.id, region, &self.shapes)?;

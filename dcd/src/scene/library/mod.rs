@@ -1,6 +1,7 @@
 //! The library: named scenes with parameters, all deterministic.
 
 mod chain;
+mod convoy;
 mod drops;
 mod floating;
 mod stacks;
@@ -20,7 +21,7 @@ pub struct SceneInfo {
     build: fn(&Values) -> Result<Scene, SceneError>,
 }
 
-static LIBRARY: [SceneInfo; 9] = [
+static LIBRARY: [SceneInfo; 10] = [
     stacks::TOWER,
     stacks::PYRAMID,
     stacks::WALL,
@@ -30,6 +31,7 @@ static LIBRARY: [SceneInfo; 9] = [
     floating::GAS,
     floating::DVE,
     chain::CHAIN,
+    convoy::CONVOY,
 ];
 
 /// All scenes of the library.

@@ -116,7 +116,14 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
     let waits = |handle| islands.of(handle).is_some_and(|island| !island.big && !island.pressed);
     reach.spread(region, depth, leaving, met.into_iter(), waits);
     let mut leaving = Vec::new();
-    for link in candidates(region, &border) {
+    let candidates = candidates(region, &border);
+    // First, since each looks at all of its island.
+    for link in &candidates {
+        if let Some(shared) = region.slot_mut(link.handle).shared.as_deref_mut() {
+            shared.settled += 1;
+        }
+    }
+    for link in candidates {
         leaving.extend(decide_on(region, &mut border, moment, link));
     }
     for (link, owner) in leaving {
@@ -252,7 +259,6 @@ fn decide_on(
     if let Some(shared) = shared {
         (before, shadows_before) = (shared.members, shared.shadows);
         // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
-        shared.settled += 1;
         let needless = !held.without(wish.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
         if shared.idle > if wish.pressed { KEEP_TICKS } else { 0 } {

@@ -1,8 +1,11 @@
 //! A region's anchor follows its bodies, so that f32 keeps its millimetres wherever they go. Where they stay within a
 //! kilometre of it, as in any small world, it stays too.
 
+use rapier3d::prelude::*;
+
 use super::convert;
 use super::region::{Region, Role};
+use crate::protocol::WorldPose;
 use crate::space::{Bounds, Tick};
 
 /// Looked after once in so many ticks: at 1,000 m/s a body goes a kilometre meanwhile.
@@ -37,6 +40,25 @@ pub(super) fn better_anchor(anchor: [f64; 3], places: impl Iterator<Item = [f64;
     (far_m > FAR_M && reach_m(better) < 0.5 * far_m).then_some(better)
 }
 
+/// A plane has no middle: one whose origin is far is given another near the region's anchor, or the points where it is
+/// touched would be rounded as the distance is. `pose` is its body's.
+pub(super) fn fetch_plane(collider: &mut Collider, pose: &WorldPose, anchor: [f64; 3]) {
+    let Some(plane) = collider.shape().as_halfspace() else { return };
+    let local = collider.position_wrt_parent().copied().unwrap_or(Pose::IDENTITY);
+    let body = pose.isometry();
+    let of = |v: Vector| nalgebra::Vector3::from(v.to_array().map(f64::from));
+    let turn = convert::rotation(pose.rotation) * local.rotation;
+    let normal = of(turn * plane.normal).normalize();
+    let origin = body * nalgebra::Point3::from(of(local.translation));
+    let away = nalgebra::Point3::from(anchor) - origin;
+    let along = away - normal * away.dot(&normal);
+    if along.norm() > FAR_M {
+        let near = body.inverse() * (origin + along);
+        let translation = Vector::from_array([near.x, near.y, near.z].map(|v| v as f32));
+        collider.set_position_wrt_parent(Pose::from_parts(translation, local.rotation));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -48,5 +70,30 @@ mod tests {
         assert_eq!(moved(&[[1000.0, 0.0, -1000.0]]), None, "near enough");
         assert_eq!(moved(&[[99_000.0, 0.0, 0.0], [100_000.0, 50.0, 0.0]]), Some([99_328.0, 0.0, 0.0]));
         assert_eq!(moved(&[[0.0; 3], [100_000.0, 0.0, 0.0]]), None, "half of them would be as far");
+    }
+
+    #[test]
+    fn a_plane_is_touched_near_the_anchor_and_stays_the_same_plane() {
+        let turn = Rotation::from_rotation_z(0.1);
+        let pose = WorldPose { translation: [3.0, 2.0, 1.0], rotation: turn.to_array() };
+        let mut world = PhysicsWorld::new();
+        let (_, plane) =
+            world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::new(SharedShape::halfspace(Vector::Y)));
+        let plane = &mut world.colliders[plane];
+        let anchor = [51_200.0, 5_120.0, 0.0];
+        fetch_plane(plane, &pose, anchor);
+        let local = plane.position_wrt_parent().unwrap().translation;
+        assert!(local.y.abs() < 0.01, "still in the plane: {local}");
+        let found = convert::world_from_region(
+            anchor,
+            &(convert::region_from_world(anchor, &pose) * Pose::from_translation(local)),
+        );
+        let normal = (turn * Vector::Y).to_array();
+        let off: f64 = (0..3).map(|i| (found.translation[i] - anchor[i]) * f64::from(normal[i])).sum();
+        let far: f64 = (0..3).map(|i| (found.translation[i] - anchor[i]).powi(2)).sum::<f64>().sqrt();
+        assert!(far - off.abs() < 1.0, "the nearest point of the plane");
+        plane.set_position_wrt_parent(Pose::IDENTITY);
+        fetch_plane(plane, &pose, [512.0, 0.0, 0.0]);
+        assert_eq!(plane.position_wrt_parent(), Some(&Pose::IDENTITY), "near enough");
     }
 }

@@ -7,6 +7,7 @@ use rapier3d::prelude::*;
 
 use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
+use super::follow;
 use super::guide::{self, Guide};
 use super::outbox::Outbox;
 use super::partition::HUB_REACH_M;
@@ -200,6 +201,16 @@ impl Region {
             slot.asleep_at = slot.asleep_at.as_ref().map(moved);
         }
         self.due.fill(0);
+        let immovable = self.slots.iter().flatten().filter(|slot| slot.role == Role::Immovable);
+        for handle in immovable.map(|slot| self.by_id[&slot.id]) {
+            let body = &self.world.bodies[handle];
+            let pose = convert::world_from_region(anchor, body.position());
+            for &collider in body.colliders() {
+                if self.world.colliders[collider].shape().as_halfspace().is_some() {
+                    follow::fetch_plane(&mut self.world.colliders[collider], &pose, anchor);
+                }
+            }
+        }
     }
 
     /// Its Rapier world: positions are relative to the anchor, replicas are among the bodies.
@@ -366,7 +377,11 @@ impl Region {
         let handle = self.world.bodies.insert(rigid_body);
         for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
             let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
-            self.watch.name(&mut self.world.colliders[collider], collider, (body.id, place as u16), record);
+            let inserted = &mut self.world.colliders[collider];
+            if role == Role::Immovable {
+                follow::fetch_plane(inserted, &body.state.pose, self.anchor);
+            }
+            self.watch.name(inserted, collider, (body.id, place as u16), record);
         }
         self.guide.note(handle, body.traits.kind);
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);

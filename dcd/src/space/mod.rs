@@ -1,12 +1,14 @@
 //! World space: ids, half-open boxes, the distribution tree, allocation of its leaves to nodes. Pure.
 
 mod allocation;
+mod balance;
 mod cell;
 mod ids;
 mod region_set;
 mod tree;
 
 pub use allocation::{Allocation, allocate};
+pub use balance::{Balance, Burden, Change, Load, plan};
 pub use cell::{Axis, Bounds, Cell};
 pub use ids::{BodyId, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
 pub use region_set::{MAX_REGIONS, RegionSet};

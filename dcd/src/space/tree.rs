@@ -41,6 +41,9 @@ pub enum TreeError {
     /// The vertex does not have two leaves below it.
     #[error("{0} cannot be merged: its two children are not both leaves")]
     NotMergeable(RegionId),
+    /// The vertex is not cut.
+    #[error("{0} has no plane to move: it is a region, or not in the tree")]
+    NotCut(RegionId),
     /// The plane lies outside the leaf that it should cut.
     #[error("the plane {axis:?} = {at} does not cut any region")]
     Plane {
@@ -171,6 +174,30 @@ impl DistributionTree {
         Ok(children(leaf))
     }
 
+    /// Moves the plane of an inner vertex. The planes below it that lie across the same axis must stay on their sides of it: move
+    /// those first or after, and check with [`DistributionTree::is_sound`].
+    pub fn move_plane(&mut self, vertex: RegionId, at: f64) -> Result<(), TreeError> {
+        let Some((axis, plane)) = self.cuts.get_mut(&vertex) else {
+            return Err(TreeError::NotCut(vertex));
+        };
+        if !at.is_finite() {
+            return Err(TreeError::Plane { axis: *axis, at });
+        }
+        *plane = at;
+        Ok(())
+    }
+
+    /// Gives all of an inner vertex to one of its two children, so that the other can be emptied before they are merged.
+    pub fn yield_to(&mut self, vertex: RegionId, heir: RegionId) -> Result<(), TreeError> {
+        let (left, right) = children(vertex);
+        match self.cuts.get_mut(&vertex) {
+            Some((_, at)) if heir == left => *at = f64::INFINITY,
+            Some((_, at)) if heir == right => *at = f64::NEG_INFINITY,
+            _ => return Err(TreeError::NotMergeable(vertex)),
+        }
+        Ok(())
+    }
+
     /// Makes an inner vertex with two leaves a leaf again.
     pub fn merge(&mut self, vertex: RegionId) -> Result<(), TreeError> {
         let (left, right) = children(vertex);
@@ -282,6 +309,11 @@ impl DistributionTree {
             face[axis.index()] = at;
         });
         part
+    }
+
+    /// The vertices that are cut, in id order.
+    pub fn inner(&self) -> impl Iterator<Item = RegionId> {
+        self.cuts.keys().copied()
     }
 
     /// The cut of an inner vertex.

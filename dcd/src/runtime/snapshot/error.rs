@@ -35,7 +35,7 @@ pub enum SnapshotError {
     #[error("cannot save the world ({0}); free some space, or remove bodies of a custom shape")]
     Unsavable(EncodeError),
     /// The file gives no bytes, or takes none.
-    #[error("the snapshot cannot be read or written: {0}; check the disk")]
+    #[error("the snapshot cannot be read or written: {0}; check the path, its permissions and the disk")]
     Io(#[from] std::io::Error),
     /// More threads than there can be, or the operating system gives none.
     #[error(transparent)]

@@ -56,6 +56,20 @@ impl CutArgs {
         Ok(config)
     }
 
+    /// The first of these options that was given, for commands in which nothing is left to choose.
+    pub(super) fn first_given(&self) -> Option<&'static str> {
+        let given = [
+            ("--cut", !self.cut.is_empty()),
+            ("--coupling", self.coupling.is_some()),
+            ("--exchanges", self.exchanges.is_some()),
+            ("--depth", self.depth.is_some()),
+            ("--island-limit", self.island_limit.is_some()),
+            ("--tolerance", self.tolerance.is_some()),
+            ("--preset", self.preset.is_some()),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(name, _)| name)
+    }
+
     fn choice(&self) -> CouplingChoice {
         CouplingChoice {
             method: self.preset.map(Method::Preset).or(self.coupling.map(Method::Coupling)),

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::region::Link;
 use crate::space::BodyId;
 
 /// Bodies of one region that joints tie together, in id order.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Assembly {
     pub members: Vec<Link>,
 }

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use rapier3d::prelude::RigidBodyHandle;
+use serde::{Deserialize, Serialize};
 
 use crate::space::{BodyId, RegionId};
 
 /// A body changed owner.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Handover {
     /// Which body.
     pub body: BodyId,
@@ -18,7 +19,7 @@ pub struct Handover {
 }
 
 /// Rank of the region and Rapier's handle there.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Home {
     pub rank: usize,
     pub handle: RigidBodyHandle,
@@ -28,7 +29,7 @@ pub(super) struct Home {
 const DENSE: u32 = 1 << 20;
 
 /// Low persistent ids are dense, so they index an array; the other bodies are few.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct Directory {
     dense: Vec<Option<Home>>,
     sparse: BTreeMap<BodyId, Home>,

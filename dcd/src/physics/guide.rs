@@ -2,12 +2,13 @@
 //! be there after the first and stand still in the others, so what they touch would feel a multiple of their speed.
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::region::Region;
 use crate::protocol::BodyKind;
 
 /// What is on its way, and how many micro-steps of the tick are done.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Guide {
     /// In the order of insertion into the region.
     bodies: Vec<RigidBodyHandle>,

@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::protocol::BorderMessage;
 use crate::space::{RegionId, Tick};
 
 /// A message to each region that there is something to say to.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct Outbox {
     from: RegionId,
     /// All regions by rank.

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::space::{Bounds, Cell, DistributionTree, RegionId, RegionSet};
 
 /// A body whose reach is larger is a hub: it does not widen the halo of all others, and its own box is used.
@@ -14,7 +16,7 @@ pub(super) const HALO_HYSTERESIS_M: f64 = 0.25;
 pub(super) const OWNER_HYSTERESIS_M: f64 = 0.05;
 
 /// The leaves of the tree by rank, and the halo.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Partition {
     tree: DistributionTree,
     leaves: Arc<[RegionId]>,
@@ -26,14 +28,14 @@ pub struct Partition {
 }
 
 /// An inner vertex, laid out for quick descent.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Branch {
     axis: usize,
     at: f64,
     below: [Twig; 2],
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Twig {
     /// Index of a branch.
     Branch(usize),

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
@@ -12,7 +13,7 @@ use super::guide::{self, Guide};
 use super::outbox::Outbox;
 use super::partition::HUB_REACH_M;
 use super::shapes::{ShapeError, ShapeLibrary};
-use super::ties::HeldJoint;
+use super::ties::{HeldJoint, JointNews};
 use super::watch::ContactWatch;
 use super::{convert, record};
 use crate::protocol::{
@@ -24,7 +25,7 @@ use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet, Ti
 const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
 
 /// What a region is to a body that it holds.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Role {
     /// The body never moves; every region near it holds it and none sends it.
     Immovable,
@@ -38,7 +39,7 @@ pub enum Role {
 }
 
 /// What a region knows of a body besides Rapier's own.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Slot {
     pub id: BodyId,
     pub epoch: Epoch,
@@ -65,13 +66,14 @@ pub(super) struct Slot {
 }
 
 /// A body by name and by Rapier's handle.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Link {
     pub id: BodyId,
     pub handle: RigidBodyHandle,
 }
 
 /// A leaf of the distribution tree with its Rapier world.
+#[derive(Serialize, Deserialize)]
 pub struct Region {
     id: RegionId,
     rank: usize,
@@ -82,6 +84,7 @@ pub struct Region {
     slots: Vec<Option<Slot>>,
     /// For look-ups only: iteration goes by [`Region::links`], in id order. A map of one block leaves Rapier's own small
     /// blocks side by side in memory.
+    #[serde(serialize_with = "in_id_order")]
     by_id: HashMap<BodyId, RigidBodyHandle>,
     /// Bodies owned here and held elsewhere too, in id order.
     pub(super) shared: Vec<Link>,
@@ -92,6 +95,7 @@ pub struct Region {
     pub(super) joints: BTreeMap<JointId, HeldJoint>,
     /// Joints of bodies held here to bodies that are not, in id order.
     pub(super) waiting: BTreeMap<JointId, JointRecord>,
+    pub(super) joint_news: JointNews,
     /// Immovable bodies that touch this box are held here.
     covered: Bounds,
     watch: ContactWatch,
@@ -115,8 +119,10 @@ pub struct Region {
     /// What a coupling that agrees on means keeps from one exchange to the next.
     pub(super) border: Border,
     /// Scratch of the coupling, kept for its memory.
+    #[serde(skip)]
     pub(super) looked_at: Vec<RigidBodyHandle>,
     /// The same.
+    #[serde(skip)]
     pub(super) changes: Vec<super::coupling::Change>,
 }
 
@@ -146,6 +152,7 @@ impl Region {
             assemblies_stale: false,
             joints: BTreeMap::new(),
             waiting: BTreeMap::new(),
+            joint_news: JointNews::default(),
             covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
             watch: ContactWatch::default(),
             guide: Guide::default(),
@@ -302,6 +309,7 @@ impl Region {
             self.quarantined.clear();
         }
         guide::guide(self, steps);
+        self.tell_joints();
         self.stirred = false;
         self.world.step_with_events(&(), &self.watch);
         let heard = self.events.forces.len();
@@ -433,7 +441,7 @@ impl Region {
         self.watch.forget(id);
         self.guide.forget(handle);
         self.fresh.retain(|link| link.handle != handle);
-        self.world_mut().remove_body(handle);
+        self.remove_from_rapier(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;
         self.unlist(id);
         true
@@ -648,4 +656,12 @@ impl Region {
             }
         }
     }
+}
+
+/// As snapshots have it: equal regions, equal bytes.
+fn in_id_order<S: Serializer>(
+    by_id: &HashMap<BodyId, RigidBodyHandle>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    by_id.iter().collect::<BTreeMap<_, _>>().serialize(serializer)
 }

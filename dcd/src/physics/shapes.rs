@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use parry3d::shape::{HeightField, HeightFieldFlags, SharedShape, TriMesh, TriMeshFlags, TypedShape};
 use parry3d::utils::Array2;
 use rapier3d::prelude::Vector;
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::convert;
 use crate::protocol::{ShapeHash, ShapeRecord};
@@ -71,12 +72,13 @@ impl ShapeLibrary {
 
     /// All records, parts before the compounds that use them.
     pub fn records(&self) -> Vec<ShapeRecord> {
-        let (parts, compounds): (Vec<_>, Vec<_>) = self
-            .shapes
-            .values()
-            .map(|(record, _)| record.clone())
-            .partition(|record| record.parts().next().is_none());
-        parts.into_iter().chain(compounds).collect()
+        self.in_order().cloned().collect()
+    }
+
+    fn in_order(&self) -> impl Iterator<Item = &ShapeRecord> {
+        let records = || self.shapes.values().map(|(record, _)| record);
+        let is_part = |record: &&ShapeRecord| record.parts().next().is_none();
+        records().filter(is_part).chain(records().filter(move |record| !is_part(record)))
     }
 
     fn record(&mut self, shape: &SharedShape) -> Result<ShapeRecord, ShapeError> {
@@ -196,6 +198,23 @@ impl ShapeLibrary {
                     .collect::<Result<_, ShapeError>>()?,
             ),
         })
+    }
+}
+
+/// By its records, as it travels: whoever reads them builds the shapes anew.
+impl Serialize for ShapeLibrary {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.in_order().collect::<Vec<_>>())
+    }
+}
+
+impl<'de> Deserialize<'de> for ShapeLibrary {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut library = Self::default();
+        for record in Vec::<ShapeRecord>::deserialize(deserializer)? {
+            library.add(record).map_err(D::Error::custom)?;
+        }
+        Ok(library)
     }
 }
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use rapier3d::prelude::RigidBodyHandle;
+use serde::{Deserialize, Serialize};
 
 use super::record;
 use super::region::{Region, Role};
@@ -11,7 +12,7 @@ use crate::protocol::{BodyRecord, BodyTraits, JointRecord};
 use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Every immovable body of the world, in id order.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct Statics {
     bodies: Vec<(BodyRecord, Bounds)>,
 }

@@ -1,7 +1,11 @@
 //! The joints of a region. A joint whose ends several regions hold is solved in each of them: the forces of its motors and
 //! springs are shared out among these regions, as masses are. What locks or limits an axis needs no share.
+//!
+//! Rapier hears of joints that come and go when its step begins, not before: it would keep note of them until then where no
+//! snapshot sees it.
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::joints;
 use super::region::{Region, Role};
@@ -9,14 +13,79 @@ use crate::protocol::JointRecord;
 use crate::space::{BodyId, JointId, RegionSet};
 
 /// A joint as its user knows it, and what became of it in a region.
+#[derive(Serialize, Deserialize)]
 pub(super) struct HeldJoint {
     pub record: JointRecord,
-    handle: ImpulseJointHandle,
+    /// None until Rapier has heard of it.
+    handle: Option<ImpulseJointHandle>,
     /// Regions that solve it.
     parts: usize,
 }
 
+/// What Rapier's joints must be told when the next step begins.
+#[derive(Default, Serialize, Deserialize)]
+pub(super) struct JointNews {
+    /// In order of insertion.
+    tied: Vec<JointId>,
+    untied: Vec<ImpulseJointHandle>,
+    /// Bodies that are no more.
+    gone: Vec<RigidBodyHandle>,
+    /// What Rapier has been told of but keeps in no snapshot: joints changed in place.
+    changed: Vec<ImpulseJointHandle>,
+    /// What joints tie or tied that were changed or are gone. Rapier's own list of these has no order.
+    woken: Vec<RigidBodyHandle>,
+}
+
 impl Region {
+    /// Tells Rapier which joints have come and gone. A step follows.
+    pub(super) fn tell_joints(&mut self) {
+        let mut news = std::mem::take(&mut self.joint_news);
+        for handle in news.untied.drain(..) {
+            self.world_mut().impulse_joints.remove(handle, false);
+        }
+        for handle in news.gone.drain(..) {
+            // Of its joints nothing is left but the place where they began.
+            self.world_mut().impulse_joints.remove_joints_attached_to_rigid_body(handle);
+        }
+        for handle in news.woken.drain(..) {
+            self.world_mut().wake_up(handle, true);
+        }
+        for id in news.tied.drain(..) {
+            let Some(mut held) = self.joints.remove(&id) else { continue };
+            if let (None, Some(a), Some(b)) =
+                (held.handle, self.handle_of(held.record.a), self.handle_of(held.record.b))
+            {
+                let mut joint = joints::joint_of(&held.record);
+                joints::share_out(&mut joint, &held.record, held.parts);
+                // The set's own insertion lets sleepers sleep; the world's wakes them.
+                held.handle = Some(self.world_mut().impulse_joints.insert(a, b, joint, false));
+            }
+            self.joints.insert(id, held);
+        }
+        news.changed.clear();
+        self.joint_news = news;
+    }
+
+    /// Takes a body out of Rapier's world; its joints stay until the next step begins.
+    pub(super) fn remove_from_rapier(&mut self, handle: RigidBodyHandle) {
+        let PhysicsWorld {
+            bodies, islands, colliders, impulse_joints, multibody_joints, soft_bodies, ..
+        } = self.world_mut();
+        let tied = impulse_joints.attached_joints(handle).next().is_some();
+        let mut none = ImpulseJointSet::new();
+        bodies.remove(handle, islands, colliders, &mut none, multibody_joints, soft_bodies, true);
+        if tied {
+            self.joint_news.gone.push(handle);
+        }
+    }
+
+    /// Restored from a snapshot: Rapier hears again which joints were changed since the last step.
+    pub(super) fn repeat_joint_changes(&mut self) {
+        for handle in self.joint_news.changed.clone() {
+            let _ = self.world_mut().impulse_joints.get_mut(handle, false);
+        }
+    }
+
     /// Ties two bodies, if the joint is not there yet: as soon as both are held here.
     pub(super) fn insert_joint(&mut self, joint: &JointRecord) {
         if self.joints.contains_key(&joint.id) {
@@ -31,9 +100,9 @@ impl Region {
             }
         };
         self.waiting.remove(&joint.id);
-        // The set's own insertion lets sleepers sleep; the world's wakes them.
-        let handle = self.world_mut().impulse_joints.insert(a, b, joints::joint_of(joint), false);
-        self.joints.insert(joint.id, HeldJoint { record: joint.clone(), handle, parts: 1 });
+        self.joints.insert(joint.id, HeldJoint { record: joint.clone(), handle: None, parts: 1 });
+        self.joint_news.tied.push(joint.id);
+        self.stirred = true;
         for end in [a, b] {
             self.slot_mut(end).joints.push(joint.id);
         }
@@ -50,7 +119,13 @@ impl Region {
     pub(super) fn remove_joint(&mut self, id: JointId) {
         self.waiting.remove(&id);
         let Some(joint) = self.joints.remove(&id) else { return };
-        self.world_mut().impulse_joints.remove(joint.handle, true);
+        if let Some(handle) = joint.handle {
+            self.joint_news.untied.push(handle);
+            let ends = [joint.record.a, joint.record.b].map(|end| self.handle_of(end));
+            self.joint_news.woken.extend(ends.into_iter().flatten());
+        }
+        self.joint_news.tied.retain(|&other| other != id);
+        self.stirred = true;
         for end in [joint.record.a, joint.record.b] {
             if let Some(end) = self.handle_of(end) {
                 self.slot_mut(end).joints.retain(|&other| other != id);
@@ -62,11 +137,22 @@ impl Region {
     /// Lets a user change a joint in place, whole; wakes what it ties. Returns whether it is held here.
     pub(super) fn change_joint(&mut self, id: JointId, change: impl FnOnce(&mut GenericJoint)) -> bool {
         let Some(mut held) = self.joints.remove(&id) else { return false };
-        let joint = self.world_mut().impulse_joints.get_mut(held.handle, true).expect("a joint held here");
-        joints::share_out(&mut joint.data, &held.record, 1);
-        change(&mut joint.data);
-        held.record = joints::joint_record(id, held.record.a, held.record.b, &joint.data);
-        joints::share_out(&mut joint.data, &held.record, held.parts);
+        match held.handle {
+            None => {
+                let mut joint = joints::joint_of(&held.record);
+                change(&mut joint);
+                held.record = joints::joint_record(id, held.record.a, held.record.b, &joint);
+            }
+            Some(handle) => {
+                let ends = [held.record.a, held.record.b].map(|end| self.handle_of(end));
+                self.joint_news.woken.extend(ends.into_iter().flatten());
+                let joint = self.rapier_joint(handle);
+                joints::share_out(joint, &held.record, 1);
+                change(joint);
+                held.record = joints::joint_record(id, held.record.a, held.record.b, joint);
+                joints::share_out(joint, &held.record, held.parts);
+            }
+        }
         self.joints.insert(id, held);
         true
     }
@@ -78,10 +164,17 @@ impl Region {
         let parts = both.len().max(1);
         if parts != held.parts {
             held.parts = parts;
-            let joint = self.world_mut().impulse_joints.get_mut(held.handle, false);
-            joints::share_out(&mut joint.expect("a joint held here").data, &held.record, parts);
+            if let Some(handle) = held.handle {
+                joints::share_out(self.rapier_joint(handle), &held.record, parts);
+            }
         }
         self.joints.insert(id, held);
+    }
+
+    fn rapier_joint(&mut self, handle: ImpulseJointHandle) -> &mut GenericJoint {
+        self.joint_news.changed.push(handle);
+        let joint = self.world_mut().impulse_joints.get_mut(handle, false);
+        &mut joint.expect("a joint held here").data
     }
 
     /// All regions that share the mass of a body; what is immovable is everywhere.
@@ -98,8 +191,9 @@ impl Region {
     /// A joint held here, whole: with the impulses of the last step.
     pub(super) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
         let held = self.joints.get(&id)?;
-        let joint = self.physics().impulse_joints.get(held.handle)?;
         let (mut record, parts) = (held.record.clone(), held.parts as f32);
+        let Some(handle) = held.handle else { return Some(record) };
+        let joint = self.physics().impulse_joints.get(handle)?;
         for (limit, now) in record.limits.iter_mut().zip(&joint.data.limits) {
             limit.impulse = now.impulse * parts;
         }
@@ -112,7 +206,8 @@ impl Region {
     /// What this region's solver pressed on the locked axes of a joint in the last step: newtons along the three axes of
     /// its frame, newton metres about them.
     pub(super) fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
-        let joint = self.physics().impulse_joints.get(self.joints.get(&id)?.handle)?;
+        let Some(handle) = self.joints.get(&id)?.handle else { return Some([0.0; 6]) };
+        let joint = self.physics().impulse_joints.get(handle)?;
         // Rapier keeps the impulse of the last solver iteration, each of which is a step of its own.
         let settings = &self.physics().integration_parameters;
         let dt_s = settings.dt / settings.num_solver_iterations as f32;

@@ -5,15 +5,17 @@ use std::sync::Mutex;
 
 use rapier3d::geometry::CollisionEventFlags;
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::convert;
 use crate::protocol::{ColliderRecord, ContactForce, ContactKey, RegionEvents, Touch};
 use crate::space::BodyId;
 
 /// Rapier's event handler for one region.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct ContactWatch {
     /// Only the stepping thread locks it; Rapier asks for a handler that can be shared.
+    #[serde(skip)]
     heard: Mutex<Heard>,
     /// By Rapier's collider index.
     names: Vec<Option<Name>>,
@@ -23,7 +25,7 @@ pub(super) struct ContactWatch {
 }
 
 /// A collider.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 struct Name {
     /// Its body, and its place on it.
     of: (BodyId, u16),

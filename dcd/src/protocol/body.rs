@@ -59,7 +59,7 @@ impl Default for WorldPose {
 }
 
 /// A pose relative to something nearer than the world: a collider on its body, a joint's frame.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Pose {
     /// Metres.
     pub translation: [f32; 3],
@@ -84,7 +84,7 @@ impl Velocity {
 }
 
 /// How a body moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 pub enum BodyKind {
     /// By forces.
     Dynamic,
@@ -97,7 +97,7 @@ pub enum BodyKind {
 }
 
 /// What a step changes of a body: everything else stands in [`BodyTraits`].
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyState {
     /// Where it is.
     pub pose: WorldPose,
@@ -114,7 +114,7 @@ pub struct BodyState {
 }
 
 /// Mass, centre and inertia given as numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct MassRecord {
     /// Centre of mass on the body, metres.
     pub local_com: [f32; 3],
@@ -127,7 +127,7 @@ pub struct MassRecord {
 }
 
 /// Mass that a body has besides that of its colliders.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum ExtraMass {
     /// Kilograms; the inertia follows from the colliders.
     Mass(f32),
@@ -136,7 +136,7 @@ pub enum ExtraMass {
 }
 
 /// Where a collider's mass comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum ColliderMass {
     /// kg/m³.
     Density(f32),
@@ -147,7 +147,7 @@ pub enum ColliderMass {
 }
 
 /// How the coefficients of two colliders become one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum CombineRule {
     /// (a + b) / 2.
@@ -165,7 +165,7 @@ pub enum CombineRule {
 }
 
 /// Which groups a collider belongs to and which it meets; `any` makes one match enough, else both must match.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 pub struct Groups {
     /// Bits of the groups it belongs to.
     pub memberships: u32,
@@ -176,7 +176,7 @@ pub struct Groups {
 }
 
 /// A collider, whole.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct ColliderRecord {
     /// The shape, sent to a peer at most once.
     pub shape: ShapeHash,
@@ -213,7 +213,7 @@ pub struct ColliderRecord {
 }
 
 /// Everything of a body that a step does not change.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyTraits {
     /// How it moves.
     pub kind: BodyKind,
@@ -256,7 +256,7 @@ pub struct BodyTraits {
 }
 
 /// A body, whole: what is sent when a region is to hold it.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyRecord {
     /// Its name.
     pub id: BodyId,

@@ -2,12 +2,13 @@
 //! these values; in one process they are handed over as they are, between processes they are encoded.
 
 use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
 
 use super::{BodyRecord, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
 /// The owner's word on a body that the receiver holds a replica of.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct SharedState {
     /// Which body.
     pub id: BodyId,
@@ -22,7 +23,7 @@ pub struct SharedState {
 }
 
 /// What the sender's own copy of a body became in the last (micro-)step, for all regions that hold it to agree on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct CopyState {
     /// Which body.
     pub id: BodyId,
@@ -48,7 +49,7 @@ pub struct CopyState {
 pub const BIG_ISLAND: u16 = u16::MAX;
 
 /// Who holds and who owns a body from now on, told by its owner to all who hold it.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Membership {
     /// Which body.
     pub id: BodyId,
@@ -63,7 +64,7 @@ pub struct Membership {
 }
 
 /// A body near the receiver's region which the receiver does not hold.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Sighting {
     /// Which body.
     pub id: BodyId,
@@ -80,7 +81,7 @@ pub struct Sighting {
 }
 
 /// What a region shows to another: bodies that might meet the other's.
-#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Sight {
     /// A box around all that the sender's bodies reach beyond its cell; told to whom it concerns.
     pub extent: Option<Bounds>,
@@ -91,7 +92,7 @@ pub struct Sight {
 }
 
 /// The receiver becomes the owner of a body.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Transfer {
     /// The body, whole, at the epoch of the new owner.
     pub body: BodyRecord,
@@ -102,7 +103,7 @@ pub struct Transfer {
 }
 
 /// Everything that one region has to say to another after a step; each list in id order.
-#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BorderMessage {
     /// Who speaks.
     pub from: RegionId,
@@ -163,7 +164,9 @@ impl BorderMessage {
 }
 
 /// Two colliders by the bodies they belong to and their places there, the lower body first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
+)]
 pub struct ContactKey {
     /// The body with the lower id.
     pub a: BodyId,
@@ -176,7 +179,7 @@ pub struct ContactKey {
 }
 
 /// Two colliders began or ceased to touch in one region.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Touch {
     /// Which.
     pub key: ContactKey,
@@ -193,7 +196,7 @@ pub struct Touch {
 }
 
 /// A contact pressed harder than a collider's threshold; of one region, its share in that, whatever it is.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct ContactForce {
     /// Which.
     pub key: ContactKey,
@@ -206,7 +209,7 @@ pub struct ContactForce {
 }
 
 /// What one region saw of contacts in one tick. A pair held by two regions is in both; whoever collects reports it once.
-#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct RegionEvents {
     /// Which region.
     pub region: RegionId,

@@ -2,12 +2,17 @@
 //! from strangers: the length is checked first, a claimed length never allocates more than [`MAX_MESSAGE_BYTES`], all
 //! bytes must be consumed, and every value must pass [`Check`].
 
+#[cfg(feature = "physics")]
+use std::io::{Read, Write};
+
 use bincode::{
     Decode, Encode,
     config::{Configuration, Limit, LittleEndian, Varint},
     enc::{EncoderImpl, write::SizeWriter},
     error::{DecodeError, EncodeError},
 };
+#[cfg(feature = "physics")]
+use serde::{Serialize, de::DeserializeOwned};
 
 use super::{Check, Chunk, Invalid, Message, ToClient};
 use crate::protocol::SharedState;
@@ -90,6 +95,19 @@ pub fn decode_value<T: Decode<()> + Check>(bytes: &[u8]) -> Result<T, CodecError
     }
     value.check()?;
     Ok(value)
+}
+
+/// Writes what serde makes of a value of our own, of any length: the inside of a snapshot.
+#[cfg(feature = "physics")]
+pub(crate) fn write_state(value: &impl Serialize, to: &mut impl Write) -> Result<(), EncodeError> {
+    bincode::serde::encode_into_std_write(value, to, bincode::config::standard())?;
+    Ok(())
+}
+
+/// Reads it back. Nothing in it is checked: only for bytes that have proved to be ours.
+#[cfg(feature = "physics")]
+pub(crate) fn read_state<T: DeserializeOwned>(from: &mut impl Read) -> Result<T, DecodeError> {
+    bincode::serde::decode_from_std_read(from, bincode::config::standard())
 }
 
 /// How many bytes a value takes.

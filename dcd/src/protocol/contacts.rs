@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
 
 use super::{ContactForce, ContactKey, RegionEvents, Touch};
 use crate::space::{BodyId, RegionId};
 
 /// What happened to contacts in one tick, each pair once.
-#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct WorldEvents {
     /// Contacts that began or ceased, in key order.
     pub touches: Vec<Touch>,
@@ -18,7 +19,7 @@ pub struct WorldEvents {
 
 /// Remembers which regions see which contact. A contact begins when the first region sees it and ceases when the last
 /// one does not any more, so a body that changes region does not seem to let go.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ContactLedger {
     seen_by: BTreeMap<ContactKey, Vec<RegionId>>,
 }

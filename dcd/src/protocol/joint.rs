@@ -1,12 +1,13 @@
 //! A joint as it travels: the numbers of Rapier's `GenericJoint`.
 
 use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
 
 use super::Pose;
 use crate::space::{BodyId, JointId};
 
 /// Range of one axis.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointLimit {
     /// Lowest position, metres or radians.
     pub min: f32,
@@ -17,7 +18,7 @@ pub struct JointLimit {
 }
 
 /// Motor of one axis.
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointMotor {
     /// Velocity to reach.
     pub target_vel: f32,
@@ -36,7 +37,7 @@ pub struct JointMotor {
 }
 
 /// An impulse joint between two bodies.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointRecord {
     /// Its name.
     pub id: JointId,

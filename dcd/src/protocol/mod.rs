@@ -22,6 +22,8 @@ pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, decode, decode_value,
     encode, encode_value, encoded_len, pack_states, split,
 };
+#[cfg(feature = "physics")]
+pub(crate) use codec::{read_state, write_state};
 pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord};

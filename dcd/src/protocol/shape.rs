@@ -3,11 +3,14 @@
 use std::fmt;
 
 use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
 
 use super::Pose;
 
 /// BLAKE3 of a shape's encoding, cut to 128 bits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
+)]
 pub struct ShapeHash(pub [u8; 16]);
 
 impl fmt::Display for ShapeHash {
@@ -17,7 +20,7 @@ impl fmt::Display for ShapeHash {
 }
 
 /// A shape's defining numbers, in metres; acceleration trees are rebuilt by the receiver.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum ShapeRecord {
     /// Radius.
     Ball(f32),

@@ -169,12 +169,12 @@ pub struct Stats {
 /// # Ok::<(), dcd::runtime::WorldError>(())
 /// ```
 pub struct DcdWorld {
-    host: RegionHost,
-    ledger: ContactLedger,
-    events: WorldEvents,
-    next_body: u32,
-    next_joint: u64,
-    last_step: Duration,
+    pub(super) host: RegionHost,
+    pub(super) ledger: ContactLedger,
+    pub(super) events: WorldEvents,
+    pub(super) next_body: u32,
+    pub(super) next_joint: u64,
+    pub(super) last_step: Duration,
 }
 
 impl DcdWorld {
@@ -520,11 +520,17 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
             "a positive number of metres per second",
         );
     }
-    if config.threads > 1024 {
-        return wrong("threads", config.threads.to_string(), "1 to 1024 threads");
-    }
+    check_threads(config.threads)?;
     if config.halo_m.is_some_and(|halo| !halo.is_finite() || halo < 0.0) {
         return wrong("halo_m", format!("{:?}", config.halo_m), "a number of metres, 0 or more");
+    }
+    Ok(())
+}
+
+pub(super) fn check_threads(threads: usize) -> Result<(), WorldError> {
+    if threads > 1024 {
+        let (what, range) = ("threads", "1 to 1024 threads");
+        return Err(WorldError::Setting { what, value: threads.to_string(), range });
     }
     Ok(())
 }

@@ -13,6 +13,7 @@ pub mod measure;
 mod member;
 #[cfg(feature = "net")]
 mod server;
+mod snapshot;
 
 #[cfg(feature = "net")]
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
@@ -24,3 +25,4 @@ pub use local::{DcdWorld, Partitioning, Stats, WorldConfig, WorldError};
 pub use member::{Member, MemberConfig, NodeSummary};
 #[cfg(feature = "net")]
 pub use server::{ServeConfig, ServerProcess, ServerSummary};
+pub use snapshot::SnapshotError;

@@ -99,7 +99,7 @@ impl Bounds {
 }
 
 /// The half-open box of a region: `min <= p < max` on every axis. Cells at the edge of the world reach to infinity.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
     /// Lowest corner, inside.
     pub min: [f64; 3],

@@ -1,6 +1,7 @@
 //! A set of regions as a few machine words, by their rank among the leaves.
 
 use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
 
 /// The most regions one world may have at a time: what [`RegionSet`] can name.
 pub const MAX_REGIONS: usize = 64 * WORDS;
@@ -8,7 +9,7 @@ pub const MAX_REGIONS: usize = 64 * WORDS;
 const WORDS: usize = 4;
 
 /// Regions by rank: bit `i` stands for the `i`-th leaf of the tree in id order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Encode, Decode)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Encode, Decode, Serialize, Deserialize)]
 pub struct RegionSet([u64; WORDS]);
 
 impl RegionSet {

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
 
 use super::{Axis, Bounds, Cell, MAX_REGIONS, RegionId};
 
 /// When subdivision stops (thesis 4.3.1.3).
-#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Limits {
     /// No cut leaves an edge shorter than this, in metres.
     pub smallest_edge_m: f64,
@@ -55,7 +56,7 @@ pub enum TreeError {
 }
 
 /// Every member of a group holds an equal copy; ids name the same box to all.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct DistributionTree {
     bounds: Bounds,
     limits: Limits,

@@ -1,6 +1,7 @@
 //! `dcd run`: steps a scene on this machine and measures it.
 
 mod csv;
+mod snapshot;
 mod table;
 
 use std::ops::ControlFlow;
@@ -12,7 +13,8 @@ use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::scenes;
 use super::world::{CutArgs, explained};
-use crate::runtime::measure::{Plan, run};
+use crate::runtime::measure::{Cast, Plan, Subject, run};
+use crate::runtime::{Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
 use crate::space::MAX_REGIONS;
 
@@ -23,10 +25,12 @@ use crate::space::MAX_REGIONS;
 ///   dcd run pile --set n=20000 --regions 2 --threads 2
 ///   dcd run pile --set n=20000 --regions 0 --json
 ///   dcd run tower --cut y=5 --seconds 60 --out tower.csv
+///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, after_long_help = after_help())]
 pub(super) struct Run {
-    /// A scene of the library (`dcd scenes` lists them) or a scene file (TOML)
+    /// A scene of the library (`dcd scenes` lists them), a scene file (TOML), or a snapshot that --save wrote: it goes on to the
+    /// same bits as if it had not been interrupted, cut and coupled as it was
     scene: String,
     /// Sets a parameter of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
@@ -49,18 +53,20 @@ pub(super) struct Run {
     /// Write where every movable body is at the end: id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
+    /// Save the whole world at the end, also when Ctrl-C ends it, to be gone on with by `dcd run FILE.dcd`
+    #[arg(long, value_name = "FILE.dcd")]
+    save: Option<PathBuf>,
 }
 
 impl Run {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
-        let scene = Scene::open(&self.scene, &Params::from_args(&self.set)?)?;
-        let plan = self.plan(&scene)?;
+        let (cast, plan, mut subject) = self.start(common)?;
         let interrupt = Interrupt::listen()?;
-        let mut subject = plan.subject(&scene).map_err(|error| explained(error, &scene))?;
         let out = self.out.map(csv::Target::check).transpose()?;
-        tracing::info!(scene = scene.name, ticks = plan.ticks, "stepping");
+        let save = self.save.map(snapshot::Target::check).transpose()?;
+        tracing::info!(scene = cast.name, ticks = plan.ticks, "stepping");
         let bar = common.progress(plan.ticks, "ticks", self.json);
-        let report = run(&scene, &plan, &mut subject, |tick| {
+        let report = run(&cast, &plan, &mut subject, |tick, _| {
             bar.set_position(tick);
             if interrupt.asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
@@ -68,6 +74,10 @@ impl Run {
         let report = report?;
         // Before anything is printed: the JSON object is the last line, and its bodies can be found in the file.
         let written = out.map(|out| out.write(&subject)).transpose();
+        let saved = match (save, &subject) {
+            (Some(save), Subject::Regions(world)) => save.write(world, common),
+            _ => Ok(()),
+        };
         if self.json {
             let json = serde_json::to_string(&report)
                 .map_err(|error| Failure::run(format!("cannot write JSON: {error}; leave --json out")))?;
@@ -76,10 +86,50 @@ impl Run {
             print(&table::of(&report))?;
         }
         written?;
+        saved?;
         if report.lost + report.doubled + report.quarantined > 0 {
             tracing::warn!(report.lost, report.doubled, report.quarantined, "bodies went wrong in this run");
         }
         Ok(interrupt.exit_code())
+    }
+
+    fn start(&self, common: &Common) -> Result<(Cast, Plan, Subject), Failure> {
+        if snapshot::is_one(&self.scene) {
+            return self.resume(common);
+        }
+        if self.regions == Some(0) && self.save.is_some() {
+            return Err(Failure::usage(
+                "--save takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out",
+            ));
+        }
+        let scene = Scene::open(&self.scene, &Params::from_args(&self.set)?)?;
+        let plan = self.plan(&scene)?;
+        let subject = plan.subject(&scene).map_err(|error| explained(error, &scene))?;
+        Ok((Cast::of_scene(&scene), plan, subject))
+    }
+
+    fn resume(&self, common: &Common) -> Result<(Cast, Plan, Subject), Failure> {
+        let given = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
+        let contradicts = given.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
+        if let Some(name) = contradicts.or(self.cuts.first_given()) {
+            return Err(Failure::usage(format!(
+                "{} is a snapshot, which goes on as it was begun; leave {name} out, or run the scene anew",
+                self.scene
+            )));
+        }
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = self.threads.map_or(cores, usize::from);
+        let world = snapshot::restore(&self.scene, threads, common)?;
+        let cast = Cast::of_world(self.scene.clone(), &world);
+        let config = WorldConfig {
+            bounds: world.host().partition().tree().bounds(),
+            partitioning: Partitioning::Regions(world.regions().len()),
+            threads,
+            halo_m: None,
+            step: *world.host().settings(),
+        };
+        let plan = Plan { config: Some(config), ticks: Plan::ticks_of(self.seconds, cast.dt_s) };
+        Ok((cast, plan, Subject::Regions(Box::new(world))))
     }
 
     fn plan(&self, scene: &Scene) -> Result<Plan, Failure> {

@@ -8,6 +8,8 @@
 //! Both sides of a border see the same copies, so both come to the same result. A region says in the last exchange of a
 //! tick how many micro-steps it will take in the next; a body is exchanged as often as all its members step.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Coupling, Moment};
 use crate::space::RegionSet;
 
@@ -22,7 +24,7 @@ const CALM_TICKS: u32 = 60;
 const LONGEST_CALM_TICKS: u32 = 64 * CALM_TICKS;
 
 /// What a region knows of the micro-steps at its borders.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Pace {
     /// By rank, this region's own too: micro-steps in the present tick, and in the next as far as told.
     steps: Vec<(u8, u8)>,
@@ -32,7 +34,7 @@ pub(in crate::physics) struct Pace {
     wanted: u8,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct BorderPace {
     /// How far it has climbed: 0 is one exchange.
     rung: u8,

@@ -5,6 +5,7 @@
 use std::cmp::Ordering;
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::Moment;
 use super::reach;
@@ -19,17 +20,18 @@ const ENTER: f32 = 0.85;
 const STAY: f32 = 0.25;
 
 /// The islands that come near a border, as found last; kept for its memory.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Islands {
     /// By Rapier's body index: place in `found`, plus one.
     of: Vec<u32>,
     touched: Vec<RigidBodyHandle>,
     pub found: Vec<Island>,
+    #[serde(skip)]
     open: Vec<RigidBodyHandle>,
 }
 
 /// Bodies that touch or are tied.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Island {
     /// Those owned here.
     pub members: Vec<Link>,

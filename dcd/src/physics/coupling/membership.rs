@@ -10,6 +10,7 @@
 //!   be held where several hold it already: the shadow starts from their mean.
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::sight::{self, Near, Sights};
 use super::{Border, Moment, reach, share};
@@ -29,7 +30,7 @@ const STRAY_M_S: f32 = 1e-3;
 const FOLLOW_TICKS: u32 = 120;
 
 /// Who will hold a body from the end of this exchange on.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Decision {
     link: Link,
     members: RegionSet,

@@ -139,7 +139,7 @@ impl Coupling {
 }
 
 /// What a region keeps for its borders from one exchange to the next.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct Border {
     sights: sight::Sights,
     reach: reach::Reach,

@@ -1,6 +1,7 @@
 //! How far borders reach into a region along contacts and joints: which bodies are within some hops of another region's.
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{Region, Role};
@@ -8,13 +9,15 @@ use crate::protocol::BodyKind;
 use crate::space::RegionSet;
 
 /// The regions that each body is within reach of; kept for its memory.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reach {
     /// By Rapier's body index.
     marks: Vec<RegionSet>,
     /// Bodies with a mark.
     pub reached: Vec<RigidBodyHandle>,
+    #[serde(skip)]
     frontier: Vec<(RigidBodyHandle, RegionSet)>,
+    #[serde(skip)]
     next: Vec<(RigidBodyHandle, RegionSet)>,
 }
 

@@ -3,6 +3,7 @@
 
 use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::physics::convert;
 use crate::physics::record;
@@ -11,7 +12,7 @@ use crate::protocol::{BodyKind, BodyTraits, ColliderMass, CopyState, ExtraMass, 
 use crate::space::RegionSet;
 
 /// What a region knows of a body that it shares with others.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Shared {
     /// All that hold it as of the last exchange, this region too.
     pub members: RegionSet,
@@ -42,7 +43,7 @@ pub(in crate::physics) struct Shared {
 }
 
 /// Velocities at the beginning of the steps between two exchanges.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(in crate::physics) struct Start {
     linear: Vector,
     /// As gyroscopic forces alone would have it at the end.

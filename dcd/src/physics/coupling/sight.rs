@@ -3,6 +3,7 @@
 //! bodies reach into another cell says so, and is shown what is there.
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::Moment;
 use crate::physics::convert;
@@ -23,7 +24,7 @@ const LONGEST_REST: u32 = 8;
 const SURPRISE_M_S: f32 = 10.0;
 
 /// What a region shows and sees; kept from tick to tick.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Sights {
     /// Bodies owned here near or beyond the border, in id order.
     pub near: Vec<Near>,
@@ -44,7 +45,7 @@ pub(super) struct Sights {
 }
 
 /// A body owned here that another region may need to know of.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Near {
     pub link: Link,
     /// Around it as it is now.
@@ -59,7 +60,7 @@ pub(super) struct Near {
 }
 
 /// A body owned here and one that is not held here come near each other.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Meeting {
     /// The one owned here.
     pub own: BodyId,

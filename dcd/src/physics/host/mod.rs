@@ -24,7 +24,7 @@ use crate::protocol::{BodyRecord, BorderMessage, JointRecord, RegionEvents, Velo
 use crate::space::{BodyId, JointId, RegionId, Tick};
 
 /// How a world is stepped.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepSettings {
     /// m/s².
     pub gravity: [f32; 3],
@@ -135,7 +135,9 @@ pub enum HostError {
     NotFinite(BodyId),
 }
 
-/// Some regions of a world, stepped together.
+/// Some regions of a world, stepped together. Its serde form is part of snapshots
+/// ([`DcdWorld::save`](crate::runtime::DcdWorld::save)) and is checked by nothing else.
+#[derive(Serialize, Deserialize)]
 pub struct RegionHost {
     partition: Partition,
     settings: StepSettings,
@@ -147,7 +149,9 @@ pub struct RegionHost {
     place_of: Vec<Option<usize>>,
     directory: Directory,
     #[cfg(feature = "parallel")]
+    #[serde(skip)]
     threads: usize,
+    #[serde(skip)]
     pool: Option<Arc<rayon::ThreadPool>>,
     /// From regions computed elsewhere, for the exchange that is open.
     incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
@@ -172,16 +176,6 @@ impl RegionHost {
         threads: usize,
         hosted: &[RegionId],
     ) -> Result<Self, HostError> {
-        let pool = match threads {
-            0 | 1 => None,
-            threads => Some(Arc::new(
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(threads)
-                    .thread_name(|i| format!("dcd-region-{i}"))
-                    .build()
-                    .map_err(|cause| HostError::Threads { threads, cause })?,
-            )),
-        };
         let mut host = Self {
             place_of: vec![None; partition.len()],
             partition,
@@ -191,8 +185,8 @@ impl RegionHost {
             regions: Vec::new(),
             directory: Directory::default(),
             #[cfg(feature = "parallel")]
-            threads,
-            pool,
+            threads: 1,
+            pool: None,
             incoming: BTreeMap::new(),
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
@@ -204,8 +198,32 @@ impl RegionHost {
         for &region in hosted {
             host.add_region(region);
         }
-        host.lend_threads()?;
+        host.set_threads(threads)?;
         Ok(host)
+    }
+
+    /// Restored from a snapshot: Rapier hears again what its own part of the snapshot left out.
+    pub(crate) fn resume(&mut self) {
+        self.regions.iter_mut().for_each(Region::repeat_joint_changes);
+    }
+
+    /// Steps so many regions at a time from now on; 1 uses the calling thread. What happens does not depend on it.
+    pub fn set_threads(&mut self, threads: usize) -> Result<(), HostError> {
+        self.pool = match threads {
+            0 | 1 => None,
+            threads => Some(Arc::new(
+                rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads)
+                    .thread_name(|i| format!("dcd-region-{i}"))
+                    .build()
+                    .map_err(|cause| HostError::Threads { threads, cause })?,
+            )),
+        };
+        #[cfg(feature = "parallel")]
+        {
+            self.threads = threads;
+        }
+        self.lend_threads()
     }
 
     /// Gives Rapier's own parallel solver its threads: all of them in the only region; elsewhere each region has one, since

@@ -4,7 +4,7 @@ mod report;
 mod run;
 
 pub use report::{Change, Disagreement, Report, StepTimes};
-pub use run::{Plan, Subject, run};
+pub use run::{Cast, Plan, Subject, run};
 
 use super::DcdWorld;
 use crate::physics::{Measured, View};

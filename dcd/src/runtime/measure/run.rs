@@ -77,16 +77,43 @@ impl Measured for Subject {
     }
 }
 
-/// Runs a subject of this plan from the scene's start. `after_step` is told the ticks done, outside the timed part, and may
-/// end the run early: the report is then of what was done, and its last second is the last step.
+/// What a run is of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cast {
+    /// What the report calls it.
+    pub name: String,
+    /// Seconds a tick.
+    pub dt_s: f32,
+    /// Every movable body that must be there, in id order.
+    pub bodies: Vec<BodyId>,
+}
+
+impl Cast {
+    /// By the scene, not by the world: a body that was never inserted is lost too.
+    pub fn of_scene(scene: &Scene) -> Self {
+        let moves = |index: &usize| scene.bodies[*index].body.body_type != RigidBodyType::Fixed;
+        let bodies = (0..scene.bodies.len()).filter(moves);
+        let bodies = bodies.map(|index| BodyId::persistent(index as u32)).collect();
+        Self { name: scene.name.clone(), dt_s: scene.dt_s, bodies }
+    }
+
+    /// What a world holds now, as after it was restored.
+    pub fn of_world(name: String, world: &DcdWorld) -> Self {
+        let bodies = world.states().map(|(id, ..)| id).collect();
+        Self { name, dt_s: world.host().settings().dt_s, bodies }
+    }
+}
+
+/// Runs a subject of this plan. `after_step` is told the ticks done, outside the timed part, and may end the run early: the
+/// report is then of what was done, and its last second is the last step.
 pub fn run(
-    scene: &Scene,
+    cast: &Cast,
     plan: &Plan,
     subject: &mut Subject,
-    mut after_step: impl FnMut(u64) -> ControlFlow<()>,
+    mut after_step: impl FnMut(u64, &Subject) -> ControlFlow<()>,
 ) -> Result<Report, WorldError> {
-    let second = Plan::ticks_of(1.0, scene.dt_s);
-    let bodies = movable(scene);
+    let second = Plan::ticks_of(1.0, cast.dt_s);
+    let bodies = &cast.bodies;
     let (energy_j, momentum_kgms) = (subject.energy_j(), subject.momentum_kgms());
     let mut watch = Watch::default();
     let mut steps = Vec::new();
@@ -99,13 +126,13 @@ pub fn run(
             watch.contacts.push(subject.contacts());
         }
         if tick % second == 0 {
-            watch.census(subject, &bodies);
+            watch.census(subject, bodies);
         }
-        if after_step(tick).is_break() {
+        if after_step(tick, subject).is_break() {
             break;
         }
     }
-    watch.census(subject, &bodies);
+    watch.census(subject, bodies);
     let last = subject.contacts();
     if watch.contacts.is_empty() {
         watch.contacts.push(last);
@@ -113,7 +140,7 @@ pub fn run(
     let (ticks, wall_s) = (steps.len() as u64, steps.iter().sum::<Duration>().as_secs_f64());
     let settings = plan.config.as_ref();
     Ok(Report {
-        scene: scene.name.clone(),
+        scene: cast.name.clone(),
         bodies: bodies.len(),
         regions: subject.region_count(),
         threads: settings.map_or(1, |config| config.threads),
@@ -125,9 +152,9 @@ pub fn run(
             max: watch.disagreement_max,
         },
         ticks,
-        dt_s: scene.dt_s,
+        dt_s: cast.dt_s,
         wall_s,
-        rtf: ticks as f64 * f64::from(scene.dt_s) / wall_s,
+        rtf: ticks as f64 * f64::from(cast.dt_s) / wall_s,
         step_ms: StepTimes::of(&steps),
         contacts: last.pairs,
         replicas_mean: watch.replicas as f64 / ticks as f64,
@@ -141,12 +168,6 @@ pub fn run(
         quarantined: watch.quarantined.len(),
         state_hash: format!("{:016x}", subject.state_hash()),
     })
-}
-
-/// By the scene, not by the world: a body that was never inserted is lost too.
-fn movable(scene: &Scene) -> Vec<BodyId> {
-    let moves = |index: &usize| scene.bodies[*index].body.body_type != RigidBodyType::Fixed;
-    (0..scene.bodies.len()).filter(moves).map(|index| BodyId::persistent(index as u32)).collect()
 }
 
 /// What is gathered between steps.
@@ -195,8 +216,9 @@ mod tests {
     fn report(scene: &Scene, config: Option<WorldConfig>, ticks: u64, end: u64) -> Report {
         let plan = Plan { config, ticks };
         let mut subject = plan.subject(scene).unwrap();
-        let stop = |tick| if tick == end { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-        run(scene, &plan, &mut subject, stop).unwrap()
+        let stop =
+            |tick, _: &Subject| if tick == end { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        run(&Cast::of_scene(scene), &plan, &mut subject, stop).unwrap()
     }
 
     #[test]

@@ -1,0 +1,79 @@
+//! Worlds that `dcd run` saves and goes on with.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::cli::common::Common;
+use crate::cli::failure::Failure;
+use crate::runtime::{DcdWorld, SnapshotError};
+
+/// A file to save to, beside which one could be written before the run began: a long run is not to be lost to a wrong path.
+pub(super) struct Target {
+    path: PathBuf,
+    /// What is half written never stands where a whole snapshot stood.
+    part: PathBuf,
+}
+
+impl Target {
+    pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
+        let mut part = path.clone().into_os_string();
+        part.push(".part");
+        let target = Self { path, part: part.into() };
+        if target.path.is_dir() {
+            return Err(Failure::usage(target.refused(&"it is a folder")));
+        }
+        File::create(&target.part)
+            .and_then(|_| std::fs::remove_file(&target.part))
+            .map_err(|error| Failure::usage(target.refused(&error)))?;
+        Ok(target)
+    }
+
+    pub(super) fn write(&self, world: &DcdWorld, common: &Common) -> Result<(), Failure> {
+        let start = Instant::now();
+        let written = File::create(&self.part)
+            .map_err(SnapshotError::from)
+            .and_then(|file| world.save(BufWriter::new(file)))
+            .and_then(|()| Ok(std::fs::rename(&self.part, &self.path)?));
+        if let Err(error) = written {
+            let _ = std::fs::remove_file(&self.part);
+            return Err(Failure::run(self.refused(&error)));
+        }
+        say(&self.path, "saved", start, common);
+        Ok(())
+    }
+
+    fn refused(&self, cause: &dyn std::fmt::Display) -> String {
+        format!(
+            "cannot save to {}: {cause}; give --save a file in a folder that exists and that you may write to",
+            self.path.display()
+        )
+    }
+}
+
+/// Whether this names a snapshot: by its ending, or because it says so of itself.
+pub(super) fn is_one(path: &str) -> bool {
+    let mut beginning = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(8).read_to_end(&mut beginning));
+    path.ends_with(".dcd") || read.is_ok() && DcdWorld::is_snapshot(&beginning)
+}
+
+pub(super) fn restore(path: &str, threads: usize, common: &Common) -> Result<DcdWorld, Failure> {
+    let start = Instant::now();
+    let restored = File::open(path)
+        .map_err(SnapshotError::from)
+        .and_then(|file| DcdWorld::restore(BufReader::with_capacity(1 << 16, file), threads));
+    let world = restored.map_err(|error| {
+        let said = format!("cannot go on with {path}: {error}");
+        if matches!(error, SnapshotError::Threads(_)) { Failure::run(said) } else { Failure::usage(said) }
+    })?;
+    say(Path::new(path), "restored", start, common);
+    Ok(world)
+}
+
+fn say(path: &Path, done: &str, start: Instant, common: &Common) {
+    let megabytes = path.metadata().map_or(0.0, |metadata| metadata.len() as f64 / 1e6);
+    let seconds = start.elapsed().as_secs_f64();
+    common.say(&format!("{done} {}: {megabytes:.1} MB in {seconds:.2} s", path.display()));
+}

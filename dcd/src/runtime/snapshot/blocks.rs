@@ -1,0 +1,163 @@
+//! Bytes in blocks, each with a hash that is chained to the one before: a flipped bit, a missing or a swapped block shows
+//! before anything of the block is used, and neither side needs the whole in memory.
+//!
+//! A block: its length (u32, little endian), its bytes, BLAKE3 of the hash before, the length and the bytes. An empty
+//! block ends the snapshot.
+
+use std::io::{self, Read, Write};
+
+use super::SnapshotError;
+
+pub(super) type Hash = [u8; 32];
+
+/// Bytes of every block but the last two.
+const BLOCK: usize = 1 << 20;
+
+/// Takes bytes and writes blocks.
+pub(super) struct BlockWriter<W> {
+    to: W,
+    before: Hash,
+    block: Vec<u8>,
+}
+
+impl<W: Write> BlockWriter<W> {
+    pub(super) fn new(to: W, header: Hash) -> Self {
+        Self { to, before: header, block: Vec::with_capacity(BLOCK) }
+    }
+
+    /// Writes what is left, and the end.
+    pub(super) fn finish(mut self) -> io::Result<()> {
+        if !self.block.is_empty() {
+            self.close_block()?;
+        }
+        self.close_block()?;
+        self.to.flush()
+    }
+
+    fn close_block(&mut self) -> io::Result<()> {
+        self.before = chained(&self.before, &self.block);
+        self.to.write_all(&(self.block.len() as u32).to_le_bytes())?;
+        self.to.write_all(&self.block)?;
+        self.to.write_all(&self.before)?;
+        self.block.clear();
+        Ok(())
+    }
+}
+
+impl<W: Write> Write for BlockWriter<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.block.len() == BLOCK {
+            self.close_block()?;
+        }
+        let count = bytes.len().min(BLOCK - self.block.len());
+        self.block.extend_from_slice(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Takes blocks and gives their bytes.
+pub(super) struct BlockReader<R> {
+    from: R,
+    before: Hash,
+    block: Vec<u8>,
+    /// Bytes of the block that were given.
+    given: usize,
+    /// Bytes of the file that were taken, for messages.
+    taken: u64,
+    ended: bool,
+    failure: Option<SnapshotError>,
+}
+
+impl<R: Read> BlockReader<R> {
+    /// After a header of this hash and so many bytes.
+    pub(super) fn new(from: R, (header, taken): (Hash, u64)) -> Self {
+        Self { from, before: header, block: Vec::new(), given: 0, taken, ended: false, failure: None }
+    }
+
+    /// Why a read failed, if the file is to blame.
+    pub(super) fn failure(&mut self) -> Option<SnapshotError> {
+        self.failure.take()
+    }
+
+    /// All that was saved has been read: only the end may follow, and nothing after it.
+    pub(super) fn finish(mut self) -> Result<(), SnapshotError> {
+        let at = self.taken;
+        if self.given < self.block.len() || !self.ended && self.open_block()? {
+            return Err(SnapshotError::Damaged(at));
+        }
+        match read_all(&mut self.from, &mut [0])? {
+            0 => Ok(()),
+            _ => Err(SnapshotError::Damaged(self.taken)),
+        }
+    }
+
+    /// Reads and checks the next block. Returns whether there is one.
+    fn open_block(&mut self) -> Result<bool, SnapshotError> {
+        let begin = self.taken;
+        let mut length = [0; 4];
+        self.take(&mut length)?;
+        let length = u32::from_le_bytes(length) as usize;
+        if length > BLOCK {
+            return Err(SnapshotError::Damaged(begin));
+        }
+        let mut block = std::mem::take(&mut self.block);
+        block.resize(length, 0);
+        self.take(&mut block)?;
+        let mut hash = Hash::default();
+        self.take(&mut hash)?;
+        if hash != chained(&self.before, &block) {
+            return Err(SnapshotError::Damaged(begin));
+        }
+        (self.block, self.given, self.before) = (block, 0, hash);
+        self.ended = length == 0;
+        Ok(!self.ended)
+    }
+
+    fn take(&mut self, into: &mut [u8]) -> Result<(), SnapshotError> {
+        let read = read_all(&mut self.from, into)?;
+        self.taken += read as u64;
+        if read == into.len() { Ok(()) } else { Err(SnapshotError::Truncated(self.taken)) }
+    }
+}
+
+impl<R: Read> Read for BlockReader<R> {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        if self.given == self.block.len() && !into.is_empty() {
+            if self.ended {
+                return Ok(0);
+            }
+            if let Err(error) = self.open_block() {
+                self.failure = Some(error);
+                return Err(io::Error::other("the snapshot is damaged"));
+            }
+        }
+        let count = into.len().min(self.block.len() - self.given);
+        into[..count].copy_from_slice(&self.block[self.given..self.given + count]);
+        self.given += count;
+        Ok(count)
+    }
+}
+
+/// Fills `into` as far as there are bytes, and says how many.
+pub(super) fn read_all(from: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
+    let mut read = 0;
+    while read < into.len() {
+        match from.read(&mut into[read..]) {
+            Ok(0) => break,
+            Ok(count) => read += count,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(read)
+}
+
+fn chained(before: &Hash, block: &[u8]) -> Hash {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(before).update(&(block.len() as u32).to_le_bytes()).update(block);
+    *hasher.finalize().as_bytes()
+}

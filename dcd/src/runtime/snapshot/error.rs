@@ -1,0 +1,43 @@
+//! Why a world is not saved or not restored.
+
+use bincode::error::{DecodeError, EncodeError};
+
+use crate::runtime::WorldError;
+
+/// Why a world is not saved or not restored.
+#[derive(Debug, thiserror::Error)]
+pub enum SnapshotError {
+    /// Something else, by its first bytes.
+    #[error("not a snapshot of dcd: give a file that `DcdWorld::save` or `dcd run --save` wrote")]
+    Foreign,
+    /// A snapshot of another dcd, another Rapier or unlike features.
+    #[error(
+        "the snapshot is of {made_by}, this is {this}; restore it by the dcd that made it, or make it anew"
+    )]
+    Unlike {
+        /// Who made it.
+        made_by: String,
+        /// Who is to restore it.
+        this: String,
+    },
+    /// It ends too early.
+    #[error("the snapshot is cut off after {0} bytes: copy it again, or make it anew")]
+    Truncated(u64),
+    /// A checksum does not match, or something follows the end.
+    #[error(
+        "the snapshot is damaged within the block that begins at byte {0}: copy it again, or make it anew"
+    )]
+    Damaged(u64),
+    /// The checksums match and yet it makes no world.
+    #[error("the snapshot makes no world ({0}): it was made by another build of dcd; restore it by that one")]
+    Undecodable(DecodeError),
+    /// Writing failed, or something in the world has no form in a file.
+    #[error("cannot save the world ({0}); free some space, or remove bodies of a custom shape")]
+    Unsavable(EncodeError),
+    /// The file gives no bytes, or takes none.
+    #[error("the snapshot cannot be read or written: {0}; check the path, its permissions and the disk")]
+    Io(#[from] std::io::Error),
+    /// More threads than there can be, or the operating system gives none.
+    #[error(transparent)]
+    Threads(#[from] WorldError),
+}

@@ -1,0 +1,92 @@
+//! A world as a file: saved between two ticks, and restored to go on bit for bit as if it had not been interrupted.
+//!
+//! A snapshot is Rapier's own state of every region with all that the regions know besides, behind a header that says who
+//! made it (`header`), in blocks that each prove themselves (`blocks`). Damage is found before anything is decoded.
+
+mod blocks;
+mod error;
+mod header;
+#[cfg(test)]
+mod tests;
+
+use std::io::{Read, Write};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::local::check_threads;
+use super::{DcdWorld, WorldError};
+use crate::physics::RegionHost;
+use crate::protocol::{ContactLedger, WorldEvents, read_state, write_state};
+use blocks::{BlockReader, BlockWriter};
+pub use error::SnapshotError;
+
+/// Grows with every change of what is saved, the order of fields too.
+const FORMAT: u32 = 1;
+
+impl DcdWorld {
+    /// Writes the whole world: [`DcdWorld::restore`] gives one that goes on from here to the same bits. The number of
+    /// threads is not part of it. What is written is in blocks of a mebibyte; nothing larger is kept in memory.
+    ///
+    /// ```
+    /// use dcd::runtime::{DcdWorld, WorldConfig};
+    ///
+    /// let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let mut saved = Vec::new();
+    /// world.save(&mut saved)?;
+    /// let mut again = DcdWorld::restore(&saved[..], 2)?;
+    /// world.step()?;
+    /// again.step()?;
+    /// assert_eq!(world.state_hash(), again.state_hash());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn save(&self, mut to: impl Write) -> Result<(), SnapshotError> {
+        let Self { host, ledger, events, next_body, next_joint, last_step: _ } = self;
+        let header = header::write(FORMAT, &mut to)?;
+        let mut blocks = BlockWriter::new(to, header);
+        let saved = Saved { host, ledger, events, next_body: *next_body, next_joint: *next_joint };
+        write_state(&saved, &mut blocks).map_err(SnapshotError::Unsavable)?;
+        Ok(blocks.finish()?)
+    }
+
+    /// Reads a world that [`DcdWorld::save`] wrote, up to the end of `from`, to be stepped by so many threads.
+    ///
+    /// Damage of any kind is an error. Against malice there is no guard: the checksums need no key, and whoever writes
+    /// right ones can hand Rapier broken indices. Restore no snapshot of people whom you do not trust.
+    pub fn restore(mut from: impl Read, threads: usize) -> Result<Self, SnapshotError> {
+        check_threads(threads)?;
+        let header = header::read(FORMAT, &mut from)?;
+        let mut blocks = BlockReader::new(from, header);
+        let restored = read_state(&mut blocks);
+        let Restored { mut host, ledger, events, next_body, next_joint } =
+            restored.map_err(|error| blocks.failure().unwrap_or(SnapshotError::Undecodable(error)))?;
+        blocks.finish()?;
+        host.resume();
+        host.set_threads(threads).map_err(WorldError::from)?;
+        Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO })
+    }
+
+    /// Whether a file that begins with these bytes says that it is a snapshot; eight are enough.
+    pub fn is_snapshot(beginning: &[u8]) -> bool {
+        beginning.starts_with(&header::MAGIC)
+    }
+}
+
+#[derive(Serialize)]
+struct Saved<'a> {
+    host: &'a RegionHost,
+    ledger: &'a ContactLedger,
+    events: &'a WorldEvents,
+    next_body: u32,
+    next_joint: u64,
+}
+
+/// The same, owned.
+#[derive(Deserialize)]
+struct Restored {
+    host: RegionHost,
+    ledger: ContactLedger,
+    events: WorldEvents,
+    next_body: u32,
+    next_joint: u64,
+}

@@ -1,0 +1,300 @@
+use proptest::prelude::*;
+use rapier3d::prelude::*;
+
+use super::*;
+use crate::physics::{Coupling, StepSettings};
+use crate::protocol::{Velocity, WorldPose};
+use crate::runtime::{Partitioning, WorldConfig};
+use crate::scene::{Params, Scene, library};
+use crate::space::{Axis, BodyId, JointId};
+
+fn saved(world: &DcdWorld) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    world.save(&mut bytes).unwrap();
+    bytes
+}
+
+fn restored(bytes: &[u8], threads: usize) -> DcdWorld {
+    DcdWorld::restore(bytes, threads).unwrap()
+}
+
+/// Parry keeps a hash map for contacts with height fields, which comes out in another order each time.
+fn has_stable_bytes(scene: &Scene) -> bool {
+    scene.bodies.iter().flat_map(|body| &body.colliders).all(|c| c.shape.as_heightfield().is_none())
+}
+
+/// Steps a world and one that is restored from it side by side. Equal bytes say more than equal poses: everything that a
+/// world keeps is in them, also what shows only much later.
+fn continues_alike(world: &mut DcdWorld, ticks: u64, bytes: bool, what: &str) {
+    let first = saved(world);
+    let mut again = restored(&first, 3);
+    assert!(!bytes || saved(&again) == first, "{what}: what is restored is not what was saved");
+    for tick in 1..=ticks {
+        world.step().unwrap();
+        again.step().unwrap();
+        let when = format!("{what}: {tick} ticks later");
+        assert_eq!(world.state_hash(), again.state_hash(), "{when}");
+        assert_eq!(world.events(), again.events(), "{when}");
+        assert_eq!(world.handovers(), again.handovers(), "{when}");
+        assert_eq!(world.stats().disagreement_m_s, again.stats().disagreement_m_s, "{when}");
+    }
+    assert!(!bytes || saved(world) == saved(&again), "{what}: they move alike and keep unlike things");
+}
+
+/// Every kind of scene that there is: stacks, rain, elastic gas, joints, height fields, hulls, sleep, kinematic bodies.
+fn zoo() -> Vec<Scene> {
+    let small = |name| match name {
+        "pile" => "n=150",
+        "heap" => "n=100",
+        "terrain" | "dve" => "n=60",
+        "gas" => "n=80",
+        "convoy" => "cars=3 road=100",
+        _ => "",
+    };
+    let mut scenes: Vec<_> = library()
+        .iter()
+        .map(|info| {
+            let set: Vec<_> = small(info.name).split_whitespace().map(str::to_owned).collect();
+            Scene::named(info.name, &Params::from_args(&set).unwrap()).unwrap()
+        })
+        .collect();
+    for file in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes")).unwrap() {
+        let path = file.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "toml") {
+            scenes.push(Scene::open(path.to_str().unwrap(), &Params::new()).unwrap());
+        }
+    }
+    scenes
+}
+
+fn world_of(scene: &Scene, coupling: Coupling, partitioning: Partitioning) -> DcdWorld {
+    let config = WorldConfig::for_scene(scene);
+    let step = config.step.with_coupling(coupling);
+    DcdWorld::from_scene(scene, WorldConfig { partitioning, step, ..config }).unwrap()
+}
+
+/// The guard against a field that is forgotten: scenes, couplings, cuts and moments.
+#[test]
+fn a_restored_world_goes_on_to_the_same_bits() {
+    for scene in zoo() {
+        for coupling in Coupling::ALL {
+            for regions in [1, 5] {
+                let mut world = world_of(&scene, coupling, Partitioning::Regions(regions));
+                for tick in [0u64, 1, 30, 75] {
+                    while world.tick().0 < tick {
+                        world.step().unwrap();
+                    }
+                    let what = format!("{}, {regions} by {}, tick {tick}", scene.name, coupling.name());
+                    continues_alike(&mut world, 12, has_stable_bytes(&scene), &what);
+                }
+            }
+        }
+    }
+}
+
+/// Bodies of every kind on a floor that is cut twice, some tied, all told of their contacts.
+fn busy(coupling: Coupling) -> (DcdWorld, Vec<BodyId>, Vec<JointId>) {
+    let step = StepSettings::default().with_coupling(coupling);
+    let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Z, 0.3)]);
+    let mut world =
+        DcdWorld::new(WorldConfig { partitioning: cuts, step, ..WorldConfig::default() }).unwrap();
+    let told = ActiveEvents::COLLISION_EVENTS | ActiveEvents::CONTACT_FORCE_EVENTS;
+    world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(30.0, 0.5, 30.0)).unwrap();
+    let mut bodies = Vec::new();
+    for i in 0..24 {
+        let at =
+            Vector::new((i % 6) as f32 * 0.9 - 2.3, 1.0 + (i / 12) as f32 * 1.05, (i / 6 % 2) as f32 * 0.9);
+        let kind = match i % 8 {
+            6 => RigidBodyBuilder::kinematic_position_based(),
+            7 => RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::new(0.3, 0.0, 0.1)),
+            _ => RigidBodyBuilder::dynamic(),
+        };
+        let collider = ColliderBuilder::cuboid(0.4, 0.45, 0.4).active_events(told);
+        bodies.push(world.insert(kind.translation(at), collider).unwrap());
+    }
+    let tie = |world: &mut DcdWorld, a: usize, b: usize| {
+        let joint = SphericalJointBuilder::new()
+            .local_anchor1(Vector::new(0.45, 0.0, 0.0))
+            .local_anchor2(Vector::new(-0.45, 0.0, 0.0));
+        world.insert_joint(bodies[a], bodies[b], joint).unwrap()
+    };
+    let joints = [(0, 1), (1, 2), (2, 3), (12, 13), (15, 16)].map(|(a, b)| tie(&mut world, a, b)).to_vec();
+    (world, bodies, joints)
+}
+
+#[test]
+fn what_users_changed_since_the_last_step_is_not_lost() {
+    for coupling in Coupling::ALL {
+        let (mut world, mut bodies, mut joints) = busy(coupling);
+        for round in 0..40u32 {
+            for _ in 0..round % 5 {
+                world.step().unwrap();
+            }
+            let body = bodies[round as usize * 7 % bodies.len()];
+            let other = bodies[(round as usize * 7 + 5) % bodies.len()];
+            let what = match round % 10 {
+                0 => {
+                    let joint = joints.remove(round as usize % joints.len());
+                    world.remove_joint(joint).unwrap();
+                    "a joint removed"
+                }
+                1 => {
+                    let rope = SphericalJointBuilder::new().local_anchor1(Vector::new(0.0, 1.0, 0.0));
+                    joints.push(world.insert_joint(body, other, rope).unwrap());
+                    "a joint inserted"
+                }
+                2 => {
+                    let enabled = round % 4 == 0;
+                    world.update_joint(joints[0], |joint| joint.set_enabled(enabled)).unwrap();
+                    "a joint changed"
+                }
+                3 => {
+                    world.remove(bodies.swap_remove(3)).unwrap();
+                    joints.retain(|joint| world.joint_load(*joint).is_some());
+                    "a body removed"
+                }
+                4 => {
+                    let ball = RigidBodyBuilder::dynamic().translation(Vector::new(0.1, 4.0, 0.2));
+                    bodies.push(world.insert(ball, ColliderBuilder::ball(0.3)).unwrap());
+                    "a body inserted"
+                }
+                5 => {
+                    let at = WorldPose::at([f64::from(round) * 0.01, 2.0, 0.3]);
+                    for &body in &bodies {
+                        world.set_next_pose(body, at).unwrap();
+                    }
+                    "kinematic targets"
+                }
+                6 => {
+                    world.set_pose(body, WorldPose::at([-0.2, 5.0, 0.1])).unwrap();
+                    "a body put elsewhere"
+                }
+                7 => {
+                    let velocity = Velocity { linear: [0.0, 3.0, 0.0], angular: [1.0; 3] };
+                    world.set_velocity(body, velocity).unwrap();
+                    world.update(other, |body| body.add_force(Vector::new(9.0, 0.0, 0.0), true)).unwrap();
+                    "a force"
+                }
+                8 => {
+                    world.update(body, |body| body.set_enabled(!body.is_enabled())).unwrap();
+                    "a body enabled or not"
+                }
+                _ => {
+                    world.update(body, |body| body.sleep()).unwrap();
+                    world.update_collider(other, 0, |collider| collider.set_friction(0.1)).unwrap();
+                    "a body put to sleep"
+                }
+            };
+            let what = format!("{}, round {round}, {what}", coupling.name());
+            continues_alike(&mut world, 3, true, &what);
+        }
+    }
+}
+
+/// Some hundred kilobytes, so that there is more than one block of them if blocks are small.
+fn sample() -> Vec<u8> {
+    let (mut world, ..) = busy(Coupling::Auto);
+    for _ in 0..20 {
+        world.step().unwrap();
+    }
+    saved(&world)
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let bytes = sample();
+    let mut hashes = [1, 2, 7].map(|threads| {
+        let mut world = restored(&bytes, threads);
+        for _ in 0..30 {
+            world.step().unwrap();
+        }
+        world.state_hash()
+    });
+    hashes.sort_unstable();
+    assert_eq!(hashes[0], hashes[2]);
+    assert!(matches!(DcdWorld::restore(&bytes[..], 1_000_000_000), Err(SnapshotError::Threads(_))));
+}
+
+#[test]
+fn what_is_not_a_snapshot_is_said_to_be_none() {
+    for other in [&b""[..], b"[world]", b"\x89dcdsna", b"\x89dcdsnapshot"] {
+        let error = DcdWorld::restore(other, 1).err().unwrap();
+        let begins = other.len() >= 8 && DcdWorld::is_snapshot(other);
+        assert!(matches!(error, SnapshotError::Foreign) != begins, "{error}");
+    }
+}
+
+#[test]
+fn a_snapshot_of_another_format_or_build_is_refused_with_both_names() {
+    let mut foreign = Vec::new();
+    header::write(FORMAT + 1, &mut foreign).unwrap();
+    let error = DcdWorld::restore(&foreign[..], 1).err().unwrap().to_string();
+    assert!(error.contains(&format!("format {},", FORMAT + 1)), "{error}");
+    assert!(error.contains(&format!("format {FORMAT}, dcd {}", env!("CARGO_PKG_VERSION"))), "{error}");
+    assert!(error.contains("restore it by the dcd that made it"), "{error}");
+}
+
+#[test]
+fn every_truncation_is_refused() {
+    let bytes = sample();
+    let ends = (0..200).chain((200..bytes.len()).step_by(977)).chain(bytes.len() - 80..bytes.len());
+    for end in ends {
+        let error = DcdWorld::restore(&bytes[..end], 1).err().unwrap();
+        let right = matches!(error, SnapshotError::Foreign | SnapshotError::Truncated(_));
+        assert!(right, "{end} of {} bytes: {error}", bytes.len());
+    }
+    let longer = [&bytes[..], &[0]].concat();
+    assert!(matches!(DcdWorld::restore(&longer[..], 1), Err(SnapshotError::Damaged(_))));
+}
+
+#[test]
+fn blocks_that_are_swapped_or_left_out_are_noticed() {
+    let blocks: Vec<_> = (0..3u8).map(|i| vec![i; 1 << 20]).collect();
+    let header = [7; 32];
+    let mut bytes = Vec::new();
+    let mut writer = BlockWriter::new(&mut bytes, header);
+    writer.write_all(&blocks.concat()).unwrap();
+    writer.finish().unwrap();
+    let block = (1 << 20) + 36;
+    let read = |bytes: &[u8]| {
+        let mut reader = BlockReader::new(bytes, (header, 0));
+        let mut read = Vec::new();
+        reader.read_to_end(&mut read).map(|_| read).map_err(|_| reader.failure().unwrap())
+    };
+    assert!(read(&bytes).unwrap() == blocks.concat());
+    let swapped = [&bytes[block..2 * block], &bytes[..block], &bytes[2 * block..]].concat();
+    assert!(matches!(read(&swapped), Err(SnapshotError::Damaged(0))));
+    let left_out = [&bytes[..block], &bytes[2 * block..]].concat();
+    assert!(matches!(read(&left_out), Err(SnapshotError::Damaged(at)) if at == block as u64));
+}
+
+/// Fields show by the bytes that they take: when this fails, what is saved has changed. One new number a release is enough.
+#[test]
+fn a_changed_layout_has_a_new_format_number() {
+    let (mut world, ..) = busy(Coupling::Auto);
+    for _ in 0..2 {
+        world.step().unwrap();
+    }
+    assert!(world.stats().replicas > 0);
+    let written = (FORMAT, saved(&world).len() - header_len());
+    assert_eq!(written, (1, 55809), "raise FORMAT, then put the new length here");
+}
+
+fn header_len() -> usize {
+    let mut header = Vec::new();
+    header::write(FORMAT, &mut header).unwrap();
+    header.len()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn any_flipped_bit_is_refused(place in any::<prop::sample::Index>(), bit in 0_u8..8) {
+        thread_local!(static SAMPLE: Vec<u8> = sample());
+        let mut bytes = SAMPLE.with(Clone::clone);
+        let place = place.index(bytes.len());
+        bytes[place] ^= 1 << bit;
+        prop_assert!(DcdWorld::restore(&bytes[..], 1).is_err(), "byte {place}, bit {bit}");
+    }
+}

@@ -26,6 +26,8 @@ pub use host::{HostError, Preset, RegionHost, StepSettings};
 pub use joints::joint_record;
 pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;
-pub use query::{RayFilter, RayHit};
+pub use query::{
+    BodyFilter, ColliderId, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay,
+};
 pub use region::{Region, Role};
 pub use shapes::{ShapeError, ShapeLibrary};

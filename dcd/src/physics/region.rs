@@ -1,7 +1,7 @@
 //! One region: a Rapier world around an anchor, and who owns what in it.
 
 use std::collections::{BTreeMap, HashMap};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rapier3d::prelude::*;
 
@@ -9,6 +9,7 @@ use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
 use super::guide::{self, Guide};
 use super::partition::HUB_REACH_M;
+use super::query::Moved;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::ties::HeldJoint;
 use super::watch::ContactWatch;
@@ -110,6 +111,9 @@ pub struct Region {
     pub(super) due: Vec<u32>,
     /// What a coupling that agrees on means keeps from one exchange to the next.
     pub(super) border: Border,
+    /// Bodies inserted or changed since the last step, perhaps more than once; and what queries make of them.
+    touched: Vec<RigidBodyHandle>,
+    moved: OnceLock<Moved>,
     /// Scratch of the coupling, kept for its memory.
     pub(super) looked_at: Vec<RigidBodyHandle>,
     /// The same.
@@ -156,6 +160,8 @@ impl Region {
             arrived: Vec::new(),
             due: Vec::new(),
             border: Border::new(regions.len(), steps),
+            touched: Vec::new(),
+            moved: OnceLock::new(),
             looked_at: Vec::new(),
             changes: Vec::new(),
         }
@@ -259,6 +265,8 @@ impl Region {
             self.quarantined.clear();
         }
         guide::guide(self, steps);
+        self.touched.clear();
+        self.moved.take();
         self.world.step_with_events(&(), &self.watch);
         let heard = self.events.forces.len();
         self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
@@ -302,7 +310,21 @@ impl Region {
     }
 
     pub(super) fn world_mut(&mut self) -> &mut PhysicsWorld {
+        self.moved.take();
         &mut self.world
+    }
+
+    /// Bodies that are not where Rapier's own queries would find them.
+    pub(super) fn moved(&self) -> &Moved {
+        self.moved.get_or_init(|| Moved::of(self, &self.touched))
+    }
+
+    /// A body is not, or may not be, what and where it was in the last step.
+    fn touch(&mut self, handle: RigidBodyHandle) {
+        self.moved.take();
+        if self.touched.last() != Some(&handle) {
+            self.touched.push(handle);
+        }
     }
 
     pub(super) fn slot(&self, handle: RigidBodyHandle) -> &Slot {
@@ -329,6 +351,7 @@ impl Region {
         assert!(!self.by_id.contains_key(&body.id), "{} is already held by {}", body.id, self.id);
         let (rigid_body, colliders) = record::build(body, self.anchor, shapes)?;
         let handle = self.world.bodies.insert(rigid_body);
+        self.touch(handle);
         for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
             let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
             self.watch.name(&mut self.world.colliders[collider], collider, (body.id, place as u16), record);
@@ -383,6 +406,7 @@ impl Region {
         self.watch.forget(id);
         self.guide.forget(handle);
         self.fresh.retain(|link| link.handle != handle);
+        self.moved.take();
         self.world.remove_body(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;
         self.unlist(id);
@@ -439,6 +463,7 @@ impl Region {
 
     /// Changes which other regions hold a body.
     pub(super) fn set_holders(&mut self, handle: RigidBodyHandle, holders: RegionSet) {
+        self.touch(handle);
         let slot = self.slot_mut(handle);
         slot.holders = holders;
         let link = Link { id: slot.id, handle };
@@ -474,6 +499,7 @@ impl Region {
         handle: RigidBodyHandle,
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
+        self.touch(handle);
         coupling::whole(self, handle, change)
     }
 
@@ -496,6 +522,7 @@ impl Region {
         change: impl FnOnce(&mut Collider) -> R,
     ) -> Option<R> {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
+        self.touch(handle);
         Some(coupling::whole_colliders(self, handle, |region| {
             let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
             let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);

@@ -132,8 +132,7 @@ fn a_filter_overlooks_what_it_names() {
         let no_sensors = BodyFilter::from(QueryFilterFlags::EXCLUDE_SENSORS);
         assert_eq!(seen(BodyFilter::default()), Some((sensor, 0)), "{stepped}");
         assert_eq!(seen(no_sensors), Some((other_group, 0)));
-        let groups =
-            Some(InteractionGroups::new(Group::GROUP_1, Group::GROUP_1, InteractionTestMode::And));
+        let groups = Some(InteractionGroups::new(Group::GROUP_1, Group::GROUP_1, InteractionTestMode::And));
         assert_eq!(seen(BodyFilter { groups, ..no_sensors }), Some((first, 0)));
         let exclude_bodies = &[sensor, other_group, first];
         assert_eq!(seen(BodyFilter { exclude_bodies, ..no_sensors }), Some((moved, 1)));

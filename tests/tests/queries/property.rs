@@ -35,8 +35,12 @@ fn agrees(
 ) -> Result<(), TestCaseError> {
     let scene = scene(things);
     let mut world = world(&scene, regions, coupling);
-    let mut bodies: Vec<(BodyId, SceneBody)> =
-        scene.bodies.iter().enumerate().map(|(i, body)| (BodyId::persistent(i as u32), body.clone())).collect();
+    let mut bodies: Vec<(BodyId, SceneBody)> = scene
+        .bodies
+        .iter()
+        .enumerate()
+        .map(|(i, body)| (BodyId::persistent(i as u32), body.clone()))
+        .collect();
     for _ in 0..steps {
         world.step().unwrap();
     }

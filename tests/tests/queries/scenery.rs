@@ -65,9 +65,8 @@ impl Thing {
             Group::from_bits_retain(self.groups.1),
             if self.groups.2 { InteractionTestMode::Or } else { InteractionTestMode::And },
         );
-        let collider = ColliderBuilder::new(shape_of(shape, self.size))
-            .sensor(self.sensor)
-            .collision_groups(groups);
+        let collider =
+            ColliderBuilder::new(shape_of(shape, self.size)).sensor(self.sensor).collision_groups(groups);
         let mut colliders = vec![collider.clone()];
         if self.second_collider {
             colliders.push(ColliderBuilder::ball(self.size * 0.5).translation(Vector::new(0.0, 1.5, 0.0)));

@@ -1,7 +1,7 @@
 //! Shapes that move: what they meet first, and when.
 
+use parry3d::bounding_volume::BoundingVolume;
 use parry3d::query::{NonlinearRigidMotion, ShapeCastHit, ShapeCastOptions, ShapeCastStatus};
-use rapier3d::parry::bounding_volume::BoundingVolume;
 use rapier3d::prelude::*;
 
 use super::{Answerer, BodyFilter, Queries, QueryError, check};
@@ -53,7 +53,7 @@ impl Queries<'_> {
     /// # use dcd::protocol::WorldPose;
     /// # use dcd::runtime::{DcdWorld, WorldConfig};
     /// # use rapier3d::prelude::*;
-    /// # use rapier3d::parry::query::ShapeCastOptions;
+    /// # use parry3d::query::ShapeCastOptions;
     /// # let mut world = DcdWorld::new(WorldConfig::default())?;
     /// let wall = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(1.0, 9.0, 9.0))?;
     /// let (from, options) = (WorldPose::at([-6.0, 0.0, 0.0]), ShapeCastOptions::with_max_time_of_impact(10.0));
@@ -77,7 +77,7 @@ impl Queries<'_> {
         let velocity = convert::vector(velocity);
         let mut best = None;
         self.ask(filter, None, |answerer| {
-            let pose = check::region_pose(answerer.region.anchor(), pose);
+            let pose = convert::region_from_world(answerer.region.anchor(), pose);
             let latest = best.map_or(options.max_time_of_impact, |hit: ShapeHit| hit.time_of_impact);
             let options = ShapeCastOptions { max_time_of_impact: latest.min(f32::MAX), ..options };
             let Some((handle, hit)) = answerer.pipeline.cast_shape(&pose, velocity, shape, options) else {
@@ -109,20 +109,45 @@ impl Queries<'_> {
         let mut best: Option<ShapeHit> = None;
         self.ask(filter, None, |answerer| {
             let motion = NonlinearRigidMotion {
-                start: check::region_pose(answerer.region.anchor(), &motion.start),
+                start: convert::region_from_world(answerer.region.anchor(), &motion.start),
                 local_center: convert::vector(motion.local_centre),
                 linvel: convert::vector(motion.velocity.linear),
                 angvel: convert::vector(motion.velocity.angular),
             };
-            // Not up to the earliest hit so far: Parry may miss an overlap at the start when its time ends sooner.
-            let (start, end, pipeline) = (times.start, times.end, &answerer.pipeline);
-            let hit = pipeline.cast_shape_nonlinear(&motion, shape, start, end, stop_at_penetration);
-            let Some((handle, hit)) = hit else { return };
-            let near = shape.compute_aabb(&motion.position_at_time(hit.time_of_impact)).loosened(0.1);
-            keep_earlier(&mut best, shape_hit(answerer, handle, &hit, near));
+            let pipeline = &answerer.pipeline;
+            // Parry's own way over a tree may pass by a grazing hit, by which boxes happen to lie together.
+            for (handle, collider) in pipeline.intersect_aabb_conservative(swept(shape, &motion, &times)) {
+                let at = NonlinearRigidMotion::identity().prepend(*collider.position());
+                let (start, end) = (times.start, times.end);
+                let hit = pipeline
+                    .dispatcher
+                    .cast_shapes_nonlinear(
+                        &at,
+                        collider.shape(),
+                        &motion,
+                        shape,
+                        start,
+                        end,
+                        stop_at_penetration,
+                    )
+                    .ok()
+                    .flatten();
+                let Some(hit) = hit.map(|hit| hit.transform1_by(collider.position())) else { continue };
+                let near = shape.compute_aabb(&motion.position_at_time(hit.time_of_impact)).loosened(0.1);
+                keep_earlier(&mut best, shape_hit(answerer, handle, &hit, near));
+            }
         });
         Ok(best)
     }
+}
+
+/// A box around all places that a shape may come to.
+fn swept(shape: &dyn Shape, motion: &NonlinearRigidMotion, times: &std::ops::Range<f32>) -> Aabb {
+    let ball = shape.compute_local_bounding_sphere();
+    let reach = (ball.center - motion.local_center).length() + ball.radius + 0.01;
+    let at = |time: f32| motion.position_at_time(time) * motion.local_center;
+    let (start, end) = (at(times.start), at(times.end));
+    Aabb::new(start.min(end), start.max(end)).loosened(reach)
 }
 
 fn keep_earlier(best: &mut Option<ShapeHit>, hit: Option<ShapeHit>) {

@@ -1,8 +1,5 @@
 //! What a query must be.
 
-use rapier3d::prelude::Pose;
-
-use crate::physics::convert;
 use crate::protocol::WorldPose;
 use crate::space::Bounds;
 
@@ -58,10 +55,4 @@ pub(super) fn bounds(bounds: &Bounds) -> Result<(), QueryError> {
 /// A limit in f32, which Parry compares with finite numbers.
 pub(super) fn f32_limit(value: f64) -> f32 {
     value.min(f64::from(f32::MAX)) as f32
-}
-
-/// The pose in a region's space; turned by exactly a unit quaternion.
-pub(super) fn region_pose(anchor: [f64; 3], pose: &WorldPose) -> Pose {
-    let pose = convert::region_from_world(anchor, pose);
-    Pose::from_parts(pose.translation, pose.rotation.normalize())
 }

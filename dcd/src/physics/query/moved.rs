@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 
+use parry3d::bounding_volume::BoundingVolume;
 use parry3d::partitioning::Bvh;
 use rapier3d::prelude::*;
 
@@ -51,7 +52,8 @@ impl Moved {
             }
             let mut copy = collider.clone();
             copy.set_position(place(body, collider));
-            let aabb = copy.compute_aabb();
+            // Wider, as in Rapier's own tree: shapes may touch by rounding where their boxes do not.
+            let aabb = copy.compute_aabb().loosened(0.01);
             if aabb.mins.is_finite() && aabb.maxs.is_finite() {
                 let index = self.colliders.insert(copy).into_raw_parts().0;
                 self.bvh.insert(aabb, index);

@@ -1,6 +1,6 @@
 //! What overlaps a shape or a box.
 
-use rapier3d::parry::bounding_volume::BoundingVolume;
+use parry3d::bounding_volume::BoundingVolume;
 use rapier3d::prelude::*;
 
 use super::{BodyFilter, ColliderId, Queries, QueryError, check};
@@ -37,7 +37,7 @@ impl Queries<'_> {
         // Wider than the shape, for rounding.
         let near = Bounds { min: world(around.mins), max: world(around.maxs) }.grown(0.01);
         self.ask(filter, Some(&near), |answerer| {
-            let pose = check::region_pose(answerer.region.anchor(), pose);
+            let pose = convert::region_from_world(answerer.region.anchor(), pose);
             let near = shape.compute_aabb(&pose).loosened(0.01);
             let overlapping = answerer.pipeline.intersect_shape(pose, shape);
             found.extend(overlapping.filter_map(|(handle, _)| answerer.name(handle, near)));

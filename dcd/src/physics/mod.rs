@@ -2,6 +2,7 @@
 
 mod assembly;
 mod choice;
+mod control;
 mod convert;
 mod coupling;
 mod directory;
@@ -20,6 +21,7 @@ mod ties;
 mod watch;
 
 pub use choice::{CouplingChoice, Method};
+pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
 pub use coupling::Coupling;
 pub use directory::Handover;
 pub use host::{HostError, Preset, RegionHost, StepSettings};

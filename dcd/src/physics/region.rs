@@ -500,7 +500,17 @@ impl Region {
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
         self.touch(handle);
-        coupling::whole(self, handle, change)
+        // A dynamic body that is something else in Rapier is a ghost of the coupling, which its user must not see.
+        let ghost = self.world.bodies[handle].body_type();
+        let is_ghost = self.slot(handle).traits.kind == BodyKind::Dynamic && ghost != RigidBodyType::Dynamic;
+        if is_ghost {
+            self.world.bodies[handle].set_body_type(RigidBodyType::Dynamic, false);
+        }
+        let result = coupling::whole(self, handle, change);
+        if is_ghost && self.slot(handle).traits.kind == BodyKind::Dynamic {
+            self.world.bodies[handle].set_body_type(ghost, false);
+        }
+        result
     }
 
     /// Reads a body's traits anew.

@@ -4,7 +4,9 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 
-use crate::physics::{Handover, HostError, Partition, Queries, Region, RegionHost, Role, StepSettings};
+use crate::physics::{
+    ControlError, Handover, HostError, Partition, Queries, Region, RegionHost, Role, StepSettings,
+};
 use crate::protocol::{
     BIG_ISLAND, ContactLedger, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity, WorldEvents, WorldPose,
 };
@@ -91,6 +93,9 @@ pub enum WorldError {
     /// A body, shape or joint is refused.
     #[error(transparent)]
     Host(#[from] HostError),
+    /// A controller cannot do its work.
+    #[error(transparent)]
+    Control(#[from] ControlError),
     /// A setting is out of range.
     #[error("{what} is {value}: {range}")]
     Setting {
@@ -468,6 +473,10 @@ impl DcdWorld {
     /// What computes them.
     pub fn host(&self) -> &RegionHost {
         &self.host
+    }
+
+    pub(super) fn host_mut(&mut self) -> &mut RegionHost {
+        &mut self.host
     }
 
     /// How many regions have authority over a body: 1 for every movable body, or something is wrong.

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "net")]
 mod client;
+mod control;
 mod device;
 #[cfg(feature = "net")]
 mod error;

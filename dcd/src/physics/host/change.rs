@@ -92,6 +92,14 @@ impl RegionHost {
         self.owned(id).map(|(region, handle)| of(region, handle)).or_else(here)
     }
 
+    /// A pose of the world in the space of the region that owns a body, or of one that holds it.
+    pub fn region_pose(&self, id: BodyId, pose: &WorldPose) -> Option<Pose> {
+        let holds = |region: &&Region| region.handle_of(id).is_some();
+        let owner = self.owned(id).map(|(region, _)| region);
+        let region = owner.or_else(|| self.regions.iter().find(holds))?;
+        Some(convert::region_from_world(region.anchor(), pose))
+    }
+
     /// Puts a body elsewhere, in every copy; one that comes to lie in other regions is placed anew.
     pub fn teleport(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
         if !pose.is_valid() {

@@ -32,11 +32,11 @@ pub(super) fn point(point: [f64; 3], what: &'static str) -> Result<(), QueryErro
     if point.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(QueryError::NotFinite(what)) }
 }
 
-pub(super) fn vector(vector: [f32; 3], what: &'static str) -> Result<(), QueryError> {
+pub(in crate::physics) fn vector(vector: [f32; 3], what: &'static str) -> Result<(), QueryError> {
     if vector.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(QueryError::NotFinite(what)) }
 }
 
-pub(crate) fn pose(pose: &WorldPose, what: &'static str) -> Result<(), QueryError> {
+pub(in crate::physics) fn pose(pose: &WorldPose, what: &'static str) -> Result<(), QueryError> {
     point(pose.translation, what)?;
     vector([pose.rotation[0], pose.rotation[1], pose.rotation[2]], what)?;
     if pose.is_valid() { Ok(()) } else { Err(QueryError::Rotation(what)) }

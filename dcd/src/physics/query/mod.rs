@@ -14,6 +14,7 @@ mod ray;
 
 pub use cast::{ShapeHit, WorldMotion};
 pub use check::QueryError;
+pub(super) use check::{pose as check_pose, vector as check_vector};
 pub use filter::{BodyFilter, ColliderId};
 pub(super) use moved::Moved;
 pub use point::PointHit;

@@ -8,6 +8,7 @@ use rapier3d::prelude::*;
 use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
 use super::guide::{self, Guide};
+use super::hooks::{ContactHooks, Named};
 use super::partition::HUB_REACH_M;
 use super::query::Moved;
 use super::shapes::{ShapeError, ShapeLibrary};
@@ -97,6 +98,8 @@ pub struct Region {
     watch: ContactWatch,
     pub(super) guide: Guide,
     quarantined: Vec<BodyId>,
+    /// Whom the user wants to be asked about contacts.
+    pub(super) hooks: Option<Arc<dyn ContactHooks>>,
     /// Whether a body's mass is shared among the regions that hold it; else each copy has all of it.
     pub(super) shares_mass: bool,
     pub(super) events: RegionEvents,
@@ -150,6 +153,7 @@ impl Region {
             watch: ContactWatch::default(),
             guide: Guide::default(),
             quarantined: Vec::new(),
+            hooks: None,
             shares_mass: false,
             events: RegionEvents { region: id, ..RegionEvents::default() },
             outbox: regions
@@ -267,7 +271,13 @@ impl Region {
         guide::guide(self, steps);
         self.touched.clear();
         self.moved.take();
-        self.world.step_with_events(&(), &self.watch);
+        match self.hooks.as_deref() {
+            Some(hooks) => {
+                let named = Named { hooks, watch: &self.watch, anchor: self.anchor };
+                self.world.step_with_events(&named, &self.watch);
+            }
+            None => self.world.step_with_events(&(), &self.watch),
+        }
         let heard = self.events.forces.len();
         self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
         self.answer_for_forces(heard);

@@ -6,6 +6,7 @@ mod control;
 mod device;
 #[cfg(feature = "net")]
 mod error;
+mod hooks;
 #[cfg(feature = "net")]
 mod links;
 mod local;

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::convert;
 use super::coupling::{Coupling, Ground, Moment};
 use super::directory::{Directory, Handover, Home};
+use super::hooks::ContactHooks;
 use super::partition::Partition;
 use super::region::{Region, Role};
 use super::shapes::{ShapeError, ShapeLibrary};
@@ -144,6 +145,7 @@ pub struct RegionHost {
     /// By rank: where in `regions`.
     place_of: Vec<Option<usize>>,
     directory: Directory,
+    hooks: Option<Arc<dyn ContactHooks>>,
     #[cfg(feature = "parallel")]
     threads: usize,
     pool: Option<Arc<rayon::ThreadPool>>,
@@ -188,6 +190,7 @@ impl RegionHost {
             statics: Statics::default(),
             regions: Vec::new(),
             directory: Directory::default(),
+            hooks: None,
             #[cfg(feature = "parallel")]
             threads,
             pool,
@@ -225,6 +228,14 @@ impl RegionHost {
     #[cfg(not(feature = "parallel"))]
     fn lend_threads(&mut self) -> Result<(), HostError> {
         Ok(())
+    }
+
+    /// Asks these hooks about contacts in every region from now on; `None` asks nobody.
+    pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) {
+        for region in &mut self.regions {
+            region.hooks = hooks.clone();
+        }
+        self.hooks = hooks;
     }
 
     /// The shapes of this process.

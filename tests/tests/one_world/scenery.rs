@@ -31,10 +31,15 @@ pub(crate) fn place() -> impl Strategy<Value = [f32; 3]> {
 }
 
 pub(crate) fn things() -> impl Strategy<Value = Vec<Thing>> {
+    prop::collection::vec(thing(), 1..24)
+}
+
+pub(crate) fn thing() -> impl Strategy<Value = Thing> {
     let numbers = (0u8..6, 0u8..12, 0.2f32..2.0, place());
     let motion = (prop::array::uniform3(-3.0f32..3.0), prop::array::uniform3(-4.0f32..4.0));
     let groups = (0u32..8, 0u32..8, any::<bool>());
-    let thing = (numbers, motion, prop::bool::weighted(0.2), groups, prop::bool::weighted(0.2)).prop_map(
+    let sensor = prop::bool::weighted(0.2);
+    (numbers, motion, sensor, groups, prop::bool::weighted(0.2)).prop_map(
         |((kind, shape, size, at), (spin, velocity), sensor, groups, second_collider)| Thing {
             kind,
             shape,
@@ -46,12 +51,11 @@ pub(crate) fn things() -> impl Strategy<Value = Vec<Thing>> {
             groups,
             second_collider,
         },
-    );
-    prop::collection::vec(thing, 1..24)
+    )
 }
 
 impl Thing {
-    fn scene_body(&self) -> SceneBody {
+    pub(crate) fn scene_body(&self) -> SceneBody {
         // Flat and endless shapes carry no mass, so they belong to bodies that are not pushed.
         let (kind, shape) = match (self.kind, self.shape) {
             (0 | 1, shape) => (RigidBodyType::Fixed, shape),

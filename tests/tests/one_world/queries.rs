@@ -1,8 +1,4 @@
-//! Queries over all regions: whatever is asked, one Rapier world with the same bodies would say the same.
-
-mod asking;
-mod property;
-mod scenery;
+//! Queries over all regions, one by one.
 
 use dcd::physics::{BodyFilter, ColliderId, Coupling, QueryError, WorldRay};
 use dcd::protocol::WorldPose;

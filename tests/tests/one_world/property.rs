@@ -5,9 +5,9 @@ use dcd::protocol::WorldPose;
 use dcd::scene::SceneBody;
 use dcd::space::BodyId;
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 use super::asking::{Question, questions};
+use super::config;
 use super::scenery::{Bare, Thing, place, scene, things, world};
 
 /// Changes after the last step: a body goes elsewhere, goes, or comes.
@@ -73,16 +73,6 @@ fn setting() -> impl Strategy<Value = (usize, Coupling, usize)> {
     (regions, prop::sample::select(Coupling::ALL.to_vec()), 0usize..6)
 }
 
-fn config(cases: u32) -> ProptestConfig {
-    ProptestConfig {
-        cases,
-        rng_seed: RngSeed::Fixed(20),
-        failure_persistence: None,
-        max_shrink_iters: 2_000,
-        ..ProptestConfig::default()
-    }
-}
-
 proptest! {
     #![proptest_config(config(150))]
 
@@ -100,7 +90,7 @@ proptest! {
 proptest! {
     #![proptest_config(config(10_000))]
 
-    /// Some minutes: `cargo test --release -p dcd-tests --test queries -- --ignored`.
+    /// Some seconds: `cargo test --release -p dcd-tests --test one_world -- --ignored`.
     #[test]
     #[ignore = "slow"]
     fn ten_thousand_scenes_answer_as_one_world_does(

@@ -30,10 +30,14 @@ pub(crate) struct Question {
 }
 
 pub(crate) fn questions() -> impl Strategy<Value = Vec<Question>> {
+    prop::collection::vec(question(), 1..24)
+}
+
+pub(crate) fn question() -> impl Strategy<Value = Question> {
     let flags = prop_oneof![3 => Just(0u32), 2 => 0u32..32];
     let groups = prop::option::weighted(0.4, (0u32..8, 0u32..8, any::<bool>()));
     let filter = (flags, groups, prop::option::of(0u32..24), prop::bool::weighted(0.2));
-    let question = (0u8..8, place(), place(), 0.1f32..3.0, 0.0f32..60.0, any::<bool>(), filter).prop_map(
+    (0u8..8, place(), place(), 0.1f32..3.0, 0.0f32..60.0, any::<bool>(), filter).prop_map(
         |(what, at, towards, size, max, solid, (flags, groups, exclude, only_even))| Question {
             what,
             at,
@@ -46,8 +50,7 @@ pub(crate) fn questions() -> impl Strategy<Value = Vec<Question>> {
             exclude,
             only_even,
         },
-    );
-    prop::collection::vec(question, 1..24)
+    )
 }
 
 /// Nearest answers: who, and how far. Those that are equally near may be any of them.

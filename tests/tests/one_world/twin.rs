@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use rapier3d::prelude::*;
 
 use super::operations::Operation;
-use super::scenery::{Bare, scene, velocity};
+use super::scenery::{Bare, HALF_M, scene, velocity};
 
 /// Bodies that met nothing may be this far from where one world has them, and more for each tick: micro-steps integrate
 /// the same forces in another number of parts.
@@ -40,6 +40,8 @@ pub(crate) struct Twin {
     /// Bodies that met others or hang on a joint: regions agree on these as well as couplings do, no better.
     rough: BTreeSet<BodyId>,
     ticks: usize,
+    /// Rapier takes changes in when it steps, centres of mass too.
+    stepped: bool,
 }
 
 impl Twin {
@@ -61,10 +63,12 @@ impl Twin {
             untied: Vec::new(),
             rough: BTreeSet::new(),
             ticks: 0,
+            stepped: false,
         }
     }
 
     pub(crate) fn apply(&mut self, operation: &Operation) -> Result<(), TestCaseError> {
+        self.stepped = matches!(operation, Operation::Step(_));
         match operation {
             Operation::Insert(thing) => self.insert(thing.scene_body()),
             Operation::Step(ticks) => {
@@ -124,8 +128,10 @@ impl Twin {
             Operation::SendTo(which, to) => {
                 let body = &self.bodies[which % self.bodies.len()];
                 if body.spec.body.body_type == RigidBodyType::KinematicPositionBased {
+                    // Regions look some metres ahead: who goes farther in a tick is to be teleported.
                     let pose = self.world.pose(body.id).unwrap();
-                    let to = WorldPose { translation: to.map(f64::from), ..pose };
+                    let there = |i: usize| pose.translation[i] + f64::from(to[i] / HALF_M);
+                    let to = WorldPose { translation: std::array::from_fn(there), ..pose };
                     self.world.set_next_pose(body.id, to).unwrap();
                     let to = Pose::from_parts(
                         Vector::from(to.translation.map(|v| v as f32)),
@@ -139,7 +145,11 @@ impl Twin {
                 self.both(*which, |body| body.set_enabled(*on));
                 self.spec(*which).body.enabled = *on;
             }
-            Operation::Sleep(which) => self.both(*which, RigidBody::sleep),
+            Operation::Sleep(which) => {
+                if !self.is_tied(*which) {
+                    self.both(*which, RigidBody::sleep);
+                }
+            }
             Operation::Groups(which, memberships, filter) => {
                 let groups = InteractionGroups::new(
                     Group::from_bits_retain(*memberships),
@@ -190,8 +200,9 @@ impl Twin {
 
     fn tie(&mut self, a: usize, b: usize, kind: u8) {
         let (a, b) = (&self.bodies[a % self.bodies.len()], &self.bodies[b % self.bodies.len()]);
-        let fixed = |body: &Body| body.spec.body.body_type == RigidBodyType::Fixed;
-        if a.id == b.id || (fixed(a) && fixed(b)) {
+        // Rapier 0.36.1 stops with a panic at a joint that has no dynamic body awake at either end.
+        let dynamic = |body: &Body| body.spec.body.body_type == RigidBodyType::Dynamic;
+        if a.id == b.id || !(dynamic(a) || dynamic(b)) {
             return;
         }
         let reach = Vector::new(0.5, 0.0, 0.0);
@@ -212,12 +223,17 @@ impl Twin {
 
     /// A body that is not fixed moves by forces, or as it is told.
     fn change_kind(&mut self, which: usize, dynamic: bool) {
-        if self.spec(which).body.body_type == RigidBodyType::Fixed {
+        if self.spec(which).body.body_type == RigidBodyType::Fixed || self.is_tied(which) {
             return;
         }
         let kind = if dynamic { RigidBodyType::Dynamic } else { RigidBodyType::KinematicVelocityBased };
         self.both(which, |body| body.set_body_type(kind, true));
         self.spec(which).body.body_type = kind;
+    }
+
+    fn is_tied(&self, which: usize) -> bool {
+        let id = self.bodies[which % self.bodies.len()].id;
+        self.joints.iter().any(|joint| joint.ends.contains(&id))
     }
 
     fn spec(&mut self, which: usize) -> &mut SceneBody {
@@ -262,7 +278,9 @@ impl Twin {
             prop_assert_eq!(self.world.owners_of(body.id), owners, "owners of {}", body.id);
             let pose = self.world.pose(body.id);
             prop_assert!(pose.is_some_and(|pose| pose.is_valid()), "{} at {:?}", body.id, pose);
-            self.check_place(body)?;
+            if self.stepped {
+                self.check_place(body)?;
+            }
         }
         for joint in &self.joints {
             prop_assert!(self.world.joint_load(joint.id).is_some(), "{} is lost", joint.id);
@@ -279,7 +297,11 @@ impl Twin {
             return Ok(());
         }
         let (bare, ours) = (&self.bare.bodies[body.bare], self.world.body(body.id).unwrap());
-        let apart = (bare.center_of_mass() - ours.center_of_mass()).length();
+        let place = |body: &RigidBody| {
+            let moves = body.is_enabled() && body.is_dynamic();
+            if moves { body.center_of_mass() } else { body.translation() }
+        };
+        let apart = (place(bare) - place(ours)).length();
         let gate = GATE_M + GATE_A_TICK_M * self.ticks as f32;
         prop_assert!(
             apart <= gate,
@@ -289,8 +311,12 @@ impl Twin {
             ours.translation(),
             bare.translation()
         );
-        let (v, one) = (ours.linvel(), bare.linvel());
-        prop_assert!((v - one).length() <= 0.02 + 0.01 * one.length(), "{}: {} and {} m/s", body.id, v, one);
+        // That of a body which goes where it is sent is Rapier's own memory of its last step, and stays behind at a border.
+        if body.spec.body.body_type == RigidBodyType::Dynamic {
+            let (v, one) = (ours.linvel(), bare.linvel());
+            let same = (v - one).length() <= 0.02 + 0.01 * one.length();
+            prop_assert!(same, "{}: {} and {} m/s", body.id, v, one);
+        }
         prop_assert_eq!(ours.is_enabled(), bare.is_enabled());
         prop_assert_eq!(ours.body_type(), bare.body_type());
         Ok(())

@@ -146,6 +146,8 @@ pub struct RegionHost {
     place_of: Vec<Option<usize>>,
     directory: Directory,
     hooks: Option<Arc<dyn ContactHooks>>,
+    /// Kinematic bodies that were sent somewhere since the last step.
+    sent: Vec<(BodyId, WorldPose)>,
     #[cfg(feature = "parallel")]
     threads: usize,
     pool: Option<Arc<rayon::ThreadPool>>,
@@ -191,6 +193,7 @@ impl RegionHost {
             regions: Vec::new(),
             directory: Directory::default(),
             hooks: None,
+            sent: Vec::new(),
             #[cfg(feature = "parallel")]
             threads,
             pool,
@@ -334,7 +337,12 @@ impl RegionHost {
         if self.partition.len() > 1 && self.regions.iter().any(|region| !region.fresh.is_empty()) {
             self.announce();
             self.exchange()?;
+            // A record does not say where its body was sent: copies that came just now must hear of it.
+            for (id, pose) in std::mem::take(&mut self.sent) {
+                self.send_copies(id, &pose);
+            }
         }
+        self.sent.clear();
         for _ in 0..self.rounds {
             self.compute();
             self.exchange()?;

@@ -4,7 +4,7 @@
 //! compiler lists what it must answer.
 
 use dcd::net::PeerStats;
-use dcd::physics::{Handover, RayFilter, RayHit, Region};
+use dcd::physics::{BodyFilter, Handover, RayHit, Region, WorldRay};
 use dcd::protocol::{Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
@@ -361,13 +361,17 @@ impl Backend {
     pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Result<Option<RayHit>, Failure> {
         let instead =
             "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
-        let filter = RayFilter {
-            groups: Group::from_bits_retain(ray.mask),
-            exclude: ray.exclude.as_slice(),
-            ..RayFilter::default()
+        let mask = Group::from_bits_retain(ray.mask);
+        // Only memberships count: a ray belongs to no group that a collider could refuse to meet.
+        let member = |_, collider: &Collider| collider.collision_groups().memberships.intersects(mask);
+        let filter = BodyFilter {
+            exclude_bodies: ray.exclude.as_slice(),
+            predicate: Some(&member),
+            ..BodyFilter::default()
         };
+        let straight = WorldRay::new(ray.origin, ray.direction).up_to(f64::from(ray.max_m));
         let world = self.local("cast rays", instead)?;
-        Ok(world.cast_ray(ray.origin, ray.direction, ray.max_m, &filter))
+        world.queries().cast_ray(&straight, &filter).map_err(|error| Failure::argument(error.to_string()))
     }
 }
 

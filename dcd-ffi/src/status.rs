@@ -64,6 +64,7 @@ impl From<WorldError> for Failure {
             WorldError::Full | WorldError::Host(HostError::Threads { .. }) => DCD_ERR_LIMIT,
             WorldError::Tree(_)
             | WorldError::Host(_)
+            | WorldError::Control(_)
             | WorldError::Setting { .. }
             | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,
         };

@@ -1,6 +1,6 @@
 //! A partitioned world through its public API: what is true of one Rapier world stays true of many.
 
-use dcd::physics::{Coupling, RayFilter};
+use dcd::physics::Coupling;
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
 use dcd::sim::Random;
@@ -340,48 +340,6 @@ fn bits_do_not_depend_on_the_number_of_threads() {
     assert!(one.1 > 20, "only {} transfers: the test needs traffic", one.1);
     assert_eq!(one, run(2));
     assert_eq!(one, run(4));
-}
-
-#[test]
-fn rays_find_the_nearest_body_of_any_region_and_no_replica() {
-    let mut world = DcdWorld::new(two_regions()).unwrap();
-    insert_floor(&mut world);
-    let near = insert_ball(&mut world, 0.4, 0.5, 0.0);
-    let far = insert_ball(&mut world, 6.0, 0.5, 0.0);
-    world.step().unwrap();
-    let all = RayFilter::default();
-    let hit = world.cast_ray([-10.0, 0.5, 0.0], [2.0, 0.0, 0.0], 100.0, &all).unwrap();
-    assert_eq!(hit.body, near);
-    assert!((hit.distance_m - 9.9).abs() < 1e-2 && hit.normal[0] < -0.99, "{hit:?}");
-    world.remove(near).unwrap();
-    world.step().unwrap();
-    assert_eq!(world.cast_ray([-10.0, 0.5, 0.0], [1.0, 0.0, 0.0], 100.0, &all).unwrap().body, far);
-    assert_eq!(world.cast_ray([-10.0, 0.5, 0.0], [1.0, 0.0, 0.0], 5.0, &all), None);
-    assert_eq!(world.cast_ray([0.0, 0.5, 0.0], [0.0, 0.0, 0.0], 5.0, &all), None);
-}
-
-#[test]
-fn rays_overlook_what_their_filter_names() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
-    let mut insert = |x: f32, collider: ColliderBuilder| {
-        let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.0, 0.0));
-        world.insert(body, collider).unwrap()
-    };
-    let sensor = insert(-6.0, ColliderBuilder::ball(0.5).sensor(true));
-    let groups = InteractionGroups::new(Group::GROUP_2, Group::ALL, InteractionTestMode::And);
-    let other_group = insert(-4.0, ColliderBuilder::ball(0.5).collision_groups(groups));
-    let first = insert(2.0, ColliderBuilder::ball(0.5));
-    let second = insert(4.0, ColliderBuilder::ball(0.5));
-    world.step().unwrap();
-    let seen = |filter: RayFilter<'_>| world.cast_ray([-10.0, 0.0, 0.0], [1.0, 0.0, 0.0], 100.0, &filter);
-    let body = |filter| seen(filter).map(|hit| hit.body);
-    assert_eq!(body(RayFilter::default()), Some(sensor));
-    assert_eq!(body(RayFilter { sensors: false, ..RayFilter::default() }), Some(other_group));
-    let group_1 = RayFilter { groups: Group::GROUP_1, sensors: false, ..RayFilter::default() };
-    assert_eq!(body(group_1), Some(first));
-    let both = [first, second];
-    assert_eq!(body(RayFilter { exclude: &both[..1], ..group_1 }), Some(second));
-    assert_eq!(body(RayFilter { exclude: &both, ..group_1 }), None);
 }
 
 #[test]

@@ -2,11 +2,13 @@
 
 mod assembly;
 mod choice;
+mod control;
 mod convert;
 mod coupling;
 mod directory;
 mod follow;
 mod guide;
+mod hooks;
 mod host;
 mod joints;
 mod measure;
@@ -22,12 +24,16 @@ mod ties;
 mod watch;
 
 pub use choice::{CouplingChoice, Method};
+pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
 pub use coupling::Coupling;
 pub use directory::Handover;
+pub use hooks::{ContactHooks, HookedPair};
 pub use host::{HostError, Preset, RegionHost, StepSettings};
 pub use joints::joint_record;
 pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;
-pub use query::{RayFilter, RayHit};
+pub use query::{
+    BodyFilter, ColliderId, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay,
+};
 pub use region::{Region, Role};
 pub use shapes::{ShapeError, ShapeLibrary};

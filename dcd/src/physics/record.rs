@@ -187,6 +187,7 @@ fn collider_record(
         solver_groups: groups(collider.solver_groups),
         collision_types: collider.active_collision_types.bits(),
         events: collider.active_events.bits(),
+        hooks: collider.active_hooks.bits(),
         force_event_threshold_n: collider.contact_force_event_threshold,
         contact_skin_m: collider.contact_skin,
         user_data: collider.user_data,
@@ -215,6 +216,7 @@ pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider, heavier: boo
         solver_groups: groups(collider.solver_groups()),
         collision_types: collider.active_collision_types().bits(),
         events: collider.active_events().bits(),
+        hooks: collider.active_hooks().bits(),
         force_event_threshold_n: collider.contact_force_event_threshold(),
         contact_skin_m: collider.contact_skin(),
         user_data: collider.user_data,
@@ -234,6 +236,7 @@ fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Coll
         .solver_groups(rapier_groups(record.solver_groups))
         .active_collision_types(ActiveCollisionTypes::from_bits_truncate(record.collision_types))
         .active_events(ActiveEvents::from_bits_truncate(record.events))
+        .active_hooks(ActiveHooks::from_bits_truncate(record.hooks))
         .contact_force_event_threshold(record.force_event_threshold_n)
         .contact_skin(record.contact_skin_m)
         .user_data(record.user_data);
@@ -337,6 +340,7 @@ mod tests {
             .solver_groups(InteractionGroups::new(Group::GROUP_1, Group::GROUP_2, InteractionTestMode::And))
             .active_collision_types(ActiveCollisionTypes::all())
             .active_events(ActiveEvents::all())
+            .active_hooks(ActiveHooks::FILTER_INTERSECTION_PAIR | ActiveHooks::MODIFY_SOLVER_CONTACTS)
             .contact_force_event_threshold(12.0)
             .contact_skin(0.01)
             .user_data(77);
@@ -370,6 +374,7 @@ mod tests {
             assert_eq!(direct.collision_groups(), rebuilt.collision_groups());
             assert_eq!(direct.solver_groups(), rebuilt.solver_groups());
             assert_eq!(direct.active_events(), rebuilt.active_events());
+            assert_eq!(direct.active_hooks(), rebuilt.active_hooks());
             assert_eq!(direct.active_collision_types(), rebuilt.active_collision_types());
             assert_eq!(direct.is_sensor(), rebuilt.is_sensor());
             assert_eq!(direct.is_enabled(), rebuilt.is_enabled());

@@ -1,7 +1,7 @@
 //! One region: a Rapier world around an anchor, and who owns what in it.
 
 use std::collections::{BTreeMap, HashMap};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
@@ -10,8 +10,10 @@ use super::assembly::{self, Assembly};
 use super::coupling::{self, Border, Shared};
 use super::follow;
 use super::guide::{self, Guide};
+use super::hooks::{ContactHooks, Named};
 use super::outbox::Outbox;
 use super::partition::HUB_REACH_M;
+use super::query::Moved;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::ties::{HeldJoint, JointNews};
 use super::watch::ContactWatch;
@@ -101,6 +103,9 @@ pub struct Region {
     watch: ContactWatch,
     pub(super) guide: Guide,
     quarantined: Vec<BodyId>,
+    /// Whom the user wants to be asked about contacts.
+    #[serde(skip)]
+    pub(super) hooks: Option<Arc<dyn ContactHooks>>,
     /// Whether a body's mass is shared among the regions that hold it; else each copy has all of it.
     pub(super) shares_mass: bool,
     pub(super) events: RegionEvents,
@@ -118,6 +123,10 @@ pub struct Region {
     pub(super) due: Vec<u32>,
     /// What a coupling that agrees on means keeps from one exchange to the next.
     pub(super) border: Border,
+    /// Bodies inserted or changed since the last step, perhaps more than once; and what queries make of them.
+    touched: Vec<RigidBodyHandle>,
+    #[serde(skip)]
+    moved: OnceLock<Moved>,
     /// Scratch of the coupling, kept for its memory.
     #[serde(skip)]
     pub(super) looked_at: Vec<RigidBodyHandle>,
@@ -157,6 +166,7 @@ impl Region {
             watch: ContactWatch::default(),
             guide: Guide::default(),
             quarantined: Vec::new(),
+            hooks: None,
             shares_mass: false,
             events: RegionEvents { region: id, ..RegionEvents::default() },
             outbox: Outbox::new(id, regions.clone()),
@@ -166,6 +176,8 @@ impl Region {
             arrived: Vec::new(),
             due: Vec::new(),
             border: Border::new(regions.len(), steps),
+            touched: Vec::new(),
+            moved: OnceLock::new(),
             looked_at: Vec::new(),
             changes: Vec::new(),
         }
@@ -311,7 +323,15 @@ impl Region {
         guide::guide(self, steps);
         self.tell_joints();
         self.stirred = false;
-        self.world.step_with_events(&(), &self.watch);
+        self.touched.clear();
+        self.moved.take();
+        match self.hooks.as_deref() {
+            Some(hooks) => {
+                let named = Named { hooks, watch: &self.watch, anchor: self.anchor };
+                self.world.step_with_events(&named, &self.watch);
+            }
+            None => self.world.step_with_events(&(), &self.watch),
+        }
         let heard = self.events.forces.len();
         self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
         self.answer_for_forces(heard);
@@ -355,7 +375,21 @@ impl Region {
 
     pub(super) fn world_mut(&mut self) -> &mut PhysicsWorld {
         self.stirred = true;
+        self.moved.take();
         &mut self.world
+    }
+
+    /// Bodies that are not where Rapier's own queries would find them.
+    pub(super) fn moved(&self) -> &Moved {
+        self.moved.get_or_init(|| Moved::of(self, &self.touched))
+    }
+
+    /// A body is not, or may not be, what and where it was in the last step.
+    fn touch(&mut self, handle: RigidBodyHandle) {
+        self.moved.take();
+        if self.touched.last() != Some(&handle) {
+            self.touched.push(handle);
+        }
     }
 
     pub(super) fn slot(&self, handle: RigidBodyHandle) -> &Slot {
@@ -383,6 +417,7 @@ impl Region {
         let (rigid_body, colliders) = record::build(body, self.anchor, shapes)?;
         self.stirred = true;
         let handle = self.world.bodies.insert(rigid_body);
+        self.touch(handle);
         for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
             let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
             let inserted = &mut self.world.colliders[collider];
@@ -441,6 +476,7 @@ impl Region {
         self.watch.forget(id);
         self.guide.forget(handle);
         self.fresh.retain(|link| link.handle != handle);
+        self.moved.take();
         self.remove_from_rapier(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;
         self.unlist(id);
@@ -497,6 +533,7 @@ impl Region {
 
     /// Changes which other regions hold a body.
     pub(super) fn set_holders(&mut self, handle: RigidBodyHandle, holders: RegionSet) {
+        self.touch(handle);
         let slot = self.slot_mut(handle);
         slot.holders = holders;
         let link = Link { id: slot.id, handle };
@@ -532,7 +569,18 @@ impl Region {
         handle: RigidBodyHandle,
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
-        coupling::whole(self, handle, change)
+        self.touch(handle);
+        // A dynamic body that is something else in Rapier is a ghost of the coupling, which its user must not see.
+        let ghost = self.world.bodies[handle].body_type();
+        let is_ghost = self.slot(handle).traits.kind == BodyKind::Dynamic && ghost != RigidBodyType::Dynamic;
+        if is_ghost {
+            self.world.bodies[handle].set_body_type(RigidBodyType::Dynamic, false);
+        }
+        let result = coupling::whole(self, handle, change);
+        if is_ghost && self.slot(handle).traits.kind == BodyKind::Dynamic {
+            self.world.bodies[handle].set_body_type(ghost, false);
+        }
+        result
     }
 
     /// Reads a body's traits anew.
@@ -554,6 +602,7 @@ impl Region {
         change: impl FnOnce(&mut Collider) -> R,
     ) -> Option<R> {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
+        self.touch(handle);
         Some(coupling::whole_colliders(self, handle, |region| {
             let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
             region.stirred = true;

@@ -2,13 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use parry3d::shape::{HeightField, HeightFieldFlags, SharedShape, TriMesh, TriMeshFlags, TypedShape};
+use parry3d::shape::{
+    ConvexPolyhedron, HeightField, HeightFieldCellStatus, HeightFieldFlags, RoundShape, Shape, SharedShape,
+    TriMesh, TriMeshFlags, Triangle, TypedShape, Voxels,
+};
 use parry3d::utils::Array2;
+use rapier3d::math::IVector;
 use rapier3d::prelude::Vector;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::convert;
-use crate::protocol::{ShapeHash, ShapeRecord};
+use crate::protocol::{ShapeHash, ShapeRecord, voxels_fit};
 
 /// Why a shape cannot be held.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -32,6 +36,11 @@ pub enum ShapeError {
     /// A triangle without area, or a hull in a plane: it has no normal, or no mass.
     #[error("a {0} is flat: give it an area if it is a triangle, a volume if it is a hull")]
     Flat(&'static str),
+    /// No voxels, or too many.
+    #[error(
+        "a shape of voxels is empty, reaches farther than 2^20 voxels from its origin, or lies in more than 65,536 blocks of 8 × 8 × 8; cut it into several"
+    )]
+    Voxels,
     /// A record refers to a shape that is not here.
     #[error("shape {0} is not known here; it must be sent before the bodies that use it")]
     Unknown(ShapeHash),
@@ -109,9 +118,8 @@ impl ShapeLibrary {
             }
             TypedShape::Polyline(s) => ShapeRecord::Polyline(points(s.vertices()), s.indices().to_vec()),
             TypedShape::HeightField(s) => {
-                if s.cells_statuses().data().iter().any(|status| !status.is_empty()) {
-                    return Err(ShapeError::Unsupported("height field with removed or turned cells"));
-                }
+                let cells = s.cells_statuses().data();
+                let plain = cells.iter().all(|status| status.is_empty());
                 let heights = s.heights();
                 ShapeRecord::HeightField(
                     heights.data().to_vec(),
@@ -119,6 +127,7 @@ impl ShapeLibrary {
                     heights.ncols() as u32,
                     s.scale().to_array(),
                     s.flags().bits(),
+                    if plain { Vec::new() } else { cells.iter().map(|status| status.bits()).collect() },
                 )
             }
             TypedShape::RoundCuboid(s) => {
@@ -138,10 +147,25 @@ impl ShapeLibrary {
                     .collect::<Result<_, ShapeError>>()?;
                 ShapeRecord::Compound(parts)
             }
-            TypedShape::Voxels(_) => return Err(ShapeError::Unsupported("voxels")),
-            TypedShape::RoundTriangle(_) => return Err(ShapeError::Unsupported("round triangle")),
-            TypedShape::RoundConvexPolyhedron(_) => {
-                return Err(ShapeError::Unsupported("round convex polyhedron"));
+            TypedShape::RoundTriangle(s) => {
+                let Triangle { a, b, c } = s.inner_shape;
+                ShapeRecord::RoundTriangle([a, b, c].map(|corner| corner.to_array()), s.border_radius)
+            }
+            TypedShape::RoundConvexPolyhedron(s) => {
+                let (vertices, triangles) = s.inner_shape.to_trimesh();
+                ShapeRecord::RoundConvexPolyhedron(points(&vertices), triangles, s.border_radius)
+            }
+            TypedShape::Voxels(s) => {
+                let filled = s.voxels().filter(|voxel| !voxel.state.is_empty());
+                let mut voxels: Vec<_> = filled.map(|voxel| voxel.grid_coords.to_array()).collect();
+                voxels.sort_unstable();
+                let alone = voxels_of(s.voxel_size(), &voxels);
+                if s.voxels().any(|voxel| {
+                    alone.voxel_state(voxel.grid_coords).is_some_and(|state| state != voxel.state)
+                }) {
+                    return Err(ShapeError::Unsupported("voxels that know of another shape's"));
+                }
+                ShapeRecord::Voxels(s.voxel_size().to_array(), voxels)
             }
             _ => return Err(ShapeError::Unsupported("custom")),
         })
@@ -161,15 +185,16 @@ impl ShapeLibrary {
             ShapeRecord::Triangle([a, b, c]) => SharedShape::triangle(v(*a), v(*b), v(*c)),
             ShapeRecord::HalfSpace(normal) => SharedShape::halfspace(v(*normal)),
             ShapeRecord::ConvexPolyhedron(vertices, triangles) => {
-                let hull = SharedShape::convex_mesh(vectors(vertices), triangles).ok_or_else(|| {
-                    let cause = "its triangles do not close a convex surface".into();
-                    ShapeError::Broken { what: "convex polyhedron", cause }
-                })?;
-                if !has_volume(&hull) {
-                    return Err(ShapeError::Flat("convex polyhedron"));
-                }
-                hull
+                SharedShape::new(hull(vectors(vertices), triangles)?)
             }
+            ShapeRecord::RoundConvexPolyhedron(vertices, triangles, border) => {
+                let inner_shape = hull(vectors(vertices), triangles)?;
+                SharedShape::new(RoundShape { inner_shape, border_radius: *border })
+            }
+            ShapeRecord::RoundTriangle([a, b, c], border) => {
+                SharedShape::round_triangle(v(*a), v(*b), v(*c), *border)
+            }
+            ShapeRecord::Voxels(size, voxels) => SharedShape::new(voxels_of(v(*size), voxels)),
             ShapeRecord::TriMesh(vertices, triangles, flags) => {
                 let flags = TriMeshFlags::from_bits_truncate(*flags);
                 let mesh = TriMesh::with_flags(vectors(vertices), triangles.clone(), flags)
@@ -179,10 +204,15 @@ impl ShapeLibrary {
             ShapeRecord::Polyline(vertices, edges) => {
                 SharedShape::polyline(vectors(vertices), Some(edges.clone()))
             }
-            ShapeRecord::HeightField(heights, rows, columns, scale, flags) => {
+            ShapeRecord::HeightField(heights, rows, columns, scale, flags, cells) => {
                 let heights = Array2::new(*rows as usize, *columns as usize, heights.clone());
                 let flags = HeightFieldFlags::from_bits_truncate(*flags);
-                SharedShape::new(HeightField::with_flags(heights, v(*scale), flags))
+                let mut field = HeightField::with_flags(heights, v(*scale), flags);
+                for (index, bits) in cells.iter().enumerate() {
+                    let (row, column) = (index % (*rows as usize - 1), index / (*rows as usize - 1));
+                    field.set_cell_status(row, column, HeightFieldCellStatus::from_bits_truncate(*bits));
+                }
+                SharedShape::new(field)
             }
             ShapeRecord::RoundCuboid([x, y, z], border) => SharedShape::round_cuboid(*x, *y, *z, *border),
             ShapeRecord::RoundCylinder(half_height, radius, border) => {
@@ -218,6 +248,18 @@ impl<'de> Deserialize<'de> for ShapeLibrary {
     }
 }
 
+fn hull(vertices: Vec<Vector>, triangles: &[[u32; 3]]) -> Result<ConvexPolyhedron, ShapeError> {
+    let hull = ConvexPolyhedron::from_convex_mesh(vertices, triangles).ok_or_else(|| {
+        let cause = "its triangles do not close a convex surface".into();
+        ShapeError::Broken { what: "convex polyhedron", cause }
+    })?;
+    if has_volume(&hull) { Ok(hull) } else { Err(ShapeError::Flat("convex polyhedron")) }
+}
+
+fn voxels_of(size: Vector, voxels: &[[i32; 3]]) -> Voxels {
+    Voxels::new(size, &voxels.iter().map(|&voxel| IVector::from_array(voxel)).collect::<Vec<_>>())
+}
+
 fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
     let positive = |what, sizes: &[f32]| {
         let good = sizes.iter().all(|size| size.is_finite() && *size > 0.0);
@@ -232,6 +274,11 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
         let cause = || "an index points past the vertices, or there is none".to_string();
         if good { Ok(()) } else { Err(ShapeError::Broken { what, cause: cause() }) }
     };
+    let hull = |vertices: &Vec<[f32; 3]>, triangles: &Vec<[u32; 3]>| {
+        let indices = triangles.as_flattened().iter();
+        let what = "convex polyhedron";
+        finite(what, vertices).and(indexed(what, vertices.len(), indices, triangles.len()))
+    };
     match record {
         ShapeRecord::Ball(r) => positive("ball", &[*r]),
         ShapeRecord::Cuboid(half) => positive("cuboid", half),
@@ -244,9 +291,19 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
             if has_area(*points) { Ok(()) } else { Err(ShapeError::Flat("triangle")) }
         }
         ShapeRecord::HalfSpace(normal) => finite("half-space", &[*normal]),
-        ShapeRecord::ConvexPolyhedron(vertices, triangles) => finite("convex polyhedron", vertices).and(
-            indexed("convex polyhedron", vertices.len(), triangles.as_flattened().iter(), triangles.len()),
-        ),
+        ShapeRecord::ConvexPolyhedron(vertices, triangles) => hull(vertices, triangles),
+        ShapeRecord::RoundConvexPolyhedron(vertices, triangles, border) => {
+            hull(vertices, triangles).and(positive("round convex polyhedron", &[*border]))
+        }
+        ShapeRecord::RoundTriangle(points, border) => {
+            finite("round triangle", points)?;
+            positive("round triangle", &[*border])?;
+            if has_area(*points) { Ok(()) } else { Err(ShapeError::Flat("round triangle")) }
+        }
+        ShapeRecord::Voxels(size, voxels) => {
+            positive("voxel", size)?;
+            if voxels_fit(voxels) { Ok(()) } else { Err(ShapeError::Voxels) }
+        }
         ShapeRecord::TriMesh(vertices, triangles, _) => {
             finite("triangle mesh", vertices)?;
             let indices = triangles.as_flattened().iter();
@@ -260,11 +317,12 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
             edges.as_flattened().iter(),
             edges.len(),
         )),
-        ShapeRecord::HeightField(heights, rows, columns, scale, _) => {
-            let cells = (*rows as usize).checked_mul(*columns as usize);
+        ShapeRecord::HeightField(heights, rows, columns, scale, _, cells) => {
+            let corners = (*rows as usize).checked_mul(*columns as usize);
             if *rows < 2
                 || *columns < 2
-                || cells != Some(heights.len())
+                || corners != Some(heights.len())
+                || !(cells.is_empty() || cells.len() == (*rows as usize - 1) * (*columns as usize - 1))
                 || heights.iter().any(|h| !h.is_finite())
             {
                 return Err(ShapeError::Size("height field"));
@@ -295,7 +353,7 @@ fn has_area(points: [[f32; 3]; 3]) -> bool {
 }
 
 /// Whether a hull is more than a sheet; Parry makes flat ones too, which have no mass.
-fn has_volume(hull: &SharedShape) -> bool {
+fn has_volume(hull: &ConvexPolyhedron) -> bool {
     let size = hull.compute_local_aabb().extents();
     hull.mass_properties(1.0).mass() > 1e-6 * size.max_element().powi(3)
 }
@@ -303,7 +361,7 @@ fn has_volume(hull: &SharedShape) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rapier3d::prelude::{ColliderBuilder, Pose};
+    use rapier3d::prelude::Pose;
 
     fn rebuilt(shape: &SharedShape) -> (ShapeHash, ShapeHash) {
         let mut here = ShapeLibrary::default();
@@ -319,6 +377,9 @@ mod tests {
     fn every_shape_keeps_its_name_through_its_record() {
         let hull: Vec<_> =
             [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(convert::vector).to_vec();
+        let mut holed = HeightField::new(Array2::new(3, 4, vec![0.5; 12]), Vector::ONE);
+        holed.set_cell_status(1, 2, HeightFieldCellStatus::CELL_REMOVED);
+        holed.set_cell_status(0, 1, HeightFieldCellStatus::ZIGZAG_SUBDIVISION);
         let shapes = [
             SharedShape::ball(0.5),
             SharedShape::cuboid(0.5, 1.0, 2.0),
@@ -333,7 +394,14 @@ mod tests {
             SharedShape::triangle(Vector::ZERO, Vector::X, Vector::Y),
             SharedShape::polyline(vec![Vector::ZERO, Vector::X, Vector::Y], None),
             SharedShape::convex_hull(&hull).unwrap(),
+            SharedShape::round_convex_hull(&hull, 0.1).unwrap(),
+            SharedShape::round_triangle(Vector::ZERO, Vector::X, Vector::Y, 0.1),
+            SharedShape::voxels(
+                Vector::splat(0.25),
+                &[[0, 0, 0], [1, 0, 0], [-9, 3, 70]].map(IVector::from_array),
+            ),
             SharedShape::trimesh(hull.clone(), vec![[0, 1, 2], [0, 2, 3]]).unwrap(),
+            SharedShape::new(holed),
             SharedShape::heightfield(Array2::new(2, 3, vec![0., 1., 2., 3., 4., 5.]), Vector::ONE),
             SharedShape::compound(vec![
                 (Pose::IDENTITY, SharedShape::ball(1.0)),
@@ -385,11 +453,31 @@ mod tests {
     #[test]
     fn shapes_that_cannot_travel_or_cannot_exist_are_refused() {
         let mut library = ShapeLibrary::default();
-        let voxels = ColliderBuilder::voxels(Vector::ONE, &[rapier3d::math::IVector::ZERO]);
-        assert_eq!(library.intern(&voxels.shape), Err(ShapeError::Unsupported("voxels")));
+        let mut voxels = Voxels::new(Vector::ONE, &[IVector::ZERO]);
+        let mut beside = Voxels::new(Vector::ONE, &[IVector::X]);
+        voxels.combine_voxel_states(&mut beside, IVector::ZERO);
+        let refused = library.intern(&SharedShape::new(voxels));
+        assert!(matches!(refused, Err(ShapeError::Unsupported(_))), "{refused:?}");
+        assert_eq!(library.add(ShapeRecord::Voxels([1.0; 3], vec![[i32::MAX; 3]])), Err(ShapeError::Voxels));
+        assert!(library.add(ShapeRecord::Voxels([1.0, 0.0, 1.0], vec![[0; 3]])).is_err());
+        let sheet = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert!(
+            library.add(ShapeRecord::RoundConvexPolyhedron(sheet, vec![[0, 1, 2], [0, 2, 1]], 0.1)).is_err()
+        );
+        let line = [[0.0; 3], [1.0; 3], [2.0; 3]];
+        assert_eq!(
+            library.add(ShapeRecord::RoundTriangle(line, 0.1)),
+            Err(ShapeError::Flat("round triangle"))
+        );
         assert_eq!(library.add(ShapeRecord::Ball(f32::NAN)), Err(ShapeError::Size("ball")));
         assert!(library.add(ShapeRecord::TriMesh(vec![[0.0; 3]], vec![[0, 0, 7]], 0)).is_err());
-        assert!(library.add(ShapeRecord::HeightField(vec![0.0], u32::MAX, u32::MAX, [1.0; 3], 0)).is_err());
+        assert!(
+            library
+                .add(ShapeRecord::HeightField(vec![0.0], u32::MAX, u32::MAX, [1.0; 3], 0, vec![]))
+                .is_err()
+        );
+        let short = ShapeRecord::HeightField(vec![0.0; 6], 2, 3, [1.0; 3], 0, vec![0]);
+        assert!(library.add(short).is_err());
         let missing = ShapeHash([7; 16]);
         let pose = convert::pose_record(&Pose::IDENTITY);
         assert_eq!(

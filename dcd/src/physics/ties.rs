@@ -134,8 +134,14 @@ impl Region {
         self.assemblies_stale = true;
     }
 
-    /// Lets a user change a joint in place, whole; wakes what it ties. Returns whether it is held here.
+    /// Lets a user change a joint in place, whole; wakes what it ties. Returns whether it is held here, or waits.
     pub(super) fn change_joint(&mut self, id: JointId, change: impl FnOnce(&mut GenericJoint)) -> bool {
+        if let Some(record) = self.waiting.get_mut(&id) {
+            let mut joint = joints::joint_of(record);
+            change(&mut joint);
+            *record = joints::joint_record(id, record.a, record.b, &joint);
+            return true;
+        }
         let Some(mut held) = self.joints.remove(&id) else { return false };
         match held.handle {
             None => {
@@ -204,8 +210,11 @@ impl Region {
     }
 
     /// What this region's solver pressed on the locked axes of a joint in the last step: newtons along the three axes of
-    /// its frame, newton metres about them.
+    /// its frame, newton metres about them; nothing while the joint waits.
     pub(super) fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
+        if self.waiting.contains_key(&id) {
+            return Some([0.0; 6]);
+        }
         let Some(handle) = self.joints.get(&id)?.handle else { return Some([0.0; 6]) };
         let joint = self.physics().impulse_joints.get(handle)?;
         // Rapier keeps the impulse of the last solver iteration, each of which is a step of its own.
@@ -220,9 +229,9 @@ impl Region {
         Some((self.handle_of(joint.a)?, self.handle_of(joint.b)?))
     }
 
-    /// Whether a joint is held here.
+    /// Whether a joint is held here, or waits for one of its ends.
     pub(super) fn has_joint(&self, id: JointId) -> bool {
-        self.joints.contains_key(&id)
+        self.joints.contains_key(&id) || self.waiting.contains_key(&id)
     }
 
     /// The joints that a body hangs on, whole.

@@ -123,6 +123,11 @@ impl ContactWatch {
         }
     }
 
+    /// The body of a collider, and its place on it.
+    pub(super) fn name_of(&self, handle: ColliderHandle) -> Option<(BodyId, u16)> {
+        Some(self.names.get(handle.into_raw_parts().0 as usize)?.as_ref()?.of)
+    }
+
     fn threshold_n(&self, collider: ColliderHandle) -> f32 {
         let name = self.names.get(collider.into_raw_parts().0 as usize).copied().flatten();
         name.map_or(f32::INFINITY, |name| name.threshold_n)

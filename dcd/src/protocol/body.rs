@@ -204,6 +204,8 @@ pub struct ColliderRecord {
     pub collision_types: u16,
     /// Bits of Rapier's `ActiveEvents`.
     pub events: u32,
+    /// Bits of Rapier's `ActiveHooks`.
+    pub hooks: u32,
     /// Newtons above which a force event is sent.
     pub force_event_threshold_n: f32,
     /// Metres kept between this and other colliders.

@@ -32,5 +32,7 @@ pub use messages::{
     Lane, Member, Message, Pace, Ping, Placed, Pong, Refusal, Report, Role, SyncProtocol, TickStats,
     ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
+#[cfg(feature = "physics")]
+pub(crate) use shape::voxels_fit;
 pub use shape::{ShapeHash, ShapeRecord};
 pub use validate::{Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_ROUNDS, WORLD_REACH_M};

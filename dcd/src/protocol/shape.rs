@@ -1,5 +1,6 @@
 //! Shapes as they travel. A shape is named by the hash of its content, and a peer is sent it at most once (thesis 4.3.2.5).
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use bincode::{Decode, Encode};
@@ -44,16 +45,41 @@ pub enum ShapeRecord {
     TriMesh(Vec<[f32; 3]>, Vec<[u32; 3]>, u16),
     /// Vertices and edges.
     Polyline(Vec<[f32; 3]>, Vec<[u32; 2]>),
-    /// Heights in column order, rows, columns, scale, bits of Parry's `HeightFieldFlags`.
-    HeightField(Vec<f32>, u32, u32, [f32; 3], u8),
+    /// Heights in column order, rows, columns, scale, bits of Parry's `HeightFieldFlags`; bits of its
+    /// `HeightFieldCellStatus` for each cell in column order, or none if all are whole and cut the usual way.
+    HeightField(Vec<f32>, u32, u32, [f32; 3], u8, Vec<u8>),
     /// Half edges, border radius.
     RoundCuboid([f32; 3], f32),
     /// Half height, radius, border radius.
     RoundCylinder(f32, f32, f32),
     /// Half height, radius, border radius.
     RoundCone(f32, f32, f32),
+    /// Three points, border radius.
+    RoundTriangle([[f32; 3]; 3], f32),
+    /// Vertices and the triangles of a closed convex surface, border radius.
+    RoundConvexPolyhedron(Vec<[f32; 3]>, Vec<[u32; 3]>, f32),
+    /// Edges of a voxel, coordinates of the filled ones in ascending order, each once.
+    Voxels([f32; 3], Vec<[i32; 3]>),
     /// Other shapes and where each lies; named, so that no type contains itself.
     Compound(Vec<(Pose, ShapeHash)>),
+}
+
+/// Voxels lie at most this many from the origin of their shape, on each axis.
+pub(crate) const MAX_VOXEL: i32 = 1 << 20;
+
+/// Parry keeps voxels in blocks of this edge, and half a kilobyte for each block, however few of its voxels are filled.
+const BLOCK: i32 = 8;
+
+/// Most blocks of one shape.
+const MAX_BLOCKS: usize = 1 << 16;
+
+/// Whether these voxels can be held: some of them, ascending, not too far out and not strewn over too many blocks.
+pub(crate) fn voxels_fit(voxels: &[[i32; 3]]) -> bool {
+    let block = |voxel: &[i32; 3]| voxel.map(|v| v.div_euclid(BLOCK));
+    !voxels.is_empty()
+        && voxels.windows(2).all(|pair| pair[0] < pair[1])
+        && voxels.as_flattened().iter().all(|v| (-MAX_VOXEL..=MAX_VOXEL).contains(v))
+        && voxels.iter().map(block).collect::<BTreeSet<_>>().len() <= MAX_BLOCKS
 }
 
 impl ShapeRecord {
@@ -73,5 +99,20 @@ impl ShapeRecord {
             _ => &[],
         };
         parts.iter().map(|&(_, hash)| hash)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn voxels_strewn_wide_or_out_of_order_do_not_fit() {
+        assert!(voxels_fit(&[[-1, 0, 5], [0, 0, 0], [0, 0, 1]]));
+        assert!(!voxels_fit(&[]));
+        assert!(!voxels_fit(&[[0, 0, 1], [0, 0, 0]]) && !voxels_fit(&[[0; 3], [0; 3]]));
+        assert!(!voxels_fit(&[[0, MAX_VOXEL + 1, 0]]) && !voxels_fit(&[[i32::MIN; 3]]));
+        let line = |apart: i32| (0..=MAX_BLOCKS as i32).map(|i| [i * apart, 0, 0]).collect::<Vec<_>>();
+        assert!(voxels_fit(&line(1)) && !voxels_fit(&line(BLOCK)));
     }
 }

@@ -212,12 +212,15 @@ impl Check for ShapeRecord {
                 points(vertices, "polyline.vertices")?;
                 indices(edges.as_flattened(), vertices.len(), "polyline.edges")
             }
-            Self::HeightField(heights, rows, columns, scale, _) => {
+            Self::HeightField(heights, rows, columns, scale, _, cells) => {
                 finite(heights, "height field.heights")?;
                 finite(scale, "height field.scale")?;
                 must(*rows >= 2 && *columns >= 2, "height field", "at least 2 × 2")?;
                 let count = u64::from(*rows) * u64::from(*columns);
-                must(heights.len() as u64 == count, "height field.heights", "rows × columns")
+                must(heights.len() as u64 == count, "height field.heights", "rows × columns")?;
+                let count = u64::from(rows - 1) * u64::from(columns - 1);
+                let fits = cells.is_empty() || cells.len() as u64 == count;
+                must(fits, "height field.cells", "none or (rows - 1) × (columns - 1)")
             }
             Self::RoundCuboid(half, border) => {
                 not_negative(half, "round cuboid")?;
@@ -225,6 +228,24 @@ impl Check for ShapeRecord {
             }
             Self::RoundCylinder(a, b, border) | Self::RoundCone(a, b, border) => {
                 not_negative(&[*a, *b, *border], "round cylinder or cone")
+            }
+            Self::RoundTriangle(corners, border) => {
+                points(corners, "round triangle")?;
+                not_negative(&[*border], "round triangle")
+            }
+            Self::RoundConvexPolyhedron(vertices, triangles, border) => {
+                must(!vertices.is_empty() && !triangles.is_empty(), "round hull", "not empty")?;
+                points(vertices, "round hull.vertices")?;
+                indices(triangles.as_flattened(), vertices.len(), "round hull.triangles")?;
+                not_negative(&[*border], "round hull")
+            }
+            Self::Voxels(size, voxels) => {
+                not_negative(size, "voxels.size")?;
+                must(
+                    shape::voxels_fit(voxels),
+                    "voxels",
+                    "some, ascending, within 2^20 and in at most 2^16 blocks",
+                )
             }
             Self::Compound(parts) => {
                 must(!parts.is_empty(), "compound", "not empty")?;

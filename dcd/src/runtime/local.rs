@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 
 use crate::physics::{
-    Handover, HostError, Partition, RayFilter, RayHit, Region, RegionHost, Role, StepSettings,
+    ControlError, Handover, HostError, Partition, Queries, Region, RegionHost, Role, StepSettings,
 };
 use crate::protocol::{
     BIG_ISLAND, ContactLedger, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity, WorldEvents, WorldPose,
@@ -93,6 +93,9 @@ pub enum WorldError {
     /// A body, shape or joint is refused.
     #[error(transparent)]
     Host(#[from] HostError),
+    /// A controller cannot do its work.
+    #[error(transparent)]
+    Control(#[from] ControlError),
     /// A setting is out of range.
     #[error("{what} is {value}: {range}")]
     Setting {
@@ -429,17 +432,9 @@ impl DcdWorld {
         self.host.handovers()
     }
 
-    /// The first body that a ray meets and `filter` lets it see. `direction` need not be a unit vector; `max_m` is in metres.
-    ///
-    /// Rays are followed in f32 within each region, from the point where they enter its reach.
-    pub fn cast_ray(
-        &self,
-        origin: [f64; 3],
-        direction: [f32; 3],
-        max_m: f32,
-        filter: &RayFilter<'_>,
-    ) -> Option<RayHit> {
-        self.host.cast_ray(origin, direction, max_m, filter)
+    /// Rays, shape casts, projections and overlaps, over all regions.
+    pub fn queries(&self) -> Queries<'_> {
+        self.host.queries()
     }
 
     /// Every movable body in id order: id, owner, pose, velocity.
@@ -478,6 +473,10 @@ impl DcdWorld {
     /// What computes them.
     pub fn host(&self) -> &RegionHost {
         &self.host
+    }
+
+    pub(super) fn host_mut(&mut self) -> &mut RegionHost {
+        &mut self.host
     }
 
     /// How many regions have authority over a body: 1 for every movable body, or something is wrong.

@@ -2,9 +2,11 @@
 
 #[cfg(feature = "net")]
 mod client;
+mod control;
 mod device;
 #[cfg(feature = "net")]
 mod error;
+mod hooks;
 #[cfg(feature = "net")]
 mod links;
 mod local;

@@ -2,8 +2,10 @@
 
 mod contacts;
 mod heap;
+mod hooks;
 mod joints;
 mod kinematic;
+mod shapes;
 mod sleep;
 mod unlike;
 mod user;
@@ -40,6 +42,10 @@ fn weightless(mut config: WorldConfig) -> WorldConfig {
 
 fn body_at(x: f32, y: f32, z: f32) -> RigidBodyBuilder {
     RigidBodyBuilder::dynamic().translation(Vector::new(x, y, z))
+}
+
+fn fixed_at(y: f32) -> RigidBodyBuilder {
+    RigidBodyBuilder::fixed().translation(Vector::new(0.0, y, 0.0))
 }
 
 /// 1 m wide, 1 kg.

@@ -5,7 +5,7 @@ use rapier3d::prelude::*;
 use super::{HostError, RegionHost};
 use crate::physics::convert;
 use crate::physics::region::{Region, Role};
-use crate::protocol::{BodyRecord, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, WorldPose};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
@@ -72,15 +72,24 @@ impl RegionHost {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
         }
+        let held = self.send_copies(id, &pose);
+        if held && self.partition.len() > 1 {
+            self.sent.push((id, pose));
+        }
+        Ok(held)
+    }
+
+    /// Sends every copy held here. Returns whether there is any.
+    pub(super) fn send_copies(&mut self, id: BodyId, pose: &WorldPose) -> bool {
         let mut held = false;
         for region in &mut self.regions {
             if let Some(handle) = region.handle_of(id) {
-                let pose = convert::region_from_world(region.anchor(), &pose);
+                let pose = convert::region_from_world(region.anchor(), pose);
                 region.change(handle, |body| body.set_next_kinematic_position(pose));
                 held = true;
             }
         }
-        Ok(held)
+        held
     }
 
     /// The mass of a movable body held here, in kilograms, whole even where it is shared.
@@ -92,11 +101,20 @@ impl RegionHost {
         self.owned(id).map(|(region, handle)| of(region, handle)).or_else(here)
     }
 
+    /// A pose of the world in the space of the region that owns a body, or of one that holds it.
+    pub fn region_pose(&self, id: BodyId, pose: &WorldPose) -> Option<Pose> {
+        let holds = |region: &&Region| region.handle_of(id).is_some();
+        let owner = self.owned(id).map(|(region, _)| region);
+        let region = owner.or_else(|| self.regions.iter().find(holds))?;
+        Some(convert::region_from_world(region.anchor(), pose))
+    }
+
     /// Puts a body elsewhere, in every copy; one that comes to lie in other regions is placed anew.
     pub fn teleport(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
         }
+        self.sent.retain(|(other, _)| *other != id);
         if let Some(body) = self.statics.body(id) {
             let mut body = body.clone();
             body.state.pose = pose;
@@ -106,7 +124,9 @@ impl RegionHost {
         }
         let Some(record) = self.record(id) else { return Ok(false) };
         let joints: Vec<_> = self.joints_of(id).collect();
-        let moved = BodyRecord { state: crate::protocol::BodyState { pose, ..record.state }, ..record };
+        // Who is moved wakes, wherever it comes to lie.
+        let state = BodyState { pose, sleeping: false, still_s: 0.0, ..record.state };
+        let moved = BodyRecord { state, ..record };
         let owner = self.partition.rank_at(pose.translation);
         if joints.is_empty() && owner != self.present_place(id).0 {
             self.remove(id);

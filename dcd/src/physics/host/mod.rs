@@ -15,6 +15,7 @@ use super::convert;
 use super::coupling::{Coupling, Ground, Moment};
 use super::directory::{Directory, Handover, Home};
 use super::follow;
+use super::hooks::ContactHooks;
 use super::outbox::Outbox;
 use super::partition::Partition;
 use super::region::{Region, Role};
@@ -148,6 +149,10 @@ pub struct RegionHost {
     /// By rank: where in `regions`.
     place_of: Vec<Option<usize>>,
     directory: Directory,
+    #[serde(skip)]
+    hooks: Option<Arc<dyn ContactHooks>>,
+    /// Kinematic bodies that were sent somewhere since the last step.
+    sent: Vec<(BodyId, WorldPose)>,
     #[cfg(feature = "parallel")]
     #[serde(skip)]
     threads: usize,
@@ -184,6 +189,8 @@ impl RegionHost {
             statics: Statics::default(),
             regions: Vec::new(),
             directory: Directory::default(),
+            hooks: None,
+            sent: Vec::new(),
             #[cfg(feature = "parallel")]
             threads: 1,
             pool: None,
@@ -245,6 +252,14 @@ impl RegionHost {
     #[cfg(not(feature = "parallel"))]
     fn lend_threads(&mut self) -> Result<(), HostError> {
         Ok(())
+    }
+
+    /// Asks these hooks about contacts in every region from now on; `None` asks nobody.
+    pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) {
+        for region in &mut self.regions {
+            region.hooks = hooks.clone();
+        }
+        self.hooks = hooks;
     }
 
     /// The shapes of this process.
@@ -359,7 +374,12 @@ impl RegionHost {
         if self.partition.len() > 1 && self.regions.iter().any(|region| !region.fresh.is_empty()) {
             self.announce();
             self.exchange()?;
+            // A record does not say where its body was sent: copies that came just now must hear of it.
+            for (id, pose) in std::mem::take(&mut self.sent) {
+                self.send_copies(id, &pose);
+            }
         }
+        self.sent.clear();
         for _ in 0..self.rounds {
             self.compute();
             self.exchange()?;

@@ -26,6 +26,7 @@ impl RegionHost {
         let steps = coupling.first_steps(exchanges);
         let mut region = Region::new(id, rank, cell, &part, gravity, self.partition.leaves(), steps);
         region.shares_mass = coupling.shares_mass();
+        region.hooks = self.hooks.clone();
         let place = self.regions.partition_point(|other| other.rank() < rank);
         self.regions.insert(place, region);
         self.index();

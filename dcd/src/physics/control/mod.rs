@@ -1,0 +1,126 @@
+//! Rapier's controllers in a partitioned world: characters that walk, cars that drive.
+//!
+//! They ask one Rapier world what is around them, and no region has all of it. So they are shown a *neighbourhood*: a
+//! small Rapier world of whole bodies as their owners have them, from all regions. What a controller does to the bodies in
+//! it is then done to the real ones.
+
+mod character;
+mod vehicle;
+
+pub use character::{CharacterHit, CharacterMove};
+pub use vehicle::Vehicle;
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use rapier3d::prelude::*;
+
+use super::host::{HostError, RegionHost};
+use super::query::{BodyFilter, ColliderId, QueryError};
+use super::{convert, record};
+use crate::space::{BodyId, Bounds};
+
+/// Why a controller cannot do its work.
+#[derive(Debug, thiserror::Error)]
+pub enum ControlError {
+    /// It is asked from no place, or to go nowhere.
+    #[error(transparent)]
+    Query(#[from] QueryError),
+    /// A body around it cannot be built.
+    #[error(transparent)]
+    Host(#[from] HostError),
+    /// A character must weigh something to push.
+    #[error("a character of {0} kg cannot push; give it a mass above 0")]
+    Mass(f32),
+    /// No such body.
+    #[error("{0} is no movable body of this world; a vehicle needs a dynamic chassis that is in the world")]
+    NoChassis(BodyId),
+}
+
+/// Whole bodies around a place, in one Rapier world.
+struct Neighbourhood {
+    anchor: [f64; 3],
+    world: PhysicsWorld,
+    names: HashMap<ColliderHandle, ColliderId>,
+    bodies: BTreeMap<BodyId, RigidBodyHandle>,
+    /// What the filter lets be found; the others only give their bodies their mass.
+    found: BTreeSet<ColliderId>,
+}
+
+impl Neighbourhood {
+    /// The bodies with colliders near a box that the filter lets through, and one more that is not to be found.
+    fn gather(
+        host: &RegionHost,
+        bounds: &Bounds,
+        filter: &BodyFilter<'_>,
+        hidden: Option<BodyId>,
+    ) -> Result<Self, ControlError> {
+        let mut found: BTreeSet<_> =
+            host.queries().intersect_aabb_conservative(bounds, filter)?.into_iter().collect();
+        found.retain(|id| Some(id.body) != hidden);
+        let mut neighbourhood = Self {
+            anchor: convert::anchor_of(bounds.centre()),
+            world: PhysicsWorld::new(),
+            names: HashMap::new(),
+            bodies: BTreeMap::new(),
+            found,
+        };
+        let ids: BTreeSet<_> = neighbourhood.found.iter().map(|id| id.body).chain(hidden).collect();
+        for body in ids {
+            neighbourhood.insert(host, body)?;
+        }
+        Ok(neighbourhood)
+    }
+
+    fn insert(&mut self, host: &RegionHost, id: BodyId) -> Result<(), ControlError> {
+        let Some(body) = host.record(id) else { return Ok(()) };
+        let (body, colliders) = record::build(&body, self.anchor, host.shapes()).map_err(HostError::from)?;
+        let world = &mut self.world;
+        let handle = world.insert_body(body);
+        for (index, collider) in colliders.into_iter().enumerate() {
+            let id = ColliderId { body: id, index };
+            let collider = world.insert_collider(collider, Some(handle));
+            self.names.insert(collider, id);
+            if self.found.contains(&id) {
+                let aabb = world.colliders[collider].compute_aabb();
+                world.broad_phase.set_aabb(&world.integration_parameters, collider, aabb);
+            }
+        }
+        world.bodies[handle].recompute_mass_properties_from_colliders(&world.colliders);
+        self.bodies.insert(id, handle);
+        Ok(())
+    }
+
+    /// What a controller may find.
+    fn pipeline(&self) -> QueryPipeline<'_> {
+        self.world.query_pipeline()
+    }
+
+    /// The same for a controller that pushes.
+    fn pipeline_mut(&mut self) -> QueryPipelineMut<'_> {
+        let PhysicsWorld { broad_phase, narrow_phase, bodies, colliders, .. } = &mut self.world;
+        broad_phase.as_query_pipeline_mut(
+            narrow_phase.query_dispatcher(),
+            bodies,
+            colliders,
+            QueryFilter::default(),
+        )
+    }
+
+    /// Gives the real bodies the velocities that a controller left here, and wakes those that it woke.
+    fn hand_back(&self, host: &mut RegionHost) {
+        for (&id, &handle) in &self.bodies {
+            let body = &self.world.bodies[handle];
+            let Some((region, there)) = host.owned(id) else { continue };
+            let real = &region.physics().bodies[there];
+            let (linear, angular) = (body.linvel(), body.angvel());
+            let woke = real.is_sleeping() && !body.is_sleeping();
+            if body.is_dynamic() && (woke || linear != real.linvel() || angular != real.angvel()) {
+                let wake = !body.is_sleeping();
+                host.update(id, |body| {
+                    body.set_linvel(linear, wake);
+                    body.set_angvel(angular, wake);
+                });
+            }
+        }
+    }
+}

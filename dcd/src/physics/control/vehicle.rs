@@ -1,0 +1,95 @@
+//! A car whose wheels are rays.
+
+use parry3d::bounding_volume::BoundingVolume;
+use rapier3d::control::{DynamicRayCastVehicleController, Wheel};
+use rapier3d::prelude::*;
+
+use super::{ControlError, Neighbourhood};
+use crate::physics::convert;
+use crate::physics::host::RegionHost;
+use crate::physics::query::{BodyFilter, ColliderId};
+use crate::space::{BodyId, Bounds};
+
+/// Rapier's `DynamicRayCastVehicleController` on a body of a partitioned world.
+pub struct Vehicle {
+    chassis: BodyId,
+    /// Wheels, axes, engine, brakes and steering. Its chassis is filled in by each update, and what it says of places in world
+    /// space is relative to [`Vehicle::anchor`].
+    pub controller: DynamicRayCastVehicleController,
+    anchor: [f64; 3],
+    grounds: Vec<Option<ColliderId>>,
+}
+
+impl Vehicle {
+    /// A car without wheels: add them by `controller.add_wheel`.
+    pub fn new(chassis: BodyId) -> Self {
+        Self {
+            chassis,
+            controller: DynamicRayCastVehicleController::new(RigidBodyHandle::invalid()),
+            anchor: [0.0; 3],
+            grounds: Vec::new(),
+        }
+    }
+
+    /// The body that it drives.
+    pub fn chassis(&self) -> BodyId {
+        self.chassis
+    }
+
+    /// Where the space of its controller had its origin in the last update, in world space.
+    pub fn anchor(&self) -> [f64; 3] {
+        self.anchor
+    }
+
+    /// The middle of a wheel as of the last update, in world space; `None` if there is no such wheel.
+    pub fn wheel_centre(&self, wheel: usize) -> Option<[f64; 3]> {
+        Some(convert::world_point(self.anchor, self.controller.wheels().get(wheel)?.center()))
+    }
+
+    /// What a wheel stood on in the last update.
+    pub fn ground(&self, wheel: usize) -> Option<ColliderId> {
+        self.grounds.get(wheel).copied().flatten()
+    }
+}
+
+impl RegionHost {
+    /// See `DcdWorld::update_vehicle`.
+    pub(crate) fn update_vehicle(
+        &mut self,
+        vehicle: &mut Vehicle,
+        filter: &BodyFilter<'_>,
+    ) -> Result<(), ControlError> {
+        let chassis = vehicle.chassis;
+        let (region, handle) = self.owned(chassis).ok_or(ControlError::NoChassis(chassis))?;
+        let body = &region.physics().bodies[handle];
+        if !body.is_dynamic() {
+            return Err(ControlError::NoChassis(chassis));
+        }
+        let rays = vehicle.controller.wheels().iter().map(|wheel| ray_box(wheel, body.position()));
+        let around =
+            rays.reduce(|a, b| a.merged(&b)).unwrap_or(Aabb::new(body.translation(), body.translation()));
+        let bounds = Bounds {
+            min: convert::world_point(region.anchor(), around.mins),
+            max: convert::world_point(region.anchor(), around.maxs),
+        };
+        let mut around = Neighbourhood::gather(self, &bounds, filter, Some(chassis))?;
+        vehicle.controller.chassis = around.bodies[&chassis];
+        vehicle.controller.update_vehicle(self.settings().dt_s, around.pipeline_mut());
+        vehicle.anchor = around.anchor;
+        vehicle.grounds = vehicle
+            .controller
+            .wheels()
+            .iter()
+            .map(|wheel| around.names.get(&wheel.raycast_info().ground_object?).copied())
+            .collect();
+        around.hand_back(self);
+        Ok(())
+    }
+}
+
+/// What the ray of a wheel may meet.
+fn ray_box(wheel: &Wheel, chassis: &Pose) -> Aabb {
+    let from = chassis * wheel.chassis_connection_point_cs;
+    let to = from + chassis.rotation * wheel.direction_cs * (wheel.suspension_rest_length + wheel.radius);
+    Aabb::new(from.min(to), from.max(to)).loosened(0.1)
+}

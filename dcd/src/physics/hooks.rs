@@ -1,0 +1,95 @@
+//! A user's say in contacts, while regions step.
+
+use rapier3d::prelude::*;
+
+use super::query::ColliderId;
+use super::watch::ContactWatch;
+
+/// Rapier's `PhysicsHooks` with bodies by name. Only colliders with the matching `ActiveHooks` are asked about.
+///
+/// Regions ask at the same time, from several threads, and every region that holds both bodies asks about its own copies:
+/// what is answered must depend on nothing that differs between regions or from tick to tick, or the regions disagree.
+/// Which of two colliders comes first may differ between regions too.
+pub trait ContactHooks: Send + Sync {
+    /// Whether two solid colliders touch at all: `None` if not, else whether they push each other. The default lets them.
+    fn filter_contact_pair(&self, _pair: &HookedPair<'_>) -> Option<SolverFlags> {
+        Some(SolverFlags::COMPUTE_RIGID_IMPULSES)
+    }
+
+    /// Whether a sensor notices another collider. The default lets it.
+    fn filter_intersection_pair(&self, _pair: &HookedPair<'_>) -> bool {
+        true
+    }
+
+    /// Changes the contacts that the solver is about to use. `contacts.collider1` is that of `pair.first`; positions are in
+    /// the space of a region, and the manifold's user data starts at 0 in every region that comes to hold both bodies.
+    fn modify_solver_contacts(&self, _pair: &HookedPair<'_>, _contacts: &mut ContactModificationContext<'_>) {
+    }
+}
+
+/// Two colliders that a hook is asked about.
+#[derive(Clone, Copy)]
+pub struct HookedPair<'a> {
+    /// The first by name.
+    pub first: ColliderId,
+    /// The second by name.
+    pub second: ColliderId,
+    /// Both as they are in the region.
+    pub colliders: [&'a Collider; 2],
+    /// Their bodies as they are in the region: where regions share a body, with a share of its mass.
+    pub bodies: [&'a RigidBody; 2],
+    /// The origin of the region's space, in world space.
+    pub anchor: [f64; 3],
+}
+
+/// What a region hands to Rapier: finds the names and asks the user.
+pub(super) struct Named<'a> {
+    pub hooks: &'a dyn ContactHooks,
+    pub watch: &'a ContactWatch,
+    pub anchor: [f64; 3],
+}
+
+impl Named<'_> {
+    fn pair<'b>(
+        &self,
+        bodies: &'b RigidBodySet,
+        colliders: &'b ColliderSet,
+        handles: [ColliderHandle; 2],
+    ) -> Option<HookedPair<'b>> {
+        let [first, second] = handles.map(|handle| {
+            let (body, index) = self.watch.name_of(handle)?;
+            let collider = colliders.get(handle)?;
+            let index = usize::from(index);
+            Some((ColliderId { body, index }, collider, bodies.get(collider.parent()?)?))
+        });
+        let (first, second) = (first?, second?);
+        Some(HookedPair {
+            first: first.0,
+            second: second.0,
+            colliders: [first.1, second.1],
+            bodies: [first.2, second.2],
+            anchor: self.anchor,
+        })
+    }
+}
+
+impl PhysicsHooks for Named<'_> {
+    fn filter_contact_pair(&self, context: &PairFilterContext<'_>) -> Option<SolverFlags> {
+        match self.pair(context.bodies, context.colliders, [context.collider1, context.collider2]) {
+            Some(pair) => self.hooks.filter_contact_pair(&pair),
+            None => Some(SolverFlags::COMPUTE_RIGID_IMPULSES),
+        }
+    }
+
+    fn filter_intersection_pair(&self, context: &PairFilterContext<'_>) -> bool {
+        let pair = self.pair(context.bodies, context.colliders, [context.collider1, context.collider2]);
+        pair.is_none_or(|pair| self.hooks.filter_intersection_pair(&pair))
+    }
+
+    fn modify_solver_contacts(&self, context: &mut ContactModificationContext<'_>) {
+        let handles = [context.collider1, context.collider2];
+        if let Some(pair) = self.pair(context.bodies, context.colliders, handles) {
+            self.hooks.modify_solver_contacts(&pair, context);
+        }
+    }
+}

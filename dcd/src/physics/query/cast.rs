@@ -1,0 +1,182 @@
+//! Shapes that move: what they meet first, and when.
+
+use parry3d::bounding_volume::BoundingVolume;
+use parry3d::query::{NonlinearRigidMotion, ShapeCastHit, ShapeCastOptions, ShapeCastStatus};
+use rapier3d::prelude::*;
+
+use super::{Answerer, BodyFilter, Queries, QueryError, check};
+use crate::physics::convert;
+use crate::protocol::{Velocity, WorldPose};
+use crate::space::BodyId;
+
+/// Where a moving shape met a collider.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShapeHit {
+    /// Which body.
+    pub body: BodyId,
+    /// Which of its colliders, from 0 in order of insertion.
+    pub collider: usize,
+    /// When, in the unit of time of the shape's velocity.
+    pub time_of_impact: f32,
+    /// Where on the collider, in world space, metres.
+    pub point: [f64; 3],
+    /// Outward unit normal of the collider there.
+    pub normal: [f32; 3],
+    /// Where on the moving shape, in its own space, metres.
+    pub point_on_shape: [f32; 3],
+    /// Outward unit normal of the moving shape there, in its own space.
+    pub normal_on_shape: [f32; 3],
+    /// Whether they met on the way, or overlapped from the start: then points and normals may be zero, see
+    /// [`ShapeCastOptions::compute_impact_geometry_on_penetration`].
+    pub status: ShapeCastStatus,
+    /// Part of a compound collider, triangle of a mesh.
+    pub subshape: u32,
+}
+
+/// The way of a shape that moves and turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldMotion {
+    /// Where the shape starts.
+    pub start: WorldPose,
+    /// The point of the shape that moves straight, in its own space, metres.
+    pub local_centre: [f32; 3],
+    /// How it moves and turns about that point, a second.
+    pub velocity: Velocity,
+}
+
+impl Queries<'_> {
+    /// What a shape meets first when it moves straight and does not turn; of what is met at once, that of the lowest id.
+    /// `velocity` is in metres a unit of time; times of `options` are in that unit, and may be infinite.
+    ///
+    /// ```
+    /// # use dcd::physics::BodyFilter;
+    /// # use dcd::protocol::WorldPose;
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # use parry3d::query::ShapeCastOptions;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let wall = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(1.0, 9.0, 9.0))?;
+    /// let (from, options) = (WorldPose::at([-6.0, 0.0, 0.0]), ShapeCastOptions::with_max_time_of_impact(10.0));
+    /// let filter = BodyFilter::default();
+    /// let hit = world.queries().cast_shape(&Ball::new(1.0), &from, [2.0, 0.0, 0.0], options, &filter)?.unwrap();
+    /// assert_eq!((hit.body, hit.time_of_impact.round()), (wall, 2.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn cast_shape(
+        &self,
+        shape: &dyn Shape,
+        pose: &WorldPose,
+        velocity: [f32; 3],
+        options: ShapeCastOptions,
+        filter: &BodyFilter<'_>,
+    ) -> Result<Option<ShapeHit>, QueryError> {
+        check::pose(pose, "shape's pose")?;
+        check::vector(velocity, "shape's velocity")?;
+        check::limit(f64::from(options.max_time_of_impact), "max_time_of_impact")?;
+        check::limit(f64::from(options.target_distance), "target_distance")?;
+        let velocity = convert::vector(velocity);
+        let mut best = None;
+        self.ask(filter, None, |answerer| {
+            let pose = convert::region_from_world(answerer.region.anchor(), pose);
+            let latest = best.map_or(options.max_time_of_impact, |hit: ShapeHit| hit.time_of_impact);
+            let options = ShapeCastOptions { max_time_of_impact: latest.min(f32::MAX), ..options };
+            let Some((handle, hit)) = answerer.pipeline.cast_shape(&pose, velocity, shape, options) else {
+                return;
+            };
+            let there = Pose::from_translation(velocity * hit.time_of_impact) * pose;
+            let near = shape.compute_aabb(&there).loosened(options.target_distance.min(f32::MAX) + 0.1);
+            keep_earlier(&mut best, shape_hit(answerer, handle, &hit, near));
+        });
+        Ok(best)
+    }
+
+    /// What a shape meets first when it moves and turns, between two times in seconds. A shape that overlaps something at the
+    /// start stops there at once, or, without `stop_at_penetration`, only if it moves further in.
+    pub fn cast_shape_nonlinear(
+        &self,
+        shape: &dyn Shape,
+        motion: &WorldMotion,
+        times: std::ops::Range<f32>,
+        stop_at_penetration: bool,
+        filter: &BodyFilter<'_>,
+    ) -> Result<Option<ShapeHit>, QueryError> {
+        check::pose(&motion.start, "shape's pose")?;
+        check::vector(motion.local_centre, "shape's local centre")?;
+        check::vector(motion.velocity.linear, "shape's velocity")?;
+        check::vector(motion.velocity.angular, "shape's angular velocity")?;
+        check::vector([times.start, times.end, 0.0], "start and end of the time")?;
+        check::limit(f64::from(times.end - times.start), "time from start to end")?;
+        let mut best: Option<ShapeHit> = None;
+        self.ask(filter, None, |answerer| {
+            let motion = NonlinearRigidMotion {
+                start: convert::region_from_world(answerer.region.anchor(), &motion.start),
+                local_center: convert::vector(motion.local_centre),
+                linvel: convert::vector(motion.velocity.linear),
+                angvel: convert::vector(motion.velocity.angular),
+            };
+            let pipeline = &answerer.pipeline;
+            // Parry's own way over a tree may pass by a grazing hit, by which boxes happen to lie together.
+            for (handle, collider) in pipeline.intersect_aabb_conservative(swept(shape, &motion, &times)) {
+                let at = NonlinearRigidMotion::identity().prepend(*collider.position());
+                let (start, end) = (times.start, times.end);
+                let hit = pipeline
+                    .dispatcher
+                    .cast_shapes_nonlinear(
+                        &at,
+                        collider.shape(),
+                        &motion,
+                        shape,
+                        start,
+                        end,
+                        stop_at_penetration,
+                    )
+                    .ok()
+                    .flatten();
+                let Some(hit) = hit.map(|hit| hit.transform1_by(collider.position())) else { continue };
+                let near = shape.compute_aabb(&motion.position_at_time(hit.time_of_impact)).loosened(0.1);
+                keep_earlier(&mut best, shape_hit(answerer, handle, &hit, near));
+            }
+        });
+        Ok(best)
+    }
+}
+
+/// A box around all places that a shape may come to.
+fn swept(shape: &dyn Shape, motion: &NonlinearRigidMotion, times: &std::ops::Range<f32>) -> Aabb {
+    let ball = shape.compute_local_bounding_sphere();
+    let reach = (ball.center - motion.local_center).length() + ball.radius + 0.01;
+    let at = |time: f32| motion.position_at_time(time) * motion.local_center;
+    let (start, end) = (at(times.start), at(times.end));
+    Aabb::new(start.min(end), start.max(end)).loosened(reach)
+}
+
+fn keep_earlier(best: &mut Option<ShapeHit>, hit: Option<ShapeHit>) {
+    let Some(hit) = hit else { return };
+    let earlier = |best: &ShapeHit| {
+        let ids = (hit.body, hit.collider).cmp(&(best.body, best.collider));
+        hit.time_of_impact.total_cmp(&best.time_of_impact).then(ids).is_lt()
+    };
+    if best.as_ref().is_none_or(earlier) {
+        *best = Some(hit);
+    }
+}
+
+fn shape_hit(
+    answerer: &Answerer<'_>,
+    handle: ColliderHandle,
+    hit: &ShapeCastHit,
+    near: Aabb,
+) -> Option<ShapeHit> {
+    let id = answerer.name(handle, near)?;
+    Some(ShapeHit {
+        body: id.body,
+        collider: id.index,
+        time_of_impact: hit.time_of_impact,
+        point: convert::world_point(answerer.region.anchor(), hit.witness1),
+        normal: hit.normal1.to_array(),
+        point_on_shape: hit.witness2.to_array(),
+        normal_on_shape: hit.normal2.to_array(),
+        status: hit.status,
+        subshape: hit.subshape1,
+    })
+}

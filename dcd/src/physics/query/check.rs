@@ -1,0 +1,58 @@
+//! What a query must be.
+
+use crate::protocol::WorldPose;
+use crate::space::Bounds;
+
+/// Why a query has no answer.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum QueryError {
+    /// A number is NaN or infinite.
+    #[error("the {0} of the query is not finite; check its numbers")]
+    NotFinite(&'static str),
+    /// A ray goes nowhere.
+    #[error("the ray's direction has no length; say where the ray goes, or ask `intersect_point`")]
+    NoDirection,
+    /// A distance or a time is NaN or negative.
+    #[error("the {what} of the query is {value}; give a number of 0 or more, or infinity for no limit")]
+    Limit {
+        /// Which number.
+        what: &'static str,
+        /// What it was.
+        value: f64,
+    },
+    /// A rotation is not a unit quaternion, to 1e-3.
+    #[error("the {0} of the query has a rotation that is not a unit quaternion; normalise it")]
+    Rotation(&'static str),
+    /// A box has its corners in the wrong order, or NaN in them.
+    #[error("the box of the query is empty or has NaN in it; its min must not be above its max on any axis")]
+    Box,
+}
+
+pub(super) fn point(point: [f64; 3], what: &'static str) -> Result<(), QueryError> {
+    if point.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(QueryError::NotFinite(what)) }
+}
+
+pub(in crate::physics) fn vector(vector: [f32; 3], what: &'static str) -> Result<(), QueryError> {
+    if vector.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(QueryError::NotFinite(what)) }
+}
+
+pub(in crate::physics) fn pose(pose: &WorldPose, what: &'static str) -> Result<(), QueryError> {
+    point(pose.translation, what)?;
+    vector([pose.rotation[0], pose.rotation[1], pose.rotation[2]], what)?;
+    if pose.is_valid() { Ok(()) } else { Err(QueryError::Rotation(what)) }
+}
+
+/// A limit that may be infinite.
+pub(super) fn limit(value: f64, what: &'static str) -> Result<(), QueryError> {
+    // NaN is not above 0 either.
+    if value >= 0.0 { Ok(()) } else { Err(QueryError::Limit { what, value }) }
+}
+
+pub(super) fn bounds(bounds: &Bounds) -> Result<(), QueryError> {
+    if (0..3).all(|i| bounds.min[i] <= bounds.max[i]) { Ok(()) } else { Err(QueryError::Box) }
+}
+
+/// A limit in f32, which Parry compares with finite numbers.
+pub(super) fn f32_limit(value: f64) -> f32 {
+    value.min(f64::from(f32::MAX)) as f32
+}

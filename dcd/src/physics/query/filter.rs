@@ -1,0 +1,77 @@
+//! What a query looks for.
+
+use rapier3d::prelude::*;
+
+use crate::space::BodyId;
+
+/// A collider by its body and its place on it, counted from 0 in order of insertion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ColliderId {
+    /// Which body.
+    pub body: BodyId,
+    /// Which of its colliders.
+    pub index: usize,
+}
+
+/// Rapier's `QueryFilter` with bodies by name; the default lets everything be found, sensors too.
+///
+/// ```
+/// # use dcd::physics::{BodyFilter, WorldRay};
+/// # use dcd::runtime::{DcdWorld, WorldConfig};
+/// # use rapier3d::prelude::*;
+/// # let mut world = DcdWorld::new(WorldConfig::default())?;
+/// let wall = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(1.0, 1.0, 1.0))?;
+/// let player = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(2.0).friction(0.25))?;
+/// let ray = WorldRay::new([9.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
+/// let seen = |filter: BodyFilter<'_>| world.queries().cast_ray(&ray, &filter).map(|hit| hit.unwrap().body);
+/// assert_eq!(seen(BodyFilter { exclude_bodies: &[player], ..BodyFilter::default() })?, wall);
+/// assert_eq!(seen(BodyFilter { flags: QueryFilterFlags::EXCLUDE_DYNAMIC, ..BodyFilter::default() })?, wall);
+/// let slippery = |_, collider: &Collider| collider.friction() < 0.5;
+/// assert_eq!(seen(BodyFilter { predicate: Some(&slippery), ..BodyFilter::default() })?, player);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, Default)]
+pub struct BodyFilter<'a> {
+    /// Kinds of bodies and colliders that are left out.
+    pub flags: QueryFilterFlags,
+    /// Only colliders whose collision groups go with these, by the test modes of both.
+    pub groups: Option<InteractionGroups>,
+    /// Bodies that are left out, as the one that looks.
+    pub exclude_bodies: &'a [BodyId],
+    /// Colliders that are left out.
+    pub exclude_colliders: &'a [ColliderId],
+    /// Asked last: whether this collider of the body may be found. Its position may be that of the last step, and is in
+    /// region space.
+    #[allow(clippy::type_complexity)]
+    pub predicate: Option<&'a dyn Fn(BodyId, &Collider) -> bool>,
+}
+
+impl BodyFilter<'_> {
+    pub(super) fn lets(
+        &self,
+        world: &PhysicsWorld,
+        (parent, body): (RigidBodyHandle, BodyId),
+        (handle, collider): (ColliderHandle, &Collider),
+    ) -> bool {
+        let excluded = |id: &ColliderId| {
+            id.body == body && world.bodies[parent].colliders().get(id.index) == Some(&handle)
+        };
+        self.flags.test(&world.bodies, collider)
+            && self.groups.is_none_or(|groups| collider.collision_groups().test(groups))
+            && !self.exclude_bodies.contains(&body)
+            && !self.exclude_colliders.iter().any(excluded)
+            && self.predicate.is_none_or(|lets| lets(body, collider))
+    }
+}
+
+impl From<QueryFilterFlags> for BodyFilter<'_> {
+    fn from(flags: QueryFilterFlags) -> Self {
+        Self { flags, ..Self::default() }
+    }
+}
+
+impl From<InteractionGroups> for BodyFilter<'_> {
+    fn from(groups: InteractionGroups) -> Self {
+        Self { groups: Some(groups), ..Self::default() }
+    }
+}

@@ -1,0 +1,136 @@
+//! Questions about where bodies are, over all regions of a process: rays, shape casts, projections, overlaps.
+//!
+//! Each region asks its own Rapier world about the bodies it answers for, and the answers become one: a replica is left
+//! to its owner, so that no body answers twice from two slightly different places, and an immovable body, which several
+//! regions hold, is answered for by a region near the answer.
+
+mod cast;
+mod check;
+mod filter;
+mod moved;
+mod overlap;
+mod point;
+mod ray;
+
+pub use cast::{ShapeHit, WorldMotion};
+pub use check::QueryError;
+pub(super) use check::{pose as check_pose, vector as check_vector};
+pub use filter::{BodyFilter, ColliderId};
+pub(super) use moved::Moved;
+pub use point::PointHit;
+pub use ray::{RayHit, WorldRay};
+
+use rapier3d::prelude::*;
+
+use super::convert;
+use super::host::RegionHost;
+use super::region::{Region, Role};
+use crate::space::Bounds;
+
+/// All queries of a world, or of the regions that one node computes. Made by [`RegionHost::queries`] and
+/// `DcdWorld::queries`; the methods are named after Rapier's.
+///
+/// Positions are in world space. Each region computes in f32 relative to its anchor, as in a step, so answers are as exact
+/// as bodies' positions are. Bodies are found where they are now, also when they were inserted or moved since the last
+/// step; bare Rapier finds those only after its next step. Nothing that is asked changes what the world does next.
+///
+/// ```
+/// use dcd::physics::{BodyFilter, WorldRay};
+/// use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+/// use rapier3d::prelude::*;
+///
+/// let mut world = DcdWorld::new(WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::default() })?;
+/// let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
+/// let ball = world.insert(
+///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 5.0, 0.0)),
+///     ColliderBuilder::ball(0.5),
+/// )?;
+/// let down = WorldRay::new([0.0, 10.0, 0.0], [0.0, -1.0, 0.0]);
+/// let hit = world.queries().cast_ray(&down, &BodyFilter::default())?.unwrap();
+/// assert_eq!((hit.body, hit.distance_m), (ball, 4.5));
+/// let all = world.queries().intersect_ray(&down, &BodyFilter::default())?;
+/// assert_eq!(all.iter().map(|hit| hit.body).collect::<Vec<_>>(), [ball, floor]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy)]
+pub struct Queries<'a> {
+    host: &'a RegionHost,
+}
+
+impl RegionHost {
+    /// What there is to ask about the bodies computed here.
+    pub fn queries(&self) -> Queries<'_> {
+        Queries { host: self }
+    }
+}
+
+/// The colliders that a region answers for: those where Rapier's tree has them, or those that were moved since.
+struct Answerer<'a> {
+    region: &'a Region,
+    pipeline: QueryPipeline<'a>,
+    moved: Option<&'a Moved>,
+}
+
+impl<'a> Queries<'a> {
+    /// Asks every region, twice if bodies of it were moved since its last step.
+    fn ask(&self, filter: &BodyFilter<'_>, near: Option<&Bounds>, mut ask: impl FnMut(&Answerer<'_>)) {
+        for region in self.host.regions() {
+            let world = region.physics();
+            let immovable_too = near.is_none_or(|near| region.covers(near));
+            let wants = |handle: ColliderHandle, collider: &Collider| {
+                let owned = collider.parent().and_then(|parent| Some((parent, region.role_of(parent)?)));
+                owned.is_some_and(|(parent, (id, role))| match role {
+                    Role::Replica { .. } => false,
+                    Role::Immovable if !immovable_too => false,
+                    _ => filter.lets(world, (parent, id), (handle, collider)),
+                })
+            };
+            let moved = region.moved();
+            let stayed = |handle: ColliderHandle, collider: &Collider| {
+                collider.is_enabled()
+                    && !collider.parent().is_some_and(|parent| moved.holds(parent))
+                    && wants(handle, collider)
+            };
+            let pipeline = world.query_pipeline_with_filter(QueryFilter::new().predicate(&stayed));
+            if !pipeline.bvh.is_empty() {
+                ask(&Answerer { region, pipeline, moved: None });
+            }
+            if !moved.bvh.is_empty() {
+                let anew = |handle: ColliderHandle, _: &Collider| {
+                    let handle = moved.original(handle);
+                    wants(handle, &world.colliders[handle])
+                };
+                let filter = QueryFilter::new().predicate(&anew);
+                let (bvh, colliders) = (&moved.bvh, &moved.colliders);
+                let pipeline = QueryPipeline { bvh, colliders, filter, ..pipeline };
+                ask(&Answerer { region, pipeline, moved: Some(moved) });
+            }
+        }
+    }
+}
+
+impl Answerer<'_> {
+    /// Whose collider it is; `near` is a box around the answer in region space. `None` if the body is immovable and some
+    /// region nearer to the answer gives it too.
+    fn name(&self, handle: ColliderHandle, near: Aabb) -> Option<ColliderId> {
+        let (region, world) = (self.region, self.region.physics());
+        let handle = self.moved.map_or(handle, |moved| moved.original(handle));
+        let parent = world.colliders.get(handle)?.parent()?;
+        let (body, role) = region.role_of(parent)?;
+        if role == Role::Immovable && !region.covers(&self.world_box(near)) {
+            return None;
+        }
+        let index = world.bodies[parent].colliders().iter().position(|&other| other == handle)?;
+        Some(ColliderId { body, index })
+    }
+
+    fn world_box(&self, aabb: Aabb) -> Bounds {
+        let anchor = self.region.anchor();
+        Bounds { min: convert::world_point(anchor, aabb.mins), max: convert::world_point(anchor, aabb.maxs) }
+    }
+
+    /// The box around all its colliders, in world space.
+    fn extent(&self) -> Bounds {
+        self.world_box(self.pipeline.bvh.root_aabb())
+    }
+}

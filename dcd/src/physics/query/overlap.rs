@@ -1,0 +1,73 @@
+//! What overlaps a shape or a box.
+
+use parry3d::bounding_volume::BoundingVolume;
+use rapier3d::prelude::*;
+
+use super::{BodyFilter, ColliderId, Queries, QueryError, check};
+use crate::physics::convert;
+use crate::protocol::WorldPose;
+use crate::space::Bounds;
+
+impl Queries<'_> {
+    /// Every collider that overlaps a shape at a pose, by id.
+    ///
+    /// ```
+    /// # use dcd::physics::BodyFilter;
+    /// # use dcd::protocol::WorldPose;
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let crate_ = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::cuboid(0.5, 0.5, 0.5))?;
+    /// let blast = Ball::new(3.0);
+    /// let hit = world.queries().intersect_shape(&blast, &WorldPose::at([3.0, 0.0, 0.0]), &BodyFilter::default())?;
+    /// assert_eq!(hit.iter().map(|id| id.body).collect::<Vec<_>>(), [crate_]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn intersect_shape(
+        &self,
+        shape: &dyn Shape,
+        pose: &WorldPose,
+        filter: &BodyFilter<'_>,
+    ) -> Result<Vec<ColliderId>, QueryError> {
+        check::pose(pose, "shape's pose")?;
+        let mut found = Vec::new();
+        let turn = Pose::from_rotation(convert::rotation(pose.rotation));
+        let around = shape.compute_aabb(&turn);
+        let world = |v: Vector| convert::world_point(pose.translation, v);
+        // Wider than the shape, for rounding.
+        let near = Bounds { min: world(around.mins), max: world(around.maxs) }.grown(0.01);
+        self.ask(filter, Some(&near), |answerer| {
+            let pose = convert::region_from_world(answerer.region.anchor(), pose);
+            let near = shape.compute_aabb(&pose).loosened(0.01);
+            let overlapping = answerer.pipeline.intersect_shape(pose, shape);
+            found.extend(overlapping.filter_map(|(handle, _)| answerer.name(handle, near)));
+        });
+        found.sort_unstable();
+        found.dedup();
+        Ok(found)
+    }
+
+    /// Every collider whose own box, along the axes of the world, touches this one, by id: what may overlap it. The box may be
+    /// infinite. Rapier's own answer depends on its tree, whose boxes are wider; this one does not.
+    pub fn intersect_aabb_conservative(
+        &self,
+        bounds: &Bounds,
+        filter: &BodyFilter<'_>,
+    ) -> Result<Vec<ColliderId>, QueryError> {
+        check::bounds(bounds)?;
+        let mut found = Vec::new();
+        self.ask(filter, Some(bounds), |answerer| {
+            let local = |point: [f64; 3]| {
+                let point = convert::region_point(answerer.region.anchor(), point);
+                point.clamp(Vector::splat(-f32::MAX), Vector::splat(f32::MAX))
+            };
+            let aabb = Aabb::new(local(bounds.min), local(bounds.max));
+            let near = answerer.pipeline.intersect_aabb_conservative(aabb);
+            let touching = near.filter(|(_, collider)| collider.compute_aabb().intersects(&aabb));
+            found.extend(touching.filter_map(|(handle, _)| answerer.name(handle, aabb)));
+        });
+        found.sort_unstable();
+        found.dedup();
+        Ok(found)
+    }
+}

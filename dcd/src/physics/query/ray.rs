@@ -1,0 +1,176 @@
+//! Rays.
+
+use rapier3d::prelude::*;
+
+use super::{Answerer, BodyFilter, Queries, QueryError, check};
+use crate::physics::convert;
+use crate::space::{BodyId, Bounds};
+
+/// A ray starts this near to what it may meet, however far off it was sent: metres that f32 counts in micrometres.
+const NEAR_M: f64 = 256.0;
+
+/// A straight line that begins at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldRay {
+    /// Where it starts, in world space, metres.
+    pub origin: [f64; 3],
+    /// Where it goes; of any length above 0.
+    pub direction: [f32; 3],
+    /// How far, metres, 0 or more; may be infinite.
+    pub max_m: f64,
+    /// Whether a body that the ray starts in is met there at once; else the ray meets its surface from inside.
+    pub solid: bool,
+}
+
+impl WorldRay {
+    /// A ray without an end, which meets the bodies that it starts in.
+    pub const fn new(origin: [f64; 3], direction: [f32; 3]) -> Self {
+        Self { origin, direction, max_m: f64::INFINITY, solid: true }
+    }
+
+    /// The same ray up to this distance.
+    pub const fn up_to(self, max_m: f64) -> Self {
+        Self { max_m, ..self }
+    }
+}
+
+/// Where a ray met a collider.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayHit {
+    /// Which body.
+    pub body: BodyId,
+    /// Which of its colliders, from 0 in order of insertion.
+    pub collider: usize,
+    /// Where, in world space, metres.
+    pub point: [f64; 3],
+    /// Outward unit normal of the surface there; zero where a solid ray starts inside.
+    pub normal: [f32; 3],
+    /// From the origin, metres.
+    pub distance_m: f64,
+    /// Face, edge or vertex of the shape.
+    pub feature: FeatureId,
+    /// Part of a compound, triangle of a mesh.
+    pub subshape: u32,
+}
+
+impl Queries<'_> {
+    /// The first collider that a ray meets; of equally near ones, that of the lowest id.
+    pub fn cast_ray(&self, ray: &WorldRay, filter: &BodyFilter<'_>) -> Result<Option<RayHit>, QueryError> {
+        let ray = Straight::of(ray)?;
+        let mut best: Option<RayHit> = None;
+        self.ask(filter, None, |answerer| {
+            let reach_m = best.map_or(ray.max_m, |hit| hit.distance_m);
+            let Some(part) = ray.part(&answerer.extent(), reach_m) else { return };
+            let (local, reach) = part.local(answerer);
+            let hit = answerer.pipeline.cast_ray_and_get_normal(&local, reach, ray.solid);
+            let Some(hit) = hit.and_then(|(handle, hit)| part.hit(answerer, &local, handle, &hit)) else {
+                return;
+            };
+            if best.is_none_or(|best| order(&hit, &best).is_lt()) {
+                best = Some(hit);
+            }
+        });
+        Ok(best)
+    }
+
+    /// Every collider that a ray meets, each once, the nearest first; of equally near ones, that of the lowest id first.
+    pub fn intersect_ray(&self, ray: &WorldRay, filter: &BodyFilter<'_>) -> Result<Vec<RayHit>, QueryError> {
+        let ray = Straight::of(ray)?;
+        let mut hits = Vec::new();
+        self.ask(filter, None, |answerer| {
+            let Some(part) = ray.part(&answerer.extent(), ray.max_m) else { return };
+            let (local, reach) = part.local(answerer);
+            let met = answerer.pipeline.intersect_ray(local, reach, ray.solid);
+            hits.extend(met.filter_map(|(handle, _, hit)| part.hit(answerer, &local, handle, &hit)));
+        });
+        // What several regions hold answered for itself in each of them.
+        hits.sort_by(|a, b| (a.body, a.collider).cmp(&(b.body, b.collider)).then(order(a, b)));
+        hits.dedup_by_key(|hit| (hit.body, hit.collider));
+        hits.sort_by(order);
+        Ok(hits)
+    }
+}
+
+fn order(a: &RayHit, b: &RayHit) -> std::cmp::Ordering {
+    a.distance_m.total_cmp(&b.distance_m).then((a.body, a.collider).cmp(&(b.body, b.collider)))
+}
+
+/// A ray with a direction of length 1.
+struct Straight {
+    origin: [f64; 3],
+    direction: [f64; 3],
+    max_m: f64,
+    solid: bool,
+}
+
+impl Straight {
+    fn of(ray: &WorldRay) -> Result<Self, QueryError> {
+        check::point(ray.origin, "ray's origin")?;
+        check::vector(ray.direction, "ray's direction")?;
+        check::limit(ray.max_m, "ray's max_m")?;
+        let direction = ray.direction.map(f64::from);
+        let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if length == 0.0 {
+            return Err(QueryError::NoDirection);
+        }
+        let direction = direction.map(|v| v / length);
+        Ok(Self { origin: ray.origin, direction, max_m: ray.max_m, solid: ray.solid })
+    }
+
+    /// The part of the ray that may meet something in a box, in f32; `None` if none may.
+    fn part(&self, extent: &Bounds, reach_m: f64) -> Option<Part<'_>> {
+        let (mut enter_m, mut leave_m) = (0.0f64, reach_m);
+        for i in 0..3 {
+            // On the wide side of the rounding of the box to f32.
+            let margin = 1e-3 + 1e-6 * (extent.min[i].abs().max(extent.max[i].abs())).min(1e9);
+            let [low, high] = [extent.min[i] - margin, extent.max[i] + margin].map(|v| v - self.origin[i]);
+            if self.direction[i] == 0.0 {
+                if low > 0.0 || high < 0.0 {
+                    return None;
+                }
+                continue;
+            }
+            let [a, b] = [low, high].map(|v| v / self.direction[i]);
+            (enter_m, leave_m) = (enter_m.max(a.min(b)), leave_m.min(a.max(b)));
+        }
+        let start_m = if enter_m > NEAR_M { enter_m - 1.0 } else { 0.0 };
+        (enter_m <= leave_m).then_some(Part { ray: self, start_m, reach_m })
+    }
+}
+
+struct Part<'a> {
+    ray: &'a Straight,
+    start_m: f64,
+    reach_m: f64,
+}
+
+impl Part<'_> {
+    /// In the space of the region, with its length.
+    fn local(&self, answerer: &Answerer<'_>) -> (Ray, f32) {
+        let start: [f64; 3] =
+            std::array::from_fn(|i| self.ray.origin[i] + self.start_m * self.ray.direction[i]);
+        let direction = convert::vector(self.ray.direction.map(|v| v as f32));
+        let origin = convert::region_point(answerer.region.anchor(), start);
+        (Ray::new(origin, direction), check::f32_limit(self.reach_m - self.start_m))
+    }
+
+    fn hit(
+        &self,
+        answerer: &Answerer<'_>,
+        local: &Ray,
+        handle: ColliderHandle,
+        hit: &RayIntersection,
+    ) -> Option<RayHit> {
+        let at = local.point_at(hit.time_of_impact);
+        let id = answerer.name(handle, Aabb::new(at, at))?;
+        Some(RayHit {
+            body: id.body,
+            collider: id.index,
+            point: convert::world_point(answerer.region.anchor(), at),
+            normal: hit.normal.to_array(),
+            distance_m: self.start_m + f64::from(hit.time_of_impact),
+            feature: hit.feature,
+            subshape: hit.subshape,
+        })
+    }
+}

@@ -1,0 +1,110 @@
+//! Rapier's controllers in a local world.
+
+use rapier3d::control::EffectiveCharacterMovement;
+use rapier3d::prelude::Pose;
+
+use super::local::{DcdWorld, WorldError};
+use crate::physics::{BodyFilter, CharacterHit, CharacterMove, Vehicle};
+use crate::protocol::WorldPose;
+use crate::space::BodyId;
+
+impl DcdWorld {
+    /// How far a character comes that wants to go somewhere within one tick, by Rapier's character controller: it slides
+    /// along walls, climbs steps, keeps to the ground. `met` hears of each collider in its way. The character need be no
+    /// body of the world; if it is one, exclude it by the filter and send it on by [`DcdWorld::set_next_pose`].
+    ///
+    /// ```
+    /// # use dcd::physics::{BodyFilter, CharacterMove};
+    /// # use dcd::protocol::WorldPose;
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::control::KinematicCharacterController;
+    /// # use rapier3d::prelude::*;
+    /// let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
+    /// let character = CharacterMove {
+    ///     controller: &KinematicCharacterController::default(),
+    ///     shape: &Capsule::new_y(0.5, 0.3),
+    ///     pose: WorldPose::at([0.0, 1.4, 0.0]),
+    ///     desired_m: [0.1, -0.2, 0.0],
+    ///     filter: BodyFilter::default(),
+    /// };
+    /// let movement = world.move_character(&character, |_| ())?;
+    /// assert!(movement.grounded && movement.translation.x > 0.09 && movement.translation.y > -0.11);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn move_character(
+        &self,
+        character: &CharacterMove<'_>,
+        met: impl FnMut(CharacterHit),
+    ) -> Result<EffectiveCharacterMovement, WorldError> {
+        Ok(self.host().move_character(character, met)?)
+    }
+
+    /// Pushes the dynamic bodies that a character of this mass met on its way: `hits` are those that
+    /// [`DcdWorld::move_character`] told of for the same movement.
+    pub fn push_by_character(
+        &mut self,
+        character: &CharacterMove<'_>,
+        mass_kg: f32,
+        hits: &[CharacterHit],
+    ) -> Result<(), WorldError> {
+        Ok(self.host_mut().push_by_character(character, mass_kg, hits)?)
+    }
+
+    /// Lets a car's wheels act on its chassis, before each [`DcdWorld::step`]. The wheels stand on what the filter lets
+    /// through, and never on the chassis.
+    ///
+    /// ```
+    /// # use dcd::physics::{BodyFilter, Vehicle};
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::control::WheelTuning;
+    /// # use rapier3d::prelude::*;
+    /// let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
+    /// let body = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 1.5, 0.0));
+    /// let mut car = Vehicle::new(world.insert(body, ColliderBuilder::cuboid(1.0, 0.2, 0.6).density(100.0))?);
+    /// let tuning = WheelTuning { suspension_stiffness: 80.0, suspension_damping: 8.0, ..WheelTuning::default() };
+    /// for (x, z) in [(0.8, 0.5), (0.8, -0.5), (-0.8, 0.5), (-0.8, -0.5)] {
+    ///     let at = Vector::new(x, 0.0, z);
+    ///     car.controller.add_wheel(at, -Vector::Y, Vector::Z, 0.6, 0.2, &tuning).engine_force = 60.0;
+    /// }
+    /// for _ in 0..60 {
+    ///     world.update_vehicle(&mut car, &BodyFilter::default())?;
+    ///     world.step()?;
+    /// }
+    /// assert!(car.ground(0).is_some() && world.velocity(car.chassis()).unwrap().linear[0].abs() > 0.1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn update_vehicle(
+        &mut self,
+        vehicle: &mut Vehicle,
+        filter: &BodyFilter<'_>,
+    ) -> Result<(), WorldError> {
+        Ok(self.host_mut().update_vehicle(vehicle, filter)?)
+    }
+
+    /// A pose of the world in the space of [`DcdWorld::body`]: what Rapier's `PidController` needs as its target.
+    ///
+    /// ```
+    /// # use dcd::protocol::WorldPose;
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::control::PidController;
+    /// # use rapier3d::dynamics::RigidBodyVelocity;
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let drone = world.insert(RigidBodyBuilder::dynamic().gravity_scale(0.0), ColliderBuilder::ball(0.5))?;
+    /// let mut pid = PidController::default();
+    /// for _ in 0..120 {
+    ///     let target = world.region_pose(drone, &WorldPose::at([1.0, 2.0, 0.0])).unwrap();
+    ///     let body = world.body(drone).unwrap();
+    ///     let correction = pid.rigid_body_correction(1.0 / 60.0, body, target, RigidBodyVelocity::default());
+    ///     world.update(drone, |body| body.set_linvel(body.linvel() + correction.linvel, true))?;
+    ///     world.step()?;
+    /// }
+    /// assert!((world.pose(drone).unwrap().translation[1] - 2.0).abs() < 0.2);
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn region_pose(&self, body: BodyId, pose: &WorldPose) -> Option<Pose> {
+        self.host().region_pose(body, pose)
+    }
+}

@@ -1,0 +1,42 @@
+//! A user's hooks in a local world.
+
+use std::sync::Arc;
+
+use super::local::DcdWorld;
+use crate::physics::ContactHooks;
+
+impl DcdWorld {
+    /// Asks these hooks about contacts from now on, and no others; `None` asks nobody. A collider is asked about if it has
+    /// Rapier's `ActiveHooks`, which travel with it; hooks themselves do not travel: a served world has none.
+    ///
+    /// ```
+    /// # use std::sync::Arc;
+    /// # use dcd::physics::{ContactHooks, HookedPair};
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::space::BodyId;
+    /// # use rapier3d::prelude::*;
+    /// struct Ghost(BodyId);
+    /// impl ContactHooks for Ghost {
+    ///     fn filter_contact_pair(&self, pair: &HookedPair<'_>) -> Option<SolverFlags> {
+    ///         let met = [pair.first.body, pair.second.body].contains(&self.0);
+    ///         (!met).then_some(SolverFlags::COMPUTE_RIGID_IMPULSES)
+    ///     }
+    /// }
+    /// let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let floor = ColliderBuilder::cuboid(9.0, 0.5, 9.0).active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS);
+    /// world.insert(RigidBodyBuilder::fixed(), floor)?;
+    /// let ghost = world.insert(
+    ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 2.0, 0.0)),
+    ///     ColliderBuilder::ball(0.5),
+    /// )?;
+    /// world.set_hooks(Some(Arc::new(Ghost(ghost))));
+    /// for _ in 0..120 {
+    ///     world.step()?;
+    /// }
+    /// assert!(world.pose(ghost).unwrap().translation[1] < -5.0);
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) {
+        self.host_mut().set_hooks(hooks);
+    }
+}

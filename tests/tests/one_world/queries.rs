@@ -1,0 +1,187 @@
+//! Queries over all regions, one by one.
+
+use dcd::physics::{BodyFilter, ColliderId, Coupling, QueryError, WorldRay};
+use dcd::protocol::WorldPose;
+use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::space::{Axis, BodyId, Bounds};
+use rapier3d::prelude::*;
+
+/// Two weightless regions that meet at x = 0.
+fn halves() -> DcdWorld {
+    let mut config =
+        WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() };
+    config.step.gravity = [0.0; 3];
+    DcdWorld::new(config).unwrap()
+}
+
+fn insert(world: &mut DcdWorld, x: f32, collider: ColliderBuilder) -> BodyId {
+    world.insert(RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.0, 0.0)), collider).unwrap()
+}
+
+fn along_x(from: f64) -> WorldRay {
+    WorldRay::new([from, 0.0, 0.0], [2.0, 0.0, 0.0])
+}
+
+#[test]
+fn a_body_on_a_border_is_met_once_and_its_replica_never() {
+    let mut config =
+        WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() };
+    config.step = config.step.with_coupling(Coupling::Owner);
+    config.step.gravity = [0.0; 3];
+    let mut world = DcdWorld::new(config).unwrap();
+    let ball = insert(&mut world, 0.1, ColliderBuilder::ball(0.5));
+    world.step().unwrap();
+    assert_eq!(world.stats().replicas, 1, "the test needs a replica");
+    let hits = world.queries().intersect_ray(&along_x(-10.0), &BodyFilter::default()).unwrap();
+    let [hit] = hits[..] else { panic!("{hits:?}") };
+    assert_eq!((hit.body, hit.collider, hit.normal), (ball, 0, [-1.0, 0.0, 0.0]));
+    assert!((hit.distance_m - 9.6).abs() < 1e-5 && (hit.point[0] + 0.4).abs() < 1e-5, "{hit:?}");
+}
+
+#[test]
+fn what_is_immovable_and_in_every_region_is_met_once() {
+    let mut world = halves();
+    let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 1.0, 50.0)).unwrap();
+    assert_eq!(world.regions().iter().filter(|region| region.handle_of(floor).is_some()).count(), 2);
+    let queries = world.queries();
+    let all = BodyFilter::default();
+    let expected = [ColliderId { body: floor, index: 0 }];
+    let hits = queries.intersect_ray(&WorldRay::new([0.0, 9.0, 0.0], [0.1, -1.0, 0.0]), &all).unwrap();
+    assert_eq!(hits.len(), 1);
+    assert_eq!(queries.intersect_point([0.0, 0.5, 0.0], &all).unwrap(), expected);
+    let reach = Ball::new(3.0);
+    assert_eq!(queries.intersect_shape(&reach, &WorldPose::at([0.0, 3.0, 0.0]), &all).unwrap(), expected);
+    let bounds = Bounds::around([0.0; 3], [f64::INFINITY; 3]);
+    assert_eq!(queries.intersect_aabb_conservative(&bounds, &all).unwrap(), expected);
+}
+
+#[test]
+fn bodies_are_found_where_they_are_now_without_a_step() {
+    let mut world = halves();
+    let all = BodyFilter::default();
+    let first =
+        |world: &DcdWorld| world.queries().cast_ray(&along_x(-10.0), &all).unwrap().map(|hit| hit.body);
+    let near = insert(&mut world, -3.0, ColliderBuilder::ball(0.5));
+    assert_eq!(first(&world), Some(near), "inserted");
+    world.step().unwrap();
+    let far = insert(&mut world, 3.0, ColliderBuilder::ball(0.5));
+    world.set_pose(near, WorldPose::at([5.0, 0.0, 0.0])).unwrap();
+    assert_eq!(first(&world), Some(far), "moved to another region");
+    world.set_pose(far, WorldPose::at([3.0, 7.0, 0.0])).unwrap();
+    assert_eq!(first(&world), Some(near), "moved within its region");
+    world.update(near, |body| body.set_enabled(false)).unwrap();
+    assert_eq!(first(&world), None, "disabled");
+    world.update(near, |body| body.set_enabled(true)).unwrap();
+    assert_eq!(first(&world), Some(near), "enabled");
+    world.update_collider(near, 0, |collider| collider.set_enabled(false)).unwrap();
+    assert_eq!(first(&world), None, "its collider disabled");
+    world.update_collider(near, 0, |collider| collider.set_enabled(true)).unwrap();
+    world.remove(near).unwrap();
+    assert_eq!(first(&world), None, "removed");
+    // Rapier gives the newcomer the handles of what was removed.
+    let newcomer = insert(&mut world, 8.0, ColliderBuilder::ball(0.5));
+    assert_eq!(first(&world), Some(newcomer));
+}
+
+#[test]
+fn asking_changes_nothing_of_what_happens_next() {
+    let run = |asks: bool| {
+        let mut world = DcdWorld::new(WorldConfig {
+            partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]),
+            ..WorldConfig::default()
+        })
+        .unwrap();
+        world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+        for tick in 0..90 {
+            if tick % 6 == 0 {
+                let x = (tick % 7) as f32 * 0.3 - 1.0;
+                let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 3.0, 0.0));
+                world.insert(body, ColliderBuilder::cuboid(0.4, 0.4, 0.4)).unwrap();
+            }
+            if asks {
+                let all = BodyFilter::default();
+                world.queries().intersect_ray(&along_x(-10.0), &all).unwrap();
+                world.queries().intersect_point([0.0, 3.0, 0.0], &all).unwrap();
+            }
+            world.step().unwrap();
+        }
+        world.state_hash()
+    };
+    assert_eq!(run(false), run(true));
+}
+
+#[test]
+fn a_filter_overlooks_what_it_names() {
+    let mut world = halves();
+    let sensor = insert(&mut world, -6.0, ColliderBuilder::ball(0.5).sensor(true));
+    let group_2 = InteractionGroups::new(Group::GROUP_2, Group::ALL, InteractionTestMode::And);
+    let other_group = insert(&mut world, -4.0, ColliderBuilder::ball(0.5).collision_groups(group_2));
+    let first = insert(&mut world, 2.0, ColliderBuilder::ball(0.5));
+    let body = RigidBodyBuilder::kinematic_position_based();
+    let colliders = vec![ColliderBuilder::ball(0.5), ColliderBuilder::ball(1.0)];
+    let moved = world.insert_at(WorldPose::at([4.0, 0.0, 0.0]), body, colliders).unwrap();
+    for stepped in [false, true] {
+        let seen = |filter: BodyFilter<'_>| {
+            let hit = world.queries().cast_ray(&along_x(-10.0), &filter).unwrap();
+            hit.map(|hit| (hit.body, hit.collider))
+        };
+        let no_sensors = BodyFilter::from(QueryFilterFlags::EXCLUDE_SENSORS);
+        assert_eq!(seen(BodyFilter::default()), Some((sensor, 0)), "{stepped}");
+        assert_eq!(seen(no_sensors), Some((other_group, 0)));
+        let groups = Some(InteractionGroups::new(Group::GROUP_1, Group::GROUP_1, InteractionTestMode::And));
+        assert_eq!(seen(BodyFilter { groups, ..no_sensors }), Some((first, 0)));
+        let exclude_bodies = &[sensor, other_group, first];
+        assert_eq!(seen(BodyFilter { exclude_bodies, ..no_sensors }), Some((moved, 1)));
+        let exclude_colliders = &[ColliderId { body: moved, index: 1 }];
+        let both = BodyFilter { exclude_bodies, exclude_colliders, ..no_sensors };
+        assert_eq!(seen(both), Some((moved, 0)));
+        assert_eq!(seen(QueryFilterFlags::ONLY_KINEMATIC.into()), Some((moved, 1)));
+        let not_first = |id: BodyId, _: &Collider| id != first && id != moved;
+        let picky = BodyFilter { groups, predicate: Some(&not_first), ..no_sensors };
+        assert_eq!(seen(picky), None);
+        world.step().unwrap();
+    }
+}
+
+#[test]
+fn answers_far_from_the_origin_keep_millimetres() {
+    let mut config = WorldConfig {
+        bounds: Bounds::around([0.0; 3], [200_000.0, 100.0, 100.0]),
+        partitioning: Partitioning::Regions(8),
+        ..WorldConfig::default()
+    };
+    config.step.gravity = [0.0; 3];
+    let mut world = DcdWorld::new(config).unwrap();
+    let at = WorldPose::at([180_000.003, 0.25, 0.0]);
+    let far = world.insert_at(at, RigidBodyBuilder::dynamic(), vec![ColliderBuilder::ball(0.5)]).unwrap();
+    let ray = WorldRay::new([-150_000.0, 0.25, 0.0], [1.0, 0.0, 0.0]);
+    let region = world.regions().iter().find(|region| region.handle_of(far).is_some()).unwrap();
+    let f32_step_m = (180_000.0 - region.anchor()[0]).abs() * f64::from(f32::EPSILON);
+    for _ in 0..2 {
+        let hit = world.queries().cast_ray(&ray, &BodyFilter::default()).unwrap().unwrap();
+        assert_eq!(hit.body, far);
+        assert!((hit.distance_m - 329_999.503).abs() < 1e-3 + f32_step_m, "{hit:?} {f32_step_m}");
+        world.step().unwrap();
+    }
+}
+
+#[test]
+fn questions_without_an_answer_are_refused_by_name() {
+    let mut world = halves();
+    insert(&mut world, 0.0, ColliderBuilder::ball(0.5));
+    let (queries, all) = (world.queries(), BodyFilter::default());
+    let ray = along_x(-10.0);
+    let cast = |ray: WorldRay| queries.cast_ray(&ray, &all).unwrap_err();
+    assert_eq!(cast(WorldRay { direction: [0.0; 3], ..ray }), QueryError::NoDirection);
+    assert_eq!(cast(WorldRay { origin: [f64::NAN; 3], ..ray }), QueryError::NotFinite("ray's origin"));
+    assert_eq!(cast(ray.up_to(-1.0)), QueryError::Limit { what: "ray's max_m", value: -1.0 });
+    assert!(matches!(cast(ray.up_to(f64::NAN)), QueryError::Limit { .. }));
+    let slanted = WorldPose { rotation: [1.0, 1.0, 0.0, 0.0], ..WorldPose::default() };
+    let shape = queries.intersect_shape(&Ball::new(1.0), &slanted, &all).unwrap_err();
+    assert_eq!(shape, QueryError::Rotation("shape's pose"));
+    let inside_out = Bounds::new([1.0; 3], [0.0; 3]);
+    assert_eq!(queries.intersect_aabb_conservative(&inside_out, &all), Err(QueryError::Box));
+    let point = queries.project_point([f64::INFINITY; 3], 1.0, true, &all);
+    assert_eq!(point, Err(QueryError::NotFinite("point")));
+    assert_eq!(queries.cast_ray(&ray.up_to(5.0), &all), Ok(None));
+}

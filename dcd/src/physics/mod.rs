@@ -18,6 +18,7 @@ mod placement;
 mod query;
 mod record;
 mod region;
+mod renumber;
 mod shapes;
 mod statics;
 mod ties;

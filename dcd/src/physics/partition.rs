@@ -58,6 +58,12 @@ impl Partition {
         partition
     }
 
+    /// The tree is another from now on.
+    pub(super) fn set_tree(&mut self, tree: DistributionTree) {
+        self.tree = tree;
+        self.index();
+    }
+
     /// Lays out the tree anew.
     fn index(&mut self) {
         self.leaves = self.tree.leaves().collect();

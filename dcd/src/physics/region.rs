@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
@@ -25,6 +26,12 @@ use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet, Ti
 
 /// Immovable bodies are held this far beyond the cell, so that what reaches out of it finds its ground.
 const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
+
+/// A sleeping body may lie so far outside the cell.
+const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
+
+/// How much the last tick counts in the mean time of a tick.
+const TIME_MEMORY: f64 = 0.1;
 
 /// What a region is to a body that it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,6 +123,13 @@ pub struct Region {
     pub(super) rests: bool,
     /// Bodies inserted here as its own whose neighbourhood no exchange has seen yet.
     pub(super) fresh: Vec<Link>,
+    /// Sleeping bodies that the coupling must look at once, since the border has come to them.
+    pub(super) overlooked: Vec<RigidBodyHandle>,
+    /// Microseconds of the present tick so far, and of the last ones, smoothed.
+    #[serde(skip)]
+    step_us: f64,
+    #[serde(skip)]
+    mean_step_us: f64,
     /// Bodies that became this region's own in the last exchange.
     pub(super) arrived: Vec<Link>,
     /// By Rapier's body index: the tick at which the coupling must look at the body again. Kept apart from the slots, so
@@ -174,6 +188,9 @@ impl Region {
             rests: false,
             fresh: Vec::new(),
             arrived: Vec::new(),
+            overlooked: Vec::new(),
+            step_us: 0.0,
+            mean_step_us: 0.0,
             due: Vec::new(),
             border: Border::new(regions.len(), steps),
             touched: Vec::new(),
@@ -196,6 +213,92 @@ impl Region {
     /// Its half-open box; outer faces lie at infinity.
     pub fn cell(&self) -> &Cell {
         &self.cell
+    }
+
+    /// A plane has moved: everything here is looked at anew, what sleeps too.
+    pub(super) fn set_cell(&mut self, cell: Cell) {
+        self.cell = cell;
+        self.stirred = true;
+        self.due.fill(0);
+        self.overlooked = self.own_sleepers();
+    }
+
+    /// What it is called from now on.
+    pub(super) fn rename(&mut self, id: RegionId, rank: usize) {
+        (self.id, self.rank) = (id, rank);
+    }
+
+    pub(super) fn slots_mut(&mut self) -> impl Iterator<Item = &mut Slot> {
+        self.slots.iter_mut().flatten()
+    }
+
+    /// Whether it holds anything that can move.
+    pub(super) fn holds_movable(&self) -> bool {
+        self.slots.iter().flatten().any(|slot| slot.role != Role::Immovable)
+    }
+
+    /// What sleeps where a plane has passed over it stays this region's, unless that is far from here: then it is woken, and
+    /// goes.
+    pub(super) fn wake_left_behind(&mut self) {
+        for handle in self.own_sleepers() {
+            let centre = convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass());
+            if self.cell.excess_m(centre) > LEFT_BEHIND_M {
+                self.world_mut().wake_up(handle, true);
+            }
+        }
+    }
+
+    fn own_sleepers(&self) -> Vec<RigidBodyHandle> {
+        let owned = self.slots.iter().flatten().filter(|slot| slot.role == Role::Owner);
+        let mut asleep: Vec<_> =
+            owned.map(|slot| Link { id: slot.id, handle: self.by_id[&slot.id] }).collect();
+        asleep.retain(|link| self.world.bodies[link.handle].is_sleeping());
+        asleep.sort_unstable_by_key(|link| link.id);
+        asleep.into_iter().map(|link| link.handle).collect()
+    }
+
+    /// How much there is to compute, by counts: bodies that are awake, copies of others' bodies among them, and contacts.
+    pub(super) fn activity(&self) -> f64 {
+        let awake = |collider: ColliderHandle| {
+            let parent = self.world.colliders.get(collider).and_then(Collider::parent);
+            parent.is_some_and(|parent| {
+                let body = &self.world.bodies[parent];
+                !body.is_fixed() && !body.is_sleeping()
+            })
+        };
+        let pairs = self.world.contact_pairs();
+        let contacts = pairs
+            .filter(|pair| pair.has_any_active_contact() && (awake(pair.collider1) || awake(pair.collider2)));
+        (self.world.islands.active_bodies().count() + contacts.count()) as f64
+    }
+
+    /// Where its own awake bodies are, in world space.
+    pub(super) fn awake_places(&self) -> impl Iterator<Item = [f64; 3]> {
+        let awake = self.world.islands.active_bodies();
+        let owned = awake.filter(|&handle| matches!(self.role_of(handle), Some((_, Role::Owner))));
+        owned.map(|handle| convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass()))
+    }
+
+    /// Those of the sleepers to be looked at that are still here.
+    pub(super) fn take_overlooked(&mut self) -> Vec<RigidBodyHandle> {
+        let mut handles = std::mem::take(&mut self.overlooked);
+        handles.retain(|&handle| self.slot_at(handle).is_some() && self.world.bodies.contains(handle));
+        handles
+    }
+
+    /// Counts the time of a round.
+    pub(super) fn count_time(&mut self, took: Duration, first: bool) {
+        let took_us = took.as_secs_f64() * 1e6;
+        if first {
+            self.mean_step_us += (self.step_us - self.mean_step_us) * TIME_MEMORY;
+            self.step_us = 0.0;
+        }
+        self.step_us += took_us;
+    }
+
+    /// The time that its ticks take, smoothed, microseconds.
+    pub(super) fn mean_step_us(&self) -> f64 {
+        self.mean_step_us
     }
 
     /// The origin of its region space, in world space.
@@ -632,6 +735,20 @@ impl Region {
         }
         self.covered = self.covered.union(&bounds.grown(2.0));
         Some(self.covered)
+    }
+
+    /// The cell has changed: the box in which immovable bodies are to be held from now on.
+    pub(super) fn renew_cover(&mut self) -> Bounds {
+        let here = Bounds { min: self.cell.min, max: self.cell.max };
+        let movable = self.slots.iter().flatten().filter(|slot| slot.role != Role::Immovable);
+        let held = movable.map(|slot| self.world_bounds(self.by_id[&slot.id]).grown(2.0));
+        let empty = (0..3).any(|i| here.min[i] >= here.max[i]);
+        let cell = (!empty).then(|| here.grown(COVER_M));
+        // An empty region covers nothing.
+        let nothing = Bounds::new([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        self.covered =
+            cell.into_iter().chain(held).reduce(|all, bounds| all.union(&bounds)).unwrap_or(nothing);
+        self.covered
     }
 
     pub(super) fn covers(&self, bounds: &Bounds) -> bool {

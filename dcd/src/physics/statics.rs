@@ -87,6 +87,19 @@ impl Statics {
         Ok(())
     }
 
+    /// The region has another cell: holds what is immovable there, and no longer what is far from all that it holds.
+    pub(super) fn recover(&self, region: &mut Region, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
+        let needed = region.renew_cover();
+        for (body, bounds) in &self.bodies {
+            if needed.touches(bounds) {
+                insert(region, body, shapes)?;
+            } else if region.handle_of(body.id).is_some_and(|handle| region.slot(handle).joints.is_empty()) {
+                region.remove(body.id);
+            }
+        }
+        Ok(())
+    }
+
     /// Makes sure that the immovable end of a joint is in the region.
     pub(super) fn ensure(
         &self,

@@ -75,6 +75,13 @@ impl ContactLedger {
         out.forces.retain(|force| force.magnitude_n > force.threshold_n);
     }
 
+    /// A region is called something else from now on.
+    pub fn rename(&mut self, from: RegionId, to: RegionId) {
+        for region in self.seen_by.values_mut().flatten().filter(|region| **region == from) {
+            *region = to;
+        }
+    }
+
     /// Forgets the contacts of a body that is no longer in the world.
     pub fn forget_body(&mut self, body: BodyId) {
         self.seen_by.retain(|key, _| key.a != body && key.b != body);

@@ -11,7 +11,7 @@ use crate::protocol::{
     BIG_ISLAND, ContactLedger, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity, WorldEvents, WorldPose,
 };
 use crate::scene::Scene;
-use crate::space::{Axis, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
+use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
 
 /// How the world is cut into regions.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +33,8 @@ pub struct WorldConfig {
     pub threads: usize,
     /// How far beyond its cell a region holds replicas, in metres; `None` follows the largest body.
     pub halo_m: Option<f64>,
+    /// How regions follow the load; `None` leaves them as they are cut.
+    pub balance: Option<Balance>,
     /// How it is stepped.
     pub step: StepSettings,
 }
@@ -44,6 +46,7 @@ impl Default for WorldConfig {
             partitioning: Partitioning::Regions(1),
             threads: 1,
             halo_m: None,
+            balance: None,
             step: StepSettings::default(),
         }
     }
@@ -61,6 +64,7 @@ impl WorldConfig {
             },
             threads: 1,
             halo_m: None,
+            balance: None,
             step: scene.coupling.applied_to(StepSettings {
                 gravity: scene.gravity,
                 dt_s: scene.dt_s,
@@ -186,8 +190,10 @@ impl DcdWorld {
         config.check()?;
         let partition = Partition::new(config.tree()?, config.halo_m);
         let leaves = partition.leaves().to_vec();
+        let mut host = RegionHost::new(partition, config.step, config.threads, &leaves)?;
+        host.set_balance(config.balance);
         Ok(Self {
-            host: RegionHost::new(partition, config.step, config.threads, &leaves)?,
+            host,
             ledger: ContactLedger::default(),
             events: WorldEvents::default(),
             next_body: 0,
@@ -310,6 +316,9 @@ impl DcdWorld {
         self.host.step()?;
         self.ledger.merge(self.host.events(), &mut self.events);
         self.host.clear_events();
+        for (from, to) in self.host.rebalance()? {
+            self.ledger.rename(from, to);
+        }
         self.last_step = start.elapsed();
         Ok(())
     }
@@ -417,6 +426,27 @@ impl DcdWorld {
         })
     }
 
+    /// Moves the plane of an inner vertex of the distribution tree, between its neighbours on the same axis. Bodies change hands
+    /// as if they had crossed it by themselves; what sleeps stays its region's until it wakes. Balance may move the plane again.
+    pub fn move_plane(&mut self, vertex: RegionId, at: f64) -> Result<(), WorldError> {
+        let mut tree = self.host.partition().tree().clone();
+        tree.move_plane(vertex, at)?;
+        if !tree.is_sound() {
+            let axis = tree.cut_of(vertex).map_or(Axis::X, |(axis, _)| axis);
+            return Err(TreeError::Plane { axis, at }.into());
+        }
+        Ok(self.host.refit(tree)?)
+    }
+
+    /// Lets the regions follow the load from now on, or leaves them as they are.
+    pub fn set_balance(&mut self, balance: Option<Balance>) -> Result<(), WorldError> {
+        if let Some((what, range)) = balance.as_ref().and_then(Balance::fault) {
+            return Err(WorldError::Setting { what, value: format!("{balance:?}"), range });
+        }
+        self.host.set_balance(balance);
+        Ok(())
+    }
+
     /// The region that has authority over a movable body.
     pub fn owner_of(&self, body: BodyId) -> Option<RegionId> {
         self.host.owned(body).map(|(region, _)| region.id())
@@ -502,6 +532,9 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
     }
     if step.solver_iterations == 0 || step.solver_iterations > 1000 {
         return wrong("solver_iterations", step.solver_iterations.to_string(), "1 to 1000 iterations a tick");
+    }
+    if let Some((what, range)) = config.balance.as_ref().and_then(Balance::fault) {
+        return wrong(what, format!("{:?}", config.balance), range);
     }
     if step.exchanges == 0 || step.exchanges > MAX_ROUNDS as usize {
         return wrong("exchanges", step.exchanges.to_string(), "1 to 64 exchanges a tick");

@@ -1,10 +1,13 @@
 //! How the tree follows the load (thesis 3.2, 4.3.2.2): planes move so that regions have equal shares, regions are cut and
 //! merged as the load grows and shrinks. From equal counts follow equal trees; hysteresis keeps what is good enough.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Axis, Bounds, DistributionTree, RegionId};
 
 /// When and how the tree follows the load.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Balance {
     /// Looked at once in so many ticks; at least 1.
     pub every_ticks: u32,
@@ -25,7 +28,8 @@ pub struct Balance {
 }
 
 /// What counts as load.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Load {
     /// Awake bodies, copies of others' among them, and contacts: the same on every machine.
     #[default]

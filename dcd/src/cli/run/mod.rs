@@ -126,6 +126,7 @@ impl Run {
             partitioning: Partitioning::Regions(world.regions().len()),
             threads,
             halo_m: None,
+            balance: world.host().balance().copied(),
             step: *world.host().settings(),
         };
         let plan = Plan { config: Some(config), ticks: Plan::ticks_of(self.seconds, cast.dt_s) };

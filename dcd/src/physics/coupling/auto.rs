@@ -11,6 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Coupling, Moment};
+use crate::physics::renumber::Renumbering;
 use crate::space::RegionSet;
 
 /// How fast the averaged disagreement follows one that is higher, and one that is lower.
@@ -24,7 +25,7 @@ const CALM_TICKS: u32 = 60;
 const LONGEST_CALM_TICKS: u32 = 64 * CALM_TICKS;
 
 /// What a region knows of the micro-steps at its borders.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Pace {
     /// By rank, this region's own too: micro-steps in the present tick, and in the next as far as told.
     steps: Vec<(u8, u8)>,
@@ -84,6 +85,20 @@ impl Pace {
         let news = self.steps[own].1 != self.wanted;
         self.steps[own].1 = self.wanted;
         if news { self.wanted } else { 0 }
+    }
+
+    /// Ranks have changed; a newborn region takes as many micro-steps as the one that it was cut from.
+    pub(in crate::physics) fn renumber(&mut self, ranks: &Renumbering) {
+        ranks.list(&mut self.steps, || (1, 1));
+        ranks.list(&mut self.borders, BorderPace::idle);
+        if let Some((new, from)) = ranks.born {
+            self.steps[new] = self.steps[from];
+        }
+    }
+
+    /// What a region that was cut from this one knows.
+    pub(in crate::physics) fn of_newborn(self) -> Self {
+        Self { borders: vec![BorderPace::idle(); self.borders.len()], ..self }
     }
 
     /// Whether this region, of this rank, says nothing new of its micro-steps, and has come down to one.

@@ -41,6 +41,7 @@ pub(super) fn tell(region: &mut Region, partition: &Partition, tick: Tick, dt_s:
     let is_here = |link: &&Link| region.handle_of(link.id) == Some(link.handle);
     looked_at.extend(region.fresh.iter().filter(is_here).map(|link| link.handle));
     region.fresh.clear();
+    looked_at.extend(region.take_overlooked());
     let now = tick.0 as u32;
     let due = |handle: &RigidBodyHandle| region.due[handle.into_raw_parts().0 as usize] <= now;
     looked_at.extend(region.physics().islands.active_bodies().filter(due));

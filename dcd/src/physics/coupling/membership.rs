@@ -74,6 +74,7 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
     let mut looked_at = std::mem::take(&mut region.looked_at);
     looked_at.clear();
     looked_at.extend(region.fresh.drain(..).map(|link| link.handle));
+    looked_at.extend(region.take_overlooked());
     let now = moment.tick.0 as u32;
     let due = |handle: &RigidBodyHandle| region.due[handle.into_raw_parts().0 as usize] <= now;
     looked_at.extend(region.physics().islands.active_bodies().filter(due));

@@ -28,6 +28,7 @@ pub(super) use share::{Shared, make_whole, whole, whole_colliders};
 use super::host::StepSettings;
 use super::partition::Partition;
 use super::region::Region;
+use super::renumber::Renumbering;
 use super::shapes::ShapeLibrary;
 use super::statics::Statics;
 use crate::protocol::BorderMessage;
@@ -164,6 +165,14 @@ impl Border {
 }
 
 impl Border {
+    /// Ranks have changed.
+    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
+        self.sights.renumber(ranks);
+        self.pace.renumber(ranks);
+        ranks.list(&mut self.disagreement, || None);
+        self.decisions.clear();
+    }
+
     /// Whether a body here is about to meet another region's.
     pub(super) fn awaits_any(&self) -> bool {
         !self.sights.meetings.is_empty()

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::physics::convert;
 use crate::physics::record;
 use crate::physics::region::{Link, Region};
+use crate::physics::renumber::Renumbering;
 use crate::protocol::{BodyKind, BodyTraits, ColliderMass, CopyState, ExtraMass, MassRecord};
 use crate::space::RegionSet;
 
@@ -40,6 +41,17 @@ pub(in crate::physics) struct Shared {
     pub settled: u32,
     /// Ticks for which some member has had no reason to be one.
     pub idle: u32,
+}
+
+impl Shared {
+    /// Ranks have changed.
+    pub(in crate::physics) fn renumber(&mut self, ranks: &Renumbering) {
+        (self.members, self.shadows) = (ranks.set(self.members), ranks.set(self.shadows));
+        for (rank, _) in &mut self.heard {
+            *rank = ranks.rank(*rank);
+        }
+        self.heard.sort_by_key(|(rank, _)| *rank);
+    }
 }
 
 /// Velocities at the beginning of the steps between two exchanges.

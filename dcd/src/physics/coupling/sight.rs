@@ -9,6 +9,7 @@ use super::Moment;
 use crate::physics::convert;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
+use crate::physics::renumber::Renumbering;
 use crate::protocol::{BodyKind, BorderMessage, Sight, Sighting};
 use crate::space::{BodyId, Bounds, RegionSet};
 
@@ -85,6 +86,22 @@ impl Sights {
             lists: vec![Vec::new(); regions],
             inner: (Vector::splat(f32::INFINITY), Vector::splat(f32::NEG_INFINITY)),
             ..Self::default()
+        }
+    }
+
+    /// Ranks have changed; whom the present meetings are with is found anew at the end of the next exchange.
+    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
+        ranks.list(&mut self.shown, Sight::default);
+        ranks.list(&mut self.seen, Sight::default);
+        ranks.list(&mut self.lists, Vec::new);
+        for sight in self.shown.iter_mut().chain(&mut self.seen) {
+            sight.visitors = ranks.set(sight.visitors);
+        }
+        self.changed = ranks.set(self.changed);
+        self.meetings.retain(|meeting| ranks.to[meeting.rank].is_some());
+        for meeting in &mut self.meetings {
+            meeting.rank = ranks.rank(meeting.rank);
+            meeting.place = ranks.to[meeting.place].unwrap_or(meeting.rank);
         }
     }
 

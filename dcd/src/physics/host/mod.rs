@@ -2,10 +2,12 @@
 
 mod change;
 mod place;
+mod repartition;
 mod rounds;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Instant;
 
 use rapier3d::prelude::*;
 use rayon::prelude::*;
@@ -160,6 +162,7 @@ pub struct RegionHost {
     pool: Option<Arc<rayon::ThreadPool>>,
     /// From regions computed elsewhere, for the exchange that is open.
     incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
+    balancer: Option<repartition::Balancer>,
     tick: Tick,
     /// Rounds of the tick to come, and how many of them are done.
     rounds: usize,
@@ -195,6 +198,7 @@ impl RegionHost {
             threads: 1,
             pool: None,
             incoming: BTreeMap::new(),
+            balancer: None,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
             round: 0,
@@ -288,6 +292,7 @@ impl RegionHost {
             region.be_silent(tick);
         }
         on_all(&self.pool, &mut self.regions, is_due, |region| {
+            let start = Instant::now();
             let steps = region.steps();
             if round == 1 {
                 follow::follow(region, tick);
@@ -296,6 +301,7 @@ impl RegionHost {
             settings.coupling.prepare(region, moment.dt_s);
             region.step(moment.dt_s, settings.solver_iterations.div_ceil(steps).max(1));
             settings.coupling.gather(region, moment);
+            region.count_time(start.elapsed(), round == 1);
         });
     }
 

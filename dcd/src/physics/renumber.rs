@@ -1,0 +1,60 @@
+//! Regions come and go: those that stay learn the new ranks of all.
+
+use std::sync::Arc;
+
+use super::outbox::Outbox;
+use super::region::{Region, Role};
+use crate::space::{RegionId, RegionSet};
+
+/// Old ranks to new ones.
+pub(super) struct Renumbering {
+    /// By old rank; none for a region that is no more, of which nobody holds anything.
+    pub to: Vec<Option<usize>>,
+    /// All regions by new rank.
+    pub leaves: Arc<[RegionId]>,
+    /// A region that is new, and the one that it was cut from, by new rank.
+    pub born: Option<(usize, usize)>,
+}
+
+impl Renumbering {
+    /// The new rank of a region that stays.
+    pub(super) fn rank(&self, old: usize) -> usize {
+        self.to[old].expect("nobody holds anything of a region that is given up")
+    }
+
+    pub(super) fn set(&self, old: RegionSet) -> RegionSet {
+        old.iter().filter_map(|rank| self.to[rank]).collect()
+    }
+
+    /// A list by rank.
+    pub(super) fn list<T>(&self, old: &mut Vec<T>, fresh: impl Fn() -> T) {
+        let mut new: Vec<_> = std::iter::repeat_with(fresh).take(self.leaves.len()).collect();
+        for (value, to) in std::mem::take(old).into_iter().zip(&self.to) {
+            if let Some(to) = *to {
+                new[to] = value;
+            }
+        }
+        *old = new;
+    }
+}
+
+impl Region {
+    /// Takes the new ranks over; its own id may have changed too.
+    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
+        let rank = ranks.rank(self.rank());
+        let id = ranks.leaves[rank];
+        self.rename(id, rank);
+        self.events.region = id;
+        self.outbox = Outbox::new(id, ranks.leaves.clone());
+        for slot in self.slots_mut() {
+            slot.holders = ranks.set(slot.holders);
+            if let Role::Replica { owner } = &mut slot.role {
+                *owner = ranks.rank(*owner);
+            }
+            if let Some(shared) = slot.shared.as_deref_mut() {
+                shared.renumber(ranks);
+            }
+        }
+        self.border.renumber(ranks);
+    }
+}

@@ -200,9 +200,10 @@ impl Twin {
 
     fn tie(&mut self, a: usize, b: usize, kind: u8) {
         let (a, b) = (&self.bodies[a % self.bodies.len()], &self.bodies[b % self.bodies.len()]);
-        // Rapier 0.36.1 stops with a panic at a joint that has no dynamic body awake at either end.
+        // Rapier 0.36.1 panics at a joint between two bodies that are not dynamic, or to one that is disabled already.
         let dynamic = |body: &Body| body.spec.body.body_type == RigidBodyType::Dynamic;
-        if a.id == b.id || !(dynamic(a) || dynamic(b)) {
+        let enabled = a.spec.body.enabled && b.spec.body.enabled;
+        if a.id == b.id || !(dynamic(a) || dynamic(b)) || !enabled {
             return;
         }
         let reach = Vector::new(0.5, 0.0, 0.0);

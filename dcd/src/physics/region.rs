@@ -426,6 +426,10 @@ impl Region {
             }
             self.watch.name(inserted, collider, (body.id, place as u16), record);
         }
+        if body.traits.colliders.iter().any(|collider| !collider.enabled) {
+            // Rapier counts their mass until it steps.
+            self.world.bodies[handle].recompute_mass_properties_from_colliders(&self.world.colliders);
+        }
         self.guide.note(handle, body.traits.kind);
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
         let index = handle.into_raw_parts().0 as usize;

@@ -253,6 +253,8 @@ impl Twin {
         self.world.update_collider(body.id, 0, &change).unwrap();
         let collider = self.bare.bodies[body.bare].colliders()[0];
         change(&mut self.bare.colliders[collider]);
+        // Rapier does so in its next step, and impulses until then act on the old mass.
+        self.bare.bodies[body.bare].recompute_mass_properties_from_colliders(&self.bare.colliders);
     }
 
     fn step(&mut self) {

@@ -105,6 +105,8 @@ impl Twin {
                 self.both(*which, |body| body.add_force(Vector::from(*force), true));
             }
             Operation::ForgetForces(which) => self.both(*which, |body| body.reset_forces(true)),
+            // What mass a disabled body has depends on when it was disabled.
+            Operation::Impulse(which, _) if !self.spec(*which).body.enabled => {}
             Operation::Impulse(which, impulse) => {
                 self.both(*which, |body| body.apply_impulse(Vector::from(*impulse) * 0.1, true));
             }

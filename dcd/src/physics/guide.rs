@@ -49,7 +49,7 @@ pub(super) fn guide(region: &mut Region, steps: usize) {
     if guide.done == 0 {
         guide.targets.clear();
         let bodies = guide.bodies.iter().filter_map(|&handle| Some((handle, bodies.get(handle)?)));
-        let going = bodies.filter(|(_, body)| body.next_position() != body.position());
+        let going = bodies.filter(|(_, body)| body.next_position() != body.position() && !body.is_sleeping());
         guide.targets.extend(going.map(|(handle, body)| (handle, *body.next_position())));
     }
     let left = steps.saturating_sub(guide.done).max(1);

@@ -529,6 +529,10 @@ impl Region {
             }
             self.watch.name(inserted, collider, (body.id, place as u16), record);
         }
+        if body.traits.colliders.iter().any(|collider| !collider.enabled) {
+            // Rapier counts their mass until it steps.
+            self.world.bodies[handle].recompute_mass_properties_from_colliders(&self.world.colliders);
+        }
         self.guide.note(handle, body.traits.kind);
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
         let index = handle.into_raw_parts().0 as usize;
@@ -711,10 +715,14 @@ impl Region {
             region.stirred = true;
             let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);
             let old = &slot.traits.colliders[index];
-            let mass = own.mass_properties();
+            let (mass, was_enabled) = (own.mass_properties(), own.is_enabled());
             own.set_contact_force_event_threshold(old.force_event_threshold_n);
             let result = change(own);
-            let new = record::renewed(old, own, own.mass_properties() != mass);
+            let mut new = record::renewed(old, own, own.mass_properties() != mass);
+            // Rapier's colliders of a disabled body do not tell whether their user wants them.
+            if !body.is_enabled() && own.is_enabled() == was_enabled {
+                new.enabled = old.enabled;
+            }
             region.watch.name(own, collider, (slot.id, index as u16), &new);
             if new != *old {
                 Arc::make_mut(&mut slot.traits).colliders[index] = new;

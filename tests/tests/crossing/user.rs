@@ -239,3 +239,21 @@ fn a_number_that_is_not_finite_sets_a_body_aside_and_no_other() {
         assert!(at(&world, row[1]).iter().all(|v| v.is_finite()));
     }
 }
+
+#[test]
+fn an_impulse_on_a_shared_body_is_not_lost_when_another_body_is_inserted_before_the_step() {
+    for coupling in SHARING {
+        let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+        let pair = [-0.5, 0.5].map(|x| world.insert(body_at(x, 0.0, 0.0), cube()).unwrap());
+        steps(&mut world, 5);
+        assert_eq!(pair.map(|id| parts(&world, id)), [2, 2], "{coupling:?}: the test needs shared bodies");
+        for id in pair {
+            world.update(id, |body| body.apply_impulse(Vector::new(0.0, 2.0, 0.0), true)).unwrap();
+        }
+        world.insert(body_at(0.0, 0.0, 5.0), cube()).unwrap();
+        steps(&mut world, 5);
+        for id in pair {
+            assert!((speed(&world, id)[1] - 2.0).abs() < 1e-4, "{coupling:?}: {:?}", speed(&world, id));
+        }
+    }
+}

@@ -230,7 +230,8 @@ impl Question {
                         end,
                         self.solid,
                     );
-                    let lets = pipeline.filter.test(pipeline.bodies, handle, collider);
+                    let lets =
+                        collider.is_enabled() && pipeline.filter.test(pipeline.bodies, handle, collider);
                     hit.ok()
                         .flatten()
                         .filter(|_| lets)

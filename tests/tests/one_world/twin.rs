@@ -105,6 +105,8 @@ impl Twin {
                 self.both(*which, |body| body.add_force(Vector::from(*force), true));
             }
             Operation::ForgetForces(which) => self.both(*which, |body| body.reset_forces(true)),
+            // What mass a disabled body has depends on when it was disabled.
+            Operation::Impulse(which, _) if !self.spec(*which).body.enabled => {}
             Operation::Impulse(which, impulse) => {
                 self.both(*which, |body| body.apply_impulse(Vector::from(*impulse) * 0.1, true));
             }
@@ -200,9 +202,10 @@ impl Twin {
 
     fn tie(&mut self, a: usize, b: usize, kind: u8) {
         let (a, b) = (&self.bodies[a % self.bodies.len()], &self.bodies[b % self.bodies.len()]);
-        // Rapier 0.36.1 stops with a panic at a joint that has no dynamic body awake at either end.
+        // Rapier 0.36.1 panics at a joint between two bodies that are not dynamic, or to one that is disabled already.
         let dynamic = |body: &Body| body.spec.body.body_type == RigidBodyType::Dynamic;
-        if a.id == b.id || !(dynamic(a) || dynamic(b)) {
+        let enabled = a.spec.body.enabled && b.spec.body.enabled;
+        if a.id == b.id || !(dynamic(a) || dynamic(b)) || !enabled {
             return;
         }
         let reach = Vector::new(0.5, 0.0, 0.0);
@@ -252,6 +255,8 @@ impl Twin {
         self.world.update_collider(body.id, 0, &change).unwrap();
         let collider = self.bare.bodies[body.bare].colliders()[0];
         change(&mut self.bare.colliders[collider]);
+        // Rapier does so in its next step, and impulses until then act on the old mass.
+        self.bare.bodies[body.bare].recompute_mass_properties_from_colliders(&self.bare.colliders);
     }
 
     fn step(&mut self) {

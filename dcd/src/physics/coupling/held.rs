@@ -7,7 +7,7 @@ use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{Link, Region, Role};
-use crate::protocol::{BodyRecord, BorderMessage, Transfer};
+use crate::protocol::{BodyKind, BodyRecord, BorderMessage, Transfer};
 use crate::space::RegionSet;
 
 /// Bodies and joints that come, as owned or as replicas.
@@ -122,6 +122,10 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
     let state = &body.state;
     let pose = convert::region_from_world(region.anchor(), &state.pose);
     let rigid_body = &mut region.world_mut().bodies[handle];
+    // A ghost of the proxy coupling would not take the forces.
+    if body.traits.kind == BodyKind::Dynamic && !rigid_body.is_dynamic() {
+        rigid_body.set_body_type(RigidBodyType::Dynamic, false);
+    }
     rigid_body.set_position(pose, false);
     rigid_body.set_linvel(convert::vector(state.velocity.linear), false);
     rigid_body.set_angvel(convert::vector(state.velocity.angular), false);

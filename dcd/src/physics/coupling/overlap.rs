@@ -48,10 +48,13 @@ pub(super) fn apply<'a>(
         region.border.sights.see(sender, message);
         region.border.pace.hear(sender, message.steps);
     }
-    let mut border = std::mem::take(&mut region.border);
-    agree::agree(region, &border.pace, moment, &mut border.disagreement);
-    border.pace.judge(&border.disagreement, moment);
-    region.border = border;
+    // Before a tick nobody has told where copies are: what was heard last is from before the user's changes.
+    if moment.round > 0 {
+        let mut border = std::mem::take(&mut region.border);
+        agree::agree(region, &border.pace, moment, &mut border.disagreement);
+        border.pace.judge(&border.disagreement, moment);
+        region.border = border;
+    }
     membership::commit(region, inbox.flat_map(|message| &message.members));
     if moment.last {
         region.border.sights.meet(ground.partition);

@@ -1,5 +1,7 @@
 //! Changes in place, made to every copy of a body or joint alike.
 
+use std::collections::BTreeMap;
+
 use rapier3d::prelude::*;
 
 use super::{HostError, RegionHost};
@@ -72,24 +74,37 @@ impl RegionHost {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
         }
-        let held = self.send_copies(id, &pose);
-        if held && self.partition.len() > 1 {
-            self.sent.push((id, pose));
-        }
-        Ok(held)
-    }
-
-    /// Sends every copy held here. Returns whether there is any.
-    pub(super) fn send_copies(&mut self, id: BodyId, pose: &WorldPose) -> bool {
         let mut held = false;
         for region in &mut self.regions {
             if let Some(handle) = region.handle_of(id) {
-                let pose = convert::region_from_world(region.anchor(), pose);
+                let pose = convert::region_from_world(region.anchor(), &pose);
                 region.change(handle, |body| body.set_next_kinematic_position(pose));
                 held = true;
             }
         }
-        held
+        Ok(held)
+    }
+
+    /// A record does not say where its body was sent: the first copies of bodies that were sent before any step hear of
+    /// it from the owner's.
+    pub(super) fn guide_newcomers(&mut self, fresh: &[BodyId]) {
+        for &id in fresh {
+            let Some((owner, handle)) = self.owned(id) else { continue };
+            let body = &owner.physics().bodies[handle];
+            let is_sent = body.body_type() == RigidBodyType::KinematicPositionBased
+                && body.next_position() != body.position()
+                && !body.is_sleeping();
+            if is_sent {
+                let (rank, to) =
+                    (owner.rank(), convert::world_from_region(owner.anchor(), body.next_position()));
+                for region in self.regions.iter_mut().filter(|region| region.rank() != rank) {
+                    if let Some(handle) = region.handle_of(id) {
+                        let to = convert::region_from_world(region.anchor(), &to);
+                        region.change(handle, |body| body.set_next_kinematic_position(to));
+                    }
+                }
+            }
+        }
     }
 
     /// The mass of a movable body held here, in kilograms, whole even where it is shared.
@@ -114,12 +129,15 @@ impl RegionHost {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
         }
-        self.sent.retain(|(other, _)| *other != id);
         if let Some(body) = self.statics.body(id) {
             let mut body = body.clone();
             body.state.pose = pose;
+            // Each region has the joints of its own bodies.
+            let holders = self.regions.iter().filter_map(|region| Some((region, region.handle_of(id)?)));
+            let joints = holders.flat_map(|(region, handle)| region.joints_of(handle));
+            let joints: BTreeMap<_, _> = joints.map(|joint| (joint.id, joint)).collect();
             self.remove(id);
-            self.insert(vec![body], &[])?;
+            self.insert(vec![body], &joints.into_values().collect::<Vec<_>>())?;
             return Ok(true);
         }
         let Some(record) = self.record(id) else { return Ok(false) };

@@ -153,8 +153,6 @@ pub struct RegionHost {
     directory: Directory,
     #[serde(skip)]
     hooks: Option<Arc<dyn ContactHooks>>,
-    /// Kinematic bodies that were sent somewhere since the last step.
-    sent: Vec<(BodyId, WorldPose)>,
     #[cfg(feature = "parallel")]
     #[serde(skip)]
     threads: usize,
@@ -193,7 +191,6 @@ impl RegionHost {
             regions: Vec::new(),
             directory: Directory::default(),
             hooks: None,
-            sent: Vec::new(),
             #[cfg(feature = "parallel")]
             threads: 1,
             pool: None,
@@ -378,14 +375,12 @@ impl RegionHost {
     fn step_all(&mut self) -> Result<(), HostError> {
         self.handovers.clear();
         if self.partition.len() > 1 && self.regions.iter().any(|region| !region.fresh.is_empty()) {
+            let fresh = self.regions.iter().flat_map(|region| &region.fresh).map(|link| link.id);
+            let fresh: Vec<_> = fresh.collect();
             self.announce();
             self.exchange()?;
-            // A record does not say where its body was sent: copies that came just now must hear of it.
-            for (id, pose) in std::mem::take(&mut self.sent) {
-                self.send_copies(id, &pose);
-            }
+            self.guide_newcomers(&fresh);
         }
-        self.sent.clear();
         for _ in 0..self.rounds {
             self.compute();
             self.exchange()?;

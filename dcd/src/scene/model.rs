@@ -34,6 +34,8 @@ pub struct Scene {
     pub coupling: CouplingChoice,
     /// Where a client's avatar starts, when the scene says so.
     pub avatar: Option<AvatarHint>,
+    /// What differs from what the scene's file says, a line each: the feature, whom it concerns, what becomes of it.
+    pub warnings: Vec<String>,
 }
 
 /// A body and its colliders. The builder's own position is zero: `pose`, in f64, places the body.
@@ -77,15 +79,23 @@ impl Scene {
         library::build(name, params)
     }
 
-    /// A scene file. Parameters are those of the library scene that the file starts from, if it does.
+    /// A scene file: MJCF (`.xml`, `.mjcf`) or URDF (`.urdf`) with the feature `models`, TOML otherwise. Parameters of a TOML file
+    /// are those of the library scene that it starts from, if it does; all model files have the same.
     pub fn load(path: impl AsRef<Path>, params: &Params) -> Result<Self, SceneError> {
-        file::load(path.as_ref(), params)
+        let path = path.as_ref();
+        #[cfg(feature = "models")]
+        if super::models::handles(path) {
+            return super::models::load(path, params);
+        }
+        file::load(path, params)
     }
 
-    /// A file if the text ends in `.toml` or such a file exists, else a scene of the library.
+    /// A file if the text ends as scene files do or such a file exists, else a scene of the library.
     pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
         let path = Path::new(name_or_path);
-        if path.extension().is_some_and(|extension| extension == "toml") || path.is_file() {
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        let is_scene = ["toml", "xml", "mjcf", "urdf"].iter().any(|known| extension.eq_ignore_ascii_case(known));
+        if is_scene || path.is_file() {
             Self::load(path, params)
         } else {
             Self::named(name_or_path, params)
@@ -129,6 +139,7 @@ impl Scene {
             cuts: Vec::new(),
             coupling: CouplingChoice::default(),
             avatar: None,
+            warnings: Vec::new(),
         }
     }
 

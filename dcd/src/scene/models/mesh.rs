@@ -1,0 +1,87 @@
+//! Meshes from files.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use rapier3d::prelude::*;
+use rapier3d_meshloader::mesh_loader;
+
+use super::source::Fault;
+
+/// Vertices of a mesh and its triangles.
+pub(super) type Triangles = (Vec<Vector>, Vec<[u32; 3]>);
+
+/// Files read before, so that a mesh that many bodies use is read once.
+#[derive(Default)]
+pub(super) struct Meshes(BTreeMap<PathBuf, Vec<Triangles>>);
+
+const FORMATS: &str = "obj, stl or dae";
+
+impl Meshes {
+    /// The meshes of a file, unscaled.
+    pub(super) fn read(&mut self, path: &Path) -> Result<&[Triangles], Fault> {
+        if !self.0.contains_key(path) {
+            self.0.insert(path.to_owned(), read(path)?);
+        }
+        Ok(&self.0[path])
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<Triangles>, Fault> {
+    let named = |cause: String| format!("mesh {}: {cause}", path.display());
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    if !["obj", "stl", "dae"].contains(&extension.as_str()) {
+        let cause = named(format!("meshes of type `{extension}` cannot be read"));
+        return Err(Fault::new(cause, format!("convert it to {FORMATS}")));
+    }
+    // The loader tells formats by lower-case extensions only.
+    let bytes = std::fs::read(path).map_err(|error| {
+        Fault::new(named(error.to_string()), "put the mesh there, or correct the path in the file")
+    })?;
+    let loader = mesh_loader::Loader::default();
+    let scene = loader.load_from_slice(&bytes, path.with_extension(extension)).map_err(|error| {
+        Fault::new(named(error.to_string()), format!("check that it is a whole {FORMATS} file"))
+    })?;
+    let meshes: Vec<Triangles> = scene
+        .meshes
+        .into_iter()
+        .filter(|mesh| !mesh.vertices.is_empty() && !mesh.faces.is_empty())
+        .map(|mesh| (mesh.vertices.into_iter().map(Vector::from).collect(), mesh.faces))
+        .collect();
+    if meshes.is_empty() {
+        return Err(Fault::new(named("it has no triangle".into()), "check that it is the right file"));
+    }
+    Ok(meshes)
+}
+
+/// The convex hull, if it has a volume and can travel. Parry fails at some rings of many points in a plane; the hull of the points
+/// that lie farthest in many directions stands in for those.
+pub(super) fn hull(points: &[Vector]) -> Option<SharedShape> {
+    let of = |points: &[Vector]| SharedShape::convex_hull(points).filter(travels);
+    of(points).or_else(|| [512, 256, 128, 64].into_iter().find_map(|count| of(&outermost(points, count))))
+}
+
+/// The points that lie farthest in so many directions, spread evenly over the sphere, each once.
+fn outermost(points: &[Vector], count: usize) -> Vec<Vector> {
+    let golden = std::f32::consts::PI * (5f32.sqrt() - 1.0);
+    let directions = (0..count).map(|i| {
+        let height = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
+        let (sin, cos) = (golden * i as f32).sin_cos();
+        let radius = (1.0 - height * height).sqrt();
+        Vector::new(cos * radius, sin * radius, height)
+    });
+    let farthest = |along: Vector| {
+        (0..points.len()).max_by(|&a, &b| points[a].dot(along).total_cmp(&points[b].dot(along)))
+    };
+    let chosen: BTreeSet<usize> = directions.filter_map(farthest).collect();
+    chosen.into_iter().map(|index| points[index]).collect()
+}
+
+/// The triangles as they are.
+pub(super) fn triangles(points: Vec<Vector>, triangles: Vec<[u32; 3]>) -> Option<SharedShape> {
+    SharedShape::trimesh_with_flags(points, triangles, TriMeshFlags::MERGE_DUPLICATE_VERTICES).ok().filter(travels)
+}
+
+fn travels(shape: &SharedShape) -> bool {
+    crate::physics::ShapeLibrary::default().intern(shape).is_ok()
+}

@@ -14,7 +14,7 @@ use rapier3d::prelude::*;
 pub(crate) struct Run {
     /// Sum over all dynamic bodies, kilograms.
     pub(crate) mass_kg: f64,
-    /// Force on the ground over weight, mean of the last second.
+    /// Force on the ground over weight, mean of the last three seconds.
     pub(crate) ground: Option<f64>,
     /// How far joints were apart, metres: the root of the mean square, over joints and time.
     pub(crate) apart_m: f64,
@@ -93,7 +93,7 @@ fn run<W: Measured>(
             samples += 1;
             farthest = farthest.max(apart);
         }
-        if (ticks - tick) as f32 * scene.dt_s <= 1.0 {
+        if (ticks - tick) as f32 * scene.dt_s <= 3.0 {
             let sample = world.contacts();
             ground.extend(sample.ground_force_ratio());
         }

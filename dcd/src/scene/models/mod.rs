@@ -21,7 +21,7 @@ use model::Model;
 use source::Source;
 
 /// What can be set of any model file.
-pub static MODEL_PARAMS: [ParamInfo; 8] = [
+pub static MODEL_PARAMS: [ParamInfo; 9] = [
     count("copies", "1", 1, 100_000, "how often the model is placed, in a square grid"),
     number("spacing", "0", [0.0, 1e4], "m", "from one copy to the next; 0: its own size and a fifth"),
     number("height", "0", [0.0, 1e4], "m", "how far the model is lifted"),
@@ -29,6 +29,7 @@ pub static MODEL_PARAMS: [ParamInfo; 8] = [
     count("fixed", "0", 0, 1, "1: what could fly away (a URDF root, an MJCF free joint) is fixed where it is"),
     count("key", "0", 0, 10_000, "MJCF: starts in the n-th keyframe, with its controls"),
     count("sleep", "1", 0, 1, "1: bodies at rest may fall asleep; 0: they never do"),
+    count("iterations", "8", 1, 1000, "the solver's iterations a step; chains of joints hold better with more"),
     number("dt", "0", [0.0, 1.0], "s", "seconds a step; 0: what the file says, else 1/60"),
 ];
 
@@ -41,6 +42,7 @@ struct Wishes {
     fixed: bool,
     key: usize,
     sleep: bool,
+    iterations: usize,
     dt_s: f32,
 }
 
@@ -60,6 +62,7 @@ pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
         fixed: values.count("fixed") == 1,
         key: values.count("key"),
         sleep: values.count("sleep") == 1,
+        iterations: values.count("iterations"),
         dt_s: values.number("dt"),
     };
     let source = Source::read(path)?;

@@ -20,6 +20,7 @@ pub(super) fn place(model: Model, wishes: &Wishes) -> Scene {
     let mut scene = Scene::empty(&model.name);
     scene.gravity = model.gravity;
     scene.dt_s = if wishes.dt_s > 0.0 { wishes.dt_s } else { model.dt_s.unwrap_or(scene.dt_s) };
+    scene.solver_iterations = wishes.iterations;
     let bodies = bodies_of(&model, wishes.sleep);
     let joints = model.scene_joints();
     let around = bodies.iter().map(SceneBody::bounds).filter(Bounds::is_finite).reduce(|a, b| a.union(&b));

@@ -17,7 +17,7 @@ mod records;
 pub(crate) use dice::Dice;
 pub use error::SceneError;
 pub use library::{SceneInfo, library};
+pub use model::{AvatarHint, Scene, SceneBody, SceneJoint};
 #[cfg(feature = "models")]
 pub use models::MODEL_PARAMS;
-pub use model::{AvatarHint, Scene, SceneBody, SceneJoint};
 pub use params::{ParamInfo, ParamKind, Params};

@@ -94,12 +94,9 @@ impl Scene {
     pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
         let path = Path::new(name_or_path);
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        let is_scene = ["toml", "xml", "mjcf", "urdf"].iter().any(|known| extension.eq_ignore_ascii_case(known));
-        if is_scene || path.is_file() {
-            Self::load(path, params)
-        } else {
-            Self::named(name_or_path, params)
-        }
+        let is_scene =
+            ["toml", "xml", "mjcf", "urdf"].iter().any(|known| extension.eq_ignore_ascii_case(known));
+        if is_scene || path.is_file() { Self::load(path, params) } else { Self::named(name_or_path, params) }
     }
 
     /// One plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a

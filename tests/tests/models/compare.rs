@@ -34,17 +34,30 @@ pub(crate) fn scene(path: &Path, params: &str) -> Scene {
 pub(crate) fn bare(scene: &Scene, seconds: f32) -> Run {
     let mut world = scene.bare_world();
     let handles: Vec<_> = world.rigid_bodies().map(|(handle, _)| handle).collect();
-    run(scene, seconds, &mut world, |world| world.step(), |world, index| *world.bodies[handles[index]].position())
+    run(
+        scene,
+        seconds,
+        &mut world,
+        |world| world.step(),
+        |world, index| *world.bodies[handles[index]].position(),
+    )
 }
 
 /// So many regions.
 pub(crate) fn regions(scene: &Scene, count: usize, seconds: f32) -> Run {
-    let config = WorldConfig { partitioning: Partitioning::Regions(count), threads: 2, ..WorldConfig::for_scene(scene) };
+    let config = WorldConfig {
+        partitioning: Partitioning::Regions(count),
+        threads: 2,
+        ..WorldConfig::for_scene(scene)
+    };
     let mut world = DcdWorld::from_scene(scene, config).unwrap();
-    let fixed: Vec<Pose> = scene.bodies.iter().map(|body| pose(body.pose.translation, body.pose.rotation)).collect();
+    let fixed: Vec<Pose> =
+        scene.bodies.iter().map(|body| pose(body.pose.translation, body.pose.rotation)).collect();
     let step = |world: &mut DcdWorld| world.step().unwrap();
     let at = |world: &DcdWorld, index: usize| {
-        world.pose(BodyId::persistent(index as u32)).map_or(fixed[index], |at| pose(at.translation, at.rotation))
+        world
+            .pose(BodyId::persistent(index as u32))
+            .map_or(fixed[index], |at| pose(at.translation, at.rotation))
     };
     let run = run(scene, seconds, &mut world, step, at);
     for index in 0..scene.bodies.len() {
@@ -63,7 +76,8 @@ fn pose(translation: [f64; 3], rotation: [f32; 4]) -> Pose {
 /// Shares of one body sum up to it.
 fn mass_kg(views: &[View<'_>]) -> f64 {
     let of = |view: &View<'_>| {
-        let owned = view.physics().bodies.iter().filter(|(handle, body)| view.owns(*handle) && body.is_dynamic());
+        let owned =
+            view.physics().bodies.iter().filter(|(handle, body)| view.owns(*handle) && body.is_dynamic());
         owned.map(|(handle, body)| f64::from(body.mass()) * view.parts(handle)).sum::<f64>()
     };
     views.iter().map(of).sum()
@@ -113,6 +127,7 @@ fn apart(joint: &GenericJoint, a: Pose, b: Pose) -> f64 {
     let (a, b) = (a * joint.local_frame1, b * joint.local_frame2);
     let between = a.rotation.inverse() * (b.translation - a.translation);
     let axes = [JointAxesMask::LIN_X, JointAxesMask::LIN_Y, JointAxesMask::LIN_Z];
-    let along = between.to_array().into_iter().zip(axes).filter(|(_, axis)| joint.locked_axes.contains(*axis));
+    let along =
+        between.to_array().into_iter().zip(axes).filter(|(_, axis)| joint.locked_axes.contains(*axis));
     along.map(|(v, _)| f64::from(v).powi(2)).sum::<f64>().sqrt()
 }

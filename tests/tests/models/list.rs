@@ -58,7 +58,15 @@ pub(crate) const FETCHED: [Real; 20] = [
 pub(crate) const WHEELS: [&[&str]; 3] = [
     &["gymnasium==1.4.0"],
     &["dm_control==1.0.50"],
-    &["pybullet==3.2.7", "--python-version", "3.9", "--only-binary", ":all:", "--platform", "manylinux2014_x86_64"],
+    &[
+        "pybullet==3.2.7",
+        "--python-version",
+        "3.9",
+        "--only-binary",
+        ":all:",
+        "--platform",
+        "manylinux2014_x86_64",
+    ],
 ];
 
 /// The folder of the shipped files.

@@ -22,7 +22,9 @@ const GROUND: f64 = 0.05;
 /// The bodies that Rapier's loader makes of the file; none if it cannot read it.
 fn loaders_count(path: &Path) -> Option<usize> {
     if path.extension().is_some_and(|extension| extension == "urdf") {
-        return UrdfRobot::from_file(path, UrdfLoaderOptions::default(), None).ok().map(|(robot, _)| robot.links.len());
+        return UrdfRobot::from_file(path, UrdfLoaderOptions::default(), None)
+            .ok()
+            .map(|(robot, _)| robot.links.len());
     }
     // With planes, which it leaves out unless it is told not to: a world body may hold nothing else.
     let options = MjcfLoaderOptions { skip_plane_geoms: false, ..MjcfLoaderOptions::default() };
@@ -37,7 +39,7 @@ fn loaders_count(path: &Path) -> Option<usize> {
 /// What is wrong with a file's run, and a line for the log.
 fn check(folder: &Path, real: &Real) -> (Vec<String>, String) {
     let path = folder.join(real.path);
-    let scene = scene(&path, real.params);
+    let scene = scene(&path, &format!("sleep=0 {}", real.params));
     let mut wrong = Vec::new();
     let ground = usize::from(real.params.contains("ground=1"));
     if let Some(count) = loaders_count(&path)
@@ -55,13 +57,22 @@ fn check(folder: &Path, real: &Real) -> (Vec<String>, String) {
                 wrong.push(format!("{count} regions: {what}"));
             }
         };
-        must((run.mass_kg / reference.mass_kg - 1.0).abs() < 1e-4, format!("{} kg of {}", run.mass_kg, reference.mass_kg));
+        must(
+            (run.mass_kg / reference.mass_kg - 1.0).abs() < 1e-4,
+            format!("{} kg of {}", run.mass_kg, reference.mass_kg),
+        );
         must(run.quarantined.is_subset(&reference.quarantined), format!("{:?} set aside", run.quarantined));
         let most = reference.apart_m * APART.0 + APART.1;
-        must(run.apart_m <= most, format!("joints {} m apart, {} in the bare world", run.apart_m, reference.apart_m));
+        must(
+            run.apart_m <= most,
+            format!("joints {} m apart, {} in the bare world", run.apart_m, reference.apart_m),
+        );
         if real.rests {
             let ratio = run.ground.unwrap();
-            must((ratio - reference.ground.unwrap()).abs() < GROUND, format!("the ground bears {ratio} of the weight"));
+            must(
+                (ratio - reference.ground.unwrap()).abs() < GROUND,
+                format!("the ground bears {ratio} of the weight"),
+            );
         }
     }
     if real.rests && (reference.ground.unwrap() - 1.0).abs() > GROUND {
@@ -106,7 +117,10 @@ fn fetched() -> PathBuf {
     let done = folder.join("done");
     if !done.exists() {
         for wheel in WHEELS {
-            python(&["-m", "pip", "download", "--quiet", "--no-deps", "--dest", folder.to_str().unwrap()], wheel);
+            python(
+                &["-m", "pip", "download", "--quiet", "--no-deps", "--dest", folder.to_str().unwrap()],
+                wheel,
+            );
         }
         for entry in std::fs::read_dir(&folder).unwrap() {
             let path = entry.unwrap().path();
@@ -120,6 +134,7 @@ fn fetched() -> PathBuf {
 }
 
 fn python(args: &[&str], more: &[&str]) {
-    let status = Command::new("python3").args(args).args(more).status().expect("python3 is needed to fetch the files");
+    let status =
+        Command::new("python3").args(args).args(more).status().expect("python3 is needed to fetch the files");
     assert!(status.success(), "python3 {args:?} {more:?}: is PyPI reachable?");
 }

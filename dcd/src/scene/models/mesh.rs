@@ -13,21 +13,34 @@ pub(super) type Triangles = (Vec<Vector>, Vec<[u32; 3]>);
 
 /// Files read before, so that a mesh that many bodies use is read once.
 #[derive(Default)]
-pub(super) struct Meshes(BTreeMap<PathBuf, Vec<Triangles>>);
+pub(super) struct Meshes {
+    files: BTreeMap<PathBuf, Vec<Triangles>>,
+    /// Collada files whose own axes are not z-up, which the reader passes over.
+    pub(super) not_z_up: Vec<String>,
+}
 
 const FORMATS: &str = "obj, stl or dae";
 
 impl Meshes {
     /// The meshes of a file, unscaled.
     pub(super) fn read(&mut self, path: &Path) -> Result<&[Triangles], Fault> {
-        if !self.0.contains_key(path) {
-            self.0.insert(path.to_owned(), read(path)?);
+        if !self.files.contains_key(path) {
+            let (bytes, meshes) = read(path)?;
+            if has_other_axes(&bytes) {
+                self.not_z_up.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+            }
+            self.files.insert(path.to_owned(), meshes);
         }
-        Ok(&self.0[path])
+        Ok(&self.files[path])
     }
 }
 
-fn read(path: &Path) -> Result<Vec<Triangles>, Fault> {
+fn has_other_axes(bytes: &[u8]) -> bool {
+    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
+    head.contains("<up_axis>") && !head.contains("<up_axis>Z_UP")
+}
+
+fn read(path: &Path) -> Result<(Vec<u8>, Vec<Triangles>), Fault> {
     let named = |cause: String| format!("mesh {}: {cause}", path.display());
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if !["obj", "stl", "dae"].contains(&extension.as_str()) {
@@ -51,7 +64,7 @@ fn read(path: &Path) -> Result<Vec<Triangles>, Fault> {
     if meshes.is_empty() {
         return Err(Fault::new(named("it has no triangle".into()), "check that it is the right file"));
     }
-    Ok(meshes)
+    Ok((bytes, meshes))
 }
 
 /// The convex hull, if it has a volume and can travel. Parry fails at some rings of many points in a plane; the hull of the points
@@ -79,7 +92,9 @@ fn outermost(points: &[Vector], count: usize) -> Vec<Vector> {
 
 /// The triangles as they are.
 pub(super) fn triangles(points: Vec<Vector>, triangles: Vec<[u32; 3]>) -> Option<SharedShape> {
-    SharedShape::trimesh_with_flags(points, triangles, TriMeshFlags::MERGE_DUPLICATE_VERTICES).ok().filter(travels)
+    SharedShape::trimesh_with_flags(points, triangles, TriMeshFlags::MERGE_DUPLICATE_VERTICES)
+        .ok()
+        .filter(travels)
 }
 
 fn travels(shape: &SharedShape) -> bool {

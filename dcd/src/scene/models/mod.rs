@@ -26,10 +26,22 @@ pub static MODEL_PARAMS: [ParamInfo; 9] = [
     number("spacing", "0", [0.0, 1e4], "m", "from one copy to the next; 0: its own size and a fifth"),
     number("height", "0", [0.0, 1e4], "m", "how far the model is lifted"),
     count("ground", "0", 0, 1, "1: adds a ground at z = 0, or where the model is lowest if that is below"),
-    count("fixed", "0", 0, 1, "1: what could fly away (a URDF root, an MJCF free joint) is fixed where it is"),
+    count(
+        "fixed",
+        "0",
+        0,
+        1,
+        "1: what could fly away (a URDF root, an MJCF free joint) is fixed where it is",
+    ),
     count("key", "0", 0, 10_000, "MJCF: starts in the n-th keyframe, with its controls"),
     count("sleep", "1", 0, 1, "1: bodies at rest may fall asleep; 0: they never do"),
-    count("iterations", "8", 1, 1000, "the solver's iterations a step; chains of joints hold better with more"),
+    count(
+        "iterations",
+        "8",
+        1,
+        1000,
+        "the solver's iterations a step; chains of joints hold better with more",
+    ),
     number("dt", "0", [0.0, 1.0], "s", "seconds a step; 0: what the file says, else 1/60"),
 ];
 

@@ -63,7 +63,8 @@ impl Model {
         let apart = self.apart.difference(&silent).filter(|&&(a, b)| {
             touchable(a) && touchable(b) && !(self.parts[a].is_fixed() && self.parts[b].is_fixed())
         });
-        let joints = self.joints.iter().map(|joint| SceneJoint { a: joint.a, b: joint.b, joint: joint.joint });
+        let joints =
+            self.joints.iter().map(|joint| SceneJoint { a: joint.a, b: joint.b, joint: joint.joint });
         let mut free = GenericJoint::default();
         free.contacts_enabled = false;
         joints.chain(apart.map(|&(a, b)| SceneJoint { a, b, joint: free })).collect()

@@ -25,7 +25,11 @@ impl Fault {
     }
 
     /// Of a node of the document.
-    pub(super) fn at(node: roxmltree::Node<'_, '_>, cause: impl Into<String>, remedy: impl Into<String>) -> Self {
+    pub(super) fn at(
+        node: roxmltree::Node<'_, '_>,
+        cause: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
         let line = node.document().text_pos_at(node.range().start).row as usize;
         Self { line: Some(line), ..Self::new(cause, remedy) }
     }

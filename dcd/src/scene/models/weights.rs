@@ -33,7 +33,11 @@ pub(super) fn settle(model: &mut Model) -> Result<(), Fault> {
             model.warnings.add("inertia", &*part.name, "not given: that of its shapes is taken");
             of_shapes
         } else {
-            model.warnings.add("inertia without shape", &*part.name, "not given: that of a ball of 0.1 m is taken");
+            model.warnings.add(
+                "inertia without shape",
+                &*part.name,
+                "not given: that of a ball of 0.1 m is taken",
+            );
             Vector::splat(0.4 * mass * 0.01)
         };
         part.mass = MassProperties::new(part.mass.local_com, mass, found);
@@ -64,7 +68,10 @@ fn fix_welded(model: &mut Model) {
 fn borrow(model: &mut Model, poor: usize) -> Result<(), Fault> {
     let Some((donor, joint)) = donor(model, poor) else {
         return Err(Fault::new(
-            format!("`{}` can move but has no mass, and neither has anything that it is joined to", model.parts[poor].name),
+            format!(
+                "`{}` can move but has no mass, and neither has anything that it is joined to",
+                model.parts[poor].name
+            ),
             "give it a mass (MJCF: <inertial>, or <geom density>; URDF: <inertial>)",
         ));
     };
@@ -121,7 +128,8 @@ fn split(whole: &MassProperties, at: Vector) -> (MassProperties, MassProperties)
         let (lent, turning) = (mass * share, least * share);
         let kept = mass - lent;
         // What two point masses on a line through the common centre turn by.
-        let pair = (Matrix::from_diagonal(Vector::splat(arm.length_squared())) - outer(arm)) * (lent * mass / kept);
+        let pair =
+            (Matrix::from_diagonal(Vector::splat(arm.length_squared())) - outer(arm)) * (lent * mass / kept);
         let rest = inertia - pair - Matrix::from_diagonal(Vector::splat(turning));
         let rest = MassProperties::with_inertia_matrix(whole.local_com - arm * (lent / kept), kept, rest);
         if rest.principal_inertia().min_element() > 0.5 * least || share < 1e-4 {

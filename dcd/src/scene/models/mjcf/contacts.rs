@@ -19,10 +19,7 @@ pub(super) fn touch(collider: ColliderBuilder, geom: &Geom, contact: bool) -> Co
         InteractionTestMode::Or,
     );
     let friction = if geom.condim == 1 { 0.0 } else { geom.friction[0] as f32 };
-    collider
-        .collision_groups(groups)
-        .friction(friction)
-        .friction_combine_rule(CoefficientCombineRule::Max)
+    collider.collision_groups(groups).friction(friction).friction_combine_rule(CoefficientCombineRule::Max)
 }
 
 /// Pairs of the loader's bodies that never touch: those welded together, those tied by a joint (but not to the world), and those
@@ -60,7 +57,8 @@ pub(super) fn apart(
     };
     for exclude in &file.contact.excludes {
         let (Some(a), Some(b)) = (named(&exclude.body1), named(&exclude.body2)) else {
-            let cause = format!("<exclude> of {} and {}: one of them is not there", exclude.body1, exclude.body2);
+            let cause =
+                format!("<exclude> of {} and {}: one of them is not there", exclude.body1, exclude.body2);
             return Err(Fault::new(cause, "correct the names"));
         };
         if a != b {
@@ -74,12 +72,22 @@ pub(super) fn apart(
 pub(super) fn warn(file: &mjcf::Model, warnings: &mut Warnings) {
     for pair in &file.contact.pairs {
         let names = format!("{} with {}", pair.geom1, pair.geom2);
-        warnings.add("contact pair", names, "has no effect: contype, conaffinity and the geoms' friction count");
+        warnings.add(
+            "contact pair",
+            names,
+            "has no effect: contype, conaffinity and the geoms' friction count",
+        );
     }
-    for (entry, geom) in file.bodies.iter().flat_map(|entry| entry.body.geoms.iter().map(move |geom| (entry, geom))) {
+    for (entry, geom) in
+        file.bodies.iter().flat_map(|entry| entry.body.geoms.iter().map(move |geom| (entry, geom)))
+    {
         if geom.condim > 3 && (geom.contype != 0 || geom.conaffinity != 0) {
             let of = geom.name.as_ref().or(entry.body.name.as_ref()).map_or("the world", |name| name);
-            warnings.add("rolling and torsional friction (condim 4 and 6)", of, "geoms only slide with friction");
+            warnings.add(
+                "rolling and torsional friction (condim 4 and 6)",
+                of,
+                "geoms only slide with friction",
+            );
         }
     }
 }

@@ -56,7 +56,10 @@ pub(super) fn drive(
     let stiffness = from.stiffness + sum(&|servo: &Servo| servo.stiffness);
     let damping = from.damping + sum(&|servo: &Servo| servo.damping);
     let quotient = |of: f64, by: f64| if by > 0.0 { of / by } else { 0.0 };
-    let target = quotient(from.stiffness * rest + sum(&|servo: &Servo| servo.stiffness * (servo.target - from.ref_)), stiffness);
+    let target = quotient(
+        from.stiffness * rest + sum(&|servo: &Servo| servo.stiffness * (servo.target - from.ref_)),
+        stiffness,
+    );
     let speed = quotient(sum(&|servo: &Servo| servo.damping * servo.speed), damping);
     for &axis in axes {
         if stiffness > 0.0 || damping > 0.0 {
@@ -137,7 +140,9 @@ fn servo(of: &Actuator, control: f64, warnings: &mut Warnings) -> Option<Servo> 
             Some(Servo { stiffness: 0.0, target: 0.0, damping, speed: 0.0, max_force: None })
         }
         ActuatorKind::Motor | ActuatorKind::General => {
-            let muscle = |kind: &Option<String>| kind.as_deref().is_some_and(|kind| kind == "muscle" || kind == "user");
+            let muscle = |kind: &Option<String>| {
+                kind.as_deref().is_some_and(|kind| kind == "muscle" || kind == "user")
+            };
             if muscle(&of.gain_type) || muscle(&of.bias_type) {
                 warnings.add("muscle", name, "has no effect");
             } else if control != 0.0 {
@@ -146,7 +151,11 @@ fn servo(of: &Actuator, control: f64, warnings: &mut Warnings) -> Option<Servo> 
             None
         }
         ActuatorKind::Other => {
-            warnings.add("actuator other than motor, position, velocity, intvelocity, damper, general", name, "has no effect");
+            warnings.add(
+                "actuator other than motor, position, velocity, intvelocity, damper, general",
+                name,
+                "has no effect",
+            );
             None
         }
     }

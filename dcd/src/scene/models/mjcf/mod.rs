@@ -26,7 +26,8 @@ pub(super) fn read(source: &Source, wishes: &Wishes) -> Result<Model, SceneError
     let document = source.document("mujoco")?;
     let mut warnings = Warnings::default();
     let flags = scan::check(&document, &mut warnings).map_err(|fault| source.fault(fault))?;
-    let file = mjcf::Model::from_str(&source.text, source.folder()).map_err(|error| source.fault(fault(&error)))?;
+    let file =
+        mjcf::Model::from_str(&source.text, source.folder()).map_err(|error| source.fault(fault(&error)))?;
     convert(source, file, &flags, warnings, wishes).map_err(|fault| source.fault(fault))
 }
 
@@ -78,7 +79,11 @@ fn check_references(file: &mut mjcf::Model) -> Result<(), Fault> {
     let known = |name: &str| name == "world" || bodies.iter().any(|body| body == name);
     let must = |what: &str, name: &str| {
         let cause = format!("{what} names body `{name}`, which is not there");
-        if known(name) { Ok(()) } else { Err(Fault::new(cause, "correct the name, or name bodies and not sites")) }
+        if known(name) {
+            Ok(())
+        } else {
+            Err(Fault::new(cause, "correct the name, or name bodies and not sites"))
+        }
     };
     for entry in &file.bodies {
         let free = entry.body.joints.iter().any(|joint| joint.type_ == JointType::Free);
@@ -145,7 +150,10 @@ fn world_is_used(robot: &MjcfRobot) -> bool {
 }
 
 fn part(index: usize, body: &MjcfBody, file: &mjcf::Model, shapes: &[Vec<Placed>], flags: &Flags) -> Part {
-    let name = body.name.clone().unwrap_or_else(|| if index == 0 { "world".into() } else { format!("body {index}") });
+    let name = body
+        .name
+        .clone()
+        .unwrap_or_else(|| if index == 0 { "world".into() } else { format!("body {index}") });
     let geoms = file.bodies[body.mjcf_body_id].body.geoms.iter();
     let touching = geoms.filter(|geom| geom.contype != 0 || geom.conaffinity != 0);
     // Every geom is a ball or a plane to the loader, so it makes a collider of each that touches, in order.
@@ -182,7 +190,9 @@ fn add_joints(
         joint.contacts_enabled = !model.apart.contains(&(a.min(b), a.max(b)));
         if let Some(from) = from {
             let actuators = robot.actuators.iter().zip(controls);
-            let mine = actuators.filter(|(actuator, _)| actuator.actuator.joint.is_some() && actuator.joint_index == Some(index));
+            let mine = actuators.filter(|(actuator, _)| {
+                actuator.actuator.joint.is_some() && actuator.joint_index == Some(index)
+            });
             let mine: Vec<_> = mine.map(|(actuator, &control)| (&actuator.actuator, control)).collect();
             drives::drive(&mut joint, from, &name, &mine, &mut model.warnings);
             if drop_wide_limits(&mut joint) {
@@ -191,7 +201,9 @@ fn add_joints(
         }
         model.joints.push(ModelJoint { a, b, joint, tree: true });
     }
-    for entry in file.bodies.iter().filter(|entry| entry.body.joints.iter().any(|j| j.type_ == JointType::Free)) {
+    for entry in
+        file.bodies.iter().filter(|entry| entry.body.joints.iter().any(|j| j.type_ == JointType::Free))
+    {
         if entry.body.joints[0].damping > 0.0 || entry.body.joints[0].stiffness > 0.0 {
             let name = entry.body.name.as_deref().unwrap_or("a body without a name");
             model.warnings.add("damping of a free joint", name, "has no effect");
@@ -218,7 +230,11 @@ fn add_loops(
             Equality::Connect(_) => None,
             Equality::Weld(weld) => weld.relpose.filter(|pose| pose.rotation.length_squared() > 0.0),
             Equality::Joint(of) => {
-                model.warnings.add("equality of joints", &*of.joint1, "has no effect: impulse joints do not know it");
+                model.warnings.add(
+                    "equality of joints",
+                    &*of.joint1,
+                    "has no effect: impulse joints do not know it",
+                );
                 continue;
             }
             Equality::Tendon(of) => {
@@ -226,7 +242,8 @@ fn add_loops(
                 continue;
             }
         };
-        let made = made.next().ok_or_else(|| Fault::new("an <equality> cannot be read", "correct its bodies"))?;
+        let made =
+            made.next().ok_or_else(|| Fault::new("an <equality> cannot be read", "correct its bodies"))?;
         let mut joint = made.joint;
         if let Some(relative) = relative {
             joint.set_local_frame1(Pose::from(relative));

@@ -14,16 +14,41 @@ pub(super) struct Flags {
 
 /// Sections whose content is looked at elsewhere or has no effect on motion.
 const SECTIONS: [&str; 16] = [
-    "compiler", "option", "size", "statistic", "visual", "custom", "default", "asset", "worldbody", "contact",
-    "equality", "tendon", "actuator", "sensor", "keyframe", "extension",
+    "compiler",
+    "option",
+    "size",
+    "statistic",
+    "visual",
+    "custom",
+    "default",
+    "asset",
+    "worldbody",
+    "contact",
+    "equality",
+    "tendon",
+    "actuator",
+    "sensor",
+    "keyframe",
+    "extension",
 ];
 /// What may stand in a body.
 const IN_BODIES: [&str; 10] =
     ["body", "frame", "geom", "joint", "freejoint", "inertial", "site", "camera", "light", "attach"];
 /// Switches of `<flag>` that change only how MuJoCo computes.
 const HARMLESS_FLAGS: [&str; 13] = [
-    "energy", "fwdinv", "invdiscrete", "sensornoise", "multiccd", "island", "warmstart", "nativeccd", "autoreset",
-    "midphase", "sensor", "refsafe", "eulerdamp",
+    "energy",
+    "fwdinv",
+    "invdiscrete",
+    "sensornoise",
+    "multiccd",
+    "island",
+    "warmstart",
+    "nativeccd",
+    "autoreset",
+    "midphase",
+    "sensor",
+    "refsafe",
+    "eulerdamp",
 ];
 /// Element, attribute, the value that means nothing, what becomes of another.
 const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
@@ -32,7 +57,13 @@ const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
     ("option", "wind", "0 0 0", "fluid (option wind)", "there is no fluid here"),
     ("compiler", "inertiagrouprange", "0 5", "compiler inertiagrouprange", "geoms of all groups have mass"),
     ("geom", "shellinertia", "false", "geom shellinertia", "the geom is solid"),
-    ("joint", "actuatorfrcrange", "0 0", "joint actuatorfrcrange", "not limited; actuators' own forcerange is"),
+    (
+        "joint",
+        "actuatorfrcrange",
+        "0 0",
+        "joint actuatorfrcrange",
+        "not limited; actuators' own forcerange is",
+    ),
     ("joint", "actuatorgravcomp", "false", "joint actuatorgravcomp", "has no effect"),
     ("position", "dampratio", "0", "actuator dampratio", "has no effect; kv has"),
     ("position", "inheritrange", "0", "actuator inheritrange", "has no effect; ctrlrange has"),
@@ -73,7 +104,10 @@ pub(super) fn check(document: &Document<'_>, warnings: &mut Warnings) -> Result<
     for &(element, attribute, neutral, what, how) in &ATTRIBUTES {
         for node in document.descendants().filter(|node| node.has_tag_name(element)) {
             // A mesh of a geom, a joint of a tendon or an equality are other things of the same name.
-            if node.attribute(attribute).is_some_and(|value| value.split_whitespace().ne(neutral.split_whitespace())) {
+            if node
+                .attribute(attribute)
+                .is_some_and(|value| value.split_whitespace().ne(neutral.split_whitespace()))
+            {
                 warnings.add(what, named(node), how);
             }
         }
@@ -88,13 +122,17 @@ fn bodies(parent: Node<'_, '_>) -> Result<(), Fault> {
         if !IN_BODIES.contains(&name) {
             return Err(unknown(node, "a body"));
         }
-        if in_frame && (["joint", "freejoint", "inertial", "attach"].contains(&name) || node.has_attribute("fromto")) {
+        if in_frame
+            && (["joint", "freejoint", "inertial", "attach"].contains(&name) || node.has_attribute("fromto"))
+        {
             let what = if node.has_attribute("fromto") { "fromto of a geom" } else { name };
             let cause = format!("`{what}` in a <frame> cannot be read");
             return Err(Fault::at(node, cause, "write it without the frame, in the body's own axes"));
         }
-        if name == "geom" && node.has_attribute("mesh") && node.attribute("type").is_some_and(|t| t != "mesh") {
-            let cause = format!("`{}` is a primitive fitted to a mesh, which cannot be computed", named(node));
+        if name == "geom" && node.has_attribute("mesh") && node.attribute("type").is_some_and(|t| t != "mesh")
+        {
+            let cause =
+                format!("`{}` is a primitive fitted to a mesh, which cannot be computed", named(node));
             return Err(Fault::at(node, cause, "give type=\"mesh\", or the primitive's own size"));
         }
         bodies(node)?;

@@ -54,7 +54,14 @@ pub(super) fn prepare(
         for geom in &mut geoms {
             if !matches!(geom.type_, GeomType::Plane) {
                 let size = [1e-3; 3];
-                *geom = Geom { type_: GeomType::Sphere, size, fromto: None, mesh: None, hfield: None, ..geom.clone() };
+                *geom = Geom {
+                    type_: GeomType::Sphere,
+                    size,
+                    fromto: None,
+                    mesh: None,
+                    hfield: None,
+                    ..geom.clone()
+                };
             }
         }
         let body = &mut file.bodies[index].body;
@@ -73,7 +80,8 @@ fn spread(geom: &mut Geom) {
     let Some([x1, y1, z1, x2, y2, z2]) = geom.fromto.take() else { return };
     let (from, to) = (DVec3::new(x1, y1, z1), DVec3::new(x2, y2, z2));
     let half = 0.5 * (to - from).length();
-    let turn = (from - to).try_normalize().map_or(DQuat::IDENTITY, |axis| DQuat::from_rotation_arc(DVec3::Z, axis));
+    let turn =
+        (from - to).try_normalize().map_or(DQuat::IDENTITY, |axis| DQuat::from_rotation_arc(DVec3::Z, axis));
     geom.pose = mjcf::Pose::from_parts(0.5 * (from + to), turn);
     geom.size = match geom.type_ {
         GeomType::Box | GeomType::Ellipsoid => [geom.size[0], geom.size[0], half],
@@ -109,7 +117,10 @@ impl Maker<'_> {
             GeomType::Mesh => (self.hull(file, geom)?, Pose::IDENTITY),
             GeomType::Hfield => (height_field(file, geom)?, upright),
             GeomType::Sdf => {
-                let cause = format!("geom {} is a signed distance field, which a dcd world cannot have", name_of(geom));
+                let cause = format!(
+                    "geom {} is a signed distance field, which a dcd world cannot have",
+                    name_of(geom)
+                );
                 return Err(Fault::new(cause, "use a mesh"));
             }
         };
@@ -135,7 +146,8 @@ impl Maker<'_> {
                 let asset = asset(file, geom)?;
                 if asset.inertia == MeshInertia::Exact || file.compiler.exact_mesh_inertia {
                     let (points, triangles) = self.vertices(file, geom)?;
-                    mesh::triangles(points, triangles).map_or(MassProperties::default(), |m| m.mass_properties(1.0))
+                    mesh::triangles(points, triangles)
+                        .map_or(MassProperties::default(), |m| m.mass_properties(1.0))
                 } else {
                     warnings.add("mass from meshes", name_of(geom), "that of the convex hull is taken");
                     shape.mass_properties(1.0)
@@ -172,12 +184,14 @@ impl Maker<'_> {
         let asset = asset(file, geom)?;
         let scale = Vector::from(asset.scale.map(|v| v as f32));
         if let Some(numbers) = &asset.inline_vertices {
-            let points = numbers.chunks_exact(3).map(|p| Vector::new(p[0] as f32, p[1] as f32, p[2] as f32) * scale);
+            let points =
+                numbers.chunks_exact(3).map(|p| Vector::new(p[0] as f32, p[1] as f32, p[2] as f32) * scale);
             let faces = asset.inline_faces.iter().flatten().copied().collect::<Vec<_>>();
             return Ok((points.collect(), faces.as_chunks::<3>().0.to_vec()));
         }
         let Some(path) = file.resolve_mesh_file(asset, self.folder) else {
-            let cause = format!("mesh `{}` has neither file nor vertices", geom.mesh.as_deref().unwrap_or_default());
+            let cause =
+                format!("mesh `{}` has neither file nor vertices", geom.mesh.as_deref().unwrap_or_default());
             return Err(Fault::new(cause, "give it one of them"));
         };
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
@@ -222,12 +236,16 @@ fn height_field(file: &mjcf::Model, geom: &Geom) -> Result<SharedShape, Fault> {
     let heights = asset.elevation.as_ref().or(flat.as_ref());
     let Some(heights) = heights.filter(|e| e.len() == rows * columns && rows > 1 && columns > 1) else {
         let cause = format!("height field `{name}` is not given by nrow * ncol numbers in the file");
-        return Err(Fault::new(cause, "write its heights as elevation=\"..\": images and other files are not read"));
+        return Err(Fault::new(
+            cause,
+            "write its heights as elevation=\"..\": images and other files are not read",
+        ));
     };
     let least = heights.iter().copied().fold(f64::INFINITY, f64::min);
     let span = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max) - least;
     let span = if span > 0.0 { span } else { 1.0 };
-    let at = |row: usize, column: usize| ((heights[row * columns + column] - least) / span * asset.size[2]) as f32;
+    let at =
+        |row: usize, column: usize| ((heights[row * columns + column] - least) / span * asset.size[2]) as f32;
     // Column by column.
     let data = (0..columns).flat_map(|column| (0..rows).map(move |row| (row, column)));
     let data = data.map(|(row, column)| at(row, column)).collect();

@@ -9,10 +9,10 @@ use rapier3d::prelude::*;
 use rapier3d_urdf::urdf_rs::{self, Geometry};
 use rapier3d_urdf::{UrdfLoaderOptions, UrdfRobot};
 
+use super::Wishes;
 use super::mesh::{self, Meshes};
 use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits, is_weld};
 use super::source::{Fault, Source};
-use super::Wishes;
 use crate::scene::SceneError;
 use parse::Parsed;
 
@@ -29,6 +29,9 @@ fn convert(source: &Source, mut parsed: Parsed, wishes: &Wishes) -> Result<Model
     // place, one a mesh, which are then replaced.
     let mut meshes = Meshes::default();
     let shapes = mesh_shapes(&mut parsed.robot, source.folder(), &mut meshes)?;
+    for mesh in meshes.not_z_up {
+        parsed.warnings.add("up_axis of Collada", mesh, "its numbers are taken as they stand");
+    }
     let options = UrdfLoaderOptions { make_roots_fixed: wishes.fixed, ..UrdfLoaderOptions::default() };
     let made = UrdfRobot::from_robot(&parsed.robot, options, source.folder());
     let mut model = Model {
@@ -127,10 +130,12 @@ fn replace_meshes(part: &mut Part, shapes: &[MeshShape], fixed: bool) -> Result<
         } else {
             mesh::hull(&shape.points)
         };
-        let made = made.or_else(|| mesh::triangles(shape.points.clone(), shape.triangles.clone())).ok_or_else(|| {
-            let cause = format!("mesh {} of link {} has no area", shape.file, part.name);
-            Fault::new(cause, "repair the mesh, or use a box")
-        })?;
+        let made = made
+            .or_else(|| mesh::triangles(shape.points.clone(), shape.triangles.clone()))
+            .ok_or_else(|| {
+                let cause = format!("mesh {} of link {} has no area", shape.file, part.name);
+                Fault::new(cause, "repair the mesh, or use a box")
+            })?;
         part.colliders[shape.collider].shape = made;
     }
     Ok(())
@@ -140,11 +145,16 @@ fn replace_meshes(part: &mut Part, shapes: &[MeshShape], fixed: bool) -> Result<
 fn mass_of(inertial: &urdf_rs::Inertial) -> MassProperties {
     let urdf_rs::Inertial { origin, mass, inertia: i } = inertial;
     let [roll, pitch, yaw] = origin.rpy.0.map(|v| v as f32);
-    let turn = Rotation::from_rotation_z(yaw) * Rotation::from_rotation_y(pitch) * Rotation::from_rotation_x(roll);
+    let turn =
+        Rotation::from_rotation_z(yaw) * Rotation::from_rotation_y(pitch) * Rotation::from_rotation_x(roll);
     let turn = Matrix::from_quat(turn);
     let tensor = [i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz].map(|v| v as f32);
     let tensor = turn * Matrix::from_cols_array(&tensor) * turn.transpose();
-    MassProperties::with_inertia_matrix(Vector::from(origin.xyz.0.map(|v| v as f32)), mass.value as f32, tensor)
+    MassProperties::with_inertia_matrix(
+        Vector::from(origin.xyz.0.map(|v| v as f32)),
+        mass.value as f32,
+        tensor,
+    )
 }
 
 fn add_joints(model: &mut Model, made: &UrdfRobot, robot: &urdf_rs::Robot, unlimited: &BTreeSet<String>) {
@@ -171,7 +181,13 @@ fn add_joints(model: &mut Model, made: &UrdfRobot, robot: &urdf_rs::Robot, unlim
 }
 
 /// `<dynamics>`: damping, or dry friction.
-fn brake(joint: &mut GenericJoint, axis: JointAxis, dynamics: &urdf_rs::Dynamics, model: &mut Model, name: &str) {
+fn brake(
+    joint: &mut GenericJoint,
+    axis: JointAxis,
+    dynamics: &urdf_rs::Dynamics,
+    model: &mut Model,
+    name: &str,
+) {
     if dynamics.damping > 0.0 {
         joint.set_motor_model(axis, MotorModel::ForceBased);
         joint.set_motor_velocity(axis, 0.0, dynamics.damping as f32);
@@ -214,7 +230,8 @@ fn keep_overlapping_apart(model: &mut Model) {
         a.colliders.iter().any(|x| {
             b.colliders.iter().any(|y| {
                 let (at, to) = (a.pose * x.position, b.pose * y.position);
-                rapier3d::parry::query::intersection_test(&at, &*x.shape, &to, &*y.shape).is_ok_and(|found| found.intersecting)
+                rapier3d::parry::query::intersection_test(&at, &*x.shape, &to, &*y.shape)
+                    .is_ok_and(|found| found.intersecting)
             })
         })
     };

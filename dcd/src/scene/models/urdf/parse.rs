@@ -49,7 +49,11 @@ pub(super) fn parse(document: &Document<'_>) -> Result<Parsed, Fault> {
     for node in elements(root) {
         match node.tag_name().name() {
             _ if node.tag_name().namespace().is_some_and(|space| space.contains("xacro")) => {
-                return Err(Fault::at(node, "this is xacro, not URDF", "expand it first (xacro FILE > FILE.urdf)"));
+                return Err(Fault::at(
+                    node,
+                    "this is xacro, not URDF",
+                    "expand it first (xacro FILE > FILE.urdf)",
+                ));
             }
             "link" => parsed.link(node)?,
             "joint" => parsed.joint(node)?,
@@ -86,7 +90,11 @@ impl Parsed {
                 }
                 "contact" => self.contact(child, &name)?,
                 "sensor" | "self_collision_checking" | "audio_source" => {}
-                _ => self.warnings.add("element of a link unknown to URDF", format!("{name} ({})", child.tag_name().name()), "is not read"),
+                _ => self.warnings.add(
+                    "element of a link unknown to URDF",
+                    format!("{name} ({})", child.tag_name().name()),
+                    "is not read",
+                ),
             }
         }
         if self.robot.links.iter().any(|other| other.name == name) {
@@ -103,7 +111,11 @@ impl Parsed {
                 "lateral_friction" => surface.friction = number(child, "value")?.unwrap_or(0.5) as f32,
                 "restitution" => surface.restitution = number(child, "value")?.unwrap_or(0.0) as f32,
                 "rolling_friction" | "spinning_friction" => {
-                    self.warnings.add("rolling and spinning friction", link, "links only slide with friction");
+                    self.warnings.add(
+                        "rolling and spinning friction",
+                        link,
+                        "links only slide with friction",
+                    );
                 }
                 "stiffness" | "damping" | "contact_cfm" | "contact_erp" => {
                     self.warnings.add("softness of contacts", link, "contacts are hard");
@@ -113,7 +125,11 @@ impl Parsed {
                         self.warnings.add("inertia_scaling", link, "has no effect");
                     }
                 }
-                name => self.warnings.add("element of a link unknown to URDF", format!("{link} ({name})"), "is not read"),
+                name => self.warnings.add(
+                    "element of a link unknown to URDF",
+                    format!("{link} ({name})"),
+                    "is not read",
+                ),
             }
         }
         self.surfaces.insert(link.to_owned(), surface);
@@ -143,19 +159,35 @@ impl Parsed {
             "spherical" => JointType::Spherical,
             other => {
                 let cause = format!("joint `{name}` is of type `{other}`");
-                return Err(Fault::at(node, cause, "use revolute, continuous, prismatic, fixed, floating, planar or spherical"));
+                return Err(Fault::at(
+                    node,
+                    cause,
+                    "use revolute, continuous, prismatic, fixed, floating, planar or spherical",
+                ));
             }
         };
         let link = |which: &str| {
             let child = child(node, which).ok_or_else(|| {
-                Fault::at(node, format!("joint `{name}` has no <{which}>"), format!("add <{which} link=\"..\"/>"))
+                Fault::at(
+                    node,
+                    format!("joint `{name}` has no <{which}>"),
+                    format!("add <{which} link=\"..\"/>"),
+                )
             })?;
             required(child, "link").map(|link| urdf_rs::LinkName { link: link.to_owned() })
         };
         let (parent, below) = (link("parent")?, link("child")?);
-        let axis = child(node, "axis").map_or(Ok(None), |axis| vector(axis, "xyz"))?.map_or([1.0, 0.0, 0.0], |xyz| xyz);
-        if axis == [0.0; 3] && !matches!(joint_type, JointType::Fixed | JointType::Floating | JointType::Spherical) {
-            return Err(Fault::at(node, format!("the axis of joint `{name}` is 0 0 0"), "give it a direction"));
+        let axis = child(node, "axis")
+            .map_or(Ok(None), |axis| vector(axis, "xyz"))?
+            .map_or([1.0, 0.0, 0.0], |xyz| xyz);
+        if axis == [0.0; 3]
+            && !matches!(joint_type, JointType::Fixed | JointType::Floating | JointType::Spherical)
+        {
+            return Err(Fault::at(
+                node,
+                format!("the axis of joint `{name}` is 0 0 0"),
+                "give it a direction",
+            ));
         }
         let limit = self.limit(node, &name, &joint_type)?;
         let dynamics = child(node, "dynamics").map(|dynamics| {
@@ -181,7 +213,12 @@ impl Parsed {
         Ok(())
     }
 
-    fn limit(&mut self, node: Node<'_, '_>, name: &str, kind: &JointType) -> Result<urdf_rs::JointLimit, Fault> {
+    fn limit(
+        &mut self,
+        node: Node<'_, '_>,
+        name: &str,
+        kind: &JointType,
+    ) -> Result<urdf_rs::JointLimit, Fault> {
         let mut limit = urdf_rs::JointLimit::default();
         let Some(given) = child(node, "limit") else {
             if matches!(kind, JointType::Revolute | JointType::Prismatic) {
@@ -256,12 +293,16 @@ fn geometry(collision: Node<'_, '_>, warnings: &mut Warnings, link: &str) -> Res
     };
     let size = |what: &str| {
         let value = number(shape, what)?.filter(|value| *value > 0.0);
-        value.ok_or_else(|| Fault::at(shape, format!("a shape of link `{link}` has no {what}"), "give it, above 0"))
+        value.ok_or_else(|| {
+            Fault::at(shape, format!("a shape of link `{link}` has no {what}"), "give it, above 0")
+        })
     };
     Ok(Some(match shape.tag_name().name() {
         "box" => {
             let size = vector(shape, "size")?.filter(|size| size.iter().all(|v| *v > 0.0));
-            let none = || Fault::at(shape, format!("a box of link `{link}` has no size"), "give three numbers above 0");
+            let none = || {
+                Fault::at(shape, format!("a box of link `{link}` has no size"), "give three numbers above 0")
+            };
             Geometry::Box { size: Vec3(size.ok_or_else(none)?) }
         }
         "cylinder" => Geometry::Cylinder { radius: size("radius")?, length: size("length")? },
@@ -305,7 +346,8 @@ fn number(node: Node<'_, '_>, attribute: &str) -> Result<Option<f64>, Fault> {
 
 fn vector(node: Node<'_, '_>, attribute: &str) -> Result<Option<[f64; 3]>, Fault> {
     let Some(text) = node.attribute(attribute) else { return Ok(None) };
-    let numbers = text.split_whitespace().map(|word| finite(word, node, attribute)).collect::<Result<Vec<_>, _>>()?;
+    let numbers =
+        text.split_whitespace().map(|word| finite(word, node, attribute)).collect::<Result<Vec<_>, _>>()?;
     let count = numbers.len();
     let numbers = <[f64; 3]>::try_from(numbers);
     let wrong = |_| Fault::at(node, format!("{attribute}=\"{text}\" has {count} numbers"), "give three");

@@ -3,4 +3,5 @@
 mod compare;
 mod features;
 mod list;
+mod placing;
 mod real;

@@ -48,6 +48,9 @@ fn check(folder: &Path, real: &Real) -> (Vec<String>, String) {
         wrong.push(format!("{} bodies, the loader makes {count}", scene.bodies.len() - ground));
     }
     let reference = bare(&scene, SECONDS);
+    if (reference.mass_kg / real.mass_kg - 1.0).abs() > 1e-3 {
+        wrong.push(format!("{} kg, not {}", reference.mass_kg, real.mass_kg));
+    }
     let mut line = format!("{:<58} {:>3} {}", real.path, scene.bodies.len(), told(&reference));
     for count in [1, 8] {
         let run = regions(&scene, count, SECONDS);

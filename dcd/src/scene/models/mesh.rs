@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use rapier3d::glamx::glam::{DMat3, DVec3};
 use rapier3d::prelude::*;
 use rapier3d_meshloader::mesh_loader;
 
@@ -97,6 +98,54 @@ pub(super) fn triangles(points: Vec<Vector>, triangles: Vec<[u32; 3]>) -> Option
         .filter(travels)
 }
 
+/// Mass, at density 1, as MuJoCo takes it of a mesh unless it is told otherwise: that of the pyramids over all triangles whose
+/// common tip is the middle of the surface, each counted as positive. Exact for convex meshes.
+pub(super) fn pyramids(points: &[Vector], triangles: &[[u32; 3]]) -> MassProperties {
+    let corners = |triangle: &[u32; 3]| triangle.map(|i| points[i as usize].as_dvec3());
+    let (mut area, mut tip) = (0.0, DVec3::ZERO);
+    for [a, b, c] in triangles.iter().map(corners) {
+        let twice = (b - a).cross(c - a).length();
+        area += twice;
+        tip += (a + b + c) / 3.0 * twice;
+    }
+    tip /= area;
+    let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
+    let outer = |v: DVec3| DMat3::from_cols(v * v.x, v * v.y, v * v.z);
+    for sides in triangles.iter().map(corners).map(|corners| corners.map(|corner| corner - tip)) {
+        let part = sides[0].dot(sides[1].cross(sides[2])).abs() / 6.0;
+        let sum: DVec3 = sides.into_iter().sum();
+        volume += part;
+        first += sum * (part / 4.0);
+        second += (outer(sum) + sides.into_iter().map(outer).sum::<DMat3>()) * (part / 20.0);
+    }
+    if volume <= 0.0 || !volume.is_finite() {
+        return MassProperties::default();
+    }
+    let centre = first / volume;
+    let second = second - outer(centre) * volume;
+    let inertia =
+        DMat3::from_diagonal(DVec3::splat(second.col(0).x + second.col(1).y + second.col(2).z)) - second;
+    MassProperties::with_inertia_matrix((tip + centre).as_vec3(), volume as f32, inertia.as_mat3())
+}
+
 fn travels(shape: &SharedShape) -> bool {
     crate::physics::ShapeLibrary::default().intern(shape).is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pyramids_of_a_box_weigh_and_turn_as_the_box() {
+        let (points, triangles) =
+            rapier3d::parry::shape::Cuboid::new(Vector::new(1.0, 2.0, 3.0)).to_trimesh();
+        let points: Vec<_> = points.into_iter().map(|point| point + Vector::new(5.0, 0.0, 0.0)).collect();
+        let found = pyramids(&points, &triangles);
+        let right = SharedShape::cuboid(1.0, 2.0, 3.0).mass_properties(1.0);
+        assert!((found.mass() - right.mass()).abs() < 1e-3);
+        assert!((found.local_com - Vector::new(5.0, 0.0, 0.0)).length() < 1e-5);
+        let difference = found.reconstruct_inertia_matrix() - right.reconstruct_inertia_matrix();
+        assert!(difference.to_cols_array().into_iter().all(|v| v.abs() < 1e-2), "{difference:?}");
+    }
 }

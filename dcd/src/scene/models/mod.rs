@@ -122,6 +122,3 @@ const fn number(
 ) -> ParamInfo {
     ParamInfo { name, default, kind: ParamKind::Number(least, most), unit, what }
 }
-
-#[cfg(test)]
-mod tests;

@@ -65,8 +65,7 @@ impl Model {
         });
         let joints =
             self.joints.iter().map(|joint| SceneJoint { a: joint.a, b: joint.b, joint: joint.joint });
-        let mut free = GenericJoint::default();
-        free.contacts_enabled = false;
+        let free = GenericJoint { contacts_enabled: false, ..GenericJoint::default() };
         joints.chain(apart.map(|&(a, b)| SceneJoint { a, b, joint: free })).collect()
     }
 }

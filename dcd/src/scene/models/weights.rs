@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use rapier3d::prelude::*;
 
-use super::model::{Model, is_weld};
+use super::model::{Model, ModelJoint, is_weld};
 use super::source::Fault;
 
 /// How much of its mass a body lends to one without, at most.
@@ -65,24 +65,38 @@ fn fix_welded(model: &mut Model) {
 /// Moves some mass of the nearest body that has some, those welded on first, to a body without, as a ball at the joint through
 /// which they are tied. What the two weigh together, where their centre of mass is and how they turn about it stays the same,
 /// and does so when the joint turns, since a ball at the hinge does not notice.
+///
+/// Where the body without slides, a rail would bear the weight that it borrows: there the lender keeps the weight, and the
+/// ball is at the lender's centre of mass.
 fn borrow(model: &mut Model, poor: usize) -> Result<(), Fault> {
     let Some((donor, joint)) = donor(model, poor) else {
+        let cause = format!(
+            "`{}` can move but has no mass, and neither has anything that it is joined to",
+            model.parts[poor].name
+        );
         return Err(Fault::new(
-            format!(
-                "`{}` can move but has no mass, and neither has anything that it is joined to",
-                model.parts[poor].name
-            ),
+            cause,
             "give it a mass (MJCF: <inertial>, or <geom density>; URDF: <inertial>)",
         ));
     };
+    let tied = |joint: &&ModelJoint| joint.tree && (joint.a == poor || joint.b == poor);
+    let slides = model
+        .joints
+        .iter()
+        .filter(tied)
+        .any(|joint| !joint.joint.locked_axes.contains(JointAxesMask::LIN_AXES));
     let joint = &model.joints[joint];
     let frame = if joint.a == poor { joint.joint.local_frame1 } else { joint.joint.local_frame2 };
-    let anchor = model.parts[poor].pose * frame.translation;
-    let at = model.parts[donor].pose.inverse() * anchor;
-    let (rest, ball) = split(&model.parts[donor].mass, at);
+    let between = model.parts[donor].pose.inverse() * model.parts[poor].pose;
+    let whole = model.parts[donor].mass;
+    let at = if slides { whole.local_com } else { between * frame.translation };
+    let (rest, ball) = split(&whole, at);
+    if slides {
+        model.parts[donor].body.gravity_scale *= whole.mass() / rest.mass();
+        model.parts[poor].body.gravity_scale = 0.0;
+    }
     model.parts[donor].mass = rest;
-    let centre = frame.translation;
-    model.parts[poor].mass = MassProperties { local_com: centre, ..ball };
+    model.parts[poor].mass = MassProperties { local_com: between.inverse() * at, ..ball };
     Ok(())
 }
 

@@ -39,7 +39,7 @@ fn convert(
     wishes: &Wishes,
 ) -> Result<Model, Fault> {
     check_references(&mut file)?;
-    let shapes = shapes::prepare(&mut file, source.folder(), &mut warnings)?;
+    let shapes = shapes::prepare(&mut file, source.folder(), &flags.convex, &mut warnings)?;
     let options = MjcfLoaderOptions {
         skip_plane_geoms: false,
         make_roots_fixed: wishes.fixed,

@@ -1,12 +1,17 @@
 //! What of MJCF Rapier's reader would pass over in silence: each is refused, warned of, or known to have no effect here.
 
+use std::collections::BTreeSet;
+use std::path::Path;
+
 use roxmltree::{Document, Node};
 
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
 
-/// Switches of `<option><flag>` that are followed.
+/// What is followed and the reader passes over: switches of `<option><flag>`, and more.
 pub(super) struct Flags {
+    /// Names of the meshes that are to weigh as their hulls.
+    pub(super) convex: BTreeSet<String>,
     pub(super) contact: bool,
     pub(super) gravity: bool,
     pub(super) filter_parent: bool,
@@ -141,7 +146,12 @@ fn bodies(parent: Node<'_, '_>) -> Result<(), Fault> {
 }
 
 fn flags(document: &Document<'_>, warnings: &mut Warnings) -> Result<Flags, Fault> {
-    let mut flags = Flags { contact: true, gravity: true, filter_parent: true };
+    let convex = document.descendants().filter(|node| node.attribute("inertia") == Some("convex"));
+    let convex = convex.filter_map(|node| {
+        let file = node.attribute("file").and_then(|file| Path::new(file).file_stem()?.to_str());
+        node.attribute("name").or(file).map(str::to_owned)
+    });
+    let mut flags = Flags { convex: convex.collect(), contact: true, gravity: true, filter_parent: true };
     for option in document.descendants().filter(|node| node.has_tag_name("option")) {
         if option.attribute("collision").is_some_and(|value| value == "predefined") {
             let cause = "only predefined pairs of geoms would touch (option collision)";

@@ -1,6 +1,7 @@
 //! Shapes and masses of geoms that Rapier's loader makes otherwise than MuJoCo, or not at all: meshes of several parts, meshes in
 //! the file itself, ellipsoids, height fields. The loader is given a small ball in their place, which is then replaced.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use rapier3d::parry::utils::Array2;
@@ -21,9 +22,10 @@ pub(super) type Placed = (SharedShape, Pose);
 pub(super) fn prepare(
     file: &mut mjcf::Model,
     folder: &Path,
+    convex: &BTreeSet<String>,
     warnings: &mut Warnings,
 ) -> Result<Vec<Vec<Placed>>, Fault> {
-    let mut maker = Maker { meshes: Meshes::default(), folder };
+    let mut maker = Maker { meshes: Meshes::default(), convex, folder };
     // Looks are not loaded.
     file.compiler.discard_visual = true;
     let mut all = Vec::new();
@@ -91,6 +93,8 @@ fn spread(geom: &mut Geom) {
 
 struct Maker<'a> {
     meshes: Meshes,
+    /// Meshes that the file gives the mass of their hull; the reader takes that for the default, which it is not.
+    convex: &'a BTreeSet<String>,
     folder: &'a Path,
 }
 
@@ -144,13 +148,18 @@ impl Maker<'_> {
             }
             GeomType::Mesh => {
                 let asset = asset(file, geom)?;
+                let (points, triangles) = self.vertices(file, geom)?;
+                let named = asset.name.as_ref().is_some_and(|name| self.convex.contains(name));
                 if asset.inertia == MeshInertia::Exact || file.compiler.exact_mesh_inertia {
-                    let (points, triangles) = self.vertices(file, geom)?;
                     mesh::triangles(points, triangles)
-                        .map_or(MassProperties::default(), |m| m.mass_properties(1.0))
-                } else {
-                    warnings.add("mass from meshes", name_of(geom), "that of the convex hull is taken");
+                        .map_or(MassProperties::default(), |mesh| mesh.mass_properties(1.0))
+                } else if named || triangles.is_empty() {
                     shape.mass_properties(1.0)
+                } else {
+                    if asset.inertia == MeshInertia::Shell {
+                        warnings.add("mesh inertia shell", name_of(geom), "the mesh is solid");
+                    }
+                    mesh::pyramids(&points, &triangles)
                 }
             }
             _ => shape.mass_properties(1.0),

@@ -43,13 +43,16 @@ pub(crate) fn bare(scene: &Scene, seconds: f32) -> Run {
     )
 }
 
-/// So many regions.
-pub(crate) fn regions(scene: &Scene, count: usize, seconds: f32) -> Run {
-    let config = WorldConfig {
+/// So many regions; robots that borders cut move whole to one of them, or are `shared`.
+pub(crate) fn regions(scene: &Scene, count: usize, shared: bool, seconds: f32) -> Run {
+    let mut config = WorldConfig {
         partitioning: Partitioning::Regions(count),
         threads: 2,
         ..WorldConfig::for_scene(scene)
     };
+    if shared {
+        config.step.island_limit = 0;
+    }
     let mut world = DcdWorld::from_scene(scene, config).unwrap();
     let fixed: Vec<Pose> =
         scene.bodies.iter().map(|body| pose(body.pose.translation, body.pose.rotation)).collect();

@@ -43,7 +43,7 @@ fn a_hundred_copies_stand_apart_on_one_floor() {
 #[test]
 fn copies_in_eight_regions_lose_nobody_and_bear_their_weight() {
     let scene = scene(&shipped().join("bullet/quadruped.urdf"), "copies=16 ground=1 sleep=0");
-    let run = regions(&scene, 8, 4.0);
+    let run = regions(&scene, 8, false, 4.0);
     assert!((run.mass_kg - 16.0 * 6.0).abs() < 1e-2, "{run:?}");
     assert!((run.ground.unwrap() - 1.0).abs() < 0.05, "{run:?}");
     assert!(run.quarantined.is_empty());

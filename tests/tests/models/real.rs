@@ -52,8 +52,8 @@ fn check(folder: &Path, real: &Real) -> (Vec<String>, String) {
         wrong.push(format!("{} kg, not {}", reference.mass_kg, real.mass_kg));
     }
     let mut line = format!("{:<58} {:>3} {}", real.path, scene.bodies.len(), told(&reference));
-    for count in [1, 8] {
-        let run = regions(&scene, count, SECONDS);
+    for (count, shared) in [(1, false), (8, false), (8, true)] {
+        let run = regions(&scene, count, shared, SECONDS);
         write!(line, " | {}", told(&run)).unwrap();
         let mut must = |good: bool, what: String| {
             if !good {

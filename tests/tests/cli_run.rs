@@ -298,3 +298,19 @@ fn wait_at_most(child: std::process::Child, limit: std::time::Duration) -> Outpu
 fn lines_of(path: &Path) -> usize {
     std::fs::read_to_string(path).unwrap().lines().count()
 }
+
+#[test]
+fn a_model_file_runs_in_a_hundred_copies_and_says_what_it_lacks() {
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../dcd/scenes/models");
+    let ant = models.join("gymnasium/ant.xml");
+    let report =
+        json(&["run", ant.to_str().unwrap(), "--set", "copies=100", "--regions", "2", "--seconds", "0.1"]);
+    assert_eq!((report["bodies"].as_u64(), report["lost"].as_u64()), (Some(1300), Some(0)));
+    let quadruped = models.join("bullet/quadruped.urdf");
+    let report = json(&["run", quadruped.to_str().unwrap(), "--set", "ground=1", "--seconds", "0.1"]);
+    assert_eq!(report["bodies"], 25);
+    let output = dcd(&["run", ant.to_str().unwrap(), "--seconds", "0.1"]);
+    assert!(text(&output.stderr).contains("joint armature of"), "{}", text(&output.stderr));
+    let error = error(&["run", "none.urdf"], 1);
+    assert!(error.contains("none.urdf"), "{error}");
+}

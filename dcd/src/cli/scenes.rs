@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use super::common::{Common, print};
 use super::failure::Failure;
-use crate::scene::{Params, Scene, SceneInfo, library};
+use crate::scene::{MODEL_PARAMS, Params, Scene, SceneInfo, library};
 
 /// Lists the scenes of the library with their parameters
 #[derive(clap::Args)]
@@ -34,8 +34,10 @@ pub(super) fn overview() -> String {
     let scenes: Vec<_> = library().iter().map(describe).collect();
     format!(
         "Scenes of the library, with their parameters and defaults (--set name=value):\n\n{}\n\n\
-         A scene may also be a TOML file: the sources ship some in dcd/scenes/, whose README.md has the format.",
-        scenes.join("\n\n")
+         A scene may also be a TOML file: the sources ship some in dcd/scenes/, whose README.md has the format.\n\n\
+         Or an MJCF or URDF file (dcd/scenes/models/README.md says what of these is read):\n{}",
+        scenes.join("\n\n"),
+        MODEL_PARAMS.map(|param| format!("    {param}")).join("\n")
     )
 }
 

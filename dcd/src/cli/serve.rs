@@ -30,7 +30,7 @@ const LOOK: Duration = Duration::from_millis(50);
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, after_long_help = after_help())]
 pub(super) struct Serve {
-    /// A scene of the library (`dcd scenes` lists them) or a scene file (TOML)
+    /// A scene of the library (`dcd scenes` lists them) or a scene file: TOML, MJCF (.xml, .mjcf) or URDF (.urdf)
     scene: String,
     /// Sets a parameter of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]

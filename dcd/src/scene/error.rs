@@ -9,7 +9,7 @@ use thiserror::Error;
 pub enum SceneError {
     /// No scene of the library has this name.
     #[error(
-        "there is no scene `{name}`{}; the library has {known}; a scene file's path ends in `.toml`",
+        "there is no scene `{name}`{}; the library has {known}; a scene file's path ends in `.toml`, `.xml`, `.mjcf` or `.urdf`",
         hint(nearest)
     )]
     UnknownScene {

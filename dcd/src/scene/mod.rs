@@ -1,13 +1,15 @@
 //! Scenes: what a world holds at its first tick. Written once, used by tests, benchmarks, the command line and the demo.
 //!
-//! A scene comes from the [`library`] (`tower`, `pile`, `gas` …, with parameters) or from a TOML file (its format stands in
-//! `dcd/scenes/README.md`). Body `i` of its list becomes [`BodyId::persistent(i)`](crate::space::BodyId::persistent).
+//! A scene comes from the [`library`] (`tower`, `pile`, `gas` …, with parameters) from a TOML file (its format stands in
+//! `dcd/scenes/README.md`), or from an MJCF or URDF file (`dcd/scenes/models/README.md`). Body `i` of its list becomes [`BodyId::persistent(i)`](crate::space::BodyId::persistent).
 
 mod dice;
 mod error;
 mod file;
 mod library;
 mod model;
+#[cfg(feature = "models")]
+mod models;
 mod params;
 mod records;
 
@@ -16,4 +18,6 @@ pub(crate) use dice::Dice;
 pub use error::SceneError;
 pub use library::{SceneInfo, library};
 pub use model::{AvatarHint, Scene, SceneBody, SceneJoint};
+#[cfg(feature = "models")]
+pub use models::MODEL_PARAMS;
 pub use params::{ParamInfo, ParamKind, Params};

@@ -34,6 +34,8 @@ pub struct Scene {
     pub coupling: CouplingChoice,
     /// Where a client's avatar starts, when the scene says so.
     pub avatar: Option<AvatarHint>,
+    /// What differs from what the scene's file says, a line each: the feature, whom it concerns, what becomes of it.
+    pub warnings: Vec<String>,
 }
 
 /// A body and its colliders. The builder's own position is zero: `pose`, in f64, places the body.
@@ -77,19 +79,31 @@ impl Scene {
         library::build(name, params)
     }
 
-    /// A scene file. Parameters are those of the library scene that the file starts from, if it does.
+    /// A scene file: MJCF (`.xml`, `.mjcf`) or URDF (`.urdf`) with the feature `models`, TOML otherwise. Parameters of a TOML file
+    /// are those of the library scene that it starts from, if it does; all model files have the same.
     pub fn load(path: impl AsRef<Path>, params: &Params) -> Result<Self, SceneError> {
-        file::load(path.as_ref(), params)
+        let path = path.as_ref();
+        #[cfg(feature = "models")]
+        if super::models::handles(path) {
+            return super::models::load(path, params);
+        }
+        #[cfg(not(feature = "models"))]
+        if MODEL_EXTENSIONS.iter().any(|known| has_extension(path, known)) {
+            return Err(SceneError::File {
+                path: path.to_owned(),
+                line: None,
+                cause: "this build reads no MJCF and URDF".to_owned(),
+                remedy: "build dcd with its feature `models`".to_owned(),
+            });
+        }
+        file::load(path, params)
     }
 
-    /// A file if the text ends in `.toml` or such a file exists, else a scene of the library.
+    /// A file if the text ends as scene files do or such a file exists, else a scene of the library.
     pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
         let path = Path::new(name_or_path);
-        if path.extension().is_some_and(|extension| extension == "toml") || path.is_file() {
-            Self::load(path, params)
-        } else {
-            Self::named(name_or_path, params)
-        }
+        let is_scene = MODEL_EXTENSIONS.iter().chain(&["toml"]).any(|known| has_extension(path, known));
+        if is_scene || path.is_file() { Self::load(path, params) } else { Self::named(name_or_path, params) }
     }
 
     /// One plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a
@@ -129,6 +143,7 @@ impl Scene {
             cuts: Vec::new(),
             coupling: CouplingChoice::default(),
             avatar: None,
+            warnings: Vec::new(),
         }
     }
 
@@ -164,14 +179,26 @@ impl SceneBody {
             .iter()
             .map(|collider| {
                 let aabb = collider.shape.compute_aabb(&(turn * collider.position));
-                Bounds::new(
-                    std::array::from_fn(|i| at[i] + f64::from(aabb.mins[i])),
-                    std::array::from_fn(|i| at[i] + f64::from(aabb.maxs[i])),
-                )
+                Bounds {
+                    min: std::array::from_fn(|i| at[i] + far(aabb.mins[i])),
+                    max: std::array::from_fn(|i| at[i] + far(aabb.maxs[i])),
+                }
             })
             .reduce(|a, b| a.union(&b))
             .unwrap_or(Bounds::new(at, at))
     }
+}
+
+/// Of MJCF and URDF.
+const MODEL_EXTENSIONS: [&str; 3] = ["xml", "mjcf", "urdf"];
+
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
+}
+
+/// Parry's half-space spans half of f32's range: that is infinity here.
+fn far(v: f32) -> f64 {
+    if v.abs() > 1e30 { f64::INFINITY.copysign(v.into()) } else { v.into() }
 }
 
 /// A pose rounded to f32.
@@ -207,6 +234,17 @@ mod tests {
         assert_eq!(world.integration_parameters.dt, 0.01);
         assert_eq!(world.integration_parameters.num_solver_iterations, 7);
         assert_eq!(world.impulse_joints().count(), 1);
+    }
+
+    #[test]
+    fn a_half_space_is_infinite_and_bounds_leave_it_out() {
+        let mut scene = Scene::empty("floor");
+        let floor = ColliderBuilder::new(SharedShape::halfspace(Vector::Y));
+        let floor = scene.push(WorldPose::default(), RigidBodyBuilder::fixed(), floor);
+        assert_eq!(scene.bodies[floor].bounds().min[0], f64::NEG_INFINITY);
+        assert_eq!(scene.tight_bounds(), None);
+        scene.push(WorldPose::default(), RigidBodyBuilder::fixed(), ColliderBuilder::ball(1.0));
+        assert_eq!(scene.tight_bounds(), Some(Bounds::around([0.0; 3], [1.0; 3])));
     }
 
     #[test]

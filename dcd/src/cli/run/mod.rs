@@ -26,11 +26,12 @@ use crate::space::MAX_REGIONS;
 ///   dcd run pile --set n=20000 --regions 0 --json
 ///   dcd run tower --cut y=5 --seconds 60 --out tower.csv
 ///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
+///   dcd run robot.urdf --set copies=100 --set ground=1 --regions 2
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, after_long_help = after_help())]
 pub(super) struct Run {
-    /// A scene of the library (`dcd scenes` lists them), a scene file (TOML), or a snapshot that --save wrote: it goes on to the
-    /// same bits as if it had not been interrupted, cut and coupled as it was
+    /// A scene of the library (`dcd scenes` lists them), a scene file (TOML, MJCF: .xml or .mjcf, URDF: .urdf), or a snapshot
+    /// that --save wrote: it goes on to the same bits as if it had not been interrupted, cut and coupled as it was
     scene: String,
     /// Sets a parameter of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]

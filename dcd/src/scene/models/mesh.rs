@@ -1,0 +1,151 @@
+//! Meshes from files.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use rapier3d::glamx::glam::{DMat3, DVec3};
+use rapier3d::prelude::*;
+use rapier3d_meshloader::mesh_loader;
+
+use super::source::Fault;
+
+/// Vertices of a mesh and its triangles.
+pub(super) type Triangles = (Vec<Vector>, Vec<[u32; 3]>);
+
+/// Files read before, so that a mesh that many bodies use is read once.
+#[derive(Default)]
+pub(super) struct Meshes {
+    files: BTreeMap<PathBuf, Vec<Triangles>>,
+    /// Collada files whose own axes are not z-up, which the reader passes over.
+    pub(super) not_z_up: Vec<String>,
+}
+
+const FORMATS: &str = "obj, stl or dae";
+
+impl Meshes {
+    /// The meshes of a file, unscaled.
+    pub(super) fn read(&mut self, path: &Path) -> Result<&[Triangles], Fault> {
+        if !self.files.contains_key(path) {
+            let (bytes, meshes) = read(path)?;
+            if has_other_axes(&bytes) {
+                self.not_z_up.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+            }
+            self.files.insert(path.to_owned(), meshes);
+        }
+        Ok(&self.files[path])
+    }
+}
+
+fn has_other_axes(bytes: &[u8]) -> bool {
+    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
+    head.contains("<up_axis>") && !head.contains("<up_axis>Z_UP")
+}
+
+fn read(path: &Path) -> Result<(Vec<u8>, Vec<Triangles>), Fault> {
+    let named = |cause: String| format!("mesh {}: {cause}", path.display());
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    if !["obj", "stl", "dae"].contains(&extension.as_str()) {
+        let cause = named(format!("meshes of type `{extension}` cannot be read"));
+        return Err(Fault::new(cause, format!("convert it to {FORMATS}")));
+    }
+    // The loader tells formats by lower-case extensions only.
+    let bytes = std::fs::read(path).map_err(|error| {
+        Fault::new(named(error.to_string()), "put the mesh there, or correct the path in the file")
+    })?;
+    let loader = mesh_loader::Loader::default();
+    let scene = loader.load_from_slice(&bytes, path.with_extension(extension)).map_err(|error| {
+        Fault::new(named(error.to_string()), format!("check that it is a whole {FORMATS} file"))
+    })?;
+    let meshes: Vec<Triangles> = scene
+        .meshes
+        .into_iter()
+        .filter(|mesh| !mesh.vertices.is_empty() && !mesh.faces.is_empty())
+        .map(|mesh| (mesh.vertices.into_iter().map(Vector::from).collect(), mesh.faces))
+        .collect();
+    if meshes.is_empty() {
+        return Err(Fault::new(named("it has no triangle".into()), "check that it is the right file"));
+    }
+    Ok((bytes, meshes))
+}
+
+/// The convex hull, if it has a volume and can travel. Parry fails at some rings of many points in a plane; the hull of the points
+/// that lie farthest in many directions stands in for those.
+pub(super) fn hull(points: &[Vector]) -> Option<SharedShape> {
+    let of = |points: &[Vector]| SharedShape::convex_hull(points).filter(travels);
+    of(points).or_else(|| [512, 256, 128, 64].into_iter().find_map(|count| of(&outermost(points, count))))
+}
+
+/// The points that lie farthest in so many directions, spread evenly over the sphere, each once.
+fn outermost(points: &[Vector], count: usize) -> Vec<Vector> {
+    let golden = std::f32::consts::PI * (5f32.sqrt() - 1.0);
+    let directions = (0..count).map(|i| {
+        let height = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
+        let (sin, cos) = (golden * i as f32).sin_cos();
+        let radius = (1.0 - height * height).sqrt();
+        Vector::new(cos * radius, sin * radius, height)
+    });
+    let farthest = |along: Vector| {
+        (0..points.len()).max_by(|&a, &b| points[a].dot(along).total_cmp(&points[b].dot(along)))
+    };
+    let chosen: BTreeSet<usize> = directions.filter_map(farthest).collect();
+    chosen.into_iter().map(|index| points[index]).collect()
+}
+
+/// The triangles as they are.
+pub(super) fn triangles(points: Vec<Vector>, triangles: Vec<[u32; 3]>) -> Option<SharedShape> {
+    SharedShape::trimesh_with_flags(points, triangles, TriMeshFlags::MERGE_DUPLICATE_VERTICES)
+        .ok()
+        .filter(travels)
+}
+
+/// Mass, at density 1, as MuJoCo takes it of a mesh unless it is told otherwise: that of the pyramids over all triangles whose
+/// common tip is the middle of the surface, each counted as positive. Exact for convex meshes.
+pub(super) fn pyramids(points: &[Vector], triangles: &[[u32; 3]]) -> MassProperties {
+    let corners = |triangle: &[u32; 3]| triangle.map(|i| points[i as usize].as_dvec3());
+    let (mut area, mut tip) = (0.0, DVec3::ZERO);
+    for [a, b, c] in triangles.iter().map(corners) {
+        let twice = (b - a).cross(c - a).length();
+        area += twice;
+        tip += (a + b + c) / 3.0 * twice;
+    }
+    tip /= area;
+    let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
+    let outer = |v: DVec3| DMat3::from_cols(v * v.x, v * v.y, v * v.z);
+    for sides in triangles.iter().map(corners).map(|corners| corners.map(|corner| corner - tip)) {
+        let part = sides[0].dot(sides[1].cross(sides[2])).abs() / 6.0;
+        let sum: DVec3 = sides.into_iter().sum();
+        volume += part;
+        first += sum * (part / 4.0);
+        second += (outer(sum) + sides.into_iter().map(outer).sum::<DMat3>()) * (part / 20.0);
+    }
+    if volume <= 0.0 || !volume.is_finite() {
+        return MassProperties::default();
+    }
+    let centre = first / volume;
+    let second = second - outer(centre) * volume;
+    let inertia =
+        DMat3::from_diagonal(DVec3::splat(second.col(0).x + second.col(1).y + second.col(2).z)) - second;
+    MassProperties::with_inertia_matrix((tip + centre).as_vec3(), volume as f32, inertia.as_mat3())
+}
+
+fn travels(shape: &SharedShape) -> bool {
+    crate::physics::ShapeLibrary::default().intern(shape).is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pyramids_of_a_box_weigh_and_turn_as_the_box() {
+        let (points, triangles) =
+            rapier3d::parry::shape::Cuboid::new(Vector::new(1.0, 2.0, 3.0)).to_trimesh();
+        let points: Vec<_> = points.into_iter().map(|point| point + Vector::new(5.0, 0.0, 0.0)).collect();
+        let found = pyramids(&points, &triangles);
+        let right = SharedShape::cuboid(1.0, 2.0, 3.0).mass_properties(1.0);
+        assert!((found.mass() - right.mass()).abs() < 1e-3);
+        assert!((found.local_com - Vector::new(5.0, 0.0, 0.0)).length() < 1e-5);
+        let difference = found.reconstruct_inertia_matrix() - right.reconstruct_inertia_matrix();
+        assert!(difference.to_cols_array().into_iter().all(|v| v.abs() < 1e-2), "{difference:?}");
+    }
+}

@@ -1,0 +1,93 @@
+//! What may touch what, by MuJoCo's rules.
+
+use std::collections::BTreeSet;
+
+use rapier3d::prelude::*;
+use rapier3d_mjcf::MjcfRobot;
+use rapier3d_mjcf::mjcf_rs::{self as mjcf, body::Geom};
+
+use crate::scene::models::source::Fault;
+use crate::scene::models::warnings::Warnings;
+
+/// Gives a collider the geom's friction and groups. Two geoms touch if the type of one is among the affinities of the other,
+/// either way, and with the larger friction of the two.
+pub(super) fn touch(collider: ColliderBuilder, geom: &Geom, contact: bool) -> ColliderBuilder {
+    let [types, affinities] = if contact { [geom.contype, geom.conaffinity] } else { [0, 0] };
+    let groups = InteractionGroups::new(
+        Group::from_bits_retain(types),
+        Group::from_bits_retain(affinities),
+        InteractionTestMode::Or,
+    );
+    let friction = if geom.condim == 1 { 0.0 } else { geom.friction[0] as f32 };
+    collider.collision_groups(groups).friction(friction).friction_combine_rule(CoefficientCombineRule::Max)
+}
+
+/// Pairs of the loader's bodies that never touch: those welded together, those tied by a joint (but not to the world), and those
+/// excluded.
+pub(super) fn apart(
+    robot: &MjcfRobot,
+    file: &mjcf::Model,
+    filter_parent: bool,
+) -> Result<BTreeSet<(usize, usize)>, Fault> {
+    // The body that each is welded to, at last, and that one's parent, welded likewise; the world is 0.
+    let mut weld = vec![0; file.bodies.len()];
+    let mut parent = vec![0; file.bodies.len()];
+    for (index, entry) in file.bodies.iter().enumerate().skip(1) {
+        let above = entry.parent.unwrap_or(0);
+        (weld[index], parent[index]) =
+            if entry.body.joints.is_empty() { (weld[above], parent[above]) } else { (index, weld[above]) };
+    }
+    let leaf = |body: usize| {
+        robot.bodies.iter().position(|made| !made.is_intermediate && made.mjcf_body_id == body).unwrap_or(0)
+    };
+    let leaves: Vec<_> = (0..file.bodies.len()).map(leaf).collect();
+    let mut pairs = BTreeSet::new();
+    for a in 0..file.bodies.len() {
+        for b in a + 1..file.bodies.len() {
+            let welded = weld[a] == weld[b] && weld[a] != 0;
+            let related = parent[a] == weld[b] && weld[b] != 0 || parent[b] == weld[a] && weld[a] != 0;
+            if welded || filter_parent && related {
+                pairs.insert((leaves[a].min(leaves[b]), leaves[a].max(leaves[b])));
+            }
+        }
+    }
+    let named = |name: &str| match name {
+        "world" => Some(0),
+        name => file.body_id_by_name(name).map(|body| leaves[body]),
+    };
+    for exclude in &file.contact.excludes {
+        let (Some(a), Some(b)) = (named(&exclude.body1), named(&exclude.body2)) else {
+            let cause =
+                format!("<exclude> of {} and {}: one of them is not there", exclude.body1, exclude.body2);
+            return Err(Fault::new(cause, "correct the names"));
+        };
+        if a != b {
+            pairs.insert((a.min(b), a.max(b)));
+        }
+    }
+    Ok(pairs)
+}
+
+/// What contacts have in MuJoCo and not here.
+pub(super) fn warn(file: &mjcf::Model, warnings: &mut Warnings) {
+    for pair in &file.contact.pairs {
+        let names = format!("{} with {}", pair.geom1, pair.geom2);
+        warnings.add(
+            "contact pair",
+            names,
+            "has no effect: contype, conaffinity and the geoms' friction count",
+        );
+    }
+    for (entry, geom) in
+        file.bodies.iter().flat_map(|entry| entry.body.geoms.iter().map(move |geom| (entry, geom)))
+    {
+        if geom.condim > 3 && (geom.contype != 0 || geom.conaffinity != 0) {
+            let of = geom.name.as_ref().or(entry.body.name.as_ref()).map_or("the world", |name| name);
+            warnings.add(
+                "rolling and torsional friction (condim 4 and 6)",
+                of,
+                "geoms only slide with friction",
+            );
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! MJCF, through rapier3d-mjcf.
+
+mod contacts;
+mod drives;
+mod flatten;
+mod scan;
+mod shapes;
+
+use rapier3d::prelude::*;
+use rapier3d_mjcf::mjcf_rs::body::{Joint, JointType};
+use rapier3d_mjcf::mjcf_rs::equality::Equality;
+use rapier3d_mjcf::mjcf_rs::{self as mjcf, ParseError};
+use rapier3d_mjcf::{MjcfBody, MjcfLoaderOptions, MjcfRobot};
+
+use super::Wishes;
+use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits};
+use super::source::{Fault, Source};
+use super::warnings::Warnings;
+use crate::scene::SceneError;
+use scan::Flags;
+use shapes::Placed;
+
+/// Reads a file.
+pub(super) fn read(source: &Source, wishes: &Wishes) -> Result<Model, SceneError> {
+    let source = &flatten::flatten(source)?;
+    let document = source.document("mujoco")?;
+    let mut warnings = Warnings::default();
+    let flags = scan::check(&document, &mut warnings).map_err(|fault| source.fault(fault))?;
+    let file =
+        mjcf::Model::from_str(&source.text, source.folder()).map_err(|error| source.fault(fault(&error)))?;
+    convert(source, file, &flags, warnings, wishes).map_err(|fault| source.fault(fault))
+}
+
+fn convert(
+    source: &Source,
+    mut file: mjcf::Model,
+    flags: &Flags,
+    mut warnings: Warnings,
+    wishes: &Wishes,
+) -> Result<Model, Fault> {
+    check_references(&mut file)?;
+    let shapes = shapes::prepare(&mut file, source.folder(), &flags.convex, &mut warnings)?;
+    let options = MjcfLoaderOptions {
+        skip_plane_geoms: false,
+        make_roots_fixed: wishes.fixed,
+        // Motors are made of the file's numbers here.
+        disable_joint_motors: true,
+        ..MjcfLoaderOptions::default()
+    };
+    let mut robot = MjcfRobot::from_model(&file, options, source.folder());
+    let controls = start(&mut robot, wishes.key)?;
+    let used = world_is_used(&robot);
+    // Without the world, which the loader counts as body 0, all others move down by one.
+    let part_of = |body: usize| body - usize::from(!used);
+    let parts = robot.bodies.iter().enumerate().skip(usize::from(!used));
+    let parts = parts.map(|(index, body)| part(index, body, &file, &shapes, flags)).collect();
+    let mut model = Model {
+        name: file.name.clone().unwrap_or_else(|| source.stem()),
+        gravity: if flags.gravity { robot.gravity.to_array() } else { [0.0; 3] },
+        dt_s: Some(file.option.timestep as f32),
+        parts,
+        joints: Vec::new(),
+        apart: contacts::apart(&robot, &file, flags.filter_parent)?
+            .into_iter()
+            .filter(|&(a, _)| used || a > 0)
+            .map(|(a, b)| (part_of(a), part_of(b)))
+            .collect(),
+        warnings,
+    };
+    add_joints(&mut model, &robot, &file, &controls, part_of);
+    add_loops(&mut model, &robot, &file, part_of)?;
+    contacts::warn(&file, &mut model.warnings);
+    Ok(model)
+}
+
+/// Joints that the loader would leave out with a line in a log.
+fn check_references(file: &mut mjcf::Model) -> Result<(), Fault> {
+    let bodies: Vec<_> = file.bodies.iter().filter_map(|entry| entry.body.name.clone()).collect();
+    let known = |name: &str| name == "world" || bodies.iter().any(|body| body == name);
+    let must = |what: &str, name: &str| {
+        let cause = format!("{what} names body `{name}`, which is not there");
+        if known(name) {
+            Ok(())
+        } else {
+            Err(Fault::new(cause, "correct the name, or name bodies and not sites"))
+        }
+    };
+    for entry in &file.bodies {
+        let free = entry.body.joints.iter().any(|joint| joint.type_ == JointType::Free);
+        if free && (entry.body.joints.len() > 1 || entry.parent != Some(0)) {
+            let name = entry.body.name.as_deref().unwrap_or("without a name");
+            let cause = format!("body {name} has a free joint beside others, or inside another body");
+            return Err(Fault::new(cause, "a free joint is alone on a body of the world"));
+        }
+    }
+    for exclude in &file.contact.excludes {
+        must("<exclude>", &exclude.body1)?;
+        must("<exclude>", &exclude.body2)?;
+    }
+    for equality in &mut file.equality {
+        let (body1, body2) = match equality {
+            Equality::Connect(of) => (&mut of.body1, &mut of.body2),
+            Equality::Weld(of) => (&mut of.body1, &mut of.body2),
+            Equality::Joint(_) | Equality::Tendon(_) => continue,
+        };
+        must("<equality>", body1)?;
+        if let Some(body2) = body2 {
+            must("<equality>", body2)?;
+        }
+        // The loader knows the world by no name.
+        if body2.as_deref() == Some("world") {
+            *body2 = None;
+        }
+        if body1 == "world" {
+            let cause = "<equality> has the world as its first body";
+            return Err(Fault::new(cause, "give it as body2, or leave body2 out"));
+        }
+    }
+    Ok(())
+}
+
+/// Puts the robot in the keyframe that is asked for, and gives its actuators' controls.
+fn start(robot: &mut MjcfRobot, key: usize) -> Result<Vec<f64>, Fault> {
+    if key == 0 {
+        return Ok(vec![0.0; robot.actuators.len()]);
+    }
+    let Some(frame) = robot.keyframes.get(key - 1).cloned() else {
+        let cause = format!("key={key}, but the file has {} keyframes", robot.keyframes.len());
+        return Err(Fault::new(cause, "give key=1 for the first, or leave key out"));
+    };
+    let (mut bodies, mut colliders, mut joints) =
+        (RigidBodySet::new(), ColliderSet::new(), ImpulseJointSet::new());
+    let handles = robot.clone().insert_using_impulse_joints(&mut bodies, &mut colliders, &mut joints);
+    handles.apply_keyframe(&mut bodies, robot, &frame);
+    for (body, handle) in robot.bodies.iter_mut().zip(&handles.bodies) {
+        if let Some(placed) = handle.as_ref().map(|handle| &bodies[handle.body]) {
+            body.body.set_position(*placed.position(), false);
+            body.body.set_linvel(placed.linvel(), false);
+            body.body.set_angvel(placed.angvel(), false);
+        }
+    }
+    Ok((0..robot.actuators.len()).map(|index| frame.ctrl.get(index).copied().unwrap_or(0.0)).collect())
+}
+
+/// As the loader decides it.
+fn world_is_used(robot: &MjcfRobot) -> bool {
+    let ties = robot.joints.iter().map(|joint| (joint.link1, joint.link2));
+    let loops = robot.equality_joints.iter().map(|joint| (joint.link1, joint.link2));
+    ties.chain(loops).any(|(a, b)| a == 0 || b == 0) || !robot.bodies[0].colliders.is_empty()
+}
+
+fn part(index: usize, body: &MjcfBody, file: &mjcf::Model, shapes: &[Vec<Placed>], flags: &Flags) -> Part {
+    let name = body
+        .name
+        .clone()
+        .unwrap_or_else(|| if index == 0 { "world".into() } else { format!("body {index}") });
+    let geoms = file.bodies[body.mjcf_body_id].body.geoms.iter();
+    let touching = geoms.filter(|geom| geom.contype != 0 || geom.conaffinity != 0);
+    // Every geom is a ball or a plane to the loader, so it makes a collider of each that touches, in order.
+    let colliders = body.colliders.iter().zip(&shapes[body.mjcf_body_id]).zip(touching);
+    let colliders = colliders.map(|((collider, (shape, pose)), geom)| {
+        let builder = ColliderBuilder { shape: shape.clone(), ..collider_builder(collider) }.position(*pose);
+        contacts::touch(builder, geom, flags.contact)
+    });
+    Part::of(name, &body.body, colliders.collect())
+}
+
+/// The joints of the file in the order in which the loader makes its own: none for a free joint, one that locks everything for
+/// a body without joints in another body.
+fn joints_in_order(file: &mjcf::Model) -> impl Iterator<Item = Option<&Joint>> {
+    file.bodies.iter().skip(1).flat_map(|entry| {
+        let joints = &entry.body.joints;
+        let weld = (joints.is_empty() && entry.parent != Some(0)).then_some(None);
+        joints.iter().filter(|joint| joint.type_ != JointType::Free).map(Some).chain(weld)
+    })
+}
+
+fn add_joints(
+    model: &mut Model,
+    robot: &MjcfRobot,
+    file: &mjcf::Model,
+    controls: &[f64],
+    part_of: impl Fn(usize) -> usize,
+) {
+    for (index, (made, from)) in robot.joints.iter().zip(joints_in_order(file)).enumerate() {
+        let (a, b) = (part_of(made.link1), part_of(made.link2));
+        let name = made.name.clone().unwrap_or_else(|| format!("the joint of {}", model.parts[b].name));
+        let mut joint = made.joint;
+        // Bodies that stand between two joints of one body have nothing to touch with.
+        joint.contacts_enabled = !model.apart.contains(&(a.min(b), a.max(b)));
+        if let Some(from) = from {
+            let actuators = robot.actuators.iter().zip(controls);
+            let mine = actuators.filter(|(actuator, _)| {
+                actuator.actuator.joint.is_some() && actuator.joint_index == Some(index)
+            });
+            let mine: Vec<_> = mine.map(|(actuator, &control)| (&actuator.actuator, control)).collect();
+            drives::drive(&mut joint, from, &name, &mine, &mut model.warnings);
+            if drop_wide_limits(&mut joint) {
+                model.warnings.add("range beyond half a turn", &*name, "is not limited");
+            }
+        }
+        model.joints.push(ModelJoint { a, b, joint, tree: true });
+    }
+    for entry in
+        file.bodies.iter().filter(|entry| entry.body.joints.iter().any(|j| j.type_ == JointType::Free))
+    {
+        if entry.body.joints[0].damping > 0.0 || entry.body.joints[0].stiffness > 0.0 {
+            let name = entry.body.name.as_deref().unwrap_or("a body without a name");
+            model.warnings.add("damping of a free joint", name, "has no effect");
+        }
+    }
+    for (actuator, made) in robot.actuators.iter().map(|made| (&made.actuator, made)) {
+        if actuator.joint.is_none() || made.joint_index.is_none() {
+            let name = actuator.name.as_deref().unwrap_or("an actuator without a name");
+            model.warnings.add("actuator of something other than a joint", name, "has no effect");
+        }
+    }
+}
+
+/// `<equality>`: what impulse joints can hold. Other than joints of the tree, these let their bodies touch.
+fn add_loops(
+    model: &mut Model,
+    robot: &MjcfRobot,
+    file: &mjcf::Model,
+    part_of: impl Fn(usize) -> usize,
+) -> Result<(), Fault> {
+    let mut made = robot.equality_joints.iter();
+    for equality in &file.equality {
+        let relative = match equality {
+            Equality::Connect(_) => None,
+            Equality::Weld(weld) => weld.relpose.filter(|pose| pose.rotation.length_squared() > 0.0),
+            Equality::Joint(of) => {
+                model.warnings.add(
+                    "equality of joints",
+                    &*of.joint1,
+                    "has no effect: impulse joints do not know it",
+                );
+                continue;
+            }
+            Equality::Tendon(of) => {
+                model.warnings.add("equality of tendons", &*of.tendon1, "has no effect");
+                continue;
+            }
+        };
+        let made =
+            made.next().ok_or_else(|| Fault::new("an <equality> cannot be read", "correct its bodies"))?;
+        let mut joint = made.joint;
+        if let Some(relative) = relative {
+            joint.set_local_frame1(Pose::from(relative));
+            joint.set_local_frame2(Pose::IDENTITY);
+        }
+        joint.contacts_enabled = true;
+        joint.set_enabled(made.active);
+        model.joints.push(ModelJoint { a: part_of(made.link1), b: part_of(made.link2), joint, tree: false });
+    }
+    Ok(())
+}
+
+fn fault(error: &ParseError) -> Fault {
+    let remedy = match error {
+        ParseError::Io { .. } | ParseError::BadInclude { .. } => "put the file there, or correct the path",
+        ParseError::Unsupported { .. } => "save the model again by a newer MuJoCo",
+        _ => "correct this element",
+    };
+    Fault::new(error.to_string(), remedy)
+}

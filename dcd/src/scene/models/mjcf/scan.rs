@@ -1,0 +1,201 @@
+//! What of MJCF Rapier's reader would pass over in silence: each is refused, warned of, or known to have no effect here.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use roxmltree::{Document, Node};
+
+use crate::scene::models::source::Fault;
+use crate::scene::models::warnings::Warnings;
+
+/// What is followed and the reader passes over: switches of `<option><flag>`, and more.
+pub(super) struct Flags {
+    /// Names of the meshes that are to weigh as their hulls.
+    pub(super) convex: BTreeSet<String>,
+    pub(super) contact: bool,
+    pub(super) gravity: bool,
+    pub(super) filter_parent: bool,
+}
+
+/// Sections whose content is looked at elsewhere or has no effect on motion.
+const SECTIONS: [&str; 16] = [
+    "compiler",
+    "option",
+    "size",
+    "statistic",
+    "visual",
+    "custom",
+    "default",
+    "asset",
+    "worldbody",
+    "contact",
+    "equality",
+    "tendon",
+    "actuator",
+    "sensor",
+    "keyframe",
+    "extension",
+];
+/// What may stand in a body.
+const IN_BODIES: [&str; 10] =
+    ["body", "frame", "geom", "joint", "freejoint", "inertial", "site", "camera", "light", "attach"];
+/// Switches of `<flag>` that change only how MuJoCo computes.
+const HARMLESS_FLAGS: [&str; 13] = [
+    "energy",
+    "fwdinv",
+    "invdiscrete",
+    "sensornoise",
+    "multiccd",
+    "island",
+    "warmstart",
+    "nativeccd",
+    "autoreset",
+    "midphase",
+    "sensor",
+    "refsafe",
+    "eulerdamp",
+];
+/// Element, attribute, the value that means nothing, what becomes of another.
+const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
+    ("option", "density", "0", "fluid (option density)", "there is no fluid here"),
+    ("option", "viscosity", "0", "fluid (option viscosity)", "there is no fluid here"),
+    ("option", "wind", "0 0 0", "fluid (option wind)", "there is no fluid here"),
+    ("compiler", "inertiagrouprange", "0 5", "compiler inertiagrouprange", "geoms of all groups have mass"),
+    ("geom", "shellinertia", "false", "geom shellinertia", "the geom is solid"),
+    (
+        "joint",
+        "actuatorfrcrange",
+        "0 0",
+        "joint actuatorfrcrange",
+        "not limited; actuators' own forcerange is",
+    ),
+    ("joint", "actuatorgravcomp", "false", "joint actuatorgravcomp", "has no effect"),
+    ("position", "dampratio", "0", "actuator dampratio", "has no effect; kv has"),
+    ("position", "inheritrange", "0", "actuator inheritrange", "has no effect; ctrlrange has"),
+    ("position", "timeconst", "0", "actuator timeconst", "acts at once"),
+    ("general", "dyntype", "none", "actuator dyntype", "acts at once"),
+    ("general", "actearly", "false", "actuator actearly", "has no effect"),
+    ("mesh", "refpos", "0 0 0", "mesh refpos", "the mesh stays where its vertices say"),
+    ("mesh", "refquat", "1 0 0 0", "mesh refquat", "the mesh stays where its vertices say"),
+    ("geom", "fluidshape", "none", "fluid (geom fluidshape)", "there is no fluid here"),
+    ("body", "sleep", "auto", "body sleep", "the parameter `sleep` says so for all bodies"),
+    ("geom", "priority", "0", "geom priority", "the larger friction counts"),
+    ("compiler", "fitaabb", "false", "compiler fitaabb", "has no effect"),
+];
+
+/// Refuses what would leave the scene without what the file describes; warns of what is different.
+pub(super) fn check(document: &Document<'_>, warnings: &mut Warnings) -> Result<Flags, Fault> {
+    for section in elements(document.root_element()) {
+        let name = section.tag_name().name();
+        if !SECTIONS.contains(&name) {
+            return Err(unknown(section, "the model"));
+        }
+        match name {
+            "worldbody" => bodies(section)?,
+            "tendon" => {
+                for tendon in elements(section) {
+                    let what = "tendon";
+                    warnings.add(what, named(tendon), "has no effect: impulse joints do not know tendons");
+                }
+            }
+            "extension" => {
+                for plugin in elements(section) {
+                    warnings.add("plugin", named(plugin), "has no effect");
+                }
+            }
+            _ => {}
+        }
+    }
+    for &(element, attribute, neutral, what, how) in &ATTRIBUTES {
+        for node in document.descendants().filter(|node| node.has_tag_name(element)) {
+            // A mesh of a geom, a joint of a tendon or an equality are other things of the same name.
+            if node
+                .attribute(attribute)
+                .is_some_and(|value| value.split_whitespace().ne(neutral.split_whitespace()))
+            {
+                warnings.add(what, named(node), how);
+            }
+        }
+    }
+    flags(document, warnings)
+}
+
+fn bodies(parent: Node<'_, '_>) -> Result<(), Fault> {
+    let in_frame = parent.has_tag_name("frame");
+    for node in elements(parent) {
+        let name = node.tag_name().name();
+        if !IN_BODIES.contains(&name) {
+            return Err(unknown(node, "a body"));
+        }
+        if in_frame
+            && (["joint", "freejoint", "inertial", "attach"].contains(&name) || node.has_attribute("fromto"))
+        {
+            let what = if node.has_attribute("fromto") { "fromto of a geom" } else { name };
+            let cause = format!("`{what}` in a <frame> cannot be read");
+            return Err(Fault::at(node, cause, "write it without the frame, in the body's own axes"));
+        }
+        if name == "geom" && node.has_attribute("mesh") && node.attribute("type").is_some_and(|t| t != "mesh")
+        {
+            let cause =
+                format!("`{}` is a primitive fitted to a mesh, which cannot be computed", named(node));
+            return Err(Fault::at(node, cause, "give type=\"mesh\", or the primitive's own size"));
+        }
+        bodies(node)?;
+    }
+    Ok(())
+}
+
+fn flags(document: &Document<'_>, warnings: &mut Warnings) -> Result<Flags, Fault> {
+    let convex = document.descendants().filter(|node| node.attribute("inertia") == Some("convex"));
+    let convex = convex.filter_map(|node| {
+        let file = node.attribute("file").and_then(|file| Path::new(file).file_stem()?.to_str());
+        node.attribute("name").or(file).map(str::to_owned)
+    });
+    let mut flags = Flags { convex: convex.collect(), contact: true, gravity: true, filter_parent: true };
+    for option in document.descendants().filter(|node| node.has_tag_name("option")) {
+        if option.attribute("collision").is_some_and(|value| value == "predefined") {
+            let cause = "only predefined pairs of geoms would touch (option collision)";
+            return Err(Fault::at(option, cause, "let contype and conaffinity say what touches"));
+        }
+        for flag in elements(option).filter(|node| node.has_tag_name("flag")) {
+            for attribute in flag.attributes() {
+                let on = attribute.value() == "enable";
+                match attribute.name() {
+                    "contact" => flags.contact = on,
+                    "gravity" => flags.gravity = on,
+                    "filterparent" => flags.filter_parent = on,
+                    "override" if !on => {}
+                    name if on && name != "override" || HARMLESS_FLAGS.contains(&name) => {}
+                    name => warnings.add("flag", name, "is not followed"),
+                }
+            }
+        }
+    }
+    Ok(flags)
+}
+
+pub(super) fn elements<'a, 'd>(node: Node<'a, 'd>) -> impl Iterator<Item = Node<'a, 'd>> {
+    node.children().filter(Node::is_element)
+}
+
+/// The element's name, or what it is and where.
+fn named(node: Node<'_, '_>) -> String {
+    node.attribute("name").map_or_else(
+        || {
+            let line = node.document().text_pos_at(node.range().start).row;
+            format!("<{}> at line {line}", node.tag_name().name())
+        },
+        str::to_owned,
+    )
+}
+
+fn unknown(node: Node<'_, '_>, place: &str) -> Fault {
+    let name = node.tag_name().name();
+    let cause = format!("<{name}> in {place} is nothing that a dcd world can have");
+    let remedy = match name {
+        "replicate" => "write the copies out (MuJoCo does, when it saves a compiled model as XML)",
+        "composite" | "flexcomp" | "flex" | "deformable" | "skin" => "take soft bodies out of the file",
+        _ => "take it out (dcd/scenes/models/README.md says what is read)",
+    };
+    Fault::at(node, cause, remedy)
+}

@@ -1,0 +1,124 @@
+//! Scenes from MJCF and URDF files, through Rapier's loaders. What they get wrong is put right here, and what a dcd world
+//! cannot have is refused or warned of by name: `dcd/scenes/models/README.md` has the table, checked by a test.
+//!
+//! [`mjcf`] and [`urdf`] read a file into a [`Model`]; [`weights`] gives mass to what the formats leave without;
+//! [`placing`] makes a scene of copies of it.
+
+mod mesh;
+mod mjcf;
+mod model;
+mod placing;
+mod source;
+mod urdf;
+mod warnings;
+mod weights;
+
+use std::path::Path;
+
+use super::params::{ParamInfo, ParamKind, Values};
+use super::{Params, Scene, SceneError};
+use model::Model;
+use source::Source;
+
+/// What can be set of any model file.
+pub static MODEL_PARAMS: [ParamInfo; 9] = [
+    count("copies", "1", 1, 100_000, "how often the model is placed, in a square grid"),
+    number("spacing", "0", [0.0, 1e4], "m", "from one copy to the next; 0: its own size and a fifth"),
+    number("height", "0", [0.0, 1e4], "m", "how far the model is lifted"),
+    count("ground", "0", 0, 1, "1: adds a ground at z = 0, or where the model is lowest if that is below"),
+    count(
+        "fixed",
+        "0",
+        0,
+        1,
+        "1: what could fly away (a URDF root, an MJCF free joint) is fixed where it is",
+    ),
+    count("key", "0", 0, 10_000, "MJCF: starts in the n-th keyframe, with its controls"),
+    count("sleep", "1", 0, 1, "1: bodies at rest may fall asleep; 0: they never do"),
+    count(
+        "iterations",
+        "8",
+        1,
+        1000,
+        "the solver's iterations a step; chains of joints hold better with more",
+    ),
+    number("dt", "0", [0.0, 1.0], "s", "seconds a step; 0: what the file says, else 1/60"),
+];
+
+/// What the parameters ask for.
+struct Wishes {
+    copies: usize,
+    spacing_m: f64,
+    height_m: f64,
+    ground: bool,
+    fixed: bool,
+    key: usize,
+    sleep: bool,
+    iterations: usize,
+    dt_s: f32,
+}
+
+/// Whether the path's extension names a format of this module.
+pub(super) fn handles(path: &Path) -> bool {
+    kind(path).is_some()
+}
+
+/// Reads the file and places it.
+pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
+    let values = Values::parse("model file", &MODEL_PARAMS, params)?;
+    let wishes = Wishes {
+        copies: values.count("copies"),
+        spacing_m: values.number("spacing").into(),
+        height_m: values.number("height").into(),
+        ground: values.count("ground") == 1,
+        fixed: values.count("fixed") == 1,
+        key: values.count("key"),
+        sleep: values.count("sleep") == 1,
+        iterations: values.count("iterations"),
+        dt_s: values.number("dt"),
+    };
+    let source = Source::read(path)?;
+    let mut model = match kind(path) {
+        Some(Kind::Urdf) => urdf::read(&source, &wishes)?,
+        _ => mjcf::read(&source, &wishes)?,
+    };
+    weights::settle(&mut model).map_err(|fault| source.fault(fault))?;
+    let scene = placing::place(model, &wishes);
+    for warning in &scene.warnings {
+        tracing::warn!("{}: {warning}", path.display());
+    }
+    Ok(scene)
+}
+
+enum Kind {
+    Mjcf,
+    Urdf,
+}
+
+fn kind(path: &Path) -> Option<Kind> {
+    match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+        "xml" | "mjcf" => Some(Kind::Mjcf),
+        "urdf" => Some(Kind::Urdf),
+        _ => None,
+    }
+}
+
+const fn count(
+    name: &'static str,
+    default: &'static str,
+    least: u64,
+    most: u64,
+    what: &'static str,
+) -> ParamInfo {
+    ParamInfo { name, default, kind: ParamKind::Count(least, most), unit: "", what }
+}
+
+const fn number(
+    name: &'static str,
+    default: &'static str,
+    [least, most]: [f64; 2],
+    unit: &'static str,
+    what: &'static str,
+) -> ParamInfo {
+    ParamInfo { name, default, kind: ParamKind::Number(least, most), unit, what }
+}

@@ -1,0 +1,122 @@
+//! What a file describes, before it is placed: bodies, joints, and who may not touch whom.
+
+use std::collections::BTreeSet;
+
+use rapier3d::dynamics::RigidBodyAdditionalMassProps;
+use rapier3d::prelude::*;
+
+use super::warnings::Warnings;
+use crate::scene::SceneJoint;
+
+/// One model as its file describes it.
+pub(super) struct Model {
+    pub(super) name: String,
+    pub(super) gravity: [f32; 3],
+    /// None if the format has none.
+    pub(super) dt_s: Option<f32>,
+    pub(super) parts: Vec<Part>,
+    pub(super) joints: Vec<ModelJoint>,
+    /// Pairs of parts that never touch, the lower index first.
+    pub(super) apart: BTreeSet<(usize, usize)>,
+    pub(super) warnings: Warnings,
+}
+
+/// A body.
+pub(super) struct Part {
+    /// For messages.
+    pub(super) name: String,
+    pub(super) pose: Pose,
+    /// Everything but pose and mass.
+    pub(super) body: RigidBodyBuilder,
+    pub(super) mass: MassProperties,
+    /// Without mass of their own.
+    pub(super) colliders: Vec<ColliderBuilder>,
+}
+
+/// A joint between two parts.
+pub(super) struct ModelJoint {
+    pub(super) a: usize,
+    pub(super) b: usize,
+    pub(super) joint: GenericJoint,
+    /// Whether it is part of the tree of bodies, and not a loop that closes it.
+    pub(super) tree: bool,
+}
+
+impl Model {
+    /// Parts `a` and `b` never touch.
+    pub(super) fn keep_apart(&mut self, a: usize, b: usize) {
+        if a != b {
+            self.apart.insert((a.min(b), a.max(b)));
+        }
+    }
+
+    /// The joints of the scene: those of the file, and one without effect for each pair that never touches and that no joint
+    /// of the file keeps from touching. Such a joint travels between regions, Rapier's hooks do not.
+    pub(super) fn scene_joints(&self) -> Vec<SceneJoint> {
+        let silent: BTreeSet<_> = self
+            .joints
+            .iter()
+            .filter(|joint| !joint.joint.contacts_enabled)
+            .map(|joint| (joint.a.min(joint.b), joint.a.max(joint.b)))
+            .collect();
+        let touchable = |index: usize| !self.parts[index].colliders.is_empty();
+        let apart = self.apart.difference(&silent).filter(|&&(a, b)| {
+            touchable(a) && touchable(b) && !(self.parts[a].is_fixed() && self.parts[b].is_fixed())
+        });
+        let joints =
+            self.joints.iter().map(|joint| SceneJoint { a: joint.a, b: joint.b, joint: joint.joint });
+        let free = GenericJoint { contacts_enabled: false, ..GenericJoint::default() };
+        joints.chain(apart.map(|&(a, b)| SceneJoint { a, b, joint: free })).collect()
+    }
+}
+
+impl Part {
+    /// From what a loader built and did not insert. Its joints' hooks are left out: they do not travel, and a collider that has
+    /// one computes all its contacts anew in every step.
+    pub(super) fn of(name: String, body: &RigidBody, colliders: Vec<ColliderBuilder>) -> Self {
+        let mass = match body.mass_properties().additional_local_mprops.as_deref() {
+            Some(RigidBodyAdditionalMassProps::MassProps(mass)) => *mass,
+            Some(RigidBodyAdditionalMassProps::Mass(_)) | None => MassProperties::default(),
+        };
+        let builder = RigidBodyBuilder::new(body.body_type())
+            .linvel(body.linvel())
+            .angvel(body.angvel())
+            .gravity_scale(body.gravity_scale())
+            .soft_ccd_prediction(body.soft_ccd_prediction());
+        Self { name, pose: *body.position(), body: builder, mass, colliders }
+    }
+
+    pub(super) fn is_fixed(&self) -> bool {
+        self.body.body_type == RigidBodyType::Fixed
+    }
+
+    pub(super) fn is_dynamic(&self) -> bool {
+        self.body.body_type == RigidBodyType::Dynamic
+    }
+}
+
+/// A loader's collider as a builder without mass.
+pub(super) fn collider_builder(collider: &Collider) -> ColliderBuilder {
+    ColliderBuilder::new(collider.shared_shape().clone())
+        .position(*collider.position())
+        .friction(collider.friction())
+        .restitution(collider.restitution())
+        .density(0.0)
+}
+
+/// Whether the joint lets nothing move.
+pub(super) fn is_weld(joint: &GenericJoint) -> bool {
+    joint.locked_axes == JointAxesMask::LOCKED_FIXED_AXES
+}
+
+/// Takes a hinge's limits off if they reach beyond half a turn, and says whether it did: Rapier knows angles up to there.
+pub(super) fn drop_wide_limits(joint: &mut GenericJoint) -> bool {
+    let limits = &joint.limits[JointAxis::AngX as usize];
+    let half_turn = std::f32::consts::PI + 1e-3;
+    let wide = joint.limit_axes.contains(JointAxesMask::ANG_X)
+        && (limits.max > half_turn || limits.min < -half_turn);
+    if wide {
+        joint.limit_axes.remove(JointAxesMask::ANG_X);
+    }
+    wide
+}

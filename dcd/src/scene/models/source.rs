@@ -1,0 +1,86 @@
+//! A model file's text, and errors that say where.
+
+use std::path::{Path, PathBuf};
+
+use crate::scene::SceneError;
+
+/// A file as text.
+pub(super) struct Source {
+    pub(super) path: PathBuf,
+    pub(super) text: String,
+}
+
+/// What is wrong, before it is said of which file.
+#[derive(Debug)]
+pub(super) struct Fault {
+    /// Counted from 1, when known.
+    pub(super) line: Option<usize>,
+    pub(super) cause: String,
+    pub(super) remedy: String,
+}
+
+impl Fault {
+    pub(super) fn new(cause: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { line: None, cause: cause.into(), remedy: remedy.into() }
+    }
+
+    /// Of a node of the document.
+    pub(super) fn at(
+        node: roxmltree::Node<'_, '_>,
+        cause: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        let line = node.document().text_pos_at(node.range().start).row as usize;
+        Self { line: Some(line), ..Self::new(cause, remedy) }
+    }
+}
+
+impl Source {
+    pub(super) fn read(path: &Path) -> Result<Self, SceneError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
+        Ok(Self { path: path.to_owned(), text: without_declaration(text) })
+    }
+
+    pub(super) fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// The file's name without its extension.
+    pub(super) fn stem(&self) -> String {
+        self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    pub(super) fn fault(&self, fault: Fault) -> SceneError {
+        let Fault { line, cause, remedy } = fault;
+        SceneError::File { path: self.path.clone(), line, cause, remedy }
+    }
+
+    /// The document, whose root must have this name.
+    pub(super) fn document(&self, root: &str) -> Result<roxmltree::Document<'_>, SceneError> {
+        let document = roxmltree::Document::parse(&self.text).map_err(|error| {
+            let line = Some(error.pos().row as usize);
+            let cause = format!("this is not XML: {error}");
+            self.fault(Fault { line, cause, remedy: "correct this line".into() })
+        })?;
+        let found = document.root_element().tag_name().name();
+        if found != root {
+            let cause = format!("the file's root is <{found}>, not <{root}>");
+            let remedy = "MJCF files (.xml, .mjcf) start with <mujoco>, URDF files (.urdf) with <robot>";
+            return Err(self.fault(Fault::at(document.root_element(), cause, remedy)));
+        }
+        Ok(document)
+    }
+}
+
+/// Takes the XML declaration out, and zeros at the end: many files have something before the one or end with the others, which XML
+/// forbids and their own readers allow.
+fn without_declaration(mut text: String) -> String {
+    text.truncate(text.trim_end_matches(['\0', ' ', '\r', '\n', '\t']).len());
+    if let Some(start) = text.find("<?xml")
+        && let Some(length) = text[start..].find("?>")
+    {
+        text.replace_range(start..start + length + 2, "");
+    }
+    text
+}

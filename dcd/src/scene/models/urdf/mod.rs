@@ -1,0 +1,249 @@
+//! URDF, through rapier3d-urdf.
+
+mod parse;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use rapier3d::prelude::*;
+use rapier3d_urdf::urdf_rs::{self, Geometry};
+use rapier3d_urdf::{UrdfLoaderOptions, UrdfRobot};
+
+use super::Wishes;
+use super::mesh::{self, Meshes};
+use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits, is_weld};
+use super::source::{Fault, Source};
+use crate::scene::SceneError;
+use parse::Parsed;
+
+/// Reads a file.
+pub(super) fn read(source: &Source, wishes: &Wishes) -> Result<Model, SceneError> {
+    let document = source.document("robot")?;
+    parse::parse(&document)
+        .and_then(|parsed| convert(source, parsed, wishes))
+        .map_err(|fault| source.fault(fault))
+}
+
+fn convert(source: &Source, mut parsed: Parsed, wishes: &Wishes) -> Result<Model, Fault> {
+    // The loader passes over meshes that it cannot read, and takes a URDF's moving meshes for shells. It is given boxes in their
+    // place, one a mesh, which are then replaced.
+    let mut meshes = Meshes::default();
+    let shapes = mesh_shapes(&mut parsed.robot, source.folder(), &mut meshes)?;
+    for mesh in meshes.not_z_up {
+        parsed.warnings.add("up_axis of Collada", mesh, "its numbers are taken as they stand");
+    }
+    let options = UrdfLoaderOptions { make_roots_fixed: wishes.fixed, ..UrdfLoaderOptions::default() };
+    let made = UrdfRobot::from_robot(&parsed.robot, options, source.folder());
+    let mut model = Model {
+        name: if parsed.robot.name.is_empty() { source.stem() } else { parsed.robot.name.clone() },
+        gravity: [0.0, 0.0, -9.81],
+        dt_s: None,
+        parts: Vec::new(),
+        joints: Vec::new(),
+        apart: BTreeSet::new(),
+        warnings: parsed.warnings,
+    };
+    for link in &made.links {
+        let from = &parsed.robot.links[link.urdf_link_index];
+        let surface = parsed.surfaces.get(&from.name).copied().unwrap_or_default();
+        let colliders = link.colliders.iter().map(|collider| {
+            let builder = collider_builder(&collider.collider);
+            builder.friction(surface.friction).restitution(surface.restitution)
+        });
+        let mut part = Part::of(from.name.clone(), &link.body, colliders.collect());
+        part.mass = mass_of(&from.inertial);
+        model.parts.push(part);
+    }
+    add_joints(&mut model, &made, &parsed.robot, &parsed.unlimited);
+    fix_weightless_roots(&mut model);
+    let fixed: Vec<bool> = fixed_at_last(&model);
+    for ((part, link), fixed) in model.parts.iter_mut().zip(&made.links).zip(fixed) {
+        let name = &parsed.robot.links[link.urdf_link_index].name;
+        replace_meshes(part, shapes.get(name).map_or(&[], Vec::as_slice), fixed)?;
+    }
+    keep_overlapping_apart(&mut model);
+    Ok(model)
+}
+
+/// A mesh of a link, to be put in the place of the collider of this index.
+struct MeshShape {
+    collider: usize,
+    points: Vec<Vector>,
+    triangles: Vec<[u32; 3]>,
+    file: String,
+}
+
+/// Replaces each `<mesh>` of a collision by one box a part of the mesh, and gives the parts by link.
+fn mesh_shapes(
+    robot: &mut urdf_rs::Robot,
+    folder: &Path,
+    meshes: &mut Meshes,
+) -> Result<BTreeMap<String, Vec<MeshShape>>, Fault> {
+    let mut shapes: BTreeMap<String, Vec<MeshShape>> = BTreeMap::new();
+    for link in &mut robot.links {
+        let mut collisions = Vec::new();
+        for collision in std::mem::take(&mut link.collision) {
+            let Geometry::Mesh { filename, scale } = &collision.geometry else {
+                collisions.push(collision);
+                continue;
+            };
+            let scale = scale.map_or(Vector::ONE, |scale| Vector::from(scale.0.map(|v| v as f32)));
+            for (points, triangles) in meshes.read(&resolve(filename, folder)?)? {
+                shapes.entry(link.name.clone()).or_default().push(MeshShape {
+                    collider: collisions.len(),
+                    points: points.iter().map(|&point| point * scale).collect(),
+                    triangles: triangles.clone(),
+                    file: filename.clone(),
+                });
+                let geometry = Geometry::Box { size: urdf_rs::Vec3([1e-3; 3]) };
+                collisions.push(urdf_rs::Collision { geometry, ..collision.clone() });
+            }
+        }
+        link.collision = collisions;
+    }
+    Ok(shapes)
+}
+
+/// The file behind a mesh's name: `package://name/path` is looked for in the folders above, with and without `name`.
+fn resolve(name: &str, folder: &Path) -> Result<PathBuf, Fault> {
+    let remedy = "put the mesh there, or correct the path in the file";
+    let plain = name.strip_prefix("file://").unwrap_or(name);
+    let package = name.strip_prefix("package://").or_else(|| name.strip_prefix("model://"));
+    let Some(inside) = package else {
+        let path = folder.join(plain);
+        let missing = || Fault::new(format!("mesh {} is not there", path.display()), remedy);
+        return if path.is_file() { Ok(path) } else { Err(missing()) };
+    };
+    let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let rest = inside.split_once('/').map_or(inside, |(_, rest)| rest);
+    let mut candidates = whole.ancestors().flat_map(|above| [above.join(inside), above.join(rest)]);
+    candidates.find(|path| path.is_file()).ok_or_else(|| {
+        let cause = format!("mesh {name} is in no folder above {}", whole.display());
+        Fault::new(cause, "put the package into a folder above, or write the path relative to the file")
+    })
+}
+
+fn replace_meshes(part: &mut Part, shapes: &[MeshShape], fixed: bool) -> Result<(), Fault> {
+    for shape in shapes {
+        let made = if fixed {
+            mesh::triangles(shape.points.clone(), shape.triangles.clone())
+        } else {
+            mesh::hull(&shape.points)
+        };
+        let made = made
+            .or_else(|| mesh::triangles(shape.points.clone(), shape.triangles.clone()))
+            .ok_or_else(|| {
+                let cause = format!("mesh {} of link {} has no area", shape.file, part.name);
+                Fault::new(cause, "repair the mesh, or use a box")
+            })?;
+        part.colliders[shape.collider].shape = made;
+    }
+    Ok(())
+}
+
+/// From the numbers of the file: the loader does not turn the inertia by its origin's `rpy`.
+fn mass_of(inertial: &urdf_rs::Inertial) -> MassProperties {
+    let urdf_rs::Inertial { origin, mass, inertia: i } = inertial;
+    let [roll, pitch, yaw] = origin.rpy.0.map(|v| v as f32);
+    let turn =
+        Rotation::from_rotation_z(yaw) * Rotation::from_rotation_y(pitch) * Rotation::from_rotation_x(roll);
+    let turn = Matrix::from_quat(turn);
+    let tensor = [i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz].map(|v| v as f32);
+    let tensor = turn * Matrix::from_cols_array(&tensor) * turn.transpose();
+    MassProperties::with_inertia_matrix(
+        Vector::from(origin.xyz.0.map(|v| v as f32)),
+        mass.value as f32,
+        tensor,
+    )
+}
+
+fn add_joints(model: &mut Model, made: &UrdfRobot, robot: &urdf_rs::Robot, unlimited: &BTreeSet<String>) {
+    for made in &made.joints {
+        let from = &robot.joints[made.source_urdf_joint_index()];
+        let name = from.name.clone();
+        let mut joint = made.joint;
+        let axis = match from.joint_type {
+            urdf_rs::JointType::Revolute | urdf_rs::JointType::Continuous => Some(JointAxis::AngX),
+            urdf_rs::JointType::Prismatic => Some(JointAxis::LinX),
+            _ => None,
+        };
+        if unlimited.contains(&name) {
+            joint.limit_axes = JointAxesMask::empty();
+        }
+        if drop_wide_limits(&mut joint) {
+            model.warnings.add("limit beyond half a turn", &*name, "is not limited");
+        }
+        if let (Some(axis), Some(dynamics)) = (axis, &from.dynamics) {
+            brake(&mut joint, axis, dynamics, model, &name);
+        }
+        model.joints.push(ModelJoint { a: made.link1, b: made.link2, joint, tree: true });
+    }
+}
+
+/// `<dynamics>`: damping, or dry friction.
+fn brake(
+    joint: &mut GenericJoint,
+    axis: JointAxis,
+    dynamics: &urdf_rs::Dynamics,
+    model: &mut Model,
+    name: &str,
+) {
+    if dynamics.damping > 0.0 {
+        joint.set_motor_model(axis, MotorModel::ForceBased);
+        joint.set_motor_velocity(axis, 0.0, dynamics.damping as f32);
+        if dynamics.friction > 0.0 {
+            model.warnings.add("dynamics friction", name, "has no effect beside damping");
+        }
+    } else if dynamics.friction > 0.0 {
+        joint.set_motor_model(axis, MotorModel::ForceBased);
+        joint.set_motor_velocity(axis, 0.0, 0.0);
+        joint.set_motor_max_force(axis, dynamics.friction as f32);
+    }
+}
+
+/// A root without mass is the world, or stands in it.
+fn fix_weightless_roots(model: &mut Model) {
+    for index in 0..model.parts.len() {
+        let root = model.joints.iter().all(|joint| joint.b != index);
+        let part = &mut model.parts[index];
+        if root && part.is_dynamic() && part.mass.inv_mass == 0.0 {
+            part.body.body_type = RigidBodyType::Fixed;
+            model.warnings.add("root without mass", &*part.name, "is fixed where it is");
+        }
+    }
+}
+
+/// Which parts end up fixed, once what is welded to something fixed is.
+fn fixed_at_last(model: &Model) -> Vec<bool> {
+    let mut fixed: Vec<bool> = model.parts.iter().map(Part::is_fixed).collect();
+    while let Some(joint) =
+        model.joints.iter().find(|joint| is_weld(&joint.joint) && fixed[joint.a] != fixed[joint.b])
+    {
+        (fixed[joint.a], fixed[joint.b]) = (true, true);
+    }
+    fixed
+}
+
+/// Links of one robot that overlap where it starts do so by its making, and never touch.
+fn keep_overlapping_apart(model: &mut Model) {
+    let overlap = |a: &Part, b: &Part| {
+        a.colliders.iter().any(|x| {
+            b.colliders.iter().any(|y| {
+                let (at, to) = (a.pose * x.position, b.pose * y.position);
+                rapier3d::parry::query::intersection_test(&at, &*x.shape, &to, &*y.shape)
+                    .is_ok_and(|found| found.intersecting)
+            })
+        })
+    };
+    let tied: BTreeSet<_> =
+        model.joints.iter().map(|joint| (joint.a.min(joint.b), joint.a.max(joint.b))).collect();
+    for a in 0..model.parts.len() {
+        for b in a + 1..model.parts.len() {
+            if !tied.contains(&(a, b)) && overlap(&model.parts[a], &model.parts[b]) {
+                model.keep_apart(a, b);
+                let names = format!("{} and {}", model.parts[a].name, model.parts[b].name);
+                model.warnings.add("links that overlap at the start", names, "never touch");
+            }
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Mass where the formats have none. Rapier's impulse joints take a body without mass for one that nothing can move; in both
+//! formats such bodies are frames that move along with others.
+
+use std::collections::VecDeque;
+
+use rapier3d::prelude::*;
+
+use super::model::{Model, ModelJoint, is_weld};
+use super::source::Fault;
+
+/// How much of its mass a body lends to one without, at most.
+const LENT: f32 = 0.1;
+
+/// Fixes what is welded to something fixed, and gives every other body mass and inertia.
+pub(super) fn settle(model: &mut Model) -> Result<(), Fault> {
+    fix_welded(model);
+    for index in 0..model.parts.len() {
+        if model.parts[index].is_dynamic() && model.parts[index].mass.inv_mass == 0.0 {
+            borrow(model, index)?;
+        }
+    }
+    for part in model.parts.iter_mut().filter(|part| part.is_dynamic()) {
+        let inertia = part.mass.principal_inertia();
+        if inertia.min_element() > 0.0 {
+            continue;
+        }
+        let mass = part.mass.mass();
+        let shapes = part.colliders.iter().fold(MassProperties::default(), |sum, collider| {
+            sum + collider.shape.mass_properties(1.0).transform_by(&collider.position)
+        });
+        let of_shapes = shapes.principal_inertia() * (mass * shapes.inv_mass);
+        let found = if of_shapes.min_element() > 0.0 {
+            model.warnings.add("inertia", &*part.name, "not given: that of its shapes is taken");
+            of_shapes
+        } else {
+            model.warnings.add(
+                "inertia without shape",
+                &*part.name,
+                "not given: that of a ball of 0.1 m is taken",
+            );
+            Vector::splat(0.4 * mass * 0.01)
+        };
+        part.mass = MassProperties::new(part.mass.local_com, mass, found);
+    }
+    Ok(())
+}
+
+/// What a weld of the tree ties to something fixed is fixed: the joint can go.
+fn fix_welded(model: &mut Model) {
+    loop {
+        let found = model.joints.iter().position(|joint| {
+            let (a, b) = (&model.parts[joint.a], &model.parts[joint.b]);
+            joint.tree && is_weld(&joint.joint) && (a.is_fixed() || b.is_fixed())
+        });
+        let Some(index) = found else { return };
+        let joint = model.joints.remove(index);
+        for end in [joint.a, joint.b] {
+            if model.parts[end].is_dynamic() {
+                model.parts[end].body.body_type = RigidBodyType::Fixed;
+            }
+        }
+    }
+}
+
+/// Moves some mass of the nearest body that has some, those welded on first, to a body without, as a ball at the joint through
+/// which they are tied. What the two weigh together, where their centre of mass is and how they turn about it stays the same,
+/// and does so when the joint turns, since a ball at the hinge does not notice.
+///
+/// Where the body without slides, a rail would bear the weight that it borrows: there the lender keeps the weight, and the
+/// ball is at the lender's centre of mass.
+fn borrow(model: &mut Model, poor: usize) -> Result<(), Fault> {
+    let Some((donor, joint)) = donor(model, poor) else {
+        let cause = format!(
+            "`{}` can move but has no mass, and neither has anything that it is joined to",
+            model.parts[poor].name
+        );
+        return Err(Fault::new(
+            cause,
+            "give it a mass (MJCF: <inertial>, or <geom density>; URDF: <inertial>)",
+        ));
+    };
+    let tied = |joint: &&ModelJoint| joint.tree && (joint.a == poor || joint.b == poor);
+    let slides = model
+        .joints
+        .iter()
+        .filter(tied)
+        .any(|joint| !joint.joint.locked_axes.contains(JointAxesMask::LIN_AXES));
+    let joint = &model.joints[joint];
+    let frame = if joint.a == poor { joint.joint.local_frame1 } else { joint.joint.local_frame2 };
+    let between = model.parts[donor].pose.inverse() * model.parts[poor].pose;
+    let whole = model.parts[donor].mass;
+    let at = if slides { whole.local_com } else { between * frame.translation };
+    let (rest, ball) = split(&whole, at);
+    if slides {
+        model.parts[donor].body.gravity_scale *= whole.mass() / rest.mass();
+        model.parts[poor].body.gravity_scale = 0.0;
+    }
+    model.parts[donor].mass = rest;
+    model.parts[poor].mass = MassProperties { local_com: between.inverse() * at, ..ball };
+    Ok(())
+}
+
+/// The nearest body with mass, by welds if there is one, else by any joint of the tree, children before parents; and the
+/// joint through which the poor body is tied towards it.
+fn donor(model: &Model, poor: usize) -> Option<(usize, usize)> {
+    let ties = |only_welds: bool| {
+        let mut seen = vec![false; model.parts.len()];
+        let mut queue = VecDeque::from([(poor, None)]);
+        seen[poor] = true;
+        while let Some((at, first)) = queue.pop_front() {
+            if let Some(first) = first
+                && model.parts[at].is_dynamic()
+                && model.parts[at].mass.principal_inertia().min_element() > 0.0
+            {
+                return Some((at, first));
+            }
+            let towards = |from_parent: bool| {
+                model.joints.iter().enumerate().filter_map(move |(index, joint)| {
+                    let (here, there) = if from_parent { (joint.a, joint.b) } else { (joint.b, joint.a) };
+                    let usable = joint.tree && here == at && (!only_welds || is_weld(&joint.joint));
+                    usable.then_some((index, there))
+                })
+            };
+            for (index, there) in towards(true).chain(towards(false)) {
+                if !std::mem::replace(&mut seen[there], true) {
+                    queue.push_back((there, first.or(Some(index))));
+                }
+            }
+        }
+        None
+    };
+    ties(true).or_else(|| ties(false))
+}
+
+/// Splits a body's mass into a rest and a ball at a point (both in its space) that together are what it was.
+fn split(whole: &MassProperties, at: Vector) -> (MassProperties, MassProperties) {
+    let (mass, inertia) = (whole.mass(), whole.reconstruct_inertia_matrix());
+    let least = whole.principal_inertia().min_element();
+    let arm = at - whole.local_com;
+    let mut share = LENT;
+    loop {
+        let (lent, turning) = (mass * share, least * share);
+        let kept = mass - lent;
+        // What two point masses on a line through the common centre turn by.
+        let pair =
+            (Matrix::from_diagonal(Vector::splat(arm.length_squared())) - outer(arm)) * (lent * mass / kept);
+        let rest = inertia - pair - Matrix::from_diagonal(Vector::splat(turning));
+        let rest = MassProperties::with_inertia_matrix(whole.local_com - arm * (lent / kept), kept, rest);
+        if rest.principal_inertia().min_element() > 0.5 * least || share < 1e-4 {
+            return (rest, MassProperties::new(Vector::ZERO, lent, Vector::splat(turning)));
+        }
+        share *= 0.5;
+    }
+}
+
+fn outer(v: Vector) -> Matrix {
+    Matrix::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_body_and_the_ball_that_it_lent_together_weigh_and_turn_as_before() {
+        let whole = MassProperties::new(Vector::new(0.0, 0.2, -0.3), 4.0, Vector::new(0.5, 0.4, 0.1));
+        let at = Vector::new(0.1, 0.0, 0.2);
+        let (rest, ball) = split(&whole, at);
+        let together = rest + MassProperties { local_com: at, ..ball };
+        assert!((together.mass() - 4.0).abs() < 1e-5);
+        assert!((together.local_com - whole.local_com).length() < 1e-6);
+        let difference = together.reconstruct_inertia_matrix() - whole.reconstruct_inertia_matrix();
+        let largest = difference.to_cols_array().into_iter().fold(0.0, |a: f32, b| a.max(b.abs()));
+        assert!(largest < 1e-5, "{difference:?}");
+        assert!(ball.mass() > 0.01 && ball.principal_inertia().x > 0.0);
+    }
+}

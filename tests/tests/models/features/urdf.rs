@@ -1,0 +1,161 @@
+//! The features of URDF.
+
+use rapier3d::prelude::*;
+
+use super::Fate::{Carried, Refused, Unused, Warned};
+use super::{Row, any, apart, at, joint, limits, mass, motor, near, near3, only, row};
+
+/// A robot of these elements.
+fn robot(elements: &str) -> String {
+    format!(r#"<robot name="r">{elements}</robot>"#)
+}
+
+/// A link of 1 kg, and these elements.
+fn link(name: &str, elements: &str) -> String {
+    format!(
+        r#"<link name="{name}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>{elements}</link>"#
+    )
+}
+
+/// One link of this collision geometry.
+fn shape(geometry: &str) -> String {
+    robot(&link(
+        "a",
+        &format!(r#"<collision><origin xyz="0 0 1"/><geometry>{geometry}</geometry></collision>"#),
+    ))
+}
+
+/// Two links with a box each on a joint of this type with these elements.
+fn arm(kind: &str, elements: &str) -> String {
+    let cube = r#"<collision><geometry><box size=".2 .2 .2"/></geometry></collision>"#;
+    robot(&format!(
+        r#"{}{}<joint name="j" type="{kind}"><parent link="a"/><child link="b"/><origin xyz="0 0 1"/>{elements}</joint>"#,
+        link("a", cube),
+        link("b", cube),
+    ))
+}
+
+const RANGE: &str = r#"<axis xyz="0 1 0"/><limit lower="-1" upper=".5" effort="1" velocity="1"/>"#;
+
+pub(super) fn rows() -> Vec<Row> {
+    let mut rows = links();
+    rows.extend(joints());
+    rows
+}
+
+fn links() -> Vec<Row> {
+    vec![
+        row("inertial mass, inertia, origin xyz", Carried, robot(r#"<link name="a"><inertial><origin xyz="0 0 1"/><mass value="2"/><inertia ixx="1" ixy=".1" ixz="0" iyy="2" iyz="0" izz="2.5"/></inertial></link>"#), |s| near(mass(s, 0).mass(), 2.0) && near3(mass(s, 0).local_com, [0.0, 0.0, 1.0]) && near(mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d()[0][1], 0.1)),
+        row("inertial origin rpy", Carried, robot(r#"<link name="a"><inertial><origin rpy="0 0 1.5707963"/><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="2" iyz="0" izz="2.5"/></inertial></link>"#), |s| near(mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d()[0][0], 2.0)),
+        row("inertial without inertia", Warned, robot(r#"<link name="a"><inertial><mass value="2"/></inertial></link>"#), |s| mass(s, 0).principal_inertia().min_element() > 0.0),
+        row("root without mass", Warned, robot(r#"<link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link>"#), |s| s.bodies[0].body.body_type == RigidBodyType::Fixed),
+        row("link without mass between others", Carried, robot(&format!(r#"{}<link name="f"><collision><geometry><sphere radius=".1"/></geometry></collision></link><joint name="j" type="fixed"><parent link="a"/><child link="f"/></joint>"#, link("a", ""))), |s| near(mass(s, 0).mass() + mass(s, 1).mass(), 1.0) && mass(s, 1).mass() > 0.0),
+        row("empty links (frames)", Carried, robot(&format!(r#"{}<link name="f"/><joint name="j" type="fixed"><parent link="a"/><child link="f"/></joint>"#, link("a", ""))), |s| s.bodies.len() == 1),
+        row("an empty root welded to the robot", Carried, robot(&format!(r#"<link name="world"/>{}<joint name="j" type="fixed"><parent link="world"/><child link="a"/></joint>"#, link("a", ""))), |s| s.bodies.len() == 1 && s.bodies[0].body.body_type == RigidBodyType::Fixed),
+        Row { params: "fixed=1", ..row("a root that stays (--set fixed=1)", Carried, shape(r#"<box size="1 1 1"/>"#), |s| s.bodies[0].body.body_type == RigidBodyType::Fixed) },
+        row("collision box, sphere", Carried, shape(r#"<box size="1 2 3"/>"#), |s| near3(s.bodies[0].colliders[0].shape.as_cuboid().unwrap().half_extents, [0.5, 1.0, 1.5]) && near(s.bodies[0].colliders[0].position.translation.z, 1.0)),
+        row("collision cylinder, capsule", Carried, shape(r#"<cylinder radius=".1" length="2"/>"#), |s| near(s.bodies[0].colliders[0].shape.compute_aabb(&s.bodies[0].colliders[0].position).maxs.z, 2.0)),
+        row("collision origin rpy", Carried, shape(r#"<box size="1 2 3"/>"#).replace(r#"xyz="0 0 1""#, r#"rpy="0 0 1.5707963""#), |s| near(s.bodies[0].colliders[0].shape.compute_aabb(&s.bodies[0].colliders[0].position).maxs.x, 1.0)),
+        row("mesh obj, stl, with scale", Carried, shape(r#"<mesh filename="cube.obj" scale="2 1 1"/>"#), |s| near(s.bodies[0].colliders[0].shape.mass_properties(1.0).mass(), 2.0)),
+        row("mesh dae (Collada)", Carried, shape(r#"<mesh filename="tetra.dae"/>"#), |s| near(s.bodies[0].colliders[0].shape.mass_properties(1.0).mass(), 1.0 / 6.0)),
+        row("mesh dae, up_axis other than Z_UP", Warned, shape(r#"<mesh filename="y_up.dae"/>"#), any),
+        row("mesh of a moving link (its hull)", Carried, shape(r#"<mesh filename="tetra.stl"/>"#), |s| s.bodies[0].colliders[0].shape.as_convex_polyhedron().is_some()),
+        Row { params: "fixed=1", ..row("mesh of a fixed link (its triangles)", Carried, shape(r#"<mesh filename="tetra.stl"/>"#), |s| s.bodies[0].colliders[0].shape.as_trimesh().is_some()) },
+        row("package://, model://, file://", Carried, shape(r#"<mesh filename="package://pack/meshes/cube.obj"/>"#), |s| near(s.bodies[0].colliders[0].shape.mass_properties(1.0).mass(), 1.0)),
+        row("mesh that is missing", Refused, shape(r#"<mesh filename="none.stl"/>"#), any),
+        row("mesh of another format", Refused, shape(r#"<mesh filename="cube.fbx"/>"#), any),
+        row("a shape of another kind", Refused, shape("<cone/>"), any),
+        row("collision without geometry", Warned, shape(""), any),
+        row("contact lateral_friction, restitution (Bullet)", Carried, robot(&link("a", r#"<contact><lateral_friction value=".9"/><restitution value=".3"/></contact><collision><geometry><sphere radius="1"/></geometry></collision>"#)), |s| (s.bodies[0].colliders[0].friction, s.bodies[0].colliders[0].restitution) == (0.9, 0.3)),
+        row("contact rolling_friction, spinning_friction", Warned, robot(&link("a", r#"<contact><rolling_friction value=".9"/></contact>"#)), any),
+        row("contact stiffness, damping", Warned, robot(&link("a", r#"<contact><stiffness value="9"/></contact>"#)), any),
+        row("links that overlap at the start", Warned, robot(&format!(r#"{0}{1}{2}<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint><joint name="k" type="fixed"><parent link="b"/><child link="c"/></joint>"#, link("a", BALL), link("b", BALL), link("c", BALL))), |s| apart(s, 0, 2)),
+        row("visual, material", Unused, robot(&format!(r#"<material name="m"/>{}"#, link("a", r#"<visual><geometry><mesh filename="none.dae"/></geometry></visual>"#))), only),
+        row("gazebo", Warned, robot(&format!(r#"{}<gazebo reference="a"><mu1>.5</mu1></gazebo>"#, link("a", ""))), any),
+        row("transmission, sensor", Unused, robot(&format!("{}<transmission/>", link("a", ""))), only),
+        row("xacro", Refused, r#"<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="x" value="1"/></robot>"#.into(), any),
+        row("two links of one name", Refused, robot(&(link("a", "") + &link("a", ""))), any),
+        row("XML that is none", Refused, "<robot><link></robot>".into(), any),
+    ]
+}
+
+const BALL: &str = r#"<collision><geometry><sphere radius=".1"/></geometry></collision>"#;
+
+fn joints() -> Vec<Row> {
+    vec![
+        row("joint revolute, axis, origin", Carried, arm("revolute", RANGE), |s| {
+            joint(s, 0).locked_axes == JointAxesMask::LOCKED_REVOLUTE_AXES
+                && at(s, 1, [0.0, 0.0, 1.0])
+                && near3(joint(s, 0).local_frame1.rotation * Vector::X, [0.0, 1.0, 0.0])
+        }),
+        row("limit lower, upper", Carried, arm("revolute", RANGE), |s| {
+            limits(s, 0, JointAxis::AngX) == Some([-1.0, 0.5])
+        }),
+        row("joint continuous", Carried, arm("continuous", ""), |s| {
+            limits(s, 0, JointAxis::AngX).is_none()
+                && joint(s, 0).locked_axes == JointAxesMask::LOCKED_REVOLUTE_AXES
+        }),
+        row("joint prismatic", Carried, arm("prismatic", RANGE), |s| {
+            limits(s, 0, JointAxis::LinX) == Some([-1.0, 0.5])
+        }),
+        row("joint fixed", Carried, arm("fixed", ""), |s| {
+            joint(s, 0).locked_axes == JointAxesMask::LOCKED_FIXED_AXES
+        }),
+        row("joint floating", Carried, arm("floating", ""), |s| joint(s, 0).locked_axes.is_empty()),
+        row("joint spherical", Carried, arm("spherical", ""), |s| {
+            joint(s, 0).locked_axes == JointAxesMask::LOCKED_SPHERICAL_AXES
+        }),
+        row("joint planar", Warned, arm("planar", ""), any),
+        row("joint of another type", Refused, arm("screw", ""), any),
+        row("links that a joint ties do not touch", Carried, arm("continuous", ""), |s| apart(s, 0, 1)),
+        row("dynamics damping", Carried, arm("continuous", r#"<dynamics damping="2"/>"#), |s| {
+            motor(s, 0, JointAxis::AngX) == Some([0.0, 2.0, 0.0])
+        }),
+        row("dynamics friction", Carried, arm("continuous", r#"<dynamics friction=".5"/>"#), |s| {
+            joint(s, 0).motors[3].max_force == 0.5
+        }),
+        row(
+            "dynamics friction beside damping",
+            Warned,
+            arm("continuous", r#"<dynamics damping="2" friction=".5"/>"#),
+            any,
+        ),
+        row("mimic", Warned, arm("revolute", &format!(r#"{RANGE}<mimic joint="k"/>"#)), any),
+        row(
+            "limit effort, velocity, safety_controller, calibration",
+            Unused,
+            arm(
+                "revolute",
+                &format!(r#"{RANGE}<safety_controller k_velocity="1"/><calibration rising="0"/>"#),
+            ),
+            |s| s.joints.len() == 1,
+        ),
+        row("joint without limit", Warned, arm("revolute", ""), |s| limits(s, 0, JointAxis::AngX).is_none()),
+        row(
+            "limit with lower above upper",
+            Warned,
+            arm("revolute", r#"<limit lower="1" upper="0"/>"#),
+            |s| limits(s, 0, JointAxis::AngX).is_none(),
+        ),
+        row("limit beyond half a turn", Warned, arm("revolute", r#"<limit lower="-4" upper="4"/>"#), |s| {
+            limits(s, 0, JointAxis::AngX).is_none()
+        }),
+        row("axis 0 0 0", Refused, arm("continuous", r#"<axis xyz="0 0 0"/>"#), any),
+        row(
+            "a joint of a link that is missing",
+            Refused,
+            robot(r#"<joint name="j" type="fixed"><parent link="x"/><child link="y"/></joint>"#),
+            any,
+        ),
+        row(
+            "a link with two parents, a loop",
+            Refused,
+            arm("fixed", "").replace(
+                "</robot>",
+                r#"<joint name="k" type="fixed"><parent link="b"/><child link="b"/></joint></robot>"#,
+            ),
+            any,
+        ),
+        row("a number that is none", Refused, arm("continuous", r#"<dynamics damping="1,5"/>"#), any),
+    ]
+}

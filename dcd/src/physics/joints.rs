@@ -36,7 +36,13 @@ pub fn joint_record(id: JointId, a: BodyId, b: BodyId, joint: &GenericJoint) -> 
         contacts_enabled: joint.contacts_enabled,
         enabled: joint.is_enabled(),
         user_data: joint.user_data,
+        link: None,
     }
+}
+
+/// The record of a joint whose user changed it in place.
+pub(super) fn renewed(record: &JointRecord, joint: &GenericJoint) -> JointRecord {
+    JointRecord { link: record.link, ..joint_record(record.id, record.a, record.b, joint) }
 }
 
 pub(crate) fn joint_of(record: &JointRecord) -> GenericJoint {

@@ -1,5 +1,6 @@
 //! Regions of the world as Rapier worlds: bodies, replicas, coupling, contacts.
 
+mod articulation;
 mod assembly;
 mod choice;
 mod control;
@@ -24,6 +25,7 @@ mod statics;
 mod ties;
 mod watch;
 
+pub use articulation::LinkSettings;
 pub use choice::{CouplingChoice, Method};
 pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
 pub use coupling::Coupling;

@@ -21,6 +21,8 @@ pub(super) struct Placement {
     /// By first body: how many there are.
     sizes: Vec<u32>,
     limit: usize,
+    /// By body: the first body of its multibody and of what is tied to it, or itself.
+    assembly: Vec<u32>,
 }
 
 impl Placement {
@@ -44,6 +46,7 @@ impl Placement {
         if settings.coupling.moves_islands() {
             join_touching(bodies, shapes, &mut groups)?;
         }
+        let assembly = articulated(bodies, joints);
         let group: Vec<_> = (0..bodies.len() as u32).map(|body| groups.root(body)).collect();
         let mut sizes = vec![0; bodies.len()];
         for &root in &group {
@@ -54,7 +57,7 @@ impl Placement {
             coupling if coupling.shares_mass() => 1,
             _ => usize::MAX,
         };
-        Ok(Self { group, sizes, limit })
+        Ok(Self { group, sizes, limit, assembly })
     }
 
     /// Rank of the first owner of each body.
@@ -76,7 +79,13 @@ impl Placement {
             }
         }
         let home = |(body, &group): (usize, &u32)| chosen.get(&group).map_or(homes[body], |(rank, _)| *rank);
-        self.group.iter().enumerate().map(home).collect()
+        let owners: Vec<_> = self.group.iter().enumerate().map(home).collect();
+        self.together(&owners)
+    }
+
+    /// The same owner for all of a multibody: its first body's.
+    pub(super) fn together(&self, owners: &[usize]) -> Vec<usize> {
+        self.assembly.iter().map(|&first| owners[first as usize]).collect()
     }
 
     /// Whether each body's group is small and has one owner.
@@ -94,6 +103,35 @@ impl Placement {
     fn is_small(&self, group: u32) -> bool {
         self.sizes[group as usize] as usize <= self.limit
     }
+}
+
+/// The first body of each one's multibody, with what else is tied to it; a body without is by itself.
+fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
+    let mut groups = Groups { parents: (0..bodies.len() as u32).collect() };
+    let movable = |id| {
+        let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
+        (bodies[place].traits.kind != BodyKind::Fixed).then_some(place as u32)
+    };
+    let mut linked = vec![false; bodies.len()];
+    for joint in joints {
+        let ends = [movable(joint.a), movable(joint.b)];
+        if let [Some(a), Some(b)] = ends {
+            groups.join(a, b);
+        }
+        if joint.link.is_some() {
+            ends.into_iter().flatten().for_each(|end| linked[end as usize] = true);
+        }
+    }
+    let roots: Vec<_> = (0..bodies.len() as u32).map(|body| groups.root(body)).collect();
+    let mut whole = vec![false; bodies.len()];
+    for (&root, linked) in roots.iter().zip(linked) {
+        whole[root as usize] |= linked;
+    }
+    roots
+        .iter()
+        .enumerate()
+        .map(|(body, &root)| if whole[root as usize] { root } else { body as u32 })
+        .collect()
 }
 
 fn join_touching(

@@ -636,6 +636,7 @@ impl Region {
         slot.told_asleep = false;
         self.due[handle.into_raw_parts().0 as usize] = 0;
         self.set_holders(handle, holders);
+        self.relink(handle);
     }
 
     /// Changes which other regions hold a body.
@@ -803,11 +804,20 @@ impl Region {
         });
         self.assemblies = assembly::connect(ties.into_iter().chain(single.map(|link| (link, link))));
         for index in 0..self.assemblies.len() {
-            for member in 0..self.assemblies[index].members.len() {
-                let handle = self.assemblies[index].members[member].handle;
-                self.slot_mut(handle).assembly = Some(index as u32);
+            let members = std::mem::take(&mut self.assemblies[index].members);
+            for member in &members {
+                self.slot_mut(member.handle).assembly = Some(index as u32);
             }
+            let is_link = |id: &JointId| self.joints.get(id).is_some_and(|joint| joint.record.link.is_some());
+            let articulated = members.iter().any(|link| self.slot(link.handle).joints.iter().any(is_link));
+            self.assemblies[index] = Assembly { members, articulated };
         }
+    }
+
+    /// Whether the body is part of a multibody, or tied to one.
+    pub(super) fn is_articulated(&self, handle: RigidBodyHandle) -> bool {
+        let assembly = self.slot(handle).assembly;
+        assembly.is_some_and(|index| self.assemblies[index as usize].articulated)
     }
 
     /// Puts a body on the list of its role.

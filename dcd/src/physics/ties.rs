@@ -7,6 +7,7 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::articulation::{self, LinkSettings};
 use super::joints;
 use super::region::{Region, Role};
 use crate::protocol::JointRecord;
@@ -17,9 +18,16 @@ use crate::space::{BodyId, JointId, RegionSet};
 pub(super) struct HeldJoint {
     pub record: JointRecord,
     /// None until Rapier has heard of it.
-    handle: Option<ImpulseJointHandle>,
+    handle: Option<Solver>,
     /// Regions that solve it.
     parts: usize,
+}
+
+/// Which of Rapier's solvers has a joint.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+enum Solver {
+    Impulses(ImpulseJointHandle),
+    Multibody(MultibodyJointHandle),
 }
 
 /// What Rapier's joints must be told when the next step begins.
@@ -27,7 +35,7 @@ pub(super) struct HeldJoint {
 pub(super) struct JointNews {
     /// In order of insertion.
     tied: Vec<JointId>,
-    untied: Vec<ImpulseJointHandle>,
+    untied: Vec<Solver>,
     /// Bodies that are no more.
     gone: Vec<RigidBodyHandle>,
     /// What Rapier has been told of but keeps in no snapshot: joints changed in place.
@@ -41,7 +49,10 @@ impl Region {
     pub(super) fn tell_joints(&mut self) {
         let mut news = std::mem::take(&mut self.joint_news);
         for handle in news.untied.drain(..) {
-            self.world_mut().impulse_joints.remove(handle, false);
+            match handle {
+                Solver::Impulses(handle) => drop(self.world_mut().impulse_joints.remove(handle, false)),
+                Solver::Multibody(handle) => self.world_mut().multibody_joints.remove(handle, false),
+            }
         }
         for handle in news.gone.drain(..) {
             // Of its joints nothing is left but the place where they began.
@@ -50,20 +61,78 @@ impl Region {
         for handle in news.woken.drain(..) {
             self.world_mut().wake_up(handle, true);
         }
+        let mut linked = Vec::new();
         for id in news.tied.drain(..) {
             let Some(mut held) = self.joints.remove(&id) else { continue };
             if let (None, Some(a), Some(b)) =
                 (held.handle, self.handle_of(held.record.a), self.handle_of(held.record.b))
             {
-                let mut joint = joints::joint_of(&held.record);
-                joints::share_out(&mut joint, &held.record, held.parts);
-                // The set's own insertion lets sleepers sleep; the world's wakes them.
-                held.handle = Some(self.world_mut().impulse_joints.insert(a, b, joint, false));
+                held.handle = match held.record.link {
+                    Some(_) => self.link(a, b, &held.record).map(Solver::Multibody),
+                    None => {
+                        let mut joint = joints::joint_of(&held.record);
+                        joints::share_out(&mut joint, &held.record, held.parts);
+                        // The set's own insertion lets sleepers sleep; the world's wakes them.
+                        Some(Solver::Impulses(self.world_mut().impulse_joints.insert(a, b, joint, false)))
+                    }
+                };
+                if let Some(Solver::Multibody(_)) = held.handle {
+                    linked.push(id);
+                }
             }
             self.joints.insert(id, held);
         }
+        // Once the multibodies are whole: places in their lists change as links are added.
+        for id in linked {
+            let held = &self.joints[&id];
+            if let (Some(Solver::Multibody(handle)), Some(link)) = (held.handle, held.record.link) {
+                let (multibody, index) =
+                    self.world_mut().multibody_joints.get_mut(handle).expect("just inserted");
+                articulation::equip(multibody, index, &link);
+            }
+        }
         news.changed.clear();
         self.joint_news = news;
+    }
+
+    /// Makes the second body a link of the first one's multibody, if both are this region's: copies of another's are led by its
+    /// word.
+    fn link(
+        &mut self,
+        a: RigidBodyHandle,
+        b: RigidBodyHandle,
+        record: &JointRecord,
+    ) -> Option<MultibodyJointHandle> {
+        if [a, b].into_iter().any(|end| matches!(self.slot(end).role, Role::Replica { .. })) {
+            return None;
+        }
+        let (joint, kinematic) = (joints::joint_of(record), record.link.is_some_and(|link| link.kinematic));
+        let joints = &mut self.world_mut().multibody_joints;
+        if kinematic {
+            joints.insert_kinematic(a, b, joint, false)
+        } else {
+            joints.insert(a, b, joint, false)
+        }
+    }
+
+    /// Authority over a body has changed: only its owner solves the multibody that it is part of.
+    pub(super) fn relink(&mut self, handle: RigidBodyHandle) {
+        for id in self.slot(handle).joints.clone() {
+            let Some(mut held) = self.joints.remove(&id) else { continue };
+            if held.record.link.is_some() {
+                let owned = !matches!(self.slot(handle).role, Role::Replica { .. });
+                match held.handle {
+                    None if owned => self.joint_news.tied.push(id),
+                    Some(solver) if !owned => {
+                        held.record = self.whole_record(&held);
+                        self.joint_news.untied.push(solver);
+                        held.handle = None;
+                    }
+                    _ => {}
+                }
+            }
+            self.joints.insert(id, held);
+        }
     }
 
     /// Takes a body out of Rapier's world; its joints stay until the next step begins.
@@ -88,7 +157,11 @@ impl Region {
 
     /// Ties two bodies, if the joint is not there yet: as soon as both are held here.
     pub(super) fn insert_joint(&mut self, joint: &JointRecord) {
-        if self.joints.contains_key(&joint.id) {
+        if let Some(held) = self.joints.get_mut(&joint.id) {
+            // The owner's word on where a link is, for whoever solves it next.
+            if held.handle.is_none() && joint.link.is_some_and(|link| link.motion.is_some()) {
+                held.record.link = joint.link;
+            }
             return;
         }
         let (a, b) = match (self.handle_of(joint.a), self.handle_of(joint.b)) {
@@ -139,23 +212,32 @@ impl Region {
         if let Some(record) = self.waiting.get_mut(&id) {
             let mut joint = joints::joint_of(record);
             change(&mut joint);
-            *record = joints::joint_record(id, record.a, record.b, &joint);
+            *record = joints::renewed(record, &joint);
             return true;
         }
         let Some(mut held) = self.joints.remove(&id) else { return false };
+        let ends = [held.record.a, held.record.b].map(|end| self.handle_of(end));
+        if held.handle.is_some() {
+            self.joint_news.woken.extend(ends.into_iter().flatten());
+        }
         match held.handle {
             None => {
                 let mut joint = joints::joint_of(&held.record);
                 change(&mut joint);
-                held.record = joints::joint_record(id, held.record.a, held.record.b, &joint);
+                held.record = joints::renewed(&held.record, &joint);
             }
-            Some(handle) => {
-                let ends = [held.record.a, held.record.b].map(|end| self.handle_of(end));
-                self.joint_news.woken.extend(ends.into_iter().flatten());
+            Some(Solver::Multibody(handle)) => {
+                let link = self.world_mut().multibody_joints.get_mut(handle);
+                if let Some(link) = link.and_then(|(multibody, index)| multibody.link_mut(index)) {
+                    change(&mut link.joint.data);
+                    held.record = joints::renewed(&held.record, &link.joint.data);
+                }
+            }
+            Some(Solver::Impulses(handle)) => {
                 let joint = self.rapier_joint(handle);
                 joints::share_out(joint, &held.record, 1);
                 change(joint);
-                held.record = joints::joint_record(id, held.record.a, held.record.b, joint);
+                held.record = joints::renewed(&held.record, joint);
                 joints::share_out(joint, &held.record, held.parts);
             }
         }
@@ -170,7 +252,7 @@ impl Region {
         let parts = both.len().max(1);
         if parts != held.parts {
             held.parts = parts;
-            if let Some(handle) = held.handle {
+            if let Some(Solver::Impulses(handle)) = held.handle {
                 joints::share_out(self.rapier_joint(handle), &held.record, parts);
             }
         }
@@ -194,28 +276,67 @@ impl Region {
         }
     }
 
-    /// A joint held here, whole: with the impulses of the last step.
+    /// A joint held here, whole: with the impulses of the last step, or as its multibody moves.
     pub(super) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
-        let held = self.joints.get(&id)?;
+        Some(self.whole_record(self.joints.get(&id)?))
+    }
+
+    fn whole_record(&self, held: &HeldJoint) -> JointRecord {
         let (mut record, parts) = (held.record.clone(), held.parts as f32);
-        let Some(handle) = held.handle else { return Some(record) };
-        let joint = self.physics().impulse_joints.get(handle)?;
-        for (limit, now) in record.limits.iter_mut().zip(&joint.data.limits) {
+        let joint = match held.handle {
+            Some(Solver::Impulses(handle)) => {
+                self.physics().impulse_joints.get(handle).map(|joint| &joint.data)
+            }
+            Some(Solver::Multibody(handle)) => {
+                self.physics().multibody_joints.get(handle).and_then(|(multibody, index)| {
+                    record.link = record.link.map(|link| articulation::record_of(multibody, index, &link));
+                    Some(&multibody.link(index)?.joint.data)
+                })
+            }
+            None => None,
+        };
+        let Some(joint) = joint else { return record };
+        for (limit, now) in record.limits.iter_mut().zip(&joint.limits) {
             limit.impulse = now.impulse * parts;
         }
-        for (motor, now) in record.motors.iter_mut().zip(&joint.data.motors) {
+        for (motor, now) in record.motors.iter_mut().zip(&joint.motors) {
             motor.impulse = now.impulse * parts;
         }
-        Some(record)
+        record
+    }
+
+    /// Changes what a multibody joint has besides what every joint has. Returns whether it is one, and held here.
+    pub(super) fn change_link(&mut self, id: JointId, settings: &LinkSettings) -> bool {
+        let Some(mut held) = self.joints.remove(&id) else { return false };
+        let is_link = held.record.link.is_some();
+        if is_link {
+            let mut link = settings.record();
+            if let Some(Solver::Multibody(handle)) = held.handle
+                && let Some((multibody, index)) = self.world_mut().multibody_joints.get_mut(handle)
+            {
+                articulation::equip(multibody, index, &link);
+            } else {
+                link.motion = held.record.link.and_then(|link| link.motion);
+            }
+            held.record.link = Some(link);
+        }
+        self.joints.insert(id, held);
+        is_link
     }
 
     /// What this region's solver pressed on the locked axes of a joint in the last step: newtons along the three axes of
-    /// its frame, newton metres about them; nothing while the joint waits.
+    /// its frame, newton metres about them; nothing while the joint waits. None for multibody joints, whose solver has no such
+    /// impulses.
     pub(super) fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         if self.waiting.contains_key(&id) {
             return Some([0.0; 6]);
         }
-        let Some(handle) = self.joints.get(&id)?.handle else { return Some([0.0; 6]) };
+        let held = self.joints.get(&id)?;
+        let handle = match held.handle {
+            Some(Solver::Impulses(handle)) => handle,
+            Some(Solver::Multibody(_)) => return None,
+            None => return held.record.link.is_none().then_some([0.0; 6]),
+        };
         let joint = self.physics().impulse_joints.get(handle)?;
         // Rapier keeps the impulse of the last solver iteration, each of which is a step of its own.
         let settings = &self.physics().integration_parameters;

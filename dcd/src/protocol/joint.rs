@@ -36,7 +36,38 @@ pub struct JointMotor {
     pub acceleration_based: bool,
 }
 
-/// An impulse joint between two bodies.
+/// What a multibody joint has besides: the second body is a link in reduced coordinates. Lists by degree of freedom have the
+/// linear ones first and nothing for locked axes; the rest of each is zero.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct LinkRecord {
+    /// Velocities of its degrees of freedom are the user's alone.
+    pub kinematic: bool,
+    /// By degree of freedom; `None` is Rapier's choice.
+    pub damping: Option<[f32; 6]>,
+    /// By degree of freedom.
+    pub armature: [f32; 6],
+    /// By degree of freedom.
+    pub friction: [f32; 6],
+    /// By axis: stiffness and rest position.
+    pub springs: [[f32; 2]; 6],
+    /// Where it is and how it moves; `None` at the zero of its coordinates.
+    pub motion: Option<LinkMotion>,
+}
+
+/// Where a link is and how it moves, in the coordinates of its joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct LinkMotion {
+    /// By axis, metres and radians.
+    pub coordinates: [f32; 6],
+    /// How it is turned, as a quaternion.
+    pub rotation: [f32; 4],
+    /// By degree of freedom.
+    pub velocity: [f32; 6],
+    /// Of the multibody's root, by its degrees of freedom.
+    pub root_velocity: [f32; 6],
+}
+
+/// A joint between two bodies, solved by impulses or as the link of a multibody.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointRecord {
     /// Its name.
@@ -69,4 +100,6 @@ pub struct JointRecord {
     pub enabled: bool,
     /// The user's own.
     pub user_data: u128,
+    /// Of a multibody joint, whose second body is the link.
+    pub link: Option<LinkRecord>,
 }

@@ -26,7 +26,7 @@ pub use codec::{
 pub(crate) use codec::{read_state, write_state};
 pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
-pub use joint::{JointLimit, JointMotor, JointRecord};
+pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     BodyCheckpoint, Border, Chunk, Claim, Dispatch, Done, Drive, EnvironmentProperties, FromClient, Hello,
     Lane, Member, Message, Pace, Ping, Placed, Pong, Refusal, Report, Role, SyncProtocol, TickStats,

@@ -178,7 +178,22 @@ impl Check for JointRecord {
             finite(&[motor.target_vel, motor.target_pos, motor.impulse], "joint.motor")?;
             numbers(&[motor.stiffness, motor.damping, motor.max_force], "joint.motor")?;
         }
-        numbers(&self.softness, "joint.softness")
+        numbers(&self.softness, "joint.softness")?;
+        let Some(link) = &self.link else { return Ok(()) };
+        must(
+            (self.locked_axes >> 3 & 7).count_ones() != 1,
+            "joint.link",
+            "no joint that turns about two axes",
+        )?;
+        finite(&link.damping.unwrap_or_default(), "joint.link.damping")?;
+        finite(&link.armature, "joint.link.armature")?;
+        finite(&link.friction, "joint.link.friction")?;
+        finite(link.springs.as_flattened(), "joint.link.springs")?;
+        let Some(motion) = &link.motion else { return Ok(()) };
+        finite(&motion.coordinates, "joint.link.motion")?;
+        finite(&motion.rotation, "joint.link.motion")?;
+        finite(&motion.velocity, "joint.link.motion")?;
+        finite(&motion.root_velocity, "joint.link.motion")
     }
 }
 

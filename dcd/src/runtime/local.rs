@@ -5,10 +5,12 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 
 use crate::physics::{
-    ControlError, Handover, HostError, Partition, Queries, Region, RegionHost, Role, StepSettings,
+    ControlError, Handover, HostError, LinkSettings, Partition, Queries, Region, RegionHost, Role,
+    StepSettings, joint_record,
 };
 use crate::protocol::{
-    BIG_ISLAND, ContactLedger, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity, WorldEvents, WorldPose,
+    BIG_ISLAND, ContactLedger, JointRecord, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity, WorldEvents,
+    WorldPose,
 };
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
@@ -279,14 +281,56 @@ impl DcdWorld {
         b: BodyId,
         joint: impl Into<GenericJoint>,
     ) -> Result<JointId, WorldError> {
+        self.tie(a, b, &joint.into(), None)
+    }
+
+    /// Makes body `b` a link of the multibody of `a` (Featherstone's reduced coordinates, as Rapier's multibody joints): the
+    /// joint cannot come apart. One region has all of a multibody and of what is tied to it, whatever the coupling: it is
+    /// never shared, and when it moves on to another region its contacts begin there without memory.
+    ///
+    /// ```
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::physics::LinkSettings;
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let base = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
+    /// let arm = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::capsule_y(0.4, 0.05))?;
+    /// let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor2(Vector::Y * 0.5);
+    /// world.insert_multibody_joint(base, arm, hinge, LinkSettings::default())?;
+    /// world.step()?;
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn insert_multibody_joint(
+        &mut self,
+        a: BodyId,
+        b: BodyId,
+        joint: impl Into<GenericJoint>,
+        settings: LinkSettings,
+    ) -> Result<JointId, WorldError> {
+        self.tie(a, b, &joint.into(), Some(settings))
+    }
+
+    /// Changes damping, armature, friction and springs of a multibody joint.
+    pub fn update_link(&mut self, joint: JointId, settings: &LinkSettings) -> Result<(), WorldError> {
+        if self.host.update_link(joint, settings) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+    }
+
+    fn tie(
+        &mut self,
+        a: BodyId,
+        b: BodyId,
+        joint: &GenericJoint,
+        link: Option<LinkSettings>,
+    ) -> Result<JointId, WorldError> {
         for body in [a, b] {
             if self.host.record(body).is_none() {
                 return Err(WorldError::NoBody(body));
             }
         }
         let id = JointId(self.next_joint);
+        let link = link.map(|settings| settings.record());
+        self.host.tie(JointRecord { link, ..joint_record(id, a, b, joint) })?;
         self.next_joint += 1;
-        self.host.tie(id, a, b, &joint.into())?;
         Ok(id)
     }
 

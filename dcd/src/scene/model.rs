@@ -49,7 +49,7 @@ pub struct SceneBody {
     pub colliders: Vec<ColliderBuilder>,
 }
 
-/// An impulse joint between two bodies of the scene.
+/// A joint between two bodies of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneJoint {
     /// Index of the first body.
@@ -58,6 +58,8 @@ pub struct SceneJoint {
     pub b: usize,
     /// Frames, limits, motors.
     pub joint: GenericJoint,
+    /// Whether the second body is a link of the first one's multibody (reduced coordinates); else impulses tie them.
+    pub multibody: bool,
 }
 
 /// A box that a client may drive through the scene.
@@ -123,8 +125,12 @@ impl Scene {
                 handle
             })
             .collect();
-        for &SceneJoint { a, b, joint } in &self.joints {
-            world.insert_impulse_joint(handles[a], handles[b], joint);
+        for &SceneJoint { a, b, joint, multibody } in &self.joints {
+            if multibody {
+                world.multibody_joints.insert(handles[a], handles[b], joint, false);
+            } else {
+                world.insert_impulse_joint(handles[a], handles[b], joint);
+            }
         }
         world
     }
@@ -227,7 +233,12 @@ mod tests {
         for x in [1.0, 5.0] {
             scene.push(WorldPose::at([x, 0.0, 0.0]), RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5));
         }
-        scene.joints.push(SceneJoint { a: 0, b: 1, joint: RopeJointBuilder::new(4.0).into() });
+        scene.joints.push(SceneJoint {
+            a: 0,
+            b: 1,
+            joint: RopeJointBuilder::new(4.0).into(),
+            multibody: false,
+        });
         let world = scene.bare_world();
         let xs: Vec<_> = world.rigid_bodies().map(|(_, body)| body.translation().x).collect();
         assert_eq!(xs, [1.0, 5.0]);

@@ -1,7 +1,7 @@
 //! A scene as it travels.
 
 use super::Scene;
-use crate::physics::{ShapeError, ShapeLibrary};
+use crate::physics::{LinkSettings, ShapeError, ShapeLibrary, joint_record};
 use crate::protocol::{BodyRecord, JointRecord};
 use crate::space::{BodyId, JointId};
 
@@ -23,7 +23,9 @@ impl Scene {
             .iter()
             .enumerate()
             .map(|(index, joint)| {
-                crate::physics::joint_record(JointId(index as u64), id(joint.a), id(joint.b), &joint.joint)
+                let (a, b) = (id(joint.a), id(joint.b));
+                let link = joint.multibody.then(|| LinkSettings::default().record());
+                JointRecord { link, ..joint_record(JointId(index as u64), a, b, &joint.joint) }
             })
             .collect();
         Ok((bodies, joints))

@@ -56,6 +56,7 @@ struct Wish {
 /// Says which regions must hold the bodies inserted since the last step: all whose cell they come near.
 pub(super) fn announce(region: &mut Region, moment: Moment<'_>) {
     region.outbox.clear(moment.tick);
+    region.update_assemblies();
     let mut border = std::mem::take(&mut region.border);
     border.decisions.clear();
     share_fresh(region, &mut border, moment);
@@ -68,6 +69,7 @@ pub(super) fn announce(region: &mut Region, moment: Moment<'_>) {
 
 /// Decides after a step who holds and owns what, and tells all whom it concerns.
 pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
+    region.update_assemblies();
     let mut border = std::mem::take(&mut region.border);
     border.decisions.clear();
     share_fresh(region, &mut border, moment);
@@ -128,8 +130,12 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
     for link in candidates {
         leaving.extend(decide_on(region, &mut border, moment, link));
     }
-    for (link, owner) in leaving {
-        hand_over(region, link, owner);
+    leaving.extend(articulated_leaving(region, &border, moment));
+    for (link, owner) in &leaving {
+        hand_over(region, *link, *owner);
+    }
+    for (link, _) in leaving {
+        region.remove(link.id);
     }
     region.border = border;
 }
@@ -181,7 +187,11 @@ fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
     let own = RegionSet::only(region.rank());
     for Link { id, handle } in region.fresh.clone() {
         let here = region.handle_of(id) == Some(handle);
-        if !here || region.slot(handle).role != Role::Owner || region.slot(handle).whole {
+        if !here
+            || region.slot(handle).role != Role::Owner
+            || region.slot(handle).whole
+            || region.is_articulated(handle)
+        {
             continue;
         }
         let bounds = if region.slot(handle).reach_m.is_finite() {
@@ -228,6 +238,7 @@ fn candidates(region: &Region, border: &Border) -> Vec<Link> {
     all.extend(moving.flat_map(|island| &island.members));
     all.sort_unstable_by_key(|link| link.id);
     all.dedup_by_key(|link| link.id);
+    all.retain(|link| !region.is_articulated(link.handle));
     // Those inserted in this tick have been decided on already.
     let fresh = |link: &Link| border.decisions.iter().any(|decision| decision.link.id == link.id);
     all.retain(|link| border.decisions.is_empty() || !fresh(link));
@@ -315,6 +326,10 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     };
     let pressed = island.map_or_else(|| reach::is_pressed(region, handle), |island| island.pressed);
     let is_ready = |handle| {
+        // It goes in one piece, when all else is ready.
+        if region.is_articulated(handle) {
+            return true;
+        }
         let slot = region.slot(handle);
         let settled = slot.shared.as_ref().is_some_and(|shared| {
             let strays = shared.shadows.contains(owner) && shared.strayed_m_s > STRAY_M_S;
@@ -351,14 +366,46 @@ fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
     region.slot(handle).holders.is_empty() && !asleep && !reach::is_pressed(region, handle)
 }
 
-/// Sends a body that nobody shares to its new owner, whole.
+/// Sends a body that nobody shares to its new owner, whole; it is still to be removed here.
 fn hand_over(region: &mut Region, link: Link, owner: usize) {
     let record = region.body_record(link.handle);
     let epoch = record.epoch.next();
     let whole = region.slot(link.handle).whole;
     let body = BodyRecord { epoch, ..record };
-    region.outbox.to(owner).transfers.push(Transfer { body, holders: RegionSet::EMPTY, whole });
-    region.remove(link.id);
+    let joints: Vec<_> = region.joints_of(link.handle).collect();
+    let message = region.outbox.to(owner);
+    message.transfers.push(Transfer { body, holders: RegionSet::EMPTY, whole });
+    message.joints.extend(joints);
+}
+
+/// Multibodies that go elsewhere, with all that is tied to them: nobody shares them, so they go in one piece, at the cost of
+/// what their contacts remember.
+fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<(Link, usize)> {
+    let mut leaving = Vec::new();
+    for assembly in region.assemblies.iter().filter(|assembly| assembly.articulated) {
+        let lead = assembly.members[0].handle;
+        let body = &region.physics().bodies[lead];
+        if region.slot(lead).role != Role::Owner || body.is_sleeping() {
+            continue;
+        }
+        let island = border.islands.of(lead).filter(|island| !island.big);
+        let owner = match island {
+            Some(_) => {
+                let wish = wish_for(region, border, moment, lead);
+                if wish.ready { wish.owner } else { region.rank() }
+            }
+            None => home_of(
+                region,
+                moment.partition,
+                convert::world_point(region.anchor(), body.center_of_mass()),
+            ),
+        };
+        if owner != region.rank() {
+            leaving.extend(assembly.members.iter().map(|&link| (link, owner)));
+        }
+    }
+    leaving.sort_unstable_by_key(|(link, _)| link.id);
+    leaving
 }
 
 /// Tells all members, new, remaining and former, and sends the body to the new ones.

@@ -57,13 +57,14 @@ impl Reach {
                 let (handle, set) = self.frontier[index];
                 if passes_on(region, handle) {
                     for_each_neighbour(region, handle, |other, touches| {
-                        if touches || !waits(other) {
+                        if (touches || !waits(other)) && !region.is_articulated(other) {
                             self.mark(other, set);
                         }
                     });
                 }
             }
-            for (handle, rank) in met.take().into_iter().flatten() {
+            let met = met.take().into_iter().flatten();
+            for (handle, rank) in met.filter(|(handle, _)| !region.is_articulated(*handle)) {
                 self.mark(handle, RegionSet::only(rank));
             }
             std::mem::swap(&mut self.frontier, &mut self.next);

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use rapier3d::prelude::*;
 
 use super::{HostError, RegionHost};
+use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Region, Role};
 use crate::protocol::{BodyRecord, BodyState, WorldPose};
@@ -57,6 +58,15 @@ impl RegionHost {
         let mut found = false;
         for region in &mut self.regions {
             found |= region.change_joint(id, &mut change);
+        }
+        found
+    }
+
+    /// Changes what a multibody joint has besides what every joint has. Returns whether there is such a joint.
+    pub fn update_link(&mut self, id: JointId, settings: &LinkSettings) -> bool {
+        let mut found = false;
+        for region in &mut self.regions {
+            found |= region.change_link(id, settings);
         }
         found
     }

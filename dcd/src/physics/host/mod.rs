@@ -131,6 +131,16 @@ pub enum HostError {
         /// Which body.
         body: BodyId,
     },
+    /// Rapier cannot have the joint in a multibody.
+    #[error("multibody joint {joint} to {body}: {cause}")]
+    Link {
+        /// Which joint.
+        joint: JointId,
+        /// Its second body.
+        body: BodyId,
+        /// What is wrong, and what to do.
+        cause: &'static str,
+    },
     /// A number that must be finite is not, or a rotation is not a unit quaternion.
     #[error(
         "{0} has a pose or velocity that is not finite, or a rotation that is not a unit quaternion; check its numbers"

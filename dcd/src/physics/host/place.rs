@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use rapier3d::prelude::*;
-
 use super::{HostError, RegionHost, StepSettings, on_all};
 use crate::physics::coupling::Moment;
 use crate::physics::directory::Home;
@@ -11,7 +9,7 @@ use crate::physics::follow;
 use crate::physics::placement::Placement;
 use crate::physics::region::{Region, Role};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
-use crate::physics::{convert, joints};
+use crate::physics::{articulation, convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};
 use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 
@@ -99,13 +97,28 @@ impl RegionHost {
             placed.iter().map(|(region, _)| self.partition.rank_of(*region).unwrap_or(usize::MAX)).collect();
         let bodies: Vec<_> = placed.into_iter().map(|(_, body)| body).collect();
         let mut whole = vec![false; bodies.len()];
+        let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
+        let mut joints = joints.to_vec();
         if self.tick == Tick(0) {
             // The whole scene, told to every node: each places it as a world in one process would.
-            let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
             owners = placement.owners(&bodies, &self.partition);
             whole = placement.whole(&owners);
+        } else {
+            owners = placement.together(&owners);
+            let pose_of = |id| {
+                let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
+                Some(bodies[place].state.pose)
+            };
+            for joint in &mut joints {
+                if let (Some(link), Some(a), Some(b)) = (&joint.link, pose_of(joint.a), pose_of(joint.b))
+                    && link.motion.is_none()
+                {
+                    let motion = Some(articulation::motion_between(joint, &a, &b));
+                    joint.link = Some(crate::protocol::LinkRecord { motion, ..*link });
+                }
+            }
         }
-        self.insert_placed(bodies, &owners, &whole, joints)
+        self.insert_placed(bodies, &owners, &whole, &joints)
     }
 
     /// Says which regions must hold what was inserted since the last step; the exchange carries it.
@@ -139,14 +152,17 @@ impl RegionHost {
 
     /// Ties two bodies that are in the world. Their assemblies become one: if these lie in different regions, both are
     /// placed anew, which costs them the warm start of one step.
-    pub fn tie(&mut self, id: JointId, a: BodyId, b: BodyId, joint: &GenericJoint) -> Result<(), HostError> {
-        let joint = joints::joint_record(id, a, b, joint);
+    pub fn tie(&mut self, joint: JointRecord) -> Result<(), HostError> {
+        let JointRecord { id, a, b, .. } = joint;
+        self.check_links(std::slice::from_ref(&joint), &[])?;
         let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
         for body in [a, b] {
             self.gather_assembly(body, &mut bodies, &mut ties);
         }
         let places: Vec<_> = bodies.keys().map(|&body| self.present_place(body)).collect();
-        if places.windows(2).all(|pair| pair[0] == pair[1]) {
+        let linked = joint.link.is_some() || ties.values().any(|joint| joint.link.is_some());
+        let shared = places.iter().any(|(_, holders)| !holders.is_empty());
+        if places.windows(2).all(|pair| pair[0] == pair[1]) && !(linked && shared) {
             return self.insert(Vec::new(), &[joint]);
         }
         for &body in bodies.keys() {
@@ -154,6 +170,40 @@ impl RegionHost {
         }
         ties.insert(id, joint);
         self.insert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
+    }
+
+    /// Whether Rapier can have these joints in multibodies, beside what is there.
+    fn check_links(&self, joints: &[JointRecord], bodies: &[BodyRecord]) -> Result<(), HostError> {
+        let mut parents = BTreeMap::new();
+        for joint in joints.iter().filter(|joint| joint.link.is_some()) {
+            let fault = |cause| HostError::Link { joint: joint.id, body: joint.b, cause };
+            if let Some(cause) = articulation::fault(&joints::joint_of(joint)) {
+                return Err(fault(cause));
+            }
+            let new =
+                bodies.binary_search_by_key(&joint.b, |body| body.id).ok().map(|place| bodies[place].clone());
+            if new.or_else(|| self.record(joint.b)).is_some_and(|body| body.traits.kind != BodyKind::Dynamic)
+            {
+                return Err(fault("only a dynamic body can be the second one; tie it the other way round"));
+            }
+            if self.parent_of(joint.b).is_some() || parents.insert(joint.b, joint.a).is_some() {
+                return Err(fault("it is a link of a multibody already; close loops with impulse joints"));
+            }
+            let mut above = Some(joint.a);
+            while let Some(id) = above {
+                if id == joint.b {
+                    return Err(fault("the joint would close a loop; close loops with impulse joints"));
+                }
+                above = parents.get(&id).copied().or_else(|| self.parent_of(id));
+            }
+        }
+        Ok(())
+    }
+
+    /// The body whose link this one is.
+    fn parent_of(&self, id: BodyId) -> Option<BodyId> {
+        let mut links = self.joints_of(id).filter(|joint| joint.link.is_some() && joint.b == id);
+        links.next().map(|joint| joint.a)
     }
 
     /// Takes a joint out of every region. Returns whether any held it.
@@ -181,6 +231,7 @@ impl RegionHost {
         if let Some(pair) = bodies.windows(2).find(|pair| pair[0].id == pair[1].id) {
             return Err(HostError::Taken(pair[0].id));
         }
+        self.check_links(joints, bodies)?;
         for joint in joints {
             for body in [joint.a, joint.b] {
                 let new = bodies.binary_search_by_key(&body, |body| body.id).is_ok();

@@ -27,6 +27,8 @@ pub(super) struct JointDef {
     enabled: Option<bool>,
     softness: Option<SoftnessDef>,
     user_data: Option<u64>,
+    #[serde(default)]
+    multibody: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -90,8 +92,14 @@ impl JointDef {
         if let Some(SoftnessDef { frequency, damping_ratio }) = &self.softness {
             joint.softness = SpringCoefficients::new(frequency.0, damping_ratio.0);
         }
+        if self.multibody && matches!(self.kind, Kind::Rope | Kind::Spring) {
+            return Err(Fault::new(
+                "ropes and springs are no joints of a multibody",
+                "leave `multibody` out: impulses tie them",
+            ));
+        }
         joint.user_data = self.user_data.map_or(0, u128::from);
-        Ok(SceneJoint { a, b, joint })
+        Ok(SceneJoint { a, b, joint, multibody: self.multibody })
     }
 
     fn degrees_of_freedom(&self) -> Result<GenericJoint, Fault> {

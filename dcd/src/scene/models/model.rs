@@ -63,10 +63,14 @@ impl Model {
         let apart = self.apart.difference(&silent).filter(|&&(a, b)| {
             touchable(a) && touchable(b) && !(self.parts[a].is_fixed() && self.parts[b].is_fixed())
         });
-        let joints =
-            self.joints.iter().map(|joint| SceneJoint { a: joint.a, b: joint.b, joint: joint.joint });
+        let joints = self.joints.iter().map(|joint| SceneJoint {
+            a: joint.a,
+            b: joint.b,
+            joint: joint.joint,
+            multibody: false,
+        });
         let free = GenericJoint { contacts_enabled: false, ..GenericJoint::default() };
-        joints.chain(apart.map(|&(a, b)| SceneJoint { a, b, joint: free })).collect()
+        joints.chain(apart.map(|&(a, b)| SceneJoint { a, b, joint: free, multibody: false })).collect()
     }
 }
 

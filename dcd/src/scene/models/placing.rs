@@ -79,9 +79,9 @@ fn add_copy(scene: &mut Scene, bodies: &[SceneBody], joints: &[SceneJoint], copy
         placed[index] = Some(scene.bodies.len());
         scene.bodies.push(body);
     }
-    for &SceneJoint { a, b, joint } in joints {
+    for &SceneJoint { a, b, joint, multibody } in joints {
         if let (Some(a), Some(b)) = (placed[a], placed[b]) {
-            scene.joints.push(SceneJoint { a, b, joint });
+            scene.joints.push(SceneJoint { a, b, joint, multibody });
         }
     }
 }

@@ -1,0 +1,208 @@
+//! Multibody joints in a partitioned world: one region has all of a multibody, and it moves on in one piece.
+
+use dcd::physics::{Coupling, LinkSettings, StepSettings};
+use dcd::protocol::WorldPose;
+use dcd::rapier3d::prelude::*;
+use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::scene::{Scene, SceneJoint};
+use dcd::space::{Axis, Balance, BodyId, Bounds};
+
+/// A cart with an arm of so many links upon it, in a scene of its own.
+fn cart(scene: &mut Scene, at: [f64; 3], links: usize, velocity: Vector) -> usize {
+    let upright = LockedAxes::ROTATION_LOCKED_X | LockedAxes::ROTATION_LOCKED_Y;
+    let body = RigidBodyBuilder::dynamic().linvel(velocity).locked_axes(upright).can_sleep(false);
+    let first = scene.push(WorldPose::at(at), body, ColliderBuilder::cuboid(0.5, 0.25, 0.5).friction(0.0));
+    let (mut below, mut anchor) = (first, Vector::Y * 0.25);
+    for link in 0..links {
+        let place = [at[0], at[1] + 0.5 + 0.5 * link as f64, at[2]];
+        let body = RigidBodyBuilder::dynamic().linvel(velocity).can_sleep(false);
+        let arm = scene.push(WorldPose::at(place), body, ColliderBuilder::capsule_y(0.15, 0.08).mass(0.5));
+        let joint: GenericJoint = if link % 2 == 0 {
+            let hinge = RevoluteJointBuilder::new(Vector::Z).motor_position(0.3, 40.0, 6.0);
+            hinge.local_anchor1(anchor).local_anchor2(Vector::Y * -0.25).contacts_enabled(false).into()
+        } else {
+            let ball = SphericalJointBuilder::new().local_anchor1(anchor).local_anchor2(Vector::Y * -0.25);
+            ball.contacts_enabled(false).into()
+        };
+        scene.joints.push(SceneJoint { a: below, b: arm, joint, multibody: true });
+        (below, anchor) = (arm, Vector::Y * 0.25);
+    }
+    first
+}
+
+fn flat(name: &str) -> Scene {
+    let mut scene = Scene::empty(name);
+    scene.push_fixed_box([0.0, -0.5, 0.0], [60.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.0));
+    scene.bounds = Bounds::around([0.0, 2.0, 0.0], [16.0, 4.0, 8.0]);
+    scene
+}
+
+fn world_of(scene: &Scene, cuts: &[f64], coupling: Coupling) -> DcdWorld {
+    let cuts: Vec<_> = cuts.iter().map(|&at| (Axis::X, at)).collect();
+    let config = WorldConfig {
+        partitioning: if cuts.is_empty() { Partitioning::Regions(1) } else { Partitioning::Cuts(cuts) },
+        step: StepSettings { gravity: scene.gravity, ..StepSettings::default().with_coupling(coupling) },
+        ..WorldConfig::for_scene(scene)
+    };
+    DcdWorld::from_scene(scene, config).unwrap()
+}
+
+/// The worst distance between the two anchors of a joint, metres.
+fn apart(scene: &Scene, pose: impl Fn(usize) -> Pose) -> f32 {
+    let gap = |joint: &SceneJoint| {
+        let end = |body, frame: &Pose| (pose(body) * *frame).translation;
+        (end(joint.a, &joint.joint.local_frame1) - end(joint.b, &joint.joint.local_frame2)).length()
+    };
+    scene.joints.iter().map(gap).fold(0.0, f32::max)
+}
+
+fn pose_in(world: &DcdWorld, body: usize) -> Pose {
+    let pose = world.pose(BodyId::persistent(body as u32)).unwrap();
+    Pose::from_parts(Vector::from(pose.translation.map(|v| v as f32)), Rotation::from_array(pose.rotation))
+}
+
+#[test]
+fn one_region_computes_a_multibody_to_the_bits_of_bare_rapier() {
+    let mut scene = flat("carts");
+    cart(&mut scene, [0.0, 0.25, 0.0], 4, Vector::X);
+    cart(&mut scene, [3.0, 0.25, 0.0], 3, Vector::ZERO);
+    let (mut bare, mut world) = (scene.bare_world(), world_of(&scene, &[], Coupling::Auto));
+    for _ in 0..240 {
+        bare.step();
+        world.step().unwrap();
+    }
+    for (index, (_, body)) in bare.rigid_bodies().enumerate() {
+        assert_eq!(pose_in(&world, index), *body.position(), "body {index}");
+    }
+}
+
+#[test]
+fn a_multibody_rides_over_borders_as_in_one_world_with_every_coupling() {
+    let mut scene = flat("rider");
+    scene.gravity = [0.0; 3];
+    let first = cart(&mut scene, [-12.0, 0.3, 0.0], 4, Vector::X * 4.0);
+    let mut bare = scene.bare_world();
+    (0..300).for_each(|_| bare.step());
+    for coupling in Coupling::ALL {
+        let mut world = world_of(&scene, &[-8.0, -2.0, 1.0, 5.0], coupling);
+        let mut owners = std::collections::BTreeSet::new();
+        for tick in 0..300 {
+            world.step().unwrap();
+            owners.insert(world.owner_of(BodyId::persistent(first as u32)).unwrap());
+            let owner = |link: usize| world.owner_of(BodyId::persistent((first + link) as u32));
+            assert!((0..=4).all(|link| owner(link) == owner(0)), "{coupling:?}: in pieces at tick {tick}");
+        }
+        assert_eq!(owners.len(), 5, "{coupling:?}");
+        for (index, (_, body)) in bare.rigid_bodies().enumerate().skip(1) {
+            let (here, there) = (pose_in(&world, index), body.position());
+            let off = (here.translation - there.translation).length();
+            assert!(off < 2e-3, "{coupling:?}: body {index} is {off} m off");
+        }
+        assert!(apart(&scene, |body| pose_in(&world, body)) < 1e-3, "{coupling:?}");
+    }
+}
+
+#[test]
+fn multibodies_that_fall_on_boxes_at_a_border_stay_in_one_piece() {
+    let mut scene = flat("heap");
+    for row in 0..5 {
+        for column in 0..5 {
+            let place = [1.1 * f64::from(column) - 2.2, 0.5, 1.1 * f64::from(row) - 2.2];
+            scene.push(
+                WorldPose::at(place),
+                RigidBodyBuilder::dynamic(),
+                ColliderBuilder::cuboid(0.5, 0.5, 0.5),
+            );
+        }
+    }
+    for index in 0..4 {
+        cart(&mut scene, [1.4 * f64::from(index) - 2.1, 2.5, 0.3 * f64::from(index)], 3, Vector::ZERO);
+    }
+    for coupling in [Coupling::Auto, Coupling::Island, Coupling::Overlap, Coupling::Owner] {
+        let mut world = world_of(&scene, &[-1.0, 0.1, 1.0], coupling);
+        for tick in 0..300 {
+            world.step().unwrap();
+            assert_eq!(world.stats().quarantined, 0, "{coupling:?} at tick {tick}");
+        }
+        let gap = apart(&scene, |body| pose_in(&world, body));
+        assert!(gap < 1e-3, "{coupling:?}: {gap} m apart");
+        let lowest = world.states().map(|(_, _, pose, _)| pose.translation[1]).fold(f64::INFINITY, f64::min);
+        assert!(lowest > 0.05, "{coupling:?}: something sank to {lowest}");
+    }
+}
+
+#[test]
+fn a_multibody_is_carried_by_planes_that_move_and_by_snapshots() {
+    let mut scene = flat("carried");
+    for index in 0..12 {
+        cart(&mut scene, [2.0 * f64::from(index) - 11.0, 0.25, 0.0], 3, Vector::X * 0.5);
+    }
+    let mut world = world_of(&scene, &[-12.0, -11.5], Coupling::Auto);
+    world.set_balance(Some(Balance { every_ticks: 5, ..Balance::keeping(3) })).unwrap();
+    (0..120).for_each(|_| world.step().unwrap());
+    let mut saved = Vec::new();
+    world.save(&mut saved).unwrap();
+    let mut again = DcdWorld::restore(&saved[..], 1).unwrap();
+    for world in [&mut world, &mut again] {
+        (0..120).for_each(|_| world.step().unwrap());
+    }
+    assert_eq!(world.state_hash(), again.state_hash());
+    assert!(world.stats().transfers >= 16, "{} transfers", world.stats().transfers);
+    assert!(apart(&scene, |body| pose_in(&world, body)) < 1e-3);
+}
+
+#[test]
+fn what_rapier_cannot_have_in_a_multibody_is_refused_by_name_and_nothing_is_lost() {
+    let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+    let mut insert = |body| world.insert(body, ColliderBuilder::ball(0.2)).unwrap();
+    let fixed = insert(RigidBodyBuilder::fixed());
+    let bodies: Vec<_> =
+        (1..5).map(|x| insert(RigidBodyBuilder::dynamic().translation(Vector::X * x as f32))).collect();
+    let ball = || SphericalJointBuilder::new().local_anchor1(Vector::X);
+    let mut tie = |a, b| world.insert_multibody_joint(a, b, ball(), LinkSettings::default());
+    tie(fixed, bodies[0]).unwrap();
+    tie(bodies[0], bodies[1]).unwrap();
+    tie(bodies[1], bodies[2]).unwrap();
+    let refused = |result: Result<_, dcd::runtime::WorldError>| result.map(drop).unwrap_err().to_string();
+    assert!(refused(tie(bodies[3], bodies[2])).contains("link of a multibody already"));
+    assert!(refused(tie(bodies[2], fixed)).contains("only a dynamic body"));
+    tie(bodies[3], bodies[3]).unwrap_err();
+    let universal = GenericJointBuilder::new(JointAxesMask::LIN_AXES | JointAxesMask::ANG_X);
+    let error =
+        refused(world.insert_multibody_joint(bodies[2], bodies[3], universal, LinkSettings::default()));
+    assert!(error.contains("two axes"), "{error}");
+    (0..60).for_each(|_| world.step().unwrap());
+    assert_eq!(world.stats().bodies, 4);
+    assert!(bodies.iter().all(|&id| world.pose(id).unwrap().is_valid()));
+}
+
+#[test]
+fn motors_springs_and_damping_of_links_act_and_travel() {
+    let turned = |settings: LinkSettings, cuts: &[f64]| {
+        let mut scene = flat("spring");
+        scene.gravity = [0.0; 3];
+        let mut world = world_of(&scene, cuts, Coupling::Auto);
+        let base =
+            RigidBodyBuilder::dynamic().linvel(Vector::X * 2.0).translation(Vector::new(-4.0, 2.0, 0.0));
+        let base = world
+            .insert(base.can_sleep(false), ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(100.0))
+            .unwrap();
+        let arm =
+            RigidBodyBuilder::dynamic().linvel(Vector::X * 2.0).translation(Vector::new(-4.0, 3.0, 0.0));
+        let arm = world.insert(arm.can_sleep(false), ColliderBuilder::capsule_y(0.3, 0.1)).unwrap();
+        let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::Y * 0.6);
+        let hinge = hinge.local_anchor2(Vector::Y * -0.4).contacts_enabled(false);
+        let joint = world.insert_multibody_joint(base, arm, hinge, LinkSettings::default()).unwrap();
+        world.update_link(joint, &settings).unwrap();
+        (0..180).for_each(|_| world.step().unwrap());
+        let of = |id| Rotation::from_array(world.pose(id).unwrap().rotation);
+        (of(base).inverse() * of(arm)).to_scaled_axis().z
+    };
+    let mut springs = [[0.0; 2]; 6];
+    springs[3] = [40.0, 0.5];
+    let settings = LinkSettings { springs, damping: Some([6.0; 6]), ..LinkSettings::default() };
+    let (one, four) = (turned(settings, &[]), turned(settings, &[-3.0, -1.0, 0.5]));
+    assert!((one.abs() - 0.5).abs() < 0.05, "the spring rests at half a radian: {one}");
+    assert!((one - four).abs() < 2e-3, "{one} against {four}");
+    assert!(turned(LinkSettings::default(), &[]).abs() < 1e-3, "nothing turns it");
+}

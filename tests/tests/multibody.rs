@@ -8,14 +8,14 @@ use dcd::scene::{Scene, SceneJoint};
 use dcd::space::{Axis, Balance, BodyId, Bounds};
 
 /// A cart with an arm of so many links upon it, in a scene of its own.
-fn cart(scene: &mut Scene, at: [f64; 3], links: usize, velocity: Vector) -> usize {
+fn cart(scene: &mut Scene, at: [f64; 3], links: usize) -> usize {
     let upright = LockedAxes::ROTATION_LOCKED_X | LockedAxes::ROTATION_LOCKED_Y;
-    let body = RigidBodyBuilder::dynamic().linvel(velocity).locked_axes(upright).can_sleep(false);
+    let body = RigidBodyBuilder::dynamic().locked_axes(upright).can_sleep(false);
     let first = scene.push(WorldPose::at(at), body, ColliderBuilder::cuboid(0.5, 0.25, 0.5).friction(0.0));
     let (mut below, mut anchor) = (first, Vector::Y * 0.25);
     for link in 0..links {
         let place = [at[0], at[1] + 0.5 + 0.5 * link as f64, at[2]];
-        let body = RigidBodyBuilder::dynamic().linvel(velocity).can_sleep(false);
+        let body = RigidBodyBuilder::dynamic().can_sleep(false);
         let arm = scene.push(WorldPose::at(place), body, ColliderBuilder::capsule_y(0.15, 0.08).mass(0.5));
         let joint: GenericJoint = if link % 2 == 0 {
             let hinge = RevoluteJointBuilder::new(Vector::Z).motor_position(0.3, 40.0, 6.0);
@@ -64,8 +64,8 @@ fn pose_in(world: &DcdWorld, body: usize) -> Pose {
 #[test]
 fn one_region_computes_a_multibody_to_the_bits_of_bare_rapier() {
     let mut scene = flat("carts");
-    cart(&mut scene, [0.0, 0.25, 0.0], 4, Vector::X);
-    cart(&mut scene, [3.0, 0.25, 0.0], 3, Vector::ZERO);
+    cart(&mut scene, [0.0, 0.25, 0.0], 4);
+    cart(&mut scene, [3.0, 0.25, 0.0], 3);
     let (mut bare, mut world) = (scene.bare_world(), world_of(&scene, &[], Coupling::Auto));
     for _ in 0..240 {
         bare.step();
@@ -79,8 +79,9 @@ fn one_region_computes_a_multibody_to_the_bits_of_bare_rapier() {
 #[test]
 fn a_multibody_rides_over_borders_as_in_one_world_with_every_coupling() {
     let mut scene = flat("rider");
-    scene.gravity = [0.0; 3];
-    let first = cart(&mut scene, [-12.0, 0.3, 0.0], 4, Vector::X * 4.0);
+    // Rapier's multibodies heed no initial velocity; they fall sideways.
+    scene.gravity = [1.6, 0.0, 0.0];
+    let first = cart(&mut scene, [-12.0, 0.3, 0.0], 4);
     let mut bare = scene.bare_world();
     (0..300).for_each(|_| bare.step());
     for coupling in Coupling::ALL {
@@ -116,7 +117,7 @@ fn multibodies_that_fall_on_boxes_at_a_border_stay_in_one_piece() {
         }
     }
     for index in 0..4 {
-        cart(&mut scene, [1.4 * f64::from(index) - 2.1, 2.5, 0.3 * f64::from(index)], 3, Vector::ZERO);
+        cart(&mut scene, [1.4 * f64::from(index) - 2.1, 2.5, 0.3 * f64::from(index)], 3);
     }
     for coupling in [Coupling::Auto, Coupling::Island, Coupling::Overlap, Coupling::Owner] {
         let mut world = world_of(&scene, &[-1.0, 0.1, 1.0], coupling);
@@ -135,7 +136,7 @@ fn multibodies_that_fall_on_boxes_at_a_border_stay_in_one_piece() {
 fn a_multibody_is_carried_by_planes_that_move_and_by_snapshots() {
     let mut scene = flat("carried");
     for index in 0..12 {
-        cart(&mut scene, [2.0 * f64::from(index) - 11.0, 0.25, 0.0], 3, Vector::X * 0.5);
+        cart(&mut scene, [2.0 * f64::from(index) - 11.0, 0.25, 0.0], 3);
     }
     let mut world = world_of(&scene, &[-12.0, -11.5], Coupling::Auto);
     world.set_balance(Some(Balance { every_ticks: 5, ..Balance::keeping(3) })).unwrap();
@@ -180,15 +181,13 @@ fn what_rapier_cannot_have_in_a_multibody_is_refused_by_name_and_nothing_is_lost
 fn motors_springs_and_damping_of_links_act_and_travel() {
     let turned = |settings: LinkSettings, cuts: &[f64]| {
         let mut scene = flat("spring");
-        scene.gravity = [0.0; 3];
+        scene.gravity = [1.6, 0.0, 0.0];
         let mut world = world_of(&scene, cuts, Coupling::Auto);
-        let base =
-            RigidBodyBuilder::dynamic().linvel(Vector::X * 2.0).translation(Vector::new(-4.0, 2.0, 0.0));
+        let base = RigidBodyBuilder::dynamic().translation(Vector::new(-4.0, 2.0, 0.0));
         let base = world
             .insert(base.can_sleep(false), ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(100.0))
             .unwrap();
-        let arm =
-            RigidBodyBuilder::dynamic().linvel(Vector::X * 2.0).translation(Vector::new(-4.0, 3.0, 0.0));
+        let arm = RigidBodyBuilder::dynamic().translation(Vector::new(-4.0, 3.0, 0.0));
         let arm = world.insert(arm.can_sleep(false), ColliderBuilder::capsule_y(0.3, 0.1)).unwrap();
         let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::Y * 0.6);
         let hinge = hinge.local_anchor2(Vector::Y * -0.4).contacts_enabled(false);

@@ -44,7 +44,7 @@ impl Outbox {
     }
 
     /// Says the same to all other regions.
-    pub(super) fn to_all(&mut self, say: impl Fn(&mut BorderMessage)) {
+    pub(super) fn tell_all(&mut self, say: impl Fn(&mut BorderMessage)) {
         for rank in 0..self.leaves.len() {
             if self.leaves[rank] != self.from {
                 say(self.to(rank));
@@ -85,7 +85,7 @@ mod tests {
         assert_eq!(sent(&outbox), [(3, RegionId(3), Tick(4)), (7, RegionId(7), Tick(4))]);
         outbox.clear(Tick(5));
         assert!(sent(&outbox).is_empty());
-        outbox.to_all(|message| message.steps = 2);
+        outbox.tell_all(|message| message.steps = 2);
         assert_eq!(sent(&outbox).len(), 8, "not to itself");
     }
 }

@@ -26,7 +26,7 @@ pub(super) fn gather(region: &mut Region, moment: Moment<'_>) {
         membership::decide(region, moment);
         let steps = region.border.pace.tell(region.rank());
         if steps > 0 {
-            region.outbox.to_all(|message| message.steps = steps);
+            region.outbox.tell_all(|message| message.steps = steps);
         }
     }
 }

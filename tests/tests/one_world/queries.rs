@@ -193,13 +193,16 @@ fn a_region_far_off_does_not_answer_for_ground_that_is_near_another() {
         WorldConfig { bounds: world_box, partitioning: Partitioning::Regions(8), ..WorldConfig::default() };
     let mut world = DcdWorld::new(config).unwrap();
     let ground = ColliderBuilder::cuboid(200_000.0, 1.0, 5.0);
-    let ground = world.insert(RigidBodyBuilder::fixed(), ground).unwrap();
+    let post = ColliderBuilder::cuboid(0.5, 2.0, 0.5).translation(Vector::new(0.0, 3.0, 0.0));
+    let fixed = RigidBodyBuilder::fixed();
+    let ground = world.insert_at(WorldPose::default(), fixed, vec![ground, post]).unwrap();
     assert!(world.regions().iter().all(|region| region.handle_of(ground).is_some()));
-    for part in 0..20 {
-        let gap_m = 100.0 + 0.0071 * f64::from(part);
-        let ray = WorldRay::new([200_000.0 + gap_m, 0.0, 0.0], [-1.0, 0.0, 0.0]);
+    for part in 0..40 {
+        let gap_m = 10.0 + 0.0071 * f64::from(part);
+        let ray = WorldRay::new([-0.5 - gap_m, 3.0, 0.0], [1.0, 0.0, 0.0]);
         let hit = world.queries().cast_ray(&ray, &BodyFilter::default()).unwrap().unwrap();
-        // 25 km from its anchor a region counts in 2 mm, the farthest in 30.
-        assert!((hit.distance_m - gap_m).abs() < 3e-3, "{} m, not {gap_m} m", hit.distance_m);
+        assert_eq!((hit.body, hit.collider), (ground, 1));
+        // 25 km from its anchor a region counts in 2 mm, the farthest in 16.
+        assert!((hit.distance_m - gap_m).abs() < 1.5e-3, "{} m, not {gap_m} m", hit.distance_m);
     }
 }

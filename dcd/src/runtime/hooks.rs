@@ -7,7 +7,8 @@ use crate::physics::ContactHooks;
 
 impl DcdWorld {
     /// Asks these hooks about contacts from now on, and no others; `None` asks nobody. A collider is asked about if it has
-    /// Rapier's `ActiveHooks`, which travel with it; hooks themselves do not travel: a served world has none.
+    /// Rapier's `ActiveHooks`, which travel with it; hooks themselves do not: a served world has
+    /// none, and a restored one has them when they are set again.
     ///
     /// ```
     /// # use std::sync::Arc;

@@ -257,3 +257,16 @@ fn an_impulse_on_a_shared_body_is_not_lost_when_another_body_is_inserted_before_
         }
     }
 }
+
+#[test]
+fn a_force_goes_on_behind_a_border() {
+    for coupling in Coupling::ALL {
+        let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+        let id = world.insert(body_at(-1.0, 0.0, 0.0), cube()).unwrap();
+        world.update(id, |body| body.add_force(Vector::new(2.0, 0.0, 0.0), true)).unwrap();
+        let first = world.owner_of(id);
+        steps(&mut world, 120);
+        assert_ne!(world.owner_of(id), first, "{coupling:?}");
+        assert!((speed(&world, id)[0] - 4.0).abs() < 0.01, "{coupling:?}: {:?}", speed(&world, id));
+    }
+}

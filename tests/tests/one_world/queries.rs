@@ -185,3 +185,24 @@ fn questions_without_an_answer_are_refused_by_name() {
     assert_eq!(point, Err(QueryError::NotFinite("point")));
     assert_eq!(queries.cast_ray(&ray.up_to(5.0), &all), Ok(None));
 }
+
+#[test]
+fn a_region_far_off_does_not_answer_for_ground_that_is_near_another() {
+    let world_box = Bounds::around([0.0; 3], [200_000.0, 100.0, 100.0]);
+    let config =
+        WorldConfig { bounds: world_box, partitioning: Partitioning::Regions(8), ..WorldConfig::default() };
+    let mut world = DcdWorld::new(config).unwrap();
+    let ground = ColliderBuilder::cuboid(200_000.0, 1.0, 5.0);
+    let post = ColliderBuilder::cuboid(0.5, 2.0, 0.5).translation(Vector::new(0.0, 3.0, 0.0));
+    let fixed = RigidBodyBuilder::fixed();
+    let ground = world.insert_at(WorldPose::default(), fixed, vec![ground, post]).unwrap();
+    assert!(world.regions().iter().all(|region| region.handle_of(ground).is_some()));
+    for part in 0..40 {
+        let gap_m = 10.0 + 0.0071 * f64::from(part);
+        let ray = WorldRay::new([-0.5 - gap_m, 3.0, 0.0], [1.0, 0.0, 0.0]);
+        let hit = world.queries().cast_ray(&ray, &BodyFilter::default()).unwrap().unwrap();
+        assert_eq!((hit.body, hit.collider), (ground, 1));
+        // 25 km from its anchor a region counts in 2 mm, the farthest in 16.
+        assert!((hit.distance_m - gap_m).abs() < 1.5e-3, "{} m, not {gap_m} m", hit.distance_m);
+    }
+}

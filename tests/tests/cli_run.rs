@@ -360,6 +360,6 @@ fn a_model_file_runs_in_a_hundred_copies_and_says_what_it_lacks() {
     assert_eq!(report["bodies"], 25);
     let output = dcd(&["run", ant.to_str().unwrap(), "--seconds", "0.1"]);
     assert!(text(&output.stderr).contains("joint armature of"), "{}", text(&output.stderr));
-    let error = error(&["run", "none.urdf"], 1);
+    let error = error(&["run", "none.urdf"], 2);
     assert!(error.contains("none.urdf"), "{error}");
 }

@@ -205,6 +205,6 @@ mod tests {
         assert_eq!(lines.len(), 2 + 12 + 2);
         assert!(lines[2].starts_with("r29 ") && lines[13].starts_with("r7 "), "{text}");
         let others: Vec<_> = lines[14].split_whitespace().collect();
-        assert_eq!(others[..3], ["18", "others", "409"]);
+        assert_eq!(others[..3], ["18", "others", "399"]);
     }
 }

@@ -92,6 +92,7 @@ impl From<ProcessError> for Failure {
             ProcessError::Net(_)
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
+            | ProcessError::Superseded { .. }
             | ProcessError::Evicted { .. }
             | ProcessError::Refused(_)
             | ProcessError::Stopped => DCD_ERR_NETWORK,

@@ -167,6 +167,55 @@ fn scene_files_run_like_scenes_of_the_library() {
 }
 
 #[test]
+fn shipped_scene_files_go_by_their_bare_names() {
+    let report = json(&["run", "dominoes", "--seconds", "0.1"]);
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../dcd/scenes/dominoes.toml");
+    assert_eq!(report["state_hash"], json(&["run", path, "--seconds", "0.1"])["state_hash"]);
+    assert!(error(&["run", "domino"], 2).contains("no scene `domino`"));
+}
+
+/// `script` gives the process a terminal of its own.
+#[cfg(target_os = "linux")]
+#[test]
+fn whoever_looks_on_at_a_terminal_sees_the_regions_and_pipes_and_json_do_not() {
+    let on_terminal = |args: &str| {
+        let line = format!("stty cols 120; {BINARY} run pile --set n=400 --regions 3 --seconds 1 {args}");
+        let output = Command::new("script")
+            .args(["--quiet", "--return", "--command", &line, "/dev/null"])
+            .env("TERM", "xterm")
+            .stdin(std::process::Stdio::null())
+            .output()
+            .expect("`script` of util-linux is there");
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+        text(&output.stdout)
+    };
+    let seen = on_terminal("");
+    for part in ["400 bodies (", "3 regions, ", "replicas", "transfers", "ms a step", "r2 ", "all "] {
+        assert!(seen.contains(part), "`{part}` is missing in {seen}");
+    }
+    for quiet in ["--quiet", "--json"] {
+        assert!(!on_terminal(quiet).contains("ms a step"), "{quiet}");
+    }
+}
+
+#[test]
+fn shells_and_manuals_learn_of_every_subcommand() {
+    let said = |args: &[&str]| {
+        let output = dcd(args);
+        assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()), "{args:?}");
+        text(&output.stdout)
+    };
+    assert!(said(&["completions", "bash"]).contains("--island-limit"));
+    assert!(said(&["completions", "fish"]).contains("-l island-limit"));
+    assert!(said(&["man"]).starts_with(".ie"));
+    let folder = tempfile::tempdir().unwrap();
+    said(&["man", "--quiet", "--out", folder.path().join("new/man1").to_str().unwrap()]);
+    let run = std::fs::read_to_string(folder.path().join("new/man1/dcd-run.1")).unwrap();
+    assert!(run.contains(r"\-\-save"), "{run}");
+    assert!(error(&["completions", "csh"], 2).contains("possible values: bash"));
+}
+
+#[test]
 fn wrong_usage_names_cause_and_remedy_and_exits_with_2() {
     let cases: [(&[&str], &[&str]); 19] = [
         (&["run", "towr"], &["no scene `towr`", "did you mean `tower`?"]),
@@ -202,16 +251,16 @@ fn files_that_cannot_be_read_or_written_are_named_before_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let broken = folder.path().join("broken.toml");
     std::fs::write(&broken, "[world]\ngravty = [0, 0, 0]\n").unwrap();
-    let said = error(&["run", broken.to_str().unwrap()], 1);
+    let said = error(&["run", broken.to_str().unwrap()], 2);
     assert!(
         said.contains("broken.toml:2: unknown field `gravty`") && said.contains("correct the key"),
         "{said}"
     );
-    let said = error(&["run", "nowhere.toml"], 1);
+    let said = error(&["run", "nowhere.toml"], 2);
     assert!(said.contains("cannot read scene file nowhere.toml"), "{said}");
     // A run this long would not come back.
     let out = folder.path().join("no/such/folder.csv");
-    let said = error(&["run", "tower", "--seconds", "1e9", "--out", out.to_str().unwrap()], 1);
+    let said = error(&["run", "tower", "--seconds", "1e9", "--out", out.to_str().unwrap()], 2);
     assert!(
         said.contains("folder.csv") && said.contains("give --out a file in a folder that exists"),
         "{said}"
@@ -311,6 +360,6 @@ fn a_model_file_runs_in_a_hundred_copies_and_says_what_it_lacks() {
     assert_eq!(report["bodies"], 25);
     let output = dcd(&["run", ant.to_str().unwrap(), "--seconds", "0.1"]);
     assert!(text(&output.stderr).contains("joint armature of"), "{}", text(&output.stderr));
-    let error = error(&["run", "none.urdf"], 1);
+    let error = error(&["run", "none.urdf"], 2);
     assert!(error.contains("none.urdf"), "{error}");
 }

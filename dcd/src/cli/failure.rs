@@ -38,11 +38,7 @@ impl Failure {
 
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
-        let message = error.to_string();
-        match error {
-            SceneError::Read { .. } | SceneError::File { .. } => Self::run(message),
-            _ => Self::usage(message),
-        }
+        Self::usage(error.to_string())
     }
 }
 
@@ -61,8 +57,14 @@ impl From<ProcessError> for Failure {
         let message = error.to_string();
         match error {
             ProcessError::World(error) => error.into(),
-            // Nothing was said to a server yet.
-            ProcessError::Token(_) | ProcessError::Tree(_) => Self::usage(message),
+            // What the user gave cannot be used, and nothing was said to a server yet.
+            ProcessError::Token(_)
+            | ProcessError::Tree(_)
+            | ProcessError::Shape(_)
+            | ProcessError::Role { .. }
+            | ProcessError::Net(
+                NetError::Token(_) | NetError::File { .. } | NetError::Damaged { .. } | NetError::Bind { .. },
+            ) => Self::usage(message),
             _ => Self::run(message),
         }
     }

@@ -1,11 +1,12 @@
 //! `dcd scenes`: what the library holds.
 
 use std::fmt::Write;
+use std::path::Path;
 use std::process::ExitCode;
 
 use super::common::{Common, print};
 use super::failure::Failure;
-use crate::scene::{MODEL_PARAMS, Params, Scene, SceneInfo, library};
+use crate::scene::{MODEL_PARAMS, Params, Scene, SceneError, SceneInfo, library};
 
 /// Lists the scenes of the library with their parameters
 #[derive(clap::Args)]
@@ -29,12 +30,31 @@ impl Scenes {
     }
 }
 
+/// A scene as users name it: a path, a scene of the library, or a file that the sources ship by its bare name.
+pub(super) fn open(name: &str, params: &Params) -> Result<Scene, SceneError> {
+    match Scene::open(name, params) {
+        Err(error @ SceneError::UnknownScene { .. }) => match shipped(name) {
+            Some(path) => Scene::open(&path, params),
+            None => Err(error),
+        },
+        opened => opened,
+    }
+}
+
+/// Of a file in dcd/scenes/, where the sources are still where this binary was built.
+fn shipped(name: &str) -> Option<String> {
+    let is_bare = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(format!("{name}.toml"));
+    (is_bare && path.is_file()).then(|| path.to_string_lossy().into_owned())
+}
+
 /// Every scene of the library, for help texts.
 pub(super) fn overview() -> String {
     let scenes: Vec<_> = library().iter().map(describe).collect();
     format!(
         "Scenes of the library, with their parameters and defaults (--set name=value):\n\n{}\n\n\
-         A scene may also be a TOML file: the sources ship some in dcd/scenes/, whose README.md has the format.\n\n\
+         A scene may also be a TOML file: the sources ship some in dcd/scenes/, whose README.md has the format; these go by\n\
+         their bare names too, as playground.\n\n\
          Or an MJCF or URDF file (dcd/scenes/models/README.md says what of these is read):\n{}",
         scenes.join("\n\n"),
         MODEL_PARAMS.map(|param| format!("    {param}")).join("\n")

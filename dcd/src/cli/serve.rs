@@ -14,7 +14,7 @@ use super::values::{SERVER, address, speed};
 use super::world::{CutArgs, explained};
 use crate::protocol::{Pace, View, ViewNumber};
 use crate::runtime::{ServeConfig, ServerProcess};
-use crate::scene::{Params, Scene};
+use crate::scene::Params;
 use crate::space::MAX_REGIONS;
 use crate::space::Tick;
 
@@ -68,7 +68,7 @@ pub(super) struct Serve {
 
 impl Serve {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
-        let scene = Scene::open(&self.scene, &Params::from_args(&self.set)?)?;
+        let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
         let world = self.cuts.config(&scene, self.regions)?;
         world.tree().map_err(|error| explained(error.into(), &scene))?;
         let interrupt = Interrupt::listen()?;

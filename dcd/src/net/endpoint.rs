@@ -51,10 +51,7 @@ impl Net {
         }
         let answer = server_config(&identity, authority.is_some(), &limits)?;
         let dial = client_config(&identity, &limits)?;
-        let socket = UdpSocket::bind(listen).map_err(|source| match source.kind() {
-            io::ErrorKind::AddrInUse => NetError::PortTaken { addr: listen },
-            _ => NetError::Bind { addr: listen, source },
-        })?;
+        let socket = bind(listen)?;
         // One thread leaves the cores to the regions. Two gain little (measured on two cores, both ends in one process): there
         // and back 65 instead of 80 µs at full rate, 150 to 350 µs with either at 100 frames a second.
         let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -220,4 +217,17 @@ fn client_config(identity: &Identity, limits: &Limits) -> Result<ClientConfig, N
     let mut config = ClientConfig::new(Arc::new(crypto));
     config.transport_config(limits.transport(0));
     Ok(config)
+}
+
+/// Whether this address can be listened on now: to know it before anything is made for a server.
+#[cfg(feature = "physics")]
+pub(crate) fn check_address(listen: SocketAddr) -> Result<(), NetError> {
+    bind(listen).map(drop)
+}
+
+fn bind(listen: SocketAddr) -> Result<UdpSocket, NetError> {
+    UdpSocket::bind(listen).map_err(|source| match source.kind() {
+        io::ErrorKind::AddrInUse => NetError::PortTaken { addr: listen },
+        _ => NetError::Bind { addr: listen, source },
+    })
 }

@@ -27,6 +27,8 @@ mod token;
 mod verify;
 
 pub use authority::Authority;
+#[cfg(feature = "physics")]
+pub(crate) use endpoint::check_address;
 pub use endpoint::{Net, NetConfig};
 pub use error::{JoinRefusal, NetError, SendError, TokenError};
 pub use events::{CloseCause, NetEvent, NetEvents, PeerKey};

@@ -364,6 +364,17 @@ impl Region {
         self.slots.iter().flatten().filter(|slot| slot.role == Role::Owner).count()
     }
 
+    /// How many of them are awake.
+    pub fn awake_count(&self) -> usize {
+        let owned = |handle| self.slot_at(handle).is_some_and(|slot| slot.role == Role::Owner);
+        self.world.islands.active_bodies().filter(|&handle| owned(handle)).count()
+    }
+
+    /// Wall time that its steps took in the last tick, without what it took in of other regions; zero when it rested.
+    pub fn last_step(&self) -> Duration {
+        if self.rests { Duration::ZERO } else { Duration::from_secs_f64(self.step_us * 1e-6) }
+    }
+
     /// How many bodies it holds for others.
     pub fn replica_count(&self) -> usize {
         self.replicas.len()

@@ -51,6 +51,15 @@ pub enum ProcessError {
         /// As the network or the server put it.
         reason: String,
     },
+    /// Another process took its name.
+    #[error(
+        "another process has joined the server at {server} with this one's identity, and took its place; give each process \
+         an identity file of its own (--identity), and start this one again if it was the right one"
+    )]
+    Superseded {
+        /// Where the server is.
+        server: SocketAddr,
+    },
     /// The server no longer wants it.
     #[error("the server at {server} ended this node: {reason}")]
     Evicted {

@@ -14,6 +14,9 @@ use crate::space::{ClientId, NodeId};
 /// given up: it can join anew.
 const WAITING_BYTES: usize = 256 << 20;
 
+/// Why a link ends when its peer calls again: it came back before the former link was found dead, or is there twice.
+pub(super) const SUPERSEDED: &str = "a newer link of the same peer took its place";
+
 /// What happens on links, in the cluster's words.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
@@ -154,9 +157,8 @@ impl Links {
                 let peers = self.peers_of(who);
                 for &peer in &peers {
                     if let Some(former) = self.keys.insert(peer, key) {
-                        // The peer came back before its former link was found dead.
                         self.names.remove(&former);
-                        self.net.close(former, "a newer link of the same peer took its place");
+                        self.net.close(former, SUPERSEDED);
                     }
                 }
                 self.flush();

@@ -525,6 +525,11 @@ impl DcdWorld {
         hasher.finish()
     }
 
+    /// Wall time of the last step.
+    pub fn last_step(&self) -> Duration {
+        self.last_step
+    }
+
     /// What the world did so far.
     pub fn stats(&self) -> Stats {
         Stats {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info};
 
-use super::links::{LinkEvent, Links};
+use super::links::{LinkEvent, Links, SUPERSEDED};
 use super::{PhysicsDevice, ProcessError};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand,
@@ -381,7 +381,12 @@ impl Loop {
             }
             LinkEvent::Disconnected(peer, reason) => {
                 if peer == Peer::Server {
-                    self.end = Some(Err(ProcessError::ServerGone { server: self.server, reason }));
+                    let server = self.server;
+                    let superseded = reason.contains(SUPERSEDED);
+                    self.end = Some(Err(match superseded {
+                        true => ProcessError::Superseded { server },
+                        false => ProcessError::ServerGone { server, reason },
+                    }));
                     return;
                 }
                 debug!(?peer, reason, "a link is gone");

@@ -13,7 +13,7 @@ use super::links::{LinkEvent, Links};
 use super::member::forward;
 use super::{ProcessError, WorldConfig};
 use crate::cluster::{Record, Server, ServerConfig, ServerEvent, ServerOutput};
-use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, Role};
+use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, Role, check_address};
 use crate::physics::{Partition, RegionHost, ShapeLibrary};
 use crate::protocol::{BodyKind, EnvironmentProperties, Pace, StateHasher, SyncProtocol, View};
 use crate::scene::Scene;
@@ -114,6 +114,8 @@ impl ServerProcess {
     /// Starts a server with this scene on a thread of its own.
     pub fn start(scene: &Scene, config: ServeConfig) -> Result<Self, ProcessError> {
         let (environment, record) = world_of(scene, &config)?;
+        // A port that is taken leaves no new folder behind.
+        check_address(config.listen)?;
         let authority = Arc::new(Authority::load_or_create(&config.data)?);
         let net = NetConfig {
             listen: config.listen,

@@ -24,20 +24,23 @@ fn a_server_that_cannot_start_says_why() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().to_str().unwrap();
     has(&error(&["serve", "towr", "--data", data], 2), &["no scene `towr`", "did you mean `tower`?"]);
-    has(&error(&["serve", "nowhere.toml", "--data", data], 1), &["cannot read scene file nowhere.toml"]);
+    has(&error(&["serve", "nowhere.toml", "--data", data], 2), &["cannot read scene file nowhere.toml"]);
     has(&error(&["serve", "tower", "--cut", "y=99", "--data", data], 2), &["plane y=99 cuts no region"]);
     has(&error(&["serve", "tower", "--listen", "here", "--data", data], 2), &["here:7420"]);
     let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     let said = error(&["serve", "tower", "--listen", &address, "--data", data], 1);
     has(&said, &[&address, "in use by another process", "port 0"]);
+    let fresh = folder.path().join("fresh");
+    error(&["serve", "tower", "--listen", &address, "--data", fresh.to_str().unwrap()], 1);
+    assert!(!fresh.exists(), "a server that cannot listen leaves no folder behind");
     let server = Server::start(&["tower"]);
     let data = server.data();
     let said = error(&["serve", "tower", "--listen", "127.0.0.1:0", "--data", data.to_str().unwrap()], 1);
     has(&said, &["another server is running with the data folder", "choose another folder"]);
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
-    has(&error(&["token", "--role", "node", "--data", file.to_str().unwrap()], 1), &["cannot use", "file"]);
+    has(&error(&["token", "--role", "node", "--data", file.to_str().unwrap()], 2), &["cannot use", "file"]);
     for wrong in
         [&["--role", "server"][..], &["--role", "node", "--valid", "10"], &["--role", "node", "--count", "0"]]
     {
@@ -105,6 +108,24 @@ fn a_server_that_is_not_there_or_goes_away_is_named() {
         assert_eq!(ended.code(), Some(1), "{ended:?}");
         has(&ended.errors, &[&server.address, "is gone", "start the server again"]);
     }
+}
+
+#[test]
+fn of_two_processes_with_one_identity_the_older_is_told_what_to_do() {
+    let server = Server::playground("1");
+    let identity = server.folder.path().join("who");
+    let node = || {
+        let token = server.token("node");
+        let args = ["node", "--server", &server.address, "--token", &token, "--identity"];
+        let mut node = Process::start(dcd(&args).arg(&identity));
+        node.line("joined as ");
+        node
+    };
+    let mut older = node();
+    let _newer = node();
+    let ended = older.end_within(LIMIT);
+    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    has(&ended.errors, &[&server.address, "with this one's identity", "an identity file of its own"]);
 }
 
 #[test]

@@ -15,6 +15,7 @@ use self::story::{Cast, Played, Takeover, told};
 use super::common::Common;
 use super::failure::Failure;
 use super::interrupt::Interrupt;
+use super::scenes;
 use super::summary::Summary;
 use super::values::wall_seconds;
 use crate::net::{Authority, Role};
@@ -63,11 +64,7 @@ impl Demo {
         }
         let interrupt = Interrupt::listen()?;
         let workspace = program::workspace();
-        let scene = match &workspace {
-            Ok(folder) => shipped(folder, &self.scene).unwrap_or_else(|| self.scene.clone()),
-            Err(_) => self.scene.clone(),
-        };
-        let hint = avatar(&Scene::open(&scene, &Params::new())?, self.seconds);
+        let hint = avatar(&scenes::open(&self.scene, &Params::new())?, self.seconds);
         let folder = tempfile::Builder::new().prefix("dcd-demo-").tempdir().map_err(|error| {
             Failure::run(format!(
                 "cannot make a temporary folder: {error}; point TMPDIR at one that can be written to"
@@ -83,7 +80,7 @@ impl Demo {
             folder: folder.path(),
             authority: Authority::load_or_create(folder.path())?,
         };
-        let played = show.play(&self, &scene, &program, &hint)?;
+        let played = show.play(&self, &self.scene, &program, &hint)?;
         if !self.json {
             super::common::print(&told(&played))?;
         } else {
@@ -211,12 +208,6 @@ impl Show<'_> {
             Failure::run(format!("{name} ended without a summary ({status}); run with -vv to see why"))
         })
     }
-}
-
-/// A scene file that comes with dcd.
-fn shipped(workspace: &Path, name: &str) -> Option<String> {
-    let file = workspace.join("dcd/scenes").join(format!("{name}.toml"));
-    file.is_file().then(|| file.to_string_lossy().into_owned())
 }
 
 /// Where the avatar starts and goes: as the scene says, else along the ground through the middle; so slowly that it does

@@ -17,21 +17,21 @@ impl Target {
     pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
         match OpenOptions::new().append(true).create(true).open(&path) {
             Ok(_) => Ok(Self(path)),
-            Err(error) => Err(refused(&path, &error)),
+            Err(error) => Err(Failure::usage(refused(&path, &error))),
         }
     }
 
     pub(super) fn write(&self, world: &impl Measured) -> Result<(), Failure> {
         let written = File::create(&self.0).and_then(|file| write_states(BufWriter::new(file), world));
-        written.map_err(|error| refused(&self.0, &error))
+        written.map_err(|error| Failure::run(refused(&self.0, &error)))
     }
 }
 
-fn refused(path: &Path, error: &io::Error) -> Failure {
-    Failure::run(format!(
+fn refused(path: &Path, error: &io::Error) -> String {
+    format!(
         "cannot write {}: {error}; give --out a file in a folder that exists and that you may write to",
         path.display()
-    ))
+    )
 }
 
 /// Bodies in id order; every number is the shortest text that reads back to the same bits.

@@ -1,6 +1,7 @@
 //! `dcd run`: steps a scene on this machine and measures it.
 
 mod csv;
+mod live;
 mod snapshot;
 mod table;
 
@@ -66,12 +67,12 @@ impl Run {
         let out = self.out.map(csv::Target::check).transpose()?;
         let save = self.save.map(snapshot::Target::check).transpose()?;
         tracing::info!(scene = cast.name, ticks = plan.ticks, "stepping");
-        let bar = common.progress(plan.ticks, "ticks", self.json);
-        let report = run(&cast, &plan, &mut subject, |tick, _| {
-            bar.set_position(tick);
+        let mut live = live::Live::new(common, plan.ticks, self.json);
+        let report = run(&cast, &plan, &mut subject, |tick, subject| {
+            live.tell(tick, subject);
             if interrupt.asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        bar.finish_and_clear();
+        live.finish();
         let report = report?;
         // Before anything is printed: the JSON object is the last line, and its bodies can be found in the file.
         let written = out.map(|out| out.write(&subject)).transpose();
@@ -103,7 +104,7 @@ impl Run {
                 "--save takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out",
             ));
         }
-        let scene = Scene::open(&self.scene, &Params::from_args(&self.set)?)?;
+        let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
         let plan = self.plan(&scene)?;
         let subject = plan.subject(&scene).map_err(|error| explained(error, &scene))?;
         Ok((Cast::of_scene(&scene), plan, subject))

@@ -66,7 +66,7 @@ impl WorldConfig {
             },
             threads: 1,
             halo_m: None,
-            balance: None,
+            balance: scene.balance,
             step: scene.coupling.applied_to(StepSettings {
                 gravity: scene.gravity,
                 dt_s: scene.dt_s,

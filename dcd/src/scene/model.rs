@@ -7,7 +7,7 @@ use rapier3d::prelude::*;
 use super::{Params, SceneError, file, library};
 use crate::physics::CouplingChoice;
 use crate::protocol::WorldPose;
-use crate::space::{Axis, Bounds};
+use crate::space::{Axis, Balance, Bounds};
 
 /// What a world holds at its first tick, and how it is to be stepped.
 #[derive(Clone, Debug)]
@@ -30,6 +30,8 @@ pub struct Scene {
     pub regions: Option<usize>,
     /// Where to cut first, when the scene says so: an axis and metres on it, each cut dividing all regions it meets.
     pub cuts: Vec<(Axis, f64)>,
+    /// How regions follow the load in a world of one process, when the scene says so.
+    pub balance: Option<Balance>,
     /// What the scene asks of the coupling.
     pub coupling: CouplingChoice,
     /// Where a client's avatar starts, when the scene says so.
@@ -147,6 +149,7 @@ impl Scene {
             solver_iterations: 4,
             regions: None,
             cuts: Vec::new(),
+            balance: None,
             coupling: CouplingChoice::default(),
             avatar: None,
             warnings: Vec::new(),

@@ -17,7 +17,7 @@ use super::world::{CutArgs, explained};
 use crate::runtime::measure::{Cast, Plan, Subject, run};
 use crate::runtime::{Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
-use crate::space::MAX_REGIONS;
+use crate::space::{Balance, MAX_REGIONS};
 
 /// Steps a scene on this machine and measures it
 ///
@@ -26,6 +26,7 @@ use crate::space::MAX_REGIONS;
 ///   dcd run pile --set n=20000 --regions 2 --threads 2
 ///   dcd run pile --set n=20000 --regions 0 --json
 ///   dcd run tower --cut y=5 --seconds 60 --out tower.csv
+///   dcd run convoy --set cars=200 --set road=20000 --regions 4 --balance
 ///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
 ///   dcd run robot.urdf --set copies=100 --set ground=1 --regions 2
 #[derive(clap::Args)]
@@ -43,6 +44,10 @@ pub(super) struct Run {
     regions: Option<u16>,
     #[command(flatten)]
     cuts: CutArgs,
+    /// Regions follow the load: their planes move so that all have equal shares. With a range, as 1-8, regions are also cut
+    /// and merged as there is more or less to do
+    #[arg(long, value_name = "LEAST-MOST", num_args = 0..=1, default_missing_value = "", value_parser = range)]
+    balance: Option<Range>,
     /// Regions stepped at a time [default: one a region, as far as there are cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -111,7 +116,11 @@ impl Run {
     }
 
     fn resume(&self, common: &Common) -> Result<(Cast, Plan, Subject), Failure> {
-        let given = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
+        let given = [
+            ("--set", !self.set.is_empty()),
+            ("--regions", self.regions.is_some()),
+            ("--balance", self.balance.is_some()),
+        ];
         let contradicts = given.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
         if let Some(name) = contradicts.or(self.cuts.first_given()) {
             return Err(Failure::usage(format!(
@@ -142,6 +151,12 @@ impl Run {
         }
         let mut config = self.cuts.config(scene, self.regions)?;
         let regions = config.tree().map_err(|error| explained(error.into(), scene))?.leaf_count();
+        if let Some(Range(range)) = self.balance {
+            let (least_regions, most_regions) = range.unwrap_or((regions, regions));
+            config.balance =
+                Some(Balance { least_regions, most_regions, ..config.balance.unwrap_or_default() });
+        }
+        let regions = config.balance.map_or(regions, |balance| balance.most_regions.max(regions));
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         config.threads = self.threads.map_or(regions.min(cores), usize::from);
         Ok(Plan { config: Some(config), ticks })
@@ -151,11 +166,28 @@ impl Run {
 fn after_help() -> String {
     format!(
         "The time of a step counts only the step: what is measured is measured between steps. --json prints the keys\n\
-         scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s{{mean,max}} ticks dt_s\n\
+         scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s{{mean,max}} imbalance{{mean,max}} ticks dt_s\n\
          wall_s rtf step_ms{{mean,p50,p99,max}} contacts replicas_mean transfers energy_j{{start,end}} momentum_kgms{{start,end}} max_penetration_m ground_force_ratio\n\
          lost doubled quarantined state_hash; step_ms leaves the first 30 steps out.\n\n{}",
         scenes::overview()
     )
+}
+
+/// From so many regions to so many; none keeps as many as there are.
+#[derive(Clone, Copy)]
+struct Range(Option<(usize, usize)>);
+
+fn range(text: &str) -> Result<Range, String> {
+    let wrong = || format!("write the fewest and the most regions, as 1-8, each from 1 to {MAX_REGIONS}");
+    if text.is_empty() {
+        return Ok(Range(None));
+    }
+    let (least, most) = text.split_once('-').ok_or_else(wrong)?;
+    let number = |text: &str| text.trim().parse().ok().filter(|n| (1..=MAX_REGIONS).contains(n));
+    match (number(least), number(most)) {
+        (Some(least), Some(most)) if least <= most => Ok(Range(Some((least, most)))),
+        _ => Err(wrong()),
+    }
 }
 
 /// At most 30 years: more would not end, and ticks are counted in whole numbers.

@@ -24,8 +24,11 @@ pub struct Report {
     pub exchanges: usize,
     /// Exchanges a tick that took place, at the border that took most; 0 with one region.
     pub exchanges_mean: f64,
-    /// How far copies of a body were from agreement in a tick at the worst border, summed over its exchanges, m/s.
-    pub disagreement_m_s: Disagreement,
+    /// How far copies of a body were from agreement in a tick at the worst border, summed over its exchanges, m/s; 0 with
+    /// couplings that do not agree on means.
+    pub disagreement_m_s: MeanMax,
+    /// How many times the mean the busiest region's awake bodies are, copies of others' too; 1 is perfect balance.
+    pub imbalance: MeanMax,
     /// Ticks done.
     pub ticks: u64,
     /// Simulated seconds a tick.
@@ -70,9 +73,9 @@ pub struct Change<T> {
     pub end: T,
 }
 
-/// Of all ticks; 0 with couplings that do not agree on means.
+/// Of all ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Disagreement {
+pub struct MeanMax {
     /// Arithmetic mean.
     pub mean: f64,
     /// The most.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::{PhysicsWorld, RigidBodyType};
 
-use super::report::{Change, Disagreement, Report, StepTimes};
+use super::report::{Change, MeanMax, Report, StepTimes};
 use crate::physics::{ContactSample, Measured, View};
 use crate::runtime::{DcdWorld, Stats, WorldConfig, WorldError};
 use crate::scene::Scene;
@@ -58,6 +58,14 @@ impl Subject {
             Self::Bare(_) => Stats::default(),
             Self::Regions(world) => world.stats(),
         }
+    }
+
+    /// How many times the mean the busiest region has to do; 1 where there is nothing to share out.
+    fn imbalance(&self) -> f64 {
+        let Self::Regions(world) = self else { return 1.0 };
+        let awake = world.regions().iter().map(|region| region.physics().islands.active_bodies().count());
+        let (sum, most) = awake.fold((0, 0), |(sum, most), count| (sum + count, most.max(count)));
+        if sum == 0 { 1.0 } else { (most * world.regions().len()) as f64 / sum as f64 }
     }
 
     fn region_count(&self) -> usize {
@@ -147,10 +155,11 @@ pub fn run(
         coupling: settings.map(|config| config.step.coupling.name()),
         exchanges: settings.map_or(0, |config| config.step.exchanges),
         exchanges_mean: watch.exchanges as f64 / ticks as f64,
-        disagreement_m_s: Disagreement {
+        disagreement_m_s: MeanMax {
             mean: watch.disagreement_sum / ticks as f64,
             max: watch.disagreement_max,
         },
+        imbalance: MeanMax { mean: watch.imbalance_sum / ticks as f64, max: watch.imbalance_max },
         ticks,
         dt_s: cast.dt_s,
         wall_s,
@@ -177,6 +186,8 @@ struct Watch {
     exchanges: usize,
     disagreement_sum: f64,
     disagreement_max: f64,
+    imbalance_sum: f64,
+    imbalance_max: f64,
     quarantined: BTreeSet<BodyId>,
     contacts: Vec<ContactSample>,
     lost: usize,
@@ -191,6 +202,9 @@ impl Watch {
         self.exchanges += stats.exchanges;
         self.disagreement_sum += disagreement;
         self.disagreement_max = self.disagreement_max.max(disagreement);
+        let imbalance = subject.imbalance();
+        self.imbalance_sum += imbalance;
+        self.imbalance_max = self.imbalance_max.max(imbalance);
         self.quarantined.extend(subject.quarantined());
     }
 

@@ -12,7 +12,7 @@ use crate::physics::{Coupling, CouplingChoice, Method, Preset};
 use crate::protocol::{BIG_ISLAND, MAX_DEPTH, MAX_ROUNDS};
 use crate::scene::model::world_pose;
 use crate::scene::{AvatarHint, Params, Scene, SceneBody};
-use crate::space::{Axis, Bounds, MAX_REGIONS};
+use crate::space::{Axis, Balance, Bounds, MAX_REGIONS};
 
 /// Room around the bodies when the file gives no bounds.
 const MARGIN_M: f64 = 1.0;
@@ -29,6 +29,7 @@ pub(super) struct WorldDef {
     regions: Option<usize>,
     #[serde(default)]
     cuts: Vec<CutDef>,
+    balance: Option<Balance>,
     coupling: Option<Coupling>,
     preset: Option<Preset>,
     exchanges: Option<usize>,
@@ -94,6 +95,15 @@ impl WorldDef {
         scene.regions = within("regions", self.regions, 1..=MAX_REGIONS)?.or(scene.regions);
         if !self.cuts.is_empty() {
             scene.cuts = self.cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();
+        }
+        if let Some(balance) = self.balance {
+            if let Some((what, range)) = balance.fault() {
+                return Err(Fault::new(
+                    format!("[world] balance: {what} is out of range"),
+                    format!("give {range}"),
+                ));
+            }
+            scene.balance = Some(balance);
         }
         scene.coupling = self.choice()?;
         scene.bounds = match (&self.bounds, inherited) {

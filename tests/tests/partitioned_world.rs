@@ -548,3 +548,23 @@ fn the_force_of_a_contact_across_a_border_is_reported_once() {
     );
     assert!(pushes[0].force_n[1] > 9.0, "the force on the upper box points up: {:?}", pushes[0].force_n);
 }
+
+#[test]
+fn a_joint_waits_while_it_has_nothing_to_move() {
+    let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+    let mut insert = |body: RigidBodyBuilder, x: f32| {
+        world.insert(body.translation(Vector::X * x), ColliderBuilder::ball(0.1)).unwrap()
+    };
+    let (fixed, belt) =
+        (insert(RigidBodyBuilder::fixed(), 0.0), insert(RigidBodyBuilder::kinematic_velocity_based(), 1.0));
+    let off = insert(RigidBodyBuilder::dynamic().enabled(false), 2.0);
+    let rope = || SphericalJointBuilder::new().local_anchor1(Vector::X);
+    world.insert_joint(fixed, belt, rope()).unwrap();
+    let tie = world.insert_joint(belt, off, rope()).unwrap();
+    (0..10).for_each(|_| world.step().unwrap());
+    assert_eq!(world.joint_load(tie), Some([0.0; 6]));
+    world.update(off, |body| body.set_enabled(true)).unwrap();
+    (0..60).for_each(|_| world.step().unwrap());
+    assert!((world.pose(off).unwrap().translation[0] - 2.0).abs() < 0.01, "it hangs at its anchor");
+    assert!(world.joint_load(tie).unwrap()[1].abs() > 0.01, "and weighs on it");
+}

@@ -61,12 +61,16 @@ impl Region {
         for handle in news.woken.drain(..) {
             self.world_mut().wake_up(handle, true);
         }
-        let mut linked = Vec::new();
+        let (mut linked, mut unmoved) = (Vec::new(), Vec::new());
         for id in news.tied.drain(..) {
             let Some(mut held) = self.joints.remove(&id) else { continue };
-            if let (None, Some(a), Some(b)) =
-                (held.handle, self.handle_of(held.record.a), self.handle_of(held.record.b))
-            {
+            let ends = (self.handle_of(held.record.a), self.handle_of(held.record.b));
+            if let (None, (Some(a), Some(b))) = (held.handle, ends) {
+                if !self.is_solvable(a, b) {
+                    unmoved.push(id);
+                    self.joints.insert(id, held);
+                    continue;
+                }
                 held.handle = match held.record.link {
                     Some(_) => self.link(a, b, &held.record).map(Solver::Multibody),
                     None => {
@@ -92,7 +96,15 @@ impl Region {
             }
         }
         news.changed.clear();
+        news.tied = unmoved;
         self.joint_news = news;
+    }
+
+    /// Whether a joint between two bodies has anything to move. Rapier would panic at one that has not, or whose end is
+    /// disabled: such joints wait.
+    fn is_solvable(&self, a: RigidBodyHandle, b: RigidBodyHandle) -> bool {
+        let [a, b] = [a, b].map(|end| &self.physics().bodies[end]);
+        (a.is_dynamic() || b.is_dynamic()) && a.is_enabled() && b.is_enabled()
     }
 
     /// Makes the second body a link of the first one's multibody, if both are this region's: copies of another's are led by its

@@ -56,6 +56,13 @@ pub(super) fn of(report: &Report) -> String {
                 report.exchanges_mean, report.disagreement_m_s.mean, report.disagreement_m_s.max
             ),
         ),
+        (
+            "busiest",
+            format!(
+                "{:.2} times the mean of all regions, {:.2} at most",
+                report.imbalance.mean, report.imbalance.max
+            ),
+        ),
         ("lost", report.lost.to_string()),
         ("doubled", report.doubled.to_string()),
         ("quarantined", report.quarantined.to_string()),

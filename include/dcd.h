@@ -182,7 +182,7 @@ typedef struct DcdWorldDef {
     // Regions computed at a time, 1 to 1024. 1 computes in the thread that calls dcd_step; 0 is one per region, at most
     // one per core.
     uint32_t threads;
-    // Regions that the world is cut into, 1 to 64; 0 is 1, or as many as the scene asks for.
+    // Regions that the world is cut into, 1 to 256; 0 is 1, or as many as the scene asks for.
     uint32_t regions;
     // Iterations of the solver a step, 1 to 1000. More makes tall stacks stiffer and costs time.
     uint32_t solver_iterations;

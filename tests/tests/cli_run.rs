@@ -52,7 +52,7 @@ fn the_json_object_has_the_keys_of_the_contract() {
     let report = json(&["run", "tower", "--seconds", "2", "--cut", "x=0"]);
     assert_eq!(
         keys(&report),
-        set("scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s ticks dt_s wall_s rtf step_ms contacts replicas_mean transfers
+        set("scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s imbalance ticks dt_s wall_s rtf step_ms contacts replicas_mean transfers
              energy_j momentum_kgms max_penetration_m ground_force_ratio lost doubled quarantined state_hash")
     );
     assert_eq!(keys(&report["step_ms"]), set("mean p50 p99 max"));

@@ -104,7 +104,7 @@ static void worlds(void)
     def.struct_size = UINT32_MAX;
     EXPECT(dcd_world_create(&def, &world), DCD_ERR_STRUCT);
     def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
-    def.regions = 65;
+    def.regions = 257;
     EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
     def.regions = UINT32_MAX;
     EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);

@@ -15,7 +15,7 @@ pub(super) const CONVOY: SceneInfo = SceneInfo {
         count("cars", "8", 1, 10_000, "cars, one behind the other"),
         number("speed", "30", [0.0, 150.0], "m/s", "what their motors keep"),
         number("start", "0", [-1e6, 1e6], "m", "where along x the first car starts"),
-        number("road", "1000", [100.0, 1e6], "m", "length of the world along x, from 0"),
+        number("road", "1000", [100.0, 1e6], "m", "where along x the world ends; it begins at 0 or behind the last car"),
     ],
     build: convoy,
 };
@@ -43,7 +43,9 @@ fn convoy(values: &Values) -> Result<Scene, SceneError> {
         scene.joints.push(SceneJoint { a: car, b: trailer, joint: hitch.into(), multibody: false });
     }
     let road_m = f64::from(values.number("road"));
-    scene.bounds = Bounds::new([0.0, 0.0, -20.0], [road_m, 8.0, 20.0]);
+    // The last ones start before the road does.
+    let tail_m = start_m - values.count("cars") as f64 * GAP_M;
+    scene.bounds = Bounds::new([tail_m.min(0.0), 0.0, -20.0], [road_m, 8.0, 20.0]);
     Ok(scene)
 }
 

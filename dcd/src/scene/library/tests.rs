@@ -17,6 +17,7 @@ fn small(name: &str) -> Params {
         "gas" => params.with("n", 60).with("seed", 2).with("fill", 0.1),
         "dve" => params.with("n", 60).with("seed", 2).with("coverage", 0.04),
         "chain" => params.with("links", 8).with("bob_mass_ratio", 10).with("offset", 2),
+        "convoy" => params.with("cars", 3).with("start", 60).with("road", 100),
         _ => panic!("give `{name}` a second set of parameters"),
     }
 }
@@ -208,7 +209,7 @@ fn bodies_sleep_where_the_scene_lets_them() {
         !may.is_empty()
     };
     for info in library() {
-        let by_default = !["pile", "heap", "gas", "dve"].contains(&info.name);
+        let by_default = !["pile", "heap", "gas", "dve", "convoy"].contains(&info.name);
         assert_eq!(sleepers(info.name, &small(info.name)), by_default, "{}", info.name);
         if info.params.iter().any(|param| param.name == "sleep") {
             for asked in [0, 1] {

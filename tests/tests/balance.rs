@@ -5,7 +5,7 @@ use dcd::protocol::{Velocity, WorldPose};
 use dcd::rapier3d::prelude::*;
 use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
-use dcd::space::{Axis, Balance, BodyId, Bounds, RegionId};
+use dcd::space::{Axis, Balance, BodyId, Bounds, Load, RegionId};
 
 fn scene(name: &str, params: &[&str]) -> Scene {
     let params: Vec<_> = params.iter().map(ToString::to_string).collect();
@@ -252,4 +252,64 @@ fn a_convoy_keeps_its_four_regions_busy_along_the_road() {
     assert!(lead.translation[0] > 1000.0, "{lead:?}");
     let heights = world.states().map(|(_, _, WorldPose { translation, .. }, _)| translation[1]);
     assert!(heights.fold(f64::INFINITY, f64::min) > 0.3, "none has sunk");
+}
+
+/// How far the highest box of a tower has sunk and strayed after so many ticks of a plane across y that goes up and down
+/// through it at 2 m/s; without a plane in one bare Rapier world.
+fn swept_tower(load_kg: f32, plane: bool, coupling: Coupling) -> f64 {
+    let mut scene = Scene::empty("tower");
+    let floor = ColliderBuilder::ball(1.0).friction(0.7);
+    scene.push_fixed_box([0.0, -0.5, 0.0], [10.0, 0.5, 10.0], &floor);
+    for level in 0..10 {
+        let mass = if level == 9 { load_kg } else { 1.0 };
+        let pose = WorldPose::at([0.0, f64::from(level) + 0.5, 0.0]);
+        let collider = ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(mass).friction(0.7);
+        scene.push(pose, RigidBodyBuilder::dynamic().can_sleep(false), collider);
+    }
+    scene.bounds = Bounds::new([-4.0, -2.0, -4.0], [4.0, 14.0, 4.0]);
+    let off = |at: [f64; 3]| ((at[1] - 9.5).powi(2) + at[0].powi(2) + at[2].powi(2)).sqrt();
+    if !plane {
+        let mut bare = scene.bare_world();
+        (0..900).for_each(|_| bare.step());
+        return off(bare.rigid_bodies().last().unwrap().1.translation().to_array().map(f64::from));
+    }
+    let config = WorldConfig {
+        partitioning: Partitioning::Cuts(vec![(Axis::Y, 1.0)]),
+        step: StepSettings { gravity: scene.gravity, ..StepSettings::default().with_coupling(coupling) },
+        ..WorldConfig::for_scene(&scene)
+    };
+    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    for tick in 0..900 {
+        world.move_plane(RegionId(0), 5.0 - 6.0 * (f64::from(tick) / 180.0).cos()).unwrap();
+        world.step().unwrap();
+    }
+    off(world.pose(BodyId::persistent(10)).unwrap().translation)
+}
+
+#[test]
+fn a_plane_that_goes_up_and_down_a_loaded_tower_leaves_it_as_one_world_does() {
+    for load_kg in [1.0, 10.0] {
+        let bare = swept_tower(load_kg, false, Coupling::Auto);
+        for coupling in [Coupling::Auto, Coupling::Island] {
+            let swept = swept_tower(load_kg, true, coupling);
+            assert!(swept <= 1.1 * bare + 1e-3, "{coupling:?}, {load_kg} kg: {swept} m against {bare} m");
+        }
+    }
+}
+
+#[test]
+fn regions_may_follow_measured_times() {
+    let scene = scene("convoy", &["cars=24", "speed=60", "road=20000"]);
+    let balance = Balance { every_ticks: 10, load: Load::Times, ..Balance::keeping(4) };
+    let config = WorldConfig {
+        partitioning: Partitioning::Regions(4),
+        balance: Some(balance),
+        ..WorldConfig::for_scene(&scene)
+    };
+    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    (0..600).for_each(|_| world.step().unwrap());
+    let shares = owned(&world);
+    assert_eq!(shares.iter().sum::<usize>(), world.stats().bodies);
+    // Where the planes are depends on the machine; that all do something does not.
+    assert!(shares.iter().all(|&count| count > 0), "{shares:?}");
 }

@@ -174,6 +174,26 @@ fn shipped_scene_files_go_by_their_bare_names() {
     assert!(error(&["run", "domino"], 2).contains("no scene `domino`"));
 }
 
+#[test]
+fn balance_shares_a_convoy_out_among_its_regions() {
+    let busiest = |balance: &[&str]| {
+        let args = ["run", "convoy", "--set", "cars=16", "--set", "road=20000", "--seconds", "8"];
+        let report = json(&[&args[..], balance].concat());
+        assert_eq!((report["lost"].as_u64(), report["bodies"].as_u64()), (Some(0), Some(128)));
+        (report["imbalance"]["mean"].as_f64().unwrap(), report["regions"].as_u64().unwrap())
+    };
+    let (fixed, regions) = busiest(&["--regions", "4"]);
+    assert!(fixed > 3.5 && regions == 4, "all cars are in the first of the four regions: {fixed}");
+    let (balanced, regions) = busiest(&["--regions", "4", "--balance"]);
+    assert!(balanced < 2.0 && regions == 4, "{balanced}");
+    assert_eq!(busiest(&["--balance", "3-5"]).1, 3, "no fewer than three, and no reason for more");
+    assert!(error(&["run", "convoy", "--balance", "5-3"], 2).contains("as 1-8"));
+    assert!(
+        error(&["run", "convoy", "--balance", "--regions", "0"], 2)
+            .contains("--balance takes a world of regions")
+    );
+}
+
 /// `script` gives the process a terminal of its own.
 #[cfg(target_os = "linux")]
 #[test]

@@ -71,6 +71,11 @@ impl Serve {
         let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
         let world = self.cuts.config(&scene, self.regions)?;
         world.tree().map_err(|error| explained(error.into(), &scene))?;
+        if scene.balance.is_some() {
+            tracing::warn!(
+                "a served world keeps the regions that it is cut into: `balance` of the scene is for dcd run"
+            );
+        }
         let interrupt = Interrupt::listen()?;
         if self.until_stdin_ends {
             interrupt.listen_to_stdin();

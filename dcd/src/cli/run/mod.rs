@@ -104,10 +104,11 @@ impl Run {
         if snapshot::is_one(&self.scene) {
             return self.resume(common);
         }
-        if self.regions == Some(0) && self.save.is_some() {
-            return Err(Failure::usage(
-                "--save takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out",
-            ));
+        let needs = [("--save", self.save.is_some()), ("--balance", self.balance.is_some())];
+        if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {
+            return Err(Failure::usage(format!(
+                "{name} takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out"
+            )));
         }
         let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
         let plan = self.plan(&scene)?;

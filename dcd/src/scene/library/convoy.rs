@@ -15,7 +15,13 @@ pub(super) const CONVOY: SceneInfo = SceneInfo {
         count("cars", "8", 1, 10_000, "cars, one behind the other"),
         number("speed", "30", [0.0, 150.0], "m/s", "what their motors keep"),
         number("start", "0", [-1e6, 1e6], "m", "where along x the first car starts"),
-        number("road", "1000", [100.0, 1e6], "m", "where along x the world ends; it begins at 0 or behind the last car"),
+        number(
+            "road",
+            "1000",
+            [100.0, 1e6],
+            "m",
+            "where along x the world ends; it begins at 0 or behind the last car",
+        ),
     ],
     build: convoy,
 };

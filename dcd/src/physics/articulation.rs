@@ -4,7 +4,7 @@
 use rapier3d::prelude::*;
 
 use super::convert;
-use crate::protocol::{JointRecord, LinkMotion, LinkRecord, WorldPose};
+use crate::protocol::{LinkMotion, LinkRecord, WorldPose};
 
 /// What a multibody joint has besides what every joint has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,11 +29,32 @@ impl LinkSettings {
 }
 
 /// Why Rapier cannot have a joint in a multibody, if so.
-pub(super) fn fault(joint: &GenericJoint) -> Option<&'static str> {
+pub(crate) fn link_fault(joint: &GenericJoint) -> Option<&'static str> {
     // Rapier has no reduced coordinates for these.
     let turning = 3 - (joint.locked_axes.bits() >> 3).count_ones();
     (turning == 2)
         .then_some("it may turn about two axes; use an impulse joint, or two joints with a body between")
+}
+
+/// Makes the second body a link of the first one's multibody; none if Rapier refuses.
+pub(crate) fn insert_link(
+    joints: &mut MultibodyJointSet,
+    a: RigidBodyHandle,
+    b: RigidBodyHandle,
+    joint: GenericJoint,
+    record: &LinkRecord,
+) -> Option<MultibodyJointHandle> {
+    if record.kinematic {
+        joints.insert_kinematic(a, b, joint, false)
+    } else {
+        joints.insert(a, b, joint, false)
+    }
+}
+
+/// Gives a link what its record says, once the multibody is whole: places in its lists change as links are added.
+pub(crate) fn equip_link(joints: &mut MultibodyJointSet, handle: MultibodyJointHandle, record: &LinkRecord) {
+    let (multibody, index) = joints.get_mut(handle).expect("just inserted");
+    equip(multibody, index, record);
 }
 
 /// Gives a link that was just inserted what its record says.
@@ -126,11 +147,11 @@ pub(super) fn record_of(multibody: &Multibody, id: usize, known: &LinkRecord) ->
 }
 
 /// Where a link is by the poses of its two bodies: for a joint of which nobody remembers more. It is at rest.
-pub(super) fn motion_between(joint: &JointRecord, a: &WorldPose, b: &WorldPose) -> LinkMotion {
+pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMotion {
     // Relative to the first body's place, so that f32 does.
     let anchor = a.translation;
-    let frame = |pose: &WorldPose, local| convert::region_from_world(anchor, pose) * convert::pose(local);
-    let between = frame(a, joint.frame_a).inverse() * frame(b, joint.frame_b);
+    let frame = |pose: &WorldPose, local: Pose| convert::region_from_world(anchor, pose) * local;
+    let between = frame(a, joint.local_frame1).inverse() * frame(b, joint.local_frame2);
     let mut coordinates = [0.0; 6];
     coordinates[..3].copy_from_slice(&between.translation.to_array());
     coordinates[3..].copy_from_slice(&between.rotation.to_scaled_axis().to_array());

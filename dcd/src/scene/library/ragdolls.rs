@@ -3,6 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::{SEED, SLEEP, SceneInfo, count, number};
+use crate::physics::LinkSettings;
 use crate::scene::dice::Dice;
 use crate::scene::model::world_pose;
 use crate::scene::params::Values;
@@ -52,7 +53,7 @@ fn ragdolls(values: &Values) -> Result<Scene, SceneError> {
         let x = (row as f64 + 0.5) * PITCH_M;
         let stair_m = drop_m - (x / STEP_M[0]).floor() * STEP_M[1];
         let hips = [x, stair_m + height_m, (column as f64 + 0.5) * PITCH_M - half_m];
-        ragdoll(&mut scene, hips, &mut dice, values.count("multibody") == 1);
+        ragdoll(&mut scene, hips, &mut dice, (values.count("multibody") == 1).then(LinkSettings::default));
     }
     scene.bounds = Bounds::new([0.0, 0.0, -half_m], [length_m + LANDING_M, drop_m + height_m + 1.0, half_m]);
     Ok(scene)
@@ -80,7 +81,7 @@ enum Bend {
     Ball([f32; 3]),
 }
 
-fn ragdoll(scene: &mut Scene, hips: [f64; 3], dice: &mut Dice, multibody: bool) {
+fn ragdoll(scene: &mut Scene, hips: [f64; 3], dice: &mut Dice, multibody: Option<LinkSettings>) {
     let turn = dice.rotation(std::f32::consts::PI);
     let (throw, spin) = (Vector::X * THROW_M_S + dice.in_cube(1.0), dice.in_cube(3.0));
     let (first, parts) = (scene.bodies.len(), parts());

@@ -24,7 +24,7 @@ fn cart(scene: &mut Scene, at: [f64; 3], links: usize) -> usize {
             let ball = SphericalJointBuilder::new().local_anchor1(anchor).local_anchor2(Vector::Y * -0.25);
             ball.contacts_enabled(false).into()
         };
-        scene.joints.push(SceneJoint { a: below, b: arm, joint, multibody: true });
+        scene.joints.push(SceneJoint { a: below, b: arm, joint, multibody: Some(LinkSettings::default()) });
         (below, anchor) = (arm, Vector::Y * 0.25);
     }
     first

@@ -23,7 +23,7 @@ use super::trace::{Trace, trace};
 use super::world::{Bare, Setup};
 
 /// What stands for an error that is no number: bodies lost, or thrown to infinity.
-const BROKEN: f64 = 1e9;
+pub(super) const BROKEN: f64 = 1e9;
 
 /// How far aside one body of a twin starts: the least that f32 sees at ten metres.
 const NUDGE_M: f64 = 1e-6;

@@ -4,7 +4,7 @@
 use rapier3d::prelude::*;
 
 use super::convert;
-use crate::protocol::{JointRecord, LinkMotion, LinkRecord, WorldPose};
+use crate::protocol::{LinkMotion, LinkRecord, WorldPose};
 
 /// What a multibody joint has besides what every joint has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,11 +29,32 @@ impl LinkSettings {
 }
 
 /// Why Rapier cannot have a joint in a multibody, if so.
-pub(super) fn fault(joint: &GenericJoint) -> Option<&'static str> {
+pub(crate) fn link_fault(joint: &GenericJoint) -> Option<&'static str> {
     // Rapier has no reduced coordinates for these.
     let turning = 3 - (joint.locked_axes.bits() >> 3).count_ones();
     (turning == 2)
         .then_some("it may turn about two axes; use an impulse joint, or two joints with a body between")
+}
+
+/// Makes the second body a link of the first one's multibody; none if Rapier refuses.
+pub(crate) fn insert_link(
+    joints: &mut MultibodyJointSet,
+    a: RigidBodyHandle,
+    b: RigidBodyHandle,
+    joint: GenericJoint,
+    record: &LinkRecord,
+) -> Option<MultibodyJointHandle> {
+    if record.kinematic {
+        joints.insert_kinematic(a, b, joint, false)
+    } else {
+        joints.insert(a, b, joint, false)
+    }
+}
+
+/// Gives a link what its record says, once the multibody is whole: places in its lists change as links are added.
+pub(crate) fn equip_link(joints: &mut MultibodyJointSet, handle: MultibodyJointHandle, record: &LinkRecord) {
+    let (multibody, index) = joints.get_mut(handle).expect("just inserted");
+    equip(multibody, index, record);
 }
 
 /// Gives a link that was just inserted what its record says.
@@ -44,7 +65,9 @@ pub(super) fn equip(multibody: &mut Multibody, id: usize, record: &LinkRecord) {
         link.joint.set_spring(axis, stiffness, rest);
     }
     if let Some(motion) = &record.motion {
-        link.joint.apply_displacement(&displacement(link.joint(), motion));
+        for way in displacements(link.joint(), motion) {
+            link.joint.apply_displacement(&way);
+        }
     }
     let copy = |to: &mut [f32], from: &[f32; 6]| to.copy_from_slice(&from[..to.len()]);
     if let Some(damping) = &record.damping {
@@ -60,18 +83,44 @@ pub(super) fn equip(multibody: &mut Multibody, id: usize, record: &LinkRecord) {
     }
 }
 
-/// What brings a joint from its zero to where it was.
-fn displacement(joint: &MultibodyJoint, motion: &LinkMotion) -> [f32; 6] {
+/// What brings a joint from its zero to where it was, one after the other.
+fn displacements(joint: &MultibodyJoint, motion: &LinkMotion) -> Vec<[f32; 6]> {
     let locked = joint.data.locked_axes.bits();
-    let turned = convert::rotation(motion.rotation).to_scaled_axis().to_array();
     let turning = 3 - (locked >> 3).count_ones();
-    let mut way = [0.0; 6];
-    let free = (0..6).filter(|axis| locked & (1 << axis) == 0);
-    for (dof, axis) in free.enumerate() {
-        // About one axis turns are counted; about three there is only where it points.
-        way[dof] = if axis >= 3 && turning == 3 { turned[axis - 3] } else { motion.coordinates[axis] };
+    if turning < 3 {
+        return vec![free_of(locked, motion.coordinates)];
     }
-    way
+    // About three axes Rapier keeps where the joint points, and beside it the sum of all its small turns, of which limits
+    // and springs know: after a tumble the one does not say the other.
+    let turned = convert::rotation(motion.rotation).to_scaled_axis();
+    let [x, y, z, wound @ ..] = motion.coordinates;
+    let mut ways: Vec<_> = whole_turns(Vector::from(wound) - turned)
+        .map(|turn| free_of(locked, [0.0, 0.0, 0.0, turn.x, turn.y, turn.z]))
+        .collect();
+    ways.push(free_of(locked, [x, y, z, turned.x, turned.y, turned.z]));
+    ways
+}
+
+/// The values of the free axes, one after the other.
+fn free_of(locked: u8, values: [f32; 6]) -> [f32; 6] {
+    let mut free = [0.0; 6];
+    let axes = (0..6).filter(|axis| locked & (1 << axis) == 0);
+    axes.enumerate().for_each(|(dof, axis)| free[dof] = values[axis]);
+    free
+}
+
+/// Whole turns, each of which leaves a joint pointing where it does, in pairs that add up to anything that is not longer than
+/// both; here to this sum.
+fn whole_turns(sum: Vector) -> impl Iterator<Item = Vector> {
+    const TURN: f32 = std::f32::consts::TAU;
+    /// More than hours of tumbling add up to; a peer may say anything.
+    const MOST_PAIRS: f32 = 1000.0;
+    // What rounding leaves is no turn.
+    let pairs = if sum.length() < 1e-5 { 0.0 } else { (0.5 * sum.length() / TURN).ceil().min(MOST_PAIRS) };
+    let half = (0.5 * sum / pairs.max(1.0)).clamp_length_max(TURN);
+    let aside = half.any_orthogonal_vector().normalize_or_zero()
+        * (TURN * TURN - half.length_squared()).max(0.0).sqrt();
+    (0..pairs as usize).flat_map(move |_| [half + aside, half - aside])
 }
 
 /// The link of a multibody as it is now.
@@ -98,13 +147,41 @@ pub(super) fn record_of(multibody: &Multibody, id: usize, known: &LinkRecord) ->
 }
 
 /// Where a link is by the poses of its two bodies: for a joint of which nobody remembers more. It is at rest.
-pub(super) fn motion_between(joint: &JointRecord, a: &WorldPose, b: &WorldPose) -> LinkMotion {
+pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMotion {
     // Relative to the first body's place, so that f32 does.
     let anchor = a.translation;
-    let frame = |pose: &WorldPose, local| convert::region_from_world(anchor, pose) * convert::pose(local);
-    let between = frame(a, joint.frame_a).inverse() * frame(b, joint.frame_b);
+    let frame = |pose: &WorldPose, local: Pose| convert::region_from_world(anchor, pose) * local;
+    let between = frame(a, joint.local_frame1).inverse() * frame(b, joint.local_frame2);
     let mut coordinates = [0.0; 6];
     coordinates[..3].copy_from_slice(&between.translation.to_array());
     coordinates[3..].copy_from_slice(&between.rotation.to_scaled_axis().to_array());
     LinkMotion { coordinates, rotation: between.rotation.to_array(), ..LinkMotion::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ball_joint_that_has_tumbled_points_where_it_did_and_knows_how_far_it_turned() {
+        let fresh = || MultibodyJoint::new(SphericalJointBuilder::new().build().into(), false);
+        for seconds in [0, 1, 10, 100] {
+            let mut joint = fresh();
+            for tick in 0..60 * seconds {
+                let t = tick as f32 / 60.0;
+                joint.integrate(1.0 / 60.0, &[3.0 * t.sin(), 2.0, 4.0 * (1.3 * t).cos()]);
+            }
+            let motion = LinkMotion {
+                coordinates: std::array::from_fn(|axis| joint.coords()[axis]),
+                rotation: joint.joint_rot().to_array(),
+                ..LinkMotion::default()
+            };
+            let mut again = fresh();
+            displacements(&again, &motion).iter().for_each(|way| again.apply_displacement(way));
+            let off = (again.coords() - joint.coords()).norm();
+            assert!(off < 1e-4, "{seconds} s: the turns add up to {off} rad more or less");
+            let apart = again.joint_rot().angle_between(joint.joint_rot());
+            assert!(apart < 2e-3, "{seconds} s: points {apart} rad elsewhere");
+        }
+    }
 }

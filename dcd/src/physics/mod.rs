@@ -26,6 +26,7 @@ mod ties;
 mod watch;
 
 pub use articulation::LinkSettings;
+pub(crate) use articulation::{equip_link, insert_link, link_fault, motion_between};
 pub use choice::{CouplingChoice, Method};
 pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
 pub use coupling::Coupling;

@@ -86,13 +86,10 @@ impl Region {
             }
             self.joints.insert(id, held);
         }
-        // Once the multibodies are whole: places in their lists change as links are added.
         for id in linked {
             let held = &self.joints[&id];
             if let (Some(Solver::Multibody(handle)), Some(link)) = (held.handle, held.record.link) {
-                let (multibody, index) =
-                    self.world_mut().multibody_joints.get_mut(handle).expect("just inserted");
-                articulation::equip(multibody, index, &link);
+                articulation::equip_link(&mut self.world_mut().multibody_joints, handle, &link);
             }
         }
         news.changed.clear();
@@ -118,13 +115,8 @@ impl Region {
         if [a, b].into_iter().any(|end| matches!(self.slot(end).role, Role::Replica { .. })) {
             return None;
         }
-        let (joint, kinematic) = (joints::joint_of(record), record.link.is_some_and(|link| link.kinematic));
-        let joints = &mut self.world_mut().multibody_joints;
-        if kinematic {
-            joints.insert_kinematic(a, b, joint, false)
-        } else {
-            joints.insert(a, b, joint, false)
-        }
+        let joint = joints::joint_of(record);
+        articulation::insert_link(&mut self.world_mut().multibody_joints, a, b, joint, &record.link?)
     }
 
     /// Authority over a body has changed: only its owner solves the multibody that it is part of.

@@ -5,8 +5,8 @@ use std::path::Path;
 use rapier3d::prelude::*;
 
 use super::{Params, SceneError, file, library};
-use crate::physics::CouplingChoice;
-use crate::protocol::WorldPose;
+use crate::physics::{CouplingChoice, LinkSettings, equip_link, insert_link, motion_between};
+use crate::protocol::{LinkRecord, WorldPose};
 use crate::space::{Axis, Balance, Bounds};
 
 /// What a world holds at its first tick, and how it is to be stepped.
@@ -60,8 +60,9 @@ pub struct SceneJoint {
     pub b: usize,
     /// Frames, limits, motors.
     pub joint: GenericJoint,
-    /// Whether the second body is a link of the first one's multibody (reduced coordinates); else impulses tie them.
-    pub multibody: bool,
+    /// The second body is a link of the first one's multibody (reduced coordinates), with these settings; without, impulses tie
+    /// them. Links start where their bodies' poses have them along the axes that are free, and at rest.
+    pub multibody: Option<LinkSettings>,
 }
 
 /// A box that a client may drive through the scene.
@@ -127,14 +128,32 @@ impl Scene {
                 handle
             })
             .collect();
-        for &SceneJoint { a, b, joint, multibody } in &self.joints {
-            if multibody {
-                world.multibody_joints.insert(handles[a], handles[b], joint, false);
-            } else {
-                world.insert_impulse_joint(handles[a], handles[b], joint);
+        let mut links = Vec::new();
+        for joint in &self.joints {
+            let (a, b) = (handles[joint.a], handles[joint.b]);
+            match self.link_record(joint) {
+                Some(link) => links.extend(
+                    insert_link(&mut world.multibody_joints, a, b, joint.joint, &link).map(|it| (it, link)),
+                ),
+                None => drop(world.insert_impulse_joint(a, b, joint.joint)),
             }
         }
+        for (handle, link) in links {
+            equip_link(&mut world.multibody_joints, handle, &link);
+        }
         world
+    }
+
+    /// A joint's link in a multibody, if it is to be one.
+    pub(super) fn link_record(&self, joint: &SceneJoint) -> Option<LinkRecord> {
+        /// Metres or radians: rounding alone is no motion.
+        const STRAY: f32 = 1e-4;
+        let link = joint.multibody?.record();
+        let [a, b] = [joint.a, joint.b].map(|body| self.bodies[body].pose);
+        let motion = motion_between(&joint.joint, &a, &b);
+        let free = |axis: &usize| joint.joint.locked_axes.bits() & (1 << axis) == 0;
+        let moved = (0..6).filter(free).any(|axis| motion.coordinates[axis].abs() > STRAY);
+        Some(LinkRecord { motion: moved.then_some(motion), ..link })
     }
 
     /// A world without bodies, to be filled: Earth's gravity, 60 steps a second, Rapier's 4 iterations.
@@ -240,7 +259,7 @@ mod tests {
             a: 0,
             b: 1,
             joint: RopeJointBuilder::new(4.0).into(),
-            multibody: false,
+            multibody: None,
         });
         let world = scene.bare_world();
         let xs: Vec<_> = world.rigid_bodies().map(|(_, body)| body.translation().x).collect();

@@ -1,7 +1,7 @@
 //! A scene as it travels.
 
 use super::Scene;
-use crate::physics::{LinkSettings, ShapeError, ShapeLibrary, joint_record};
+use crate::physics::{ShapeError, ShapeLibrary, joint_record};
 use crate::protocol::{BodyRecord, JointRecord};
 use crate::space::{BodyId, JointId};
 
@@ -24,7 +24,7 @@ impl Scene {
             .enumerate()
             .map(|(index, joint)| {
                 let (a, b) = (id(joint.a), id(joint.b));
-                let link = joint.multibody.then(|| LinkSettings::default().record());
+                let link = self.link_record(joint);
                 JointRecord { link, ..joint_record(JointId(index as u64), a, b, &joint.joint) }
             })
             .collect();

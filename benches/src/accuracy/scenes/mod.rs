@@ -7,6 +7,7 @@ mod drops;
 mod flight;
 mod impacts;
 mod joints;
+mod ragdolls;
 mod slides;
 mod stacks;
 mod statistics;
@@ -42,6 +43,7 @@ pub(crate) fn experiments() -> Vec<Experiment> {
         collapse::DOMINO,
         statistics::SPHERES_1000,
         delayed::DELAYED,
+        ragdolls::RAGDOLLS,
     ]
 }
 

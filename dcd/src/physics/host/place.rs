@@ -113,7 +113,7 @@ impl RegionHost {
                 if let (Some(link), Some(a), Some(b)) = (&joint.link, pose_of(joint.a), pose_of(joint.b))
                     && link.motion.is_none()
                 {
-                    let motion = Some(articulation::motion_between(joint, &a, &b));
+                    let motion = Some(articulation::motion_between(&joints::joint_of(joint), &a, &b));
                     joint.link = Some(crate::protocol::LinkRecord { motion, ..*link });
                 }
             }
@@ -177,7 +177,7 @@ impl RegionHost {
         let mut parents = BTreeMap::new();
         for joint in joints.iter().filter(|joint| joint.link.is_some()) {
             let fault = |cause| HostError::Link { joint: joint.id, body: joint.b, cause };
-            if let Some(cause) = articulation::fault(&joints::joint_of(joint)) {
+            if let Some(cause) = articulation::link_fault(&joints::joint_of(joint)) {
                 return Err(fault(cause));
             }
             let new =

@@ -6,6 +6,7 @@ use serde::Deserialize;
 use super::Names;
 use super::numbers::{Direction, Finite, NonNegative, Positive, vector};
 use super::source::Fault;
+use crate::physics::LinkSettings;
 use crate::protocol::WorldPose;
 use crate::scene::{SceneBody, SceneJoint};
 
@@ -99,7 +100,7 @@ impl JointDef {
             ));
         }
         joint.user_data = self.user_data.map_or(0, u128::from);
-        Ok(SceneJoint { a, b, joint, multibody: self.multibody })
+        Ok(SceneJoint { a, b, joint, multibody: self.multibody.then(LinkSettings::default) })
     }
 
     fn degrees_of_freedom(&self) -> Result<GenericJoint, Fault> {

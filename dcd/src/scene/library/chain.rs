@@ -58,5 +58,5 @@ fn chain(values: &Values) -> Result<Scene, SceneError> {
 fn hang(a: usize, anchor_a: Vector, b: usize, anchor_b: Vector) -> SceneJoint {
     let joint =
         SphericalJointBuilder::new().local_anchor1(anchor_a).local_anchor2(anchor_b).contacts_enabled(false);
-    SceneJoint { a, b, joint: joint.into(), multibody: false }
+    SceneJoint { a, b, joint: joint.into(), multibody: None }
 }

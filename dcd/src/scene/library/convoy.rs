@@ -46,7 +46,7 @@ fn convoy(values: &Values) -> Result<Scene, SceneError> {
         let hitch = SphericalJointBuilder::new()
             .local_anchor1(Vector::new(-2.0, -0.1, 0.0))
             .local_anchor2(Vector::new(2.0, -0.1, 0.0));
-        scene.joints.push(SceneJoint { a: car, b: trailer, joint: hitch.into(), multibody: false });
+        scene.joints.push(SceneJoint { a: car, b: trailer, joint: hitch.into(), multibody: None });
     }
     let road_m = f64::from(values.number("road"));
     // The last ones start before the road does.
@@ -83,6 +83,6 @@ fn axle(scene: &mut Scene, chassis: usize, x: f32, speed_m_s: f32, drive: bool) 
         if drive {
             joint = joint.motor_velocity(spin, 20.0).motor_model(MotorModel::ForceBased);
         }
-        scene.joints.push(SceneJoint { a: chassis, b: wheel, joint: joint.into(), multibody: false });
+        scene.joints.push(SceneJoint { a: chassis, b: wheel, joint: joint.into(), multibody: None });
     }
 }

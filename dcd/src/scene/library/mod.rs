@@ -4,6 +4,7 @@ mod chain;
 mod convoy;
 mod drops;
 mod floating;
+mod ragdolls;
 mod stacks;
 
 use super::error::nearest;
@@ -21,7 +22,7 @@ pub struct SceneInfo {
     build: fn(&Values) -> Result<Scene, SceneError>,
 }
 
-static LIBRARY: [SceneInfo; 10] = [
+static LIBRARY: [SceneInfo; 11] = [
     stacks::TOWER,
     stacks::PYRAMID,
     stacks::WALL,
@@ -32,6 +33,7 @@ static LIBRARY: [SceneInfo; 10] = [
     floating::DVE,
     chain::CHAIN,
     convoy::CONVOY,
+    ragdolls::RAGDOLLS,
 ];
 
 /// All scenes of the library.

@@ -18,6 +18,7 @@ fn small(name: &str) -> Params {
         "dve" => params.with("n", 60).with("seed", 2).with("coverage", 0.04),
         "chain" => params.with("links", 8).with("bob_mass_ratio", 10).with("offset", 2),
         "convoy" => params.with("cars", 3).with("start", 60).with("road", 100),
+        "ragdolls" => params.with("count", 5).with("seed", 2).with("multibody", 1),
         _ => panic!("give `{name}` a second set of parameters"),
     }
 }

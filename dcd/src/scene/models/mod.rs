@@ -21,7 +21,7 @@ use model::Model;
 use source::Source;
 
 /// What can be set of any model file.
-pub static MODEL_PARAMS: [ParamInfo; 9] = [
+pub static MODEL_PARAMS: [ParamInfo; 10] = [
     count("copies", "1", 1, 100_000, "how often the model is placed, in a square grid"),
     number("spacing", "0", [0.0, 1e4], "m", "from one copy to the next; 0: its own size and a fifth"),
     number("height", "0", [0.0, 1e4], "m", "how far the model is lifted"),
@@ -42,6 +42,13 @@ pub static MODEL_PARAMS: [ParamInfo; 9] = [
         1000,
         "the solver's iterations a step; chains of joints hold better with more",
     ),
+    count(
+        "multibody",
+        "0",
+        0,
+        1,
+        "1: joints of the tree of bodies are a multibody's, which cannot come apart; 0: impulses hold them",
+    ),
     number("dt", "0", [0.0, 1.0], "s", "seconds a step; 0: what the file says, else 1/60"),
 ];
 
@@ -55,6 +62,7 @@ struct Wishes {
     key: usize,
     sleep: bool,
     iterations: usize,
+    multibody: bool,
     dt_s: f32,
 }
 
@@ -75,6 +83,7 @@ pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
         key: values.count("key"),
         sleep: values.count("sleep") == 1,
         iterations: values.count("iterations"),
+        multibody: values.count("multibody") == 1,
         dt_s: values.number("dt"),
     };
     let source = Source::read(path)?;

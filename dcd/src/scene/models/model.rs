@@ -6,6 +6,7 @@ use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
 
 use super::warnings::Warnings;
+use crate::physics::{LinkSettings, link_fault};
 use crate::scene::SceneJoint;
 
 /// One model as its file describes it.
@@ -40,6 +41,8 @@ pub(super) struct ModelJoint {
     pub(super) joint: GenericJoint,
     /// Whether it is part of the tree of bodies, and not a loop that closes it.
     pub(super) tree: bool,
+    /// What it has as a link of a multibody, if it is to be one.
+    pub(super) link: Option<LinkSettings>,
 }
 
 impl Model {
@@ -48,6 +51,11 @@ impl Model {
         if a != b {
             self.apart.insert((a.min(b), a.max(b)));
         }
+    }
+
+    /// Whether a joint of the tree can be a link of a multibody: others stay impulse joints.
+    pub(super) fn links(&self, a: usize, b: usize, joint: &GenericJoint) -> bool {
+        a != b && self.parts[b].is_dynamic() && !joint.locked_axes.is_empty() && link_fault(joint).is_none()
     }
 
     /// The joints of the scene: those of the file, and one without effect for each pair that never touches and that no joint
@@ -67,10 +75,10 @@ impl Model {
             a: joint.a,
             b: joint.b,
             joint: joint.joint,
-            multibody: false,
+            multibody: joint.link,
         });
         let free = GenericJoint { contacts_enabled: false, ..GenericJoint::default() };
-        joints.chain(apart.map(|&(a, b)| SceneJoint { a, b, joint: free, multibody: false })).collect()
+        joints.chain(apart.map(|&(a, b)| SceneJoint { a, b, joint: free, multibody: None })).collect()
     }
 }
 

@@ -152,6 +152,35 @@ fn joints() -> Vec<Row> {
         row("joint armature", Warned, arm(r#"armature="1""#, ""), |s| {
             s.warnings[0].contains("armature of j")
         }),
+        Row {
+            params: "multibody=1",
+            ..row(
+                "joint stiffness, damping, frictionloss, armature (--set multibody=1)",
+                Carried,
+                arm(r#"stiffness="3" damping="2" springref="90" frictionloss=".5" armature=".25""#, ""),
+                |s| {
+                    let link = s.joints[0].multibody.unwrap();
+                    let [stiffness, rest] = link.springs[JointAxis::AngX as usize];
+                    stiffness == 3.0
+                        && near(rest, PI_2)
+                        && link.damping.unwrap()[0] == 2.0
+                        && (link.friction[0], link.armature[0]) == (0.5, 0.25)
+                        && joint(s, 0).motor_axes.is_empty()
+                },
+            )
+        },
+        Row {
+            params: "multibody=1",
+            ..row(
+                "actuator beside joint damping (--set multibody=1)",
+                Carried,
+                arm(r#"damping="2""#, r#"<actuator><position joint="j" kp="5"/></actuator>"#),
+                |s| {
+                    hinge(s) == Some([5.0, 0.0, 0.0])
+                        && s.joints[0].multibody.unwrap().damping.unwrap()[0] == 2.0
+                },
+            )
+        },
         row("joint actuatorfrcrange", Warned, arm(r#"actuatorfrcrange="-1 1""#, ""), any),
         row(
             "damping of a free joint",

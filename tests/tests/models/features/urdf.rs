@@ -120,6 +120,18 @@ fn joints() -> Vec<Row> {
             arm("continuous", r#"<dynamics damping="2" friction=".5"/>"#),
             any,
         ),
+        Row {
+            params: "multibody=1",
+            ..row(
+                "dynamics friction and damping (--set multibody=1)",
+                Carried,
+                arm("continuous", r#"<dynamics damping="2" friction=".5"/>"#),
+                |s| {
+                    let link = s.joints[0].multibody.unwrap();
+                    (link.damping.unwrap()[0], link.friction[0]) == (2.0, 0.5)
+                },
+            )
+        },
         row("mimic", Warned, arm("revolute", &format!(r#"{RANGE}<mimic joint="k"/>"#)), any),
         row(
             "limit effort, velocity, safety_controller, calibration",

@@ -7,6 +7,7 @@ use rapier3d::prelude::*;
 use rapier3d_mjcf::mjcf_rs::body::{Joint, JointType};
 use rapier3d_mjcf::mjcf_rs::extras::{Actuator, ActuatorKind};
 
+use crate::physics::LinkSettings;
 use crate::scene::models::warnings::Warnings;
 
 /// What one actuator does to its joint, per unit of the joint.
@@ -18,15 +19,18 @@ struct Servo {
     max_force: Option<f64>,
 }
 
-/// Sets the joint's motors; `actuators` are those that drive it, each with its control.
+/// Sets the joint's motors; `actuators` are those that drive it, each with its control. A link of a multibody has springs,
+/// damping, dry friction and rotor inertia of its own: its motors are the actuators alone.
 pub(super) fn drive(
     joint: &mut GenericJoint,
+    link: Option<&mut LinkSettings>,
     from: &Joint,
     name: &str,
     actuators: &[(&Actuator, f64)],
     warnings: &mut Warnings,
 ) {
-    if from.armature > 0.0 {
+    let linked = link.is_some();
+    if from.armature > 0.0 && !linked {
         warnings.add("joint armature", name, "has no effect: impulse joints have no rotor inertia");
     }
     if from.type_ == JointType::Ball && from.range.is_some_and(|[_, most]| most > 0.0) {
@@ -40,6 +44,18 @@ pub(super) fn drive(
         JointType::Free => &[],
     };
     let rest = from.springref - from.ref_;
+    if let Some(link) = link {
+        // A springdamper stands for both.
+        let own = if from.springdamper.is_none() { 1.0 } else { 0.0 };
+        link.damping = Some([(own * from.damping) as f32; 6]);
+        link.armature = [from.armature as f32; 6];
+        link.friction = [from.frictionloss as f32; 6];
+        for &axis in axes {
+            link.springs[axis as usize] = [(own * from.stiffness) as f32, rest as f32];
+        }
+    }
+    let [own_stiffness, own_damping, frictionloss] =
+        [from.stiffness, from.damping, from.frictionloss].map(|own| if linked { 0.0 } else { own });
     if let Some([time, ratio]) = from.springdamper.filter(|[time, ratio]| *time > 0.0 && *ratio > 0.0) {
         // By acceleration: so the file asks for a time, whatever the inertia.
         if !servos.is_empty() {
@@ -53,11 +69,11 @@ pub(super) fn drive(
         return;
     }
     let sum = |of: &dyn Fn(&Servo) -> f64| servos.iter().map(of).sum::<f64>();
-    let stiffness = from.stiffness + sum(&|servo: &Servo| servo.stiffness);
-    let damping = from.damping + sum(&|servo: &Servo| servo.damping);
+    let stiffness = own_stiffness + sum(&|servo: &Servo| servo.stiffness);
+    let damping = own_damping + sum(&|servo: &Servo| servo.damping);
     let quotient = |of: f64, by: f64| if by > 0.0 { of / by } else { 0.0 };
     let target = quotient(
-        from.stiffness * rest + sum(&|servo: &Servo| servo.stiffness * (servo.target - from.ref_)),
+        own_stiffness * rest + sum(&|servo: &Servo| servo.stiffness * (servo.target - from.ref_)),
         stiffness,
     );
     let speed = quotient(sum(&|servo: &Servo| servo.damping * servo.speed), damping);
@@ -65,17 +81,17 @@ pub(super) fn drive(
         if stiffness > 0.0 || damping > 0.0 {
             joint.set_motor_model(axis, MotorModel::ForceBased);
             joint.set_motor(axis, target as f32, speed as f32, stiffness as f32, damping as f32);
-        } else if from.frictionloss > 0.0 {
+        } else if frictionloss > 0.0 {
             joint.set_motor_model(axis, MotorModel::ForceBased);
             joint.set_motor_velocity(axis, 0.0, 0.0);
-            joint.set_motor_max_force(axis, from.frictionloss as f32);
+            joint.set_motor_max_force(axis, frictionloss as f32);
         }
     }
-    if from.frictionloss > 0.0 && (stiffness > 0.0 || damping > 0.0) {
+    if frictionloss > 0.0 && (stiffness > 0.0 || damping > 0.0) {
         warnings.add("joint frictionloss", name, "has no effect beside a spring, damping or an actuator");
     }
     match &servos[..] {
-        [Servo { max_force: Some(most), .. }] if from.stiffness == 0.0 => {
+        [Servo { max_force: Some(most), .. }] if own_stiffness == 0.0 => {
             for &axis in axes {
                 joint.set_motor_max_force(axis, *most as f32);
             }

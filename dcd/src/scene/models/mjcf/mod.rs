@@ -16,6 +16,7 @@ use super::Wishes;
 use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits};
 use super::source::{Fault, Source};
 use super::warnings::Warnings;
+use crate::physics::LinkSettings;
 use crate::scene::SceneError;
 use scan::Flags;
 use shapes::Placed;
@@ -67,7 +68,7 @@ fn convert(
             .collect(),
         warnings,
     };
-    add_joints(&mut model, &robot, &file, &controls, part_of);
+    add_joints(&mut model, &robot, &file, &controls, wishes.multibody, part_of);
     add_loops(&mut model, &robot, &file, part_of)?;
     contacts::warn(&file, &mut model.warnings);
     Ok(model)
@@ -180,6 +181,7 @@ fn add_joints(
     robot: &MjcfRobot,
     file: &mjcf::Model,
     controls: &[f64],
+    multibody: bool,
     part_of: impl Fn(usize) -> usize,
 ) {
     for (index, (made, from)) in robot.joints.iter().zip(joints_in_order(file)).enumerate() {
@@ -188,18 +190,19 @@ fn add_joints(
         let mut joint = made.joint;
         // Bodies that stand between two joints of one body have nothing to touch with.
         joint.contacts_enabled = !model.apart.contains(&(a.min(b), a.max(b)));
+        let mut link = (multibody && model.links(a, b, &joint)).then(LinkSettings::default);
         if let Some(from) = from {
             let actuators = robot.actuators.iter().zip(controls);
             let mine = actuators.filter(|(actuator, _)| {
                 actuator.actuator.joint.is_some() && actuator.joint_index == Some(index)
             });
             let mine: Vec<_> = mine.map(|(actuator, &control)| (&actuator.actuator, control)).collect();
-            drives::drive(&mut joint, from, &name, &mine, &mut model.warnings);
+            drives::drive(&mut joint, link.as_mut(), from, &name, &mine, &mut model.warnings);
             if drop_wide_limits(&mut joint) {
                 model.warnings.add("range beyond half a turn", &*name, "is not limited");
             }
         }
-        model.joints.push(ModelJoint { a, b, joint, tree: true });
+        model.joints.push(ModelJoint { a, b, joint, tree: true, link });
     }
     for entry in
         file.bodies.iter().filter(|entry| entry.body.joints.iter().any(|j| j.type_ == JointType::Free))
@@ -251,7 +254,13 @@ fn add_loops(
         }
         joint.contacts_enabled = true;
         joint.set_enabled(made.active);
-        model.joints.push(ModelJoint { a: part_of(made.link1), b: part_of(made.link2), joint, tree: false });
+        model.joints.push(ModelJoint {
+            a: part_of(made.link1),
+            b: part_of(made.link2),
+            joint,
+            tree: false,
+            link: None,
+        });
     }
     Ok(())
 }

@@ -13,6 +13,7 @@ use super::Wishes;
 use super::mesh::{self, Meshes};
 use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits, is_weld};
 use super::source::{Fault, Source};
+use crate::physics::LinkSettings;
 use crate::scene::SceneError;
 use parse::Parsed;
 
@@ -54,7 +55,7 @@ fn convert(source: &Source, mut parsed: Parsed, wishes: &Wishes) -> Result<Model
         part.mass = mass_of(&from.inertial);
         model.parts.push(part);
     }
-    add_joints(&mut model, &made, &parsed.robot, &parsed.unlimited);
+    add_joints(&mut model, &made, &parsed.robot, &parsed.unlimited, wishes.multibody);
     fix_weightless_roots(&mut model);
     let fixed: Vec<bool> = fixed_at_last(&model);
     for ((part, link), fixed) in model.parts.iter_mut().zip(&made.links).zip(fixed) {
@@ -157,7 +158,13 @@ fn mass_of(inertial: &urdf_rs::Inertial) -> MassProperties {
     )
 }
 
-fn add_joints(model: &mut Model, made: &UrdfRobot, robot: &urdf_rs::Robot, unlimited: &BTreeSet<String>) {
+fn add_joints(
+    model: &mut Model,
+    made: &UrdfRobot,
+    robot: &urdf_rs::Robot,
+    unlimited: &BTreeSet<String>,
+    multibody: bool,
+) {
     for made in &made.joints {
         let from = &robot.joints[made.source_urdf_joint_index()];
         let name = from.name.clone();
@@ -173,10 +180,18 @@ fn add_joints(model: &mut Model, made: &UrdfRobot, robot: &urdf_rs::Robot, unlim
         if drop_wide_limits(&mut joint) {
             model.warnings.add("limit beyond half a turn", &*name, "is not limited");
         }
+        let mut link = (multibody && model.links(made.link1, made.link2, &joint))
+            .then(|| LinkSettings { damping: Some([0.0; 6]), ..LinkSettings::default() });
         if let (Some(axis), Some(dynamics)) = (axis, &from.dynamics) {
-            brake(&mut joint, axis, dynamics, model, &name);
+            match &mut link {
+                Some(link) => {
+                    link.damping = Some([dynamics.damping as f32; 6]);
+                    link.friction = [dynamics.friction as f32; 6];
+                }
+                None => brake(&mut joint, axis, dynamics, model, &name),
+            }
         }
-        model.joints.push(ModelJoint { a: made.link1, b: made.link2, joint, tree: true });
+        model.joints.push(ModelJoint { a: made.link1, b: made.link2, joint, tree: true, link });
     }
 }
 

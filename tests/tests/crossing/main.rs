@@ -1,5 +1,8 @@
 //! What crosses borders: whatever happens to a body that several regions share must be what happens to it in one world.
 
+mod bare;
+mod bodies;
+mod changes;
 mod contacts;
 mod heap;
 mod hooks;

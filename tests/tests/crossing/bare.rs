@@ -104,6 +104,8 @@ pub(crate) fn as_in_bare_rapier(name: &str, gate_m: f32, with: &Setup, without: 
     let bare = with.bare();
     let matters = apart(&bare, &without.bare());
     assert!(matters > 4.0 * gate_m, "{name}: the scene does not show it: {matters} m");
+    let one = with.partitioned(one_world()).0;
+    assert!(one == bare, "{name}: one region is {} m off", apart(&one, &bare));
     for coupling in SHARING {
         let (cut, met) = with.partitioned(halves(coupling));
         let off = apart(&bare, &cut);

@@ -9,8 +9,8 @@ use crate::physics::{
     StepSettings, joint_record,
 };
 use crate::protocol::{
-    BIG_ISLAND, ContactLedger, JointRecord, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity, WorldEvents,
-    WorldPose,
+    BIG_ISLAND, ContactLedger, JointRecord, LinkMotion, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity,
+    WorldEvents, WorldPose,
 };
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
@@ -313,6 +313,21 @@ impl DcdWorld {
     /// Changes damping, armature, friction and springs of a multibody joint.
     pub fn update_link(&mut self, joint: JointId, settings: &LinkSettings) -> Result<(), WorldError> {
         if self.host.update_link(joint, settings) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+    }
+
+    /// Where a link of a multibody is in the coordinates of its joint, and how fast it moves; none before its first step.
+    pub fn link_motion(&self, joint: JointId) -> Option<LinkMotion> {
+        self.host.link_motion(joint)
+    }
+
+    /// Sets how fast a link of a multibody moves, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
+    /// ([`LinkSettings::kinematic`]) keep to it.
+    pub fn set_link_velocity(&mut self, joint: JointId, velocity: [f32; 6]) -> Result<(), WorldError> {
+        if !velocity.iter().all(|v| v.is_finite()) {
+            let (what, range) = ("velocity", "six finite numbers");
+            return Err(WorldError::Setting { what, value: format!("{velocity:?}"), range });
+        }
+        if self.host.set_link_velocity(joint, velocity) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
     fn tie(

@@ -8,7 +8,7 @@ use super::{HostError, RegionHost};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Region, Role};
-use crate::protocol::{BodyRecord, BodyState, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, LinkMotion, WorldPose};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
@@ -84,6 +84,20 @@ impl RegionHost {
         let mut found = false;
         for region in &mut self.regions {
             found |= region.change_link(id, settings);
+        }
+        found
+    }
+
+    /// Where a link of a multibody is and how it moves, if its region is computed here and has stepped.
+    pub fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
+        self.regions.iter().find_map(|region| region.link_motion(id))
+    }
+
+    /// Sets how fast a link of a multibody moves. Returns whether there is such a joint.
+    pub fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
+        let mut found = false;
+        for region in &mut self.regions {
+            found |= region.set_link_velocity(id, velocity);
         }
         found
     }

@@ -22,7 +22,7 @@ use blocks::{BlockReader, BlockWriter};
 pub use error::SnapshotError;
 
 /// Grows with every change of what is saved, the order of fields too.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 1;
 
 impl DcdWorld {
     /// Writes the whole world: [`DcdWorld::restore`] gives one that goes on from here to the same bits. The number of

@@ -1,5 +1,6 @@
 //! Joints whose ends several regions hold.
 
+use super::bare::{Setup, as_in_bare_rapier};
 use super::*;
 
 /// Two bodies with the border between them, tied.
@@ -111,6 +112,20 @@ fn joints_of_all_kinds_move_their_ends_as_in_one_world() {
             });
             assert!(off < 4e-2, "{} {name}: {off}", coupling.name());
         }
+    }
+}
+
+#[test]
+fn joints_of_all_kinds_tie_bodies_at_a_border_as_in_bare_rapier() {
+    for (name, joint) in kinds() {
+        let mut tied = Setup::weightless(60);
+        let left = body_at(-0.75, 0.0, 0.0).linvel(Vector::new(-0.6, 0.2, 0.0));
+        let right = body_at(0.75, 0.0, 0.0).linvel(Vector::new(0.8, -0.3, 0.0)).angvel(Vector::Z * 0.5);
+        let a = tied.push(left.can_sleep(false), cube().density(2.0));
+        let b = tied.push(right.can_sleep(false), cube());
+        let free = tied.clone();
+        tied.joints.push((a, b, joint));
+        as_in_bare_rapier(name, 0.04, &tied, &free);
     }
 }
 

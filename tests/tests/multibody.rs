@@ -205,3 +205,66 @@ fn motors_springs_and_damping_of_links_act_and_travel() {
     assert!((one - four).abs() < 2e-3, "{one} against {four}");
     assert!(turned(LinkSettings::default(), &[]).abs() < 1e-3, "nothing turns it");
 }
+
+#[test]
+fn a_kinematic_link_sweeps_over_a_border_at_the_speed_that_its_user_gives() {
+    let swept = |cuts: &[f64]| {
+        let mut world = world_of(&flat("sweeper"), cuts, Coupling::Auto);
+        let post = RigidBodyBuilder::fixed().translation(Vector::new(0.0, 0.5, 0.0));
+        let post = world.insert(post, ColliderBuilder::ball(0.1)).unwrap();
+        let arm = RigidBodyBuilder::dynamic().can_sleep(false);
+        let arm = world.insert(arm, ColliderBuilder::cuboid(1.0, 0.1, 0.1)).unwrap();
+        let hinge = RevoluteJointBuilder::new(Vector::Y).local_anchor2(Vector::X * -1.2);
+        let settings = LinkSettings { kinematic: true, ..LinkSettings::default() };
+        let joint = world.insert_multibody_joint(post, arm, hinge.contacts_enabled(false), settings).unwrap();
+        assert_eq!(world.link_motion(joint), None, "it has not stepped");
+        let ball = RigidBodyBuilder::dynamic().translation(Vector::new(0.3, 0.3, -1.5)).can_sleep(false);
+        let ball = world.insert(ball, ColliderBuilder::ball(0.3).friction(0.0)).unwrap();
+        world.set_link_velocity(joint, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        for _ in 0..150 {
+            world.step().unwrap();
+            let owner = world.owner_of(BodyId::persistent(2));
+            assert!(owner.is_some());
+        }
+        let motion = world.link_motion(joint).unwrap();
+        assert!((motion.coordinates[3] - 2.5).abs() < 0.03, "{:?}", motion.coordinates);
+        assert!((motion.velocity[0] - 1.0).abs() < 1e-3, "{:?}", motion.velocity);
+        world.set_link_velocity(joint, [f32::NAN; 6]).unwrap_err();
+        world.pose(ball).unwrap().translation
+    };
+    let (one, two) = (swept(&[]), swept(&[0.0]));
+    assert!(one[0] < -0.5, "the arm takes the ball along: {one:?}");
+    let off = (0..3).map(|i| (one[i] - two[i]).powi(2)).sum::<f64>().sqrt();
+    assert!(off < 0.1, "{one:?} against {two:?}");
+}
+
+#[test]
+fn armature_and_friction_of_links_act_and_travel() {
+    let swung = |settings: LinkSettings, cuts: &[f64]| {
+        let mut scene = flat("swing");
+        scene.gravity = [1.6, -9.81, 0.0];
+        let mut world = world_of(&scene, cuts, Coupling::Auto);
+        let cart = RigidBodyBuilder::dynamic().translation(Vector::new(-4.0, 0.25, 0.0));
+        let upright = cart.locked_axes(LockedAxes::ROTATION_LOCKED).can_sleep(false);
+        let cart = ColliderBuilder::cuboid(0.5, 0.25, 0.5).density(100.0).friction(0.0);
+        let cart = world.insert(upright, cart).unwrap();
+        let arm = RigidBodyBuilder::dynamic().translation(Vector::new(-3.6, 1.5, 0.0)).can_sleep(false);
+        let arm = world.insert(arm, ColliderBuilder::cuboid(0.4, 0.05, 0.05).mass(1.0)).unwrap();
+        let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::Y * 1.25);
+        let hinge = hinge.local_anchor2(Vector::X * -0.4).contacts_enabled(false);
+        let joint = world.insert_multibody_joint(cart, arm, hinge, settings).unwrap();
+        (0..150).for_each(|_| world.step().unwrap());
+        world.link_motion(joint).unwrap().coordinates[3]
+    };
+    let usual = swung(LinkSettings::default(), &[]);
+    let first = |value| [value, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let settings = [
+        LinkSettings { armature: first(2.0), ..LinkSettings::default() },
+        LinkSettings { friction: first(3.0), ..LinkSettings::default() },
+    ];
+    for settings in settings {
+        let (one, four) = (swung(settings, &[]), swung(settings, &[-3.0, -1.0, 0.5]));
+        assert!((one - usual).abs() > 0.1, "it matters: {one} against {usual}");
+        assert!((one - four).abs() < 0.02, "{one} against {four}, {settings:?}");
+    }
+}

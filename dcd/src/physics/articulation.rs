@@ -83,6 +83,14 @@ pub(super) fn equip(multibody: &mut Multibody, id: usize, record: &LinkRecord) {
     }
 }
 
+/// Sets how fast a link moves, by its degrees of freedom.
+pub(super) fn set_velocity(multibody: &mut Multibody, id: usize, velocity: &[f32; 6]) {
+    let link = multibody.link(id).expect("a link of this multibody");
+    let (first, dofs) = (link.assembly_id(), link.joint().ndofs());
+    let mut velocities = multibody.generalized_velocity_mut();
+    velocities.as_mut_slice()[first..first + dofs].copy_from_slice(&velocity[..dofs]);
+}
+
 /// What brings a joint from its zero to where it was, one after the other.
 fn displacements(joint: &MultibodyJoint, motion: &LinkMotion) -> Vec<[f32; 6]> {
     let locked = joint.data.locked_axes.bits();

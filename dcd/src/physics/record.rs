@@ -165,7 +165,7 @@ pub(crate) fn reach_of(body: &RigidBody, colliders: &ColliderSet) -> f32 {
         .fold(0.0, f32::max)
 }
 
-fn collider_record(
+pub(super) fn collider_record(
     collider: &ColliderBuilder,
     shapes: &mut ShapeLibrary,
 ) -> Result<ColliderRecord, ShapeError> {
@@ -195,7 +195,7 @@ fn collider_record(
 }
 
 /// The record of a collider whose user changed it in place, perhaps `heavier` or lighter than before; its shape and position
-/// are as they were.
+/// are as in the old record.
 pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider, heavier: bool) -> ColliderRecord {
     ColliderRecord {
         shape: record.shape,

@@ -427,9 +427,8 @@ impl Region {
     }
 
     /// Steps the Rapier world.
-    pub(super) fn step(&mut self, dt_s: f32, iterations: usize) {
-        self.world.integration_parameters.dt = dt_s;
-        self.world.integration_parameters.num_solver_iterations = iterations;
+    pub(super) fn step(&mut self, parameters: &IntegrationParameters) {
+        self.world.integration_parameters = *parameters;
         let steps = self.steps();
         if self.guide.is_first() {
             self.quarantined.clear();
@@ -713,13 +712,15 @@ impl Region {
         }
     }
 
-    /// Changes one collider of a body, and its record with it. `None` if the body has no such collider.
+    /// Changes one collider of a body, and its record with it. `None` if the body has no such collider. A shape that cannot
+    /// travel is refused: the collider keeps the one that it has.
     pub(super) fn update_collider<R>(
         &mut self,
         handle: RigidBodyHandle,
         index: usize,
+        shapes: &mut ShapeLibrary,
         change: impl FnOnce(&mut Collider) -> R,
-    ) -> Option<R> {
+    ) -> Option<Result<R, ShapeError>> {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
         self.touch(handle);
         Some(coupling::whole_colliders(self, handle, |region| {
@@ -728,9 +729,23 @@ impl Region {
             let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);
             let old = &slot.traits.colliders[index];
             let (mass, was_enabled) = (own.mass_properties(), own.is_enabled());
+            let (shape, place) = (own.shared_shape().clone(), own.position_wrt_parent().copied());
             own.set_contact_force_event_threshold(old.force_event_threshold_n);
-            let result = change(own);
+            let mut result = Ok(change(own));
+            let shape_now = if Arc::ptr_eq(&own.shared_shape().0, &shape.0) {
+                old.shape
+            } else {
+                shapes.intern(own.shared_shape()).unwrap_or_else(|error| {
+                    own.set_shape(shape);
+                    result = Err(error);
+                    old.shape
+                })
+            };
             let mut new = record::renewed(old, own, own.mass_properties() != mass);
+            new.shape = shape_now;
+            if let Some(now) = own.position_wrt_parent().filter(|&&now| Some(now) != place) {
+                new.pose = convert::pose_record(now);
+            }
             // Rapier's colliders of a disabled body do not tell whether their user wants them.
             if !body.is_enabled() && own.is_enabled() == was_enabled {
                 new.enabled = old.enabled;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::articulation::{self, LinkSettings};
 use super::joints;
 use super::region::{Region, Role};
-use crate::protocol::JointRecord;
+use crate::protocol::{JointRecord, LinkMotion};
 use crate::space::{BodyId, JointId, RegionSet};
 
 /// A joint as its user knows it, and what became of it in a region.
@@ -324,6 +324,30 @@ impl Region {
             }
             held.record.link = Some(link);
         }
+        self.joints.insert(id, held);
+        is_link
+    }
+
+    /// Where a link is and how it moves, if it is solved here.
+    pub(super) fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
+        let held = self.joints.get(&id).filter(|held| matches!(held.handle, Some(Solver::Multibody(_))))?;
+        self.whole_record(held).link?.motion
+    }
+
+    /// Sets how fast a link moves, by its degrees of freedom. Returns whether it is one, and held here.
+    pub(super) fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
+        let Some(mut held) = self.joints.remove(&id) else { return false };
+        let is_link = held.record.link.is_some();
+        if let Some(Solver::Multibody(handle)) = held.handle
+            && let Some((multibody, index)) = self.world_mut().multibody_joints.get_mut(handle)
+        {
+            articulation::set_velocity(multibody, index, &velocity);
+        } else if let Some(link) = &mut held.record.link {
+            let still = LinkMotion { rotation: [0.0, 0.0, 0.0, 1.0], ..LinkMotion::default() };
+            link.motion.get_or_insert(still).velocity = velocity;
+        }
+        let ends = [held.record.a, held.record.b].map(|end| self.handle_of(end));
+        self.joint_news.woken.extend(ends.into_iter().flatten());
         self.joints.insert(id, held);
         is_link
     }

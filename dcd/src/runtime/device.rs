@@ -215,6 +215,7 @@ fn host_of(world: &EnvironmentProperties, threads: usize) -> Result<RegionHost, 
         depth: world.depth as usize,
         island_limit: world.island_limit as usize,
         tolerance_m_s: world.tolerance_m_s,
+        integration: IntegrationParameters::default(),
     };
     let partition = Partition::new(world.tree.clone(), world.halo_m);
     Ok(RegionHost::new(partition, settings, threads, &[])?)

@@ -9,8 +9,8 @@ use crate::physics::{
     StepSettings, joint_record,
 };
 use crate::protocol::{
-    BIG_ISLAND, ContactLedger, JointRecord, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity, WorldEvents,
-    WorldPose,
+    BIG_ISLAND, ContactLedger, JointRecord, LinkMotion, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity,
+    WorldEvents, WorldPose,
 };
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
@@ -315,6 +315,21 @@ impl DcdWorld {
         if self.host.update_link(joint, settings) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
+    /// Where a link of a multibody is in the coordinates of its joint, and how fast it moves; none before its first step.
+    pub fn link_motion(&self, joint: JointId) -> Option<LinkMotion> {
+        self.host.link_motion(joint)
+    }
+
+    /// Sets how fast a link of a multibody moves, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
+    /// ([`LinkSettings::kinematic`]) keep to it.
+    pub fn set_link_velocity(&mut self, joint: JointId, velocity: [f32; 6]) -> Result<(), WorldError> {
+        if !velocity.iter().all(|v| v.is_finite()) {
+            let (what, range) = ("velocity", "six finite numbers");
+            return Err(WorldError::Setting { what, value: format!("{velocity:?}"), range });
+        }
+        if self.host.set_link_velocity(joint, velocity) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+    }
+
     fn tie(
         &mut self,
         a: BodyId,
@@ -408,7 +423,7 @@ impl DcdWorld {
 
     /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may
     /// be called more than once and must do the same each time; positions in it are in region space, so use
-    /// [`DcdWorld::set_pose`] to move a body.
+    /// [`DcdWorld::set_pose`] to move a body. A body that becomes fixed, or movable, is placed anew.
     ///
     /// ```
     /// # use dcd::runtime::{DcdWorld, WorldConfig};
@@ -424,11 +439,40 @@ impl DcdWorld {
         body: BodyId,
         change: impl FnMut(&mut RigidBody) -> R,
     ) -> Result<R, WorldError> {
-        self.host.update(body, change).ok_or(WorldError::NoBody(body))
+        let result = self.host.update(body, change).ok_or(WorldError::NoBody(body))?;
+        self.host.settle_kind(body)?;
+        Ok(result)
     }
 
-    /// Changes a collider of a body in place, in every copy: what it touches and how, what it reports. `index` counts the
-    /// body's colliders in order of insertion. Shape, position and mass must stay; remove and insert the body for these.
+    /// Gives a body one more collider, the last of its list. The body is placed anew with what joints tie to it: contacts of
+    /// these begin again, without memory.
+    ///
+    /// ```
+    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
+    /// world.insert_collider(ball, ColliderBuilder::ball(0.2).mass(3.0).translation(Vector::Y))?;
+    /// assert!(world.mass_kg(ball).unwrap() > 3.0);
+    /// world.remove_collider(ball, 1)?;
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn insert_collider(&mut self, body: BodyId, collider: ColliderBuilder) -> Result<(), WorldError> {
+        if self.host.insert_collider(body, &collider)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
+    }
+
+    /// Takes a collider from a body, as [`DcdWorld::insert_collider`] gives it; those after it move up.
+    pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), WorldError> {
+        let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
+        if self.host.remove_collider(body, index)? {
+            return Ok(());
+        }
+        Err(WorldError::NoCollider { body, index, count })
+    }
+
+    /// Changes a collider of a body in place, in every copy, by Rapier's own setters: what it touches and how, what it reports,
+    /// its mass, its shape (which must be one that can travel), its place on the body. `index` counts the body's colliders in
+    /// order of insertion.
     ///
     /// ```
     /// # use dcd::runtime::{DcdWorld, WorldConfig};
@@ -445,7 +489,8 @@ impl DcdWorld {
         change: impl FnMut(&mut Collider) -> R,
     ) -> Result<R, WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
-        self.host.update_collider(body, index, change).ok_or(WorldError::NoCollider { body, index, count })
+        let changed = self.host.update_collider(body, index, change)?;
+        changed.ok_or(WorldError::NoCollider { body, index, count })
     }
 
     /// Puts a body elsewhere at once.
@@ -601,11 +646,35 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
             "a positive number of metres per second",
         );
     }
+    if let Some((what, value)) = unfit(&step.integration) {
+        return wrong(what, value.to_string(), "finite and not negative; length_unit above 0");
+    }
     check_threads(config.threads)?;
     if config.halo_m.is_some_and(|halo| !halo.is_finite() || halo < 0.0) {
         return wrong("halo_m", format!("{:?}", config.halo_m), "a number of metres, 0 or more");
     }
     Ok(())
+}
+
+/// The first of the solver's parameters that Rapier cannot use.
+fn unfit(parameters: &IntegrationParameters) -> Option<(&'static str, f32)> {
+    let (moving, fixed) = (parameters.contact_softness, parameters.static_contact_softness);
+    let numbers = [
+        ("integration.min_ccd_dt", parameters.min_ccd_dt),
+        ("integration.contact_softness", moving.natural_frequency),
+        ("integration.contact_softness", moving.damping_ratio),
+        ("integration.static_contact_softness", fixed.natural_frequency),
+        ("integration.static_contact_softness", fixed.damping_ratio),
+        ("integration.warmstart_coefficient", parameters.warmstart_coefficient),
+        ("integration.normalized_allowed_linear_error", parameters.normalized_allowed_linear_error),
+        ("integration.normalized_max_corrective_velocity", parameters.normalized_max_corrective_velocity),
+        ("integration.normalized_prediction_distance", parameters.normalized_prediction_distance),
+        ("integration.normalized_max_linear_velocity", parameters.normalized_max_linear_velocity),
+        ("integration.normalized_contact_recycle_distance", parameters.normalized_contact_recycle_distance),
+    ];
+    let is_unit = parameters.length_unit.is_finite() && parameters.length_unit > 0.0;
+    let mut unfit = numbers.into_iter().filter(|(_, value)| !(value.is_finite() && *value >= 0.0));
+    unfit.next().or((!is_unit).then_some(("integration.length_unit", parameters.length_unit)))
 }
 
 pub(super) fn check_threads(threads: usize) -> Result<(), WorldError> {

@@ -106,3 +106,33 @@ fn a_belt_carries_a_box_over_a_border_as_in_one_world() {
         assert!((at - one).length() < 0.05, "{coupling:?}: at {at}, in one world {one}");
     }
 }
+
+/// Lets bodies through a platform from below.
+struct OneWay;
+
+impl ContactHooks for OneWay {
+    fn modify_solver_contacts(&self, pair: &HookedPair<'_>, contacts: &mut ContactModificationContext<'_>) {
+        let up = if pair.colliders[0].user_data == 7 { Vector::Y } else { -Vector::Y };
+        contacts.update_as_oneway_platform(up, 0.2);
+    }
+}
+
+#[test]
+fn a_ball_jumps_through_a_one_way_platform_at_a_border_and_lands_on_it() {
+    let platform = ColliderBuilder::cuboid(5.0, 0.1, 5.0).user_data(7);
+    let platform = platform.active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
+    for coupling in Coupling::ALL {
+        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        world.set_hooks(Some(Arc::new(OneWay)));
+        world.insert(fixed_at(1.0), platform.clone()).unwrap();
+        let jump = |x: f32| body_at(x, 0.0, 0.0).linvel(Vector::new(-x, 7.0, 0.0)).can_sleep(false);
+        let balls = [-0.3, 0.3].map(|x| {
+            let body = jump(x).translation(Vector::new(x, 0.0, 3.0 * x));
+            world.insert(body, ColliderBuilder::ball(0.3)).unwrap()
+        });
+        steps(&mut world, 150);
+        for id in balls {
+            assert!((at(&world, id)[1] - 1.4).abs() < 0.05, "{coupling:?}: {:?}", at(&world, id));
+        }
+    }
+}

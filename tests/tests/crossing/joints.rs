@@ -1,5 +1,6 @@
 //! Joints whose ends several regions hold.
 
+use super::bare::{Setup, as_in_bare_rapier};
 use super::*;
 
 /// Two bodies with the border between them, tied.
@@ -33,6 +34,59 @@ fn kinds() -> Vec<(&'static str, GenericJoint)> {
             prismatic().motor_position(0.5, 20.0, 1.0).motor_model(force).build().into(),
         ),
         ("rope", RopeJointBuilder::new(1.7).build().into()),
+        (
+            "spherical with limits",
+            SphericalJointBuilder::new()
+                .local_anchor1(left)
+                .local_anchor2(right)
+                .limits(JointAxis::AngZ, [-0.1, 0.3])
+                .build()
+                .into(),
+        ),
+        (
+            "spherical with a motor",
+            SphericalJointBuilder::new()
+                .local_anchor1(left)
+                .local_anchor2(right)
+                .motor_position(JointAxis::AngZ, 0.4, 4.0, 1.0)
+                .motor_model(JointAxis::AngZ, force)
+                .build()
+                .into(),
+        ),
+        // What a pin in a slot is: Rapier has no builder of it in 3D.
+        (
+            "pin in a slot",
+            GenericJointBuilder::new(JointAxesMask::all() & !(JointAxesMask::LIN_X | JointAxesMask::ANG_Z))
+                .local_anchor1(left)
+                .local_anchor2(right)
+                .limits(JointAxis::LinX, [-0.1, 0.4])
+                .build(),
+        ),
+        (
+            "coupled axes",
+            GenericJointBuilder::new(JointAxesMask::ANG_AXES)
+                .coupled_axes(JointAxesMask::LIN_X | JointAxesMask::LIN_Y)
+                .limits(JointAxis::LinX, [0.0, 1.6])
+                .build(),
+        ),
+        (
+            "two motors and a locked axis",
+            GenericJointBuilder::new(JointAxesMask::LIN_Z | JointAxesMask::ANG_X | JointAxesMask::ANG_Y)
+                .local_anchor1(left)
+                .local_anchor2(right)
+                .set_motor(JointAxis::LinX, 0.3, 0.0, 20.0, 2.0)
+                .motor_velocity(JointAxis::AngZ, 1.0, 1.0)
+                .build(),
+        ),
+        (
+            "soft",
+            FixedJointBuilder::new()
+                .local_anchor1(left)
+                .local_anchor2(right)
+                .softness(SpringCoefficients::new(3.0, 0.5))
+                .build()
+                .into(),
+        ),
         ("spring", SpringJointBuilder::new(2.0, 30.0, 0.5).build().into()),
         (
             "strong spring by acceleration",
@@ -57,6 +111,38 @@ fn joints_of_all_kinds_move_their_ends_as_in_one_world() {
                 steps(world, 60);
             });
             assert!(off < 4e-2, "{} {name}: {off}", coupling.name());
+        }
+    }
+}
+
+#[test]
+fn joints_of_all_kinds_tie_bodies_at_a_border_as_in_bare_rapier() {
+    for (name, joint) in kinds() {
+        let mut tied = Setup::weightless(60);
+        let left = body_at(-0.75, 0.0, 0.0).linvel(Vector::new(-0.6, 0.2, 0.0));
+        let right = body_at(0.75, 0.0, 0.0).linvel(Vector::new(0.8, -0.3, 0.0)).angvel(Vector::Z * 0.5);
+        let a = tied.push(left.can_sleep(false), cube().density(2.0));
+        let b = tied.push(right.can_sleep(false), cube());
+        let free = tied.clone();
+        tied.joints.push((a, b, joint));
+        as_in_bare_rapier(name, 0.04, &tied, &free);
+    }
+}
+
+#[test]
+fn tied_bodies_touch_over_a_border_only_if_their_joint_lets_them() {
+    for contacts in [true, false] {
+        for coupling in SHARING {
+            let gap_m = std::cell::Cell::new(0.0);
+            let off = deviation(weightless(halves(coupling)), |world| {
+                let spring = SpringJointBuilder::new(0.2, 30.0, 5.0).contacts_enabled(contacts);
+                let (a, b, _) = tied(world, spring);
+                steps(world, 120);
+                gap_m.set(distance(at(world, a), at(world, b)));
+            });
+            assert!(off < 0.03, "{} {contacts}: {off}", coupling.name());
+            let gap_m = gap_m.get();
+            assert_eq!(gap_m > 0.95, contacts, "{}: {gap_m} m apart", coupling.name());
         }
     }
 }

@@ -1,5 +1,8 @@
 //! What crosses borders: whatever happens to a body that several regions share must be what happens to it in one world.
 
+mod bare;
+mod bodies;
+mod changes;
 mod contacts;
 mod heap;
 mod hooks;
@@ -7,6 +10,7 @@ mod joints;
 mod kinematic;
 mod shapes;
 mod sleep;
+mod table;
 mod unlike;
 mod user;
 

@@ -8,7 +8,7 @@ use super::{HostError, RegionHost};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Region, Role};
-use crate::protocol::{BodyRecord, BodyState, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, LinkMotion, WorldPose};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
@@ -31,26 +31,43 @@ impl RegionHost {
     }
 
     /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.
-    /// Returns what [`RegionHost::update`] would. Shape, position and mass must stay as they are.
+    /// Returns what [`RegionHost::update`] would. Immovable bodies whose shape or place changed are placed anew.
     pub fn update_collider<R>(
         &mut self,
         id: BodyId,
         index: usize,
         mut change: impl FnMut(&mut Collider) -> R,
-    ) -> Option<R> {
-        let mut result = None;
+    ) -> Result<Option<R>, HostError> {
+        let (mut result, mut reach_m) = (None, 0.0f32);
         for region in &mut self.regions {
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
-            let returned = region.update_collider(handle, index, &mut change)?;
-            if role == Role::Immovable {
-                self.statics.set_traits(id, &region.slot(handle).traits);
-            }
+            let Some(returned) = region.update_collider(handle, index, &mut self.shapes, &mut change) else {
+                return Ok(None);
+            };
+            let returned = returned?;
+            reach_m = reach_m.max(region.slot(handle).reach_m);
             if role == Role::Owner || result.is_none() {
                 result = Some(returned);
             }
         }
-        result
+        match self.statics.body(id).cloned() {
+            Some(known) => {
+                let copies = self.regions.iter().filter_map(|region| Some((region, region.handle_of(id)?)));
+                let Some(traits) = copies.map(|(region, handle)| region.slot(handle).traits.clone()).next()
+                else {
+                    return Ok(result);
+                };
+                let (old, new) = (&known.traits.colliders[index], &traits.colliders[index]);
+                if (old.shape, old.pose) == (new.shape, new.pose) {
+                    self.statics.set_traits(id, &traits);
+                } else {
+                    self.replace(BodyRecord { traits, ..known })?;
+                }
+            }
+            None => self.partition.widen_halo(reach_m),
+        }
+        Ok(result)
     }
 
     /// Applies a change to every copy of a joint held here.
@@ -67,6 +84,20 @@ impl RegionHost {
         let mut found = false;
         for region in &mut self.regions {
             found |= region.change_link(id, settings);
+        }
+        found
+    }
+
+    /// Where a link of a multibody is and how it moves, if its region is computed here and has stepped.
+    pub fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
+        self.regions.iter().find_map(|region| region.link_motion(id))
+    }
+
+    /// Sets how fast a link of a multibody moves. Returns whether there is such a joint.
+    pub fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
+        let mut found = false;
+        for region in &mut self.regions {
+            found |= region.set_link_velocity(id, velocity);
         }
         found
     }

@@ -3,6 +3,7 @@
 mod change;
 mod place;
 mod repartition;
+mod replace;
 mod rounds;
 
 use std::collections::BTreeMap;
@@ -45,6 +46,9 @@ pub struct StepSettings {
     pub island_limit: usize,
     /// The disagreement of replicas that [`Coupling::Auto`] tolerates, in metres per second.
     pub tolerance_m_s: f32,
+    /// All else that Rapier's solver may be told, in every region alike; its `dt` and `num_solver_iterations` are those above. A
+    /// served world has Rapier's own.
+    pub integration: IntegrationParameters,
 }
 
 impl Default for StepSettings {
@@ -58,6 +62,7 @@ impl Default for StepSettings {
             depth: 2,
             island_limit: 256,
             tolerance_m_s: 0.03,
+            integration: IntegrationParameters::default(),
         }
     }
 }
@@ -306,7 +311,11 @@ impl RegionHost {
             }
             let moment = Moment { dt_s: settings.dt_s / steps as f32, ..moment };
             settings.coupling.prepare(region, moment.dt_s);
-            region.step(moment.dt_s, settings.solver_iterations.div_ceil(steps).max(1));
+            region.step(&IntegrationParameters {
+                dt: moment.dt_s,
+                num_solver_iterations: settings.solver_iterations.div_ceil(steps).max(1),
+                ..settings.integration
+            });
             settings.coupling.gather(region, moment);
             region.count_time(start.elapsed(), round == 1);
         });

@@ -325,7 +325,7 @@ impl RegionHost {
     }
 
     /// The movable bodies that joints tie to this one, with it, and the joints of all of them.
-    fn gather_assembly(
+    pub(super) fn gather_assembly(
         &self,
         body: BodyId,
         bodies: &mut BTreeMap<BodyId, BodyRecord>,

@@ -1,0 +1,236 @@
+//! What a user makes of a body while it lives: another type, another shape, more colliders, other parameters of the solver.
+
+use dcd::physics::StepSettings;
+use dcd::protocol::WorldPose;
+use rapier3d::math::IVector;
+
+use super::bare::{Setup, apart, as_in_bare_rapier};
+use super::*;
+
+#[test]
+fn a_body_that_becomes_fixed_carries_over_a_border_and_falls_when_it_is_dynamic_again() {
+    for coupling in Coupling::ALL {
+        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        insert_floor(&mut world);
+        let plank = ColliderBuilder::cuboid(2.0, 0.1, 1.0);
+        let plank = world.insert(body_at(0.0, 3.0, 0.0), plank).unwrap();
+        world.update(plank, |body| body.set_body_type(RigidBodyType::Fixed, true)).unwrap();
+        let load = [-1.0, 1.0].map(|x| world.insert(body_at(x, 3.6, 0.0), cube()).unwrap());
+        steps(&mut world, 90);
+        assert_eq!(world.owner_of(plank), None, "{coupling:?}");
+        assert_eq!(at(&world, plank), [0.0, 3.0, 0.0], "{coupling:?}");
+        assert!(load.iter().all(|&id| (at(&world, id)[1] - 3.6).abs() < 0.02), "{coupling:?}");
+        world.update(plank, |body| body.set_body_type(RigidBodyType::Dynamic, true)).unwrap();
+        assert_eq!(world.owners_of(plank), 1, "{coupling:?}");
+        steps(&mut world, 180);
+        assert!((at(&world, plank)[1] - 0.1).abs() < 0.03, "{coupling:?}: {:?}", at(&world, plank));
+        assert_eq!(world.stats().bodies, 3, "{coupling:?}");
+    }
+}
+
+#[test]
+fn a_fixed_hook_that_becomes_dynamic_keeps_what_hangs_on_it() {
+    for coupling in SHARING {
+        let mut world = DcdWorld::new(cut(coupling, &[(Axis::Y, 4.5)])).unwrap();
+        let hook = world.insert(fixed_at(5.0), ColliderBuilder::ball(0.1)).unwrap();
+        let bob = world.insert(body_at(0.0, 4.0, 0.0), ColliderBuilder::ball(0.1)).unwrap();
+        world.insert_joint(hook, bob, SphericalJointBuilder::new().local_anchor2(Vector::Y)).unwrap();
+        steps(&mut world, 30);
+        assert!((at(&world, bob)[1] - 4.0).abs() < 0.01, "{}", coupling.name());
+        world.update(hook, |body| body.set_body_type(RigidBodyType::Dynamic, true)).unwrap();
+        steps(&mut world, 60);
+        assert!(at(&world, bob)[1] < 0.0, "{}: it falls", coupling.name());
+        let gap = distance(at(&world, hook), at(&world, bob));
+        assert!((gap - 1.0).abs() < 0.01, "{}: {gap} m apart", coupling.name());
+        assert_eq!(world.owners_of(hook), 1);
+    }
+}
+
+#[test]
+fn a_body_that_becomes_kinematic_pushes_over_a_border_and_can_be_pushed_afterwards() {
+    for coupling in SHARING {
+        let off = deviation(halves(coupling), |world| {
+            insert_floor(world);
+            let left = world.insert(body_at(-0.5, 0.5, 0.0).can_sleep(false), cube()).unwrap();
+            world.insert(body_at(0.52, 0.5, 0.0).can_sleep(false), cube()).unwrap();
+            steps(world, 5);
+            let change = |kind| move |body: &mut RigidBody| body.set_body_type(kind, true);
+            world.update(left, change(RigidBodyType::KinematicVelocityBased)).unwrap();
+            world.update(left, |body| body.set_linvel(Vector::X, true)).unwrap();
+            steps(world, 30);
+            world.update(left, change(RigidBodyType::KinematicPositionBased)).unwrap();
+            for tick in 1..=10 {
+                let x = 0.0 + 0.02 * f64::from(tick);
+                world.set_next_pose(left, WorldPose::at([x, 0.5, 0.0])).unwrap();
+                steps(world, 1);
+            }
+            world.update(left, change(RigidBodyType::Dynamic)).unwrap();
+            world.update(left, |body| body.apply_impulse(Vector::new(-1.0, 0.0, 0.0), true)).unwrap();
+            steps(world, 30);
+        });
+        assert!(off < 0.05, "{}: {off}", coupling.name());
+    }
+}
+
+#[test]
+fn a_link_of_a_multibody_does_not_become_fixed() {
+    let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+    let base = world.insert(fixed_at(2.0), ColliderBuilder::ball(0.1)).unwrap();
+    let arm = world.insert(body_at(0.0, 1.0, 0.0), ColliderBuilder::ball(0.1)).unwrap();
+    let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor2(Vector::Y);
+    world.insert_multibody_joint(base, arm, hinge, dcd::physics::LinkSettings::default()).unwrap();
+    steps(&mut world, 5);
+    let refused = world.update(arm, |body| body.set_body_type(RigidBodyType::Fixed, true)).unwrap_err();
+    assert!(refused.to_string().contains("remove the joint first"), "{refused}");
+    steps(&mut world, 5);
+    assert_eq!(world.owners_of(arm), 1);
+}
+
+#[test]
+fn a_shape_that_changes_at_a_border_changes_in_every_copy_and_stays_so() {
+    for coupling in Coupling::ALL {
+        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        insert_floor(&mut world);
+        let body = body_at(-0.3, 0.5, 0.0).can_sleep(false);
+        let grown = world.insert(body, cube().friction(0.0)).unwrap();
+        let beside = world.insert(body_at(1.0, 0.5, 0.0).can_sleep(false), cube().friction(0.0)).unwrap();
+        steps(&mut world, 10);
+        let tall = SharedShape::cuboid(0.5, 1.5, 0.5);
+        let grow = |collider: &mut Collider| {
+            collider.set_shape(tall.clone());
+            collider.set_position_wrt_parent(Pose::from_translation(Vector::Y));
+        };
+        world.update_collider(grown, 0, grow).unwrap();
+        assert!((world.mass_kg(grown).unwrap() - 3.0).abs() < 1e-3, "{coupling:?}");
+        // It goes to the other region, and takes its shape along.
+        world.set_pose(grown, WorldPose::at([2.5, 0.6, 0.0])).unwrap();
+        let on_top = world.insert(body_at(2.5, 3.7, 0.0), ColliderBuilder::ball(0.3)).unwrap();
+        steps(&mut world, 60);
+        assert!((at(&world, grown)[1] - 0.5).abs() < 0.02, "{coupling:?}: {:?}", at(&world, grown));
+        assert!((at(&world, on_top)[1] - 3.3).abs() < 0.05, "{coupling:?}: {:?}", at(&world, on_top));
+        assert!((world.mass_kg(grown).unwrap() - 3.0).abs() < 1e-3, "{coupling:?}");
+        let mut tied = Voxels::new(Vector::ONE, &[IVector::ZERO]);
+        let mut other = Voxels::new(Vector::ONE, &[IVector::X]);
+        tied.combine_voxel_states(&mut other, IVector::ZERO);
+        let tied = SharedShape::new(tied);
+        let refused = world.update_collider(beside, 0, |collider| collider.set_shape(tied.clone()));
+        assert!(refused.is_err(), "{coupling:?}");
+        steps(&mut world, 10);
+        assert!((at(&world, beside)[1] - 0.5).abs() < 0.02, "{coupling:?}: it keeps the shape that it had");
+    }
+}
+
+#[test]
+fn ground_that_changes_its_shape_or_place_changes_in_every_region() {
+    for coupling in Coupling::ALL {
+        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let ground = world.insert(fixed_at(-0.5), ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
+        let far: Vec<_> = [-8.0, 8.0].map(|x| world.insert(body_at(x, 1.0, 0.0), cube()).unwrap()).into();
+        world
+            .update_collider(ground, 0, |collider| {
+                collider.set_shape(SharedShape::cuboid(20.0, 0.5, 5.0));
+                collider.set_position_wrt_parent(Pose::from_translation(Vector::Y * -1.0));
+            })
+            .unwrap();
+        steps(&mut world, 120);
+        for id in far {
+            assert!((at(&world, id)[1] + 0.5).abs() < 0.01, "{coupling:?}: {:?}", at(&world, id));
+        }
+    }
+}
+
+#[test]
+fn a_collider_comes_to_a_shared_body_and_goes_again() {
+    for coupling in SHARING {
+        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        insert_floor(&mut world);
+        let left = world.insert(body_at(-0.5, 0.5, 0.0).can_sleep(false), cube()).unwrap();
+        let right = world.insert(body_at(0.5, 0.5, 0.0).can_sleep(false), cube()).unwrap();
+        let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::X * 0.5);
+        world
+            .insert_joint(left, right, hinge.local_anchor2(Vector::X * -0.5).contacts_enabled(false))
+            .unwrap();
+        steps(&mut world, 10);
+        let shelf = ColliderBuilder::cuboid(1.0, 0.1, 0.5).translation(Vector::Y * 1.5).mass(2.0);
+        world.insert_collider(left, shelf).unwrap();
+        assert!((world.mass_kg(left).unwrap() - 3.0).abs() < 1e-3);
+        let ball = world.insert(body_at(-0.5, 2.7, 0.0), ColliderBuilder::ball(0.2).mass(0.1)).unwrap();
+        steps(&mut world, 60);
+        assert!((at(&world, ball)[1] - 2.3).abs() < 0.05, "{}: {:?}", coupling.name(), at(&world, ball));
+        world.remove_collider(left, 1).unwrap();
+        assert!(world.remove_collider(left, 1).unwrap_err().to_string().contains("has 1 colliders"));
+        steps(&mut world, 90);
+        assert!(at(&world, ball)[1] < 1.6, "{}: {:?}", coupling.name(), at(&world, ball));
+        let gap = at(&world, right)[0] - at(&world, left)[0];
+        assert!((gap - 1.0).abs() < 0.02 && world.stats().bodies == 3, "{}: {gap}", coupling.name());
+    }
+}
+
+/// Parameters that are none of Rapier's own.
+fn unusual() -> IntegrationParameters {
+    IntegrationParameters {
+        contact_softness: SpringCoefficients::new(8.0, 1.0),
+        static_contact_softness: SpringCoefficients::new(8.0, 1.0),
+        normalized_max_corrective_velocity: 0.5,
+        friction_model: FrictionModel::Coulomb,
+        contact_clustering: false,
+        num_internal_pgs_iterations: 2,
+        ..IntegrationParameters::default()
+    }
+}
+
+/// Boxes dropped in a heap.
+fn heap(parameters: IntegrationParameters) -> Setup {
+    let mut setup = Setup::on_floor(90);
+    setup.bodies[0].1[0] = ColliderBuilder::cuboid(60.0, 0.5, 60.0);
+    for i in 0..6 {
+        let body = body_at(0.3 * (i % 3) as f32 - 0.3, 0.5 + 1.1 * i as f32, 0.1 * i as f32);
+        setup.push(body.can_sleep(false), cube().density(1.0 + i as f32));
+    }
+    setup.parameters = parameters;
+    setup
+}
+
+#[test]
+fn the_solver_s_parameters_are_those_of_the_user_to_the_bit() {
+    let usual = heap(IntegrationParameters::default()).bare();
+    let (bare, (one, _)) = (heap(unusual()).bare(), heap(unusual()).partitioned(one_world()));
+    assert!(bare == one, "{} m apart", apart(&bare, &one));
+    assert!(apart(&bare, &usual) > 0.05, "the parameters matter: {}", apart(&bare, &usual));
+}
+
+#[test]
+fn the_solver_s_parameters_reach_every_region_and_travel_in_snapshots() {
+    let slow = IntegrationParameters { normalized_max_linear_velocity: 3.0, ..unusual() };
+    let fall = |parameters| {
+        let mut setup = Setup::weightless(90);
+        setup.gravity = Vector::new(9.81, 0.0, 0.0);
+        setup.parameters = parameters;
+        setup.push(body_at(-1.0, 0.0, 0.0), cube());
+        setup
+    };
+    as_in_bare_rapier("speed limit", 0.05, &fall(slow), &fall(unusual()));
+    let (mut world, _) = fall(slow).world(halves(Coupling::Auto));
+    steps(&mut world, 10);
+    let mut saved = Vec::new();
+    world.save(&mut saved).unwrap();
+    let mut again = DcdWorld::restore(&saved[..], 1).unwrap();
+    assert_eq!(again.host().settings().integration, slow);
+    steps(&mut world, 60);
+    steps(&mut again, 60);
+    assert_eq!(world.state_hash(), again.state_hash());
+}
+
+#[test]
+fn parameters_that_rapier_cannot_use_are_refused_by_name() {
+    let refused = |integration| {
+        let step = StepSettings { integration, ..StepSettings::default() };
+        DcdWorld::new(WorldConfig { step, ..WorldConfig::default() }).err().unwrap().to_string()
+    };
+    let usual = IntegrationParameters::default();
+    let soft = SpringCoefficients::new(f32::NAN, 1.0);
+    let error = refused(IntegrationParameters { contact_softness: soft, ..usual });
+    assert!(error.contains("contact_softness"), "{error}");
+    let error = refused(IntegrationParameters { length_unit: 0.0, ..usual });
+    assert!(error.contains("length_unit"), "{error}");
+}

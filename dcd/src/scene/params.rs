@@ -34,6 +34,28 @@ pub struct ParamInfo {
     pub what: &'static str,
 }
 
+/// A parameter that is a whole number.
+pub(super) const fn count(
+    name: &'static str,
+    default: &'static str,
+    least: u64,
+    most: u64,
+    what: &'static str,
+) -> ParamInfo {
+    ParamInfo { name, default, kind: ParamKind::Count(least, most), unit: "", what }
+}
+
+/// A parameter that is a decimal number.
+pub(super) const fn number(
+    name: &'static str,
+    default: &'static str,
+    [least, most]: [f64; 2],
+    unit: &'static str,
+    what: &'static str,
+) -> ParamInfo {
+    ParamInfo { name, default, kind: ParamKind::Number(least, most), unit, what }
+}
+
 impl Params {
     /// No parameter: defaults everywhere.
     pub fn new() -> Self {

@@ -8,7 +8,7 @@ mod ragdolls;
 mod stacks;
 
 use super::error::nearest;
-use super::params::{ParamKind, Values};
+use super::params::{Values, count, number};
 use super::{ParamInfo, Params, Scene, SceneError};
 
 /// A scene of the library, for help texts.
@@ -63,28 +63,6 @@ pub(super) fn build(name: &str, params: &Params) -> Result<Scene, SceneError> {
 
 /// Most bodies of a scene: what fits the memory of a large machine, not a limit of the engine.
 const MOST: u64 = 2_000_000;
-
-/// Parameter: number of bodies.
-const fn count(
-    name: &'static str,
-    default: &'static str,
-    least: u64,
-    most: u64,
-    what: &'static str,
-) -> ParamInfo {
-    ParamInfo { name, default, kind: ParamKind::Count(least, most), unit: "", what }
-}
-
-/// Parameter: a decimal number.
-const fn number(
-    name: &'static str,
-    default: &'static str,
-    [least, most]: [f64; 2],
-    unit: &'static str,
-    what: &'static str,
-) -> ParamInfo {
-    ParamInfo { name, default, kind: ParamKind::Number(least, most), unit, what }
-}
 
 /// Parameter: the seed.
 const SEED: ParamInfo = count("seed", "1", 0, u64::MAX, "source of all random numbers");

@@ -15,7 +15,7 @@ mod weights;
 
 use std::path::Path;
 
-use super::params::{ParamInfo, ParamKind, Values};
+use super::params::{ParamInfo, Values, count, number};
 use super::{Params, Scene, SceneError};
 use model::Model;
 use source::Source;
@@ -110,24 +110,4 @@ fn kind(path: &Path) -> Option<Kind> {
         "urdf" => Some(Kind::Urdf),
         _ => None,
     }
-}
-
-const fn count(
-    name: &'static str,
-    default: &'static str,
-    least: u64,
-    most: u64,
-    what: &'static str,
-) -> ParamInfo {
-    ParamInfo { name, default, kind: ParamKind::Count(least, most), unit: "", what }
-}
-
-const fn number(
-    name: &'static str,
-    default: &'static str,
-    [least, most]: [f64; 2],
-    unit: &'static str,
-    what: &'static str,
-) -> ParamInfo {
-    ParamInfo { name, default, kind: ParamKind::Number(least, most), unit, what }
 }

@@ -123,12 +123,14 @@ fn a_shape_that_changes_at_a_border_changes_in_every_copy_and_stays_so() {
 #[test]
 fn ground_that_changes_its_shape_or_place_changes_in_every_region() {
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        // The other region has nothing of ground that lies so far from it, until it grows.
+        let mut world = DcdWorld::new(cut(coupling, &[(Axis::X, 30.0)])).unwrap();
         let ground = world.insert(fixed_at(-0.5), ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
-        let far: Vec<_> = [-8.0, 8.0].map(|x| world.insert(body_at(x, 1.0, 0.0), cube()).unwrap()).into();
+        let far: Vec<_> = [8.0, 45.0].map(|x| world.insert(body_at(x, 1.0, 0.0), cube()).unwrap()).into();
+        assert!(world.regions()[1].handle_of(ground).is_none(), "{coupling:?}");
         world
             .update_collider(ground, 0, |collider| {
-                collider.set_shape(SharedShape::cuboid(20.0, 0.5, 5.0));
+                collider.set_shape(SharedShape::cuboid(60.0, 0.5, 5.0));
                 collider.set_position_wrt_parent(Pose::from_translation(Vector::Y * -1.0));
             })
             .unwrap();

@@ -135,12 +135,14 @@ fn regions_come_as_bodies_are_inserted_and_go_as_they_are_removed() {
     for i in 0..200 {
         let place = Vector::new(3.0 * (i % 20) as f32 - 30.0, 0.5, 3.0 * (i / 20) as f32 - 15.0);
         let body = RigidBodyBuilder::dynamic().translation(place).linvel(Vector::X * 0.1).can_sleep(false);
-        ids.push(world.insert(body, ColliderBuilder::ball(0.5)).unwrap());
+        let collider = ColliderBuilder::ball(0.5).active_events(ActiveEvents::COLLISION_EVENTS);
+        ids.push(world.insert(body, collider).unwrap());
     }
-    let mut most = 0;
+    let (mut most, mut began) = (0, 0);
     for tick in 0..900 {
         world.step().unwrap();
         most = most.max(world.regions().len());
+        began += world.events().touches.iter().filter(|touch| touch.began).count();
         for &id in &ids {
             assert_eq!(world.owners_of(id), 1, "{id} at tick {tick}");
         }
@@ -149,6 +151,7 @@ fn regions_come_as_bodies_are_inserted_and_go_as_they_are_removed() {
         }
     }
     assert!(most >= 4, "{most} regions");
+    assert_eq!(began, 200, "each touched the floor once, whatever its region was called");
     assert_eq!(world.regions().len(), 1, "ten bodies need one region");
     for id in ids {
         assert!((world.pose(id).unwrap().translation[1] - 0.5).abs() < 0.01, "{id} is on the floor");
@@ -312,4 +315,35 @@ fn regions_may_follow_measured_times() {
     assert_eq!(shares.iter().sum::<usize>(), world.stats().bodies);
     // Where the planes are depends on the machine; that all do something does not.
     assert!(shares.iter().all(|&count| count > 0), "{shares:?}");
+}
+
+#[test]
+fn the_ground_goes_with_the_plane() {
+    let config = WorldConfig {
+        bounds: Bounds::around([0.0; 3], [200.0, 20.0, 20.0]),
+        partitioning: Partitioning::Cuts(vec![(Axis::X, -150.0)]),
+        ..WorldConfig::default()
+    };
+    let mut world = DcdWorld::new(config).unwrap();
+    for tile in 0..100 {
+        let place = Vector::new(4.0 * tile as f32 - 198.0, -0.5, 0.0);
+        world
+            .insert(RigidBodyBuilder::fixed().translation(place), ColliderBuilder::cuboid(2.0, 0.5, 5.0))
+            .unwrap();
+    }
+    let ball = RigidBodyBuilder::dynamic().translation(Vector::new(100.0, 0.5, 0.0)).can_sleep(false);
+    let ball = world.insert(ball, ColliderBuilder::ball(0.5)).unwrap();
+    let tiles =
+        |world: &DcdWorld| world.regions().iter().map(|region| region.bodies().count()).collect::<Vec<_>>();
+    let before = tiles(&world);
+    assert!(before[0] < 30 && before[1] > 85, "{before:?}");
+    world.move_plane(RegionId(0), 150.0).unwrap();
+    for _ in 0..120 {
+        world.step().unwrap();
+        assert!((world.pose(ball).unwrap().translation[1] - 0.5).abs() < 0.01, "it has ground under it");
+    }
+    assert_eq!(world.owner_of(ball), Some(world.regions()[0].id()));
+    world.move_plane(RegionId(0), 140.0).unwrap();
+    let after = tiles(&world);
+    assert!(after[0] > 85 && after[1] < 30, "each has the ground of its own cell: {after:?}");
 }

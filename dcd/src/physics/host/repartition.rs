@@ -162,6 +162,7 @@ impl RegionHost {
             region.border.pace = pace.of_newborn();
             region.hooks = hooks;
             region.set_anchor(anchor);
+            self.statics.recover(region, &self.shapes)?;
             self.lend_threads()?;
         }
         self.index();

@@ -1,0 +1,162 @@
+//! Where a region is, what of the immovable it holds there, and how much it has to do: what changes as the tree follows the
+//! load and the anchor the bodies.
+
+use std::time::Duration;
+
+use rapier3d::prelude::*;
+
+use super::{COVER_M, Link, Region, Role, Slot};
+use crate::physics::partition::HUB_REACH_M;
+use crate::physics::{convert, follow};
+use crate::space::{Bounds, Cell, RegionId};
+
+/// A sleeping body may lie so far outside the cell.
+const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
+
+/// How much the last tick counts in the mean time of a tick.
+const TIME_MEMORY: f64 = 0.1;
+
+impl Region {
+    /// A plane has moved: everything here is looked at anew, what sleeps too.
+    pub(in crate::physics) fn set_cell(&mut self, cell: Cell) {
+        self.cell = cell;
+        self.stirred = true;
+        self.due.fill(0);
+        self.overlooked = self.own_sleepers();
+    }
+
+    /// What it is called from now on.
+    pub(in crate::physics) fn rename(&mut self, id: RegionId, rank: usize) {
+        (self.id, self.rank) = (id, rank);
+    }
+
+    pub(in crate::physics) fn slots_mut(&mut self) -> impl Iterator<Item = &mut Slot> {
+        self.slots.iter_mut().flatten()
+    }
+
+    /// Whether it holds anything that can move.
+    pub(in crate::physics) fn holds_movable(&self) -> bool {
+        self.slots.iter().flatten().any(|slot| slot.role != Role::Immovable)
+    }
+
+    /// What sleeps where a plane has passed over it stays this region's, unless that is far from here: then it is woken, and
+    /// goes.
+    pub(in crate::physics) fn wake_left_behind(&mut self) {
+        for handle in self.own_sleepers() {
+            let centre = convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass());
+            if self.cell.excess_m(centre) > LEFT_BEHIND_M {
+                self.world_mut().wake_up(handle, true);
+            }
+        }
+    }
+
+    fn own_sleepers(&self) -> Vec<RigidBodyHandle> {
+        let owned = self.slots.iter().flatten().filter(|slot| slot.role == Role::Owner);
+        let mut asleep: Vec<_> =
+            owned.map(|slot| Link { id: slot.id, handle: self.by_id[&slot.id] }).collect();
+        asleep.retain(|link| self.world.bodies[link.handle].is_sleeping());
+        asleep.sort_unstable_by_key(|link| link.id);
+        asleep.into_iter().map(|link| link.handle).collect()
+    }
+
+    /// How much there is to compute, by counts: bodies that are awake, copies of others' bodies among them, and contacts.
+    pub(in crate::physics) fn activity(&self) -> f64 {
+        let awake = |collider: ColliderHandle| {
+            let parent = self.world.colliders.get(collider).and_then(Collider::parent);
+            parent.is_some_and(|parent| {
+                let body = &self.world.bodies[parent];
+                !body.is_fixed() && !body.is_sleeping()
+            })
+        };
+        let pairs = self.world.contact_pairs();
+        let contacts = pairs
+            .filter(|pair| pair.has_any_active_contact() && (awake(pair.collider1) || awake(pair.collider2)));
+        (self.world.islands.active_bodies().count() + contacts.count()) as f64
+    }
+
+    /// Where its own awake bodies are, in world space.
+    pub(in crate::physics) fn awake_places(&self) -> impl Iterator<Item = [f64; 3]> {
+        let awake = self.world.islands.active_bodies();
+        let owned = awake.filter(|&handle| matches!(self.role_of(handle), Some((_, Role::Owner))));
+        owned.map(|handle| convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass()))
+    }
+
+    /// Those of the sleepers to be looked at that are still here.
+    pub(in crate::physics) fn take_overlooked(&mut self) -> Vec<RigidBodyHandle> {
+        let mut handles = std::mem::take(&mut self.overlooked);
+        handles.retain(|&handle| self.slot_at(handle).is_some() && self.world.bodies.contains(handle));
+        handles
+    }
+
+    /// Counts the time of a round.
+    pub(in crate::physics) fn count_time(&mut self, took: Duration, first: bool) {
+        let took_us = took.as_secs_f64() * 1e6;
+        if first {
+            self.mean_step_us += (self.step_us - self.mean_step_us) * TIME_MEMORY;
+            self.step_us = 0.0;
+        }
+        self.step_us += took_us;
+    }
+
+    /// The time that its ticks take, smoothed, microseconds.
+    pub(in crate::physics) fn mean_step_us(&self) -> f64 {
+        self.mean_step_us
+    }
+
+    /// Moves the origin of region space: what is held here stays where it is in world space.
+    pub(in crate::physics) fn set_anchor(&mut self, anchor: [f64; 3]) {
+        let from = std::mem::replace(&mut self.anchor, anchor);
+        // Exact: anchors lie on a grid that f32 represents, as long as they are within its reach of each other.
+        let shift = convert::region_point(anchor, from);
+        let moved = |pose: &Pose| Pose::from_parts(pose.translation + shift, pose.rotation);
+        for (_, body) in self.world_mut().bodies.iter_mut() {
+            let (here, next) = (moved(body.position()), moved(body.next_position()));
+            body.set_position(here, false);
+            if body.is_kinematic() {
+                body.set_next_kinematic_position(next);
+            }
+        }
+        for slot in self.slots.iter_mut().flatten() {
+            slot.asleep_at = slot.asleep_at.as_ref().map(moved);
+        }
+        self.due.fill(0);
+        let immovable = self.slots.iter().flatten().filter(|slot| slot.role == Role::Immovable);
+        for handle in immovable.map(|slot| self.by_id[&slot.id]) {
+            let body = &self.world.bodies[handle];
+            let pose = convert::world_from_region(anchor, body.position());
+            for &collider in body.colliders() {
+                if self.world.colliders[collider].shape().as_halfspace().is_some() {
+                    follow::fetch_plane(&mut self.world.colliders[collider], &pose, anchor);
+                }
+            }
+        }
+    }
+
+    /// Whether immovable bodies that touch this box are held here already; if not, from now on they must be: returns the
+    /// box to look for them in.
+    pub(in crate::physics) fn widen_cover(&mut self, bounds: &Bounds) -> Option<Bounds> {
+        if self.covered.contains(bounds) {
+            return None;
+        }
+        self.covered = self.covered.union(&bounds.grown(2.0));
+        Some(self.covered)
+    }
+
+    /// The cell has changed: the box in which immovable bodies are to be held from now on.
+    pub(in crate::physics) fn renew_cover(&mut self) -> Bounds {
+        let here = Bounds { min: self.cell.min, max: self.cell.max };
+        let movable = self.slots.iter().flatten().filter(|slot| slot.role != Role::Immovable);
+        let held = movable.map(|slot| self.world_bounds(self.by_id[&slot.id]).grown(2.0));
+        let empty = (0..3).any(|i| here.min[i] >= here.max[i]);
+        let cell = (!empty).then(|| here.grown(COVER_M));
+        // An empty region covers nothing.
+        let nothing = Bounds::new([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        self.covered =
+            cell.into_iter().chain(held).reduce(|all, bounds| all.union(&bounds)).unwrap_or(nothing);
+        self.covered
+    }
+
+    pub(in crate::physics) fn covers(&self, bounds: &Bounds) -> bool {
+        self.covered.touches(bounds)
+    }
+}

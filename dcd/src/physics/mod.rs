@@ -26,7 +26,9 @@ mod ties;
 mod watch;
 
 pub use articulation::LinkSettings;
-pub(crate) use articulation::{equip_link, insert_link, link_fault, motion_between};
+#[cfg(feature = "models")]
+pub(crate) use articulation::link_fault;
+pub(crate) use articulation::{equip_link, insert_link, motion_between};
 pub use choice::{CouplingChoice, Method};
 pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
 pub use coupling::Coupling;

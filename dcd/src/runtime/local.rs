@@ -294,8 +294,11 @@ impl DcdWorld {
     /// # use rapier3d::prelude::*;
     /// # let mut world = DcdWorld::new(WorldConfig::default())?;
     /// let base = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
-    /// let arm = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::capsule_y(0.4, 0.05))?;
+    /// let below = RigidBodyBuilder::dynamic().translation(Vector::Y * -0.5);
+    /// let arm = world.insert(below, ColliderBuilder::capsule_y(0.4, 0.05))?;
     /// let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor2(Vector::Y * 0.5);
+    /// // The two overlap at the hinge: they must not touch there.
+    /// let hinge = hinge.contacts_enabled(false);
     /// world.insert_multibody_joint(base, arm, hinge, LinkSettings::default())?;
     /// world.step()?;
     /// # Ok::<(), dcd::runtime::WorldError>(())
@@ -321,7 +324,8 @@ impl DcdWorld {
     }
 
     /// Sets how fast a link of a multibody moves, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
-    /// ([`LinkSettings::kinematic`]) keep to it.
+    /// ([`LinkSettings::kinematic`]) keep to it. Not by axis: a hinge's only value is the first, whatever its axis, and what is
+    /// beyond a joint's degrees of freedom is not looked at.
     pub fn set_link_velocity(&mut self, joint: JointId, velocity: [f32; 6]) -> Result<(), WorldError> {
         if !velocity.iter().all(|v| v.is_finite()) {
             let (what, range) = ("velocity", "six finite numbers");
@@ -529,8 +533,8 @@ impl DcdWorld {
 
     /// Lets the regions follow the load from now on, or leaves them as they are.
     pub fn set_balance(&mut self, balance: Option<Balance>) -> Result<(), WorldError> {
-        if let Some((what, range)) = balance.as_ref().and_then(Balance::fault) {
-            return Err(WorldError::Setting { what, value: format!("{balance:?}"), range });
+        if let Some((what, value, range)) = balance.as_ref().and_then(Balance::fault) {
+            return Err(WorldError::Setting { what, value, range });
         }
         self.host.set_balance(balance);
         Ok(())
@@ -627,8 +631,8 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
     if step.solver_iterations == 0 || step.solver_iterations > 1000 {
         return wrong("solver_iterations", step.solver_iterations.to_string(), "1 to 1000 iterations a tick");
     }
-    if let Some((what, range)) = config.balance.as_ref().and_then(Balance::fault) {
-        return wrong(what, format!("{:?}", config.balance), range);
+    if let Some((what, value, range)) = config.balance.as_ref().and_then(Balance::fault) {
+        return wrong(what, value, range);
     }
     if step.exchanges == 0 || step.exchanges > MAX_ROUNDS as usize {
         return wrong("exchanges", step.exchanges.to_string(), "1 to 64 exchanges a tick");

@@ -13,7 +13,7 @@ pub struct Balance {
     pub every_ticks: u32,
     /// Planes move when the heaviest region has more than so many times the mean load; above 1.
     pub tolerance: f64,
-    /// The heaviest region is cut while it has more load than this.
+    /// The heaviest region is cut while it has more load than this: bodies and contacts, or microseconds a tick.
     pub split_above: f64,
     /// Two siblings are merged when they have less load together; below `split_above`.
     pub merge_below: f64,
@@ -59,23 +59,29 @@ impl Balance {
         Self { least_regions: regions, most_regions: regions, ..Self::default() }
     }
 
-    /// What is wrong with the settings, if anything: which one, and what it may be.
-    pub fn fault(&self) -> Option<(&'static str, &'static str)> {
-        let faults = [
-            (self.every_ticks == 0, "every_ticks", "1 tick or more"),
-            (self.tolerance.is_nan() || self.tolerance <= 1.0, "tolerance", "a number above 1, as 1.2"),
-            (self.split_above.is_nan() || self.merge_below.is_nan(), "split_above", "a number"),
-            (self.merge_below >= self.split_above, "merge_below", "less than split_above, or regions flap"),
-            (self.least_regions == 0, "least_regions", "1 region or more"),
-            (self.most_regions < self.least_regions, "most_regions", "at least least_regions"),
-            (self.most_regions > super::MAX_REGIONS, "most_regions", "at most 256 regions"),
-            (
-                !(self.smallest_edge_m > 0.0 && self.smallest_edge_m.is_finite()),
-                "smallest_edge_m",
-                "a positive number of metres",
-            ),
-        ];
-        faults.into_iter().find(|(wrong, ..)| *wrong).map(|(_, what, range)| (what, range))
+    /// What is wrong with the settings, if anything: which one, what it is, and what it may be.
+    pub fn fault(&self) -> Option<(&'static str, String, &'static str)> {
+        let Self { every_ticks, tolerance, split_above, merge_below, least_regions, most_regions, .. } =
+            *self;
+        let edge = self.smallest_edge_m;
+        let found = |what, value: &dyn ToString, range| Some((what, value.to_string(), range));
+        if every_ticks == 0 {
+            found("every_ticks", &every_ticks, "1 tick or more")
+        } else if tolerance.is_nan() || tolerance <= 1.0 {
+            found("tolerance", &tolerance, "a number above 1, as 1.2")
+        } else if split_above.is_nan() {
+            found("split_above", &split_above, "a number, in units of the load")
+        } else if merge_below.is_nan() || merge_below >= split_above {
+            found("merge_below", &merge_below, "less than split_above, or regions flap")
+        } else if least_regions == 0 {
+            found("least_regions", &least_regions, "1 region or more")
+        } else if most_regions < least_regions || most_regions > super::MAX_REGIONS {
+            found("most_regions", &most_regions, "from least_regions to 256")
+        } else if !(edge > 0.0 && edge.is_finite()) {
+            found("smallest_edge_m", &edge, "a positive number of metres")
+        } else {
+            None
+        }
     }
 }
 
@@ -372,7 +378,7 @@ mod tests {
         let fault = |change: fn(&mut Balance)| {
             let mut settings = Balance::default();
             change(&mut settings);
-            settings.fault().map(|(what, _)| what)
+            settings.fault().map(|(what, ..)| what)
         };
         assert_eq!(fault(|_| {}), None);
         assert_eq!(fault(|settings| settings.merge_below = 20_000.0), Some("merge_below"));

@@ -97,9 +97,9 @@ impl WorldDef {
             scene.cuts = self.cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();
         }
         if let Some(balance) = self.balance {
-            if let Some((what, range)) = balance.fault() {
+            if let Some((what, value, range)) = balance.fault() {
                 return Err(Fault::new(
-                    format!("[world] balance: {what} is out of range"),
+                    format!("[world] balance: {what} = {value} is out of range"),
                     format!("give {range}"),
                 ));
             }

@@ -115,6 +115,8 @@ fn resolve(name: &str, folder: &Path) -> Result<PathBuf, Fault> {
         let missing = || Fault::new(format!("mesh {} is not there", path.display()), remedy);
         return if path.is_file() { Ok(path) } else { Err(missing()) };
     };
+    // A file named without a folder lies in the present one.
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let rest = inside.split_once('/').map_or(inside, |(_, rest)| rest);
     let mut candidates = whole.ancestors().flat_map(|above| [above.join(inside), above.join(rest)]);

@@ -43,16 +43,20 @@ impl RegionHost {
     /// have new names, with these.
     pub fn rebalance(&mut self) -> Result<Vec<(RegionId, RegionId)>, HostError> {
         let Some(mut balancer) = self.balancer.take() else { return Ok(Vec::new()) };
-        let mut renamed = Vec::new();
-        if self.tick.0.is_multiple_of(balancer.settings.every_ticks.into()) {
-            self.regions.iter_mut().for_each(Region::wake_left_behind);
-            self.finish_merging(&mut balancer, &mut renamed)?;
-            let burdens = self.burdens(balancer.settings.load);
-            let merging: Vec<_> = balancer.merging.keys().copied().collect();
-            let changes = plan(self.partition.tree(), &burdens, &balancer.settings, &merging);
-            self.change_tree(&changes, &mut balancer, &mut renamed)?;
-        }
+        let is_due = self.tick.0.is_multiple_of(balancer.settings.every_ticks.into());
+        let renamed = if is_due { self.follow_load(&mut balancer) } else { Ok(Vec::new()) };
         self.balancer = Some(balancer);
+        renamed
+    }
+
+    fn follow_load(&mut self, balancer: &mut Balancer) -> Result<Vec<(RegionId, RegionId)>, HostError> {
+        let mut renamed = Vec::new();
+        self.regions.iter_mut().for_each(Region::wake_left_behind);
+        self.finish_merging(balancer, &mut renamed)?;
+        let burdens = self.burdens(balancer.settings.load);
+        let merging: Vec<_> = balancer.merging.keys().copied().collect();
+        let changes = plan(self.partition.tree(), &burdens, &balancer.settings, &merging);
+        self.change_tree(&changes, balancer, &mut renamed)?;
         Ok(renamed)
     }
 
@@ -157,10 +161,8 @@ impl RegionHost {
             let place = |id| self.regions.iter().position(|region| region.id() == id).expect("both are here");
             let (new, from) = (place(new), place(from));
             let (pace, anchor) = (self.regions[from].border.pace.clone(), self.regions[from].anchor());
-            let hooks = self.regions[from].hooks.clone();
             let region = &mut self.regions[new];
             region.border.pace = pace.of_newborn();
-            region.hooks = hooks;
             region.set_anchor(anchor);
             self.statics.recover(region, &self.shapes)?;
             self.lend_threads()?;

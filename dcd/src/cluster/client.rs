@@ -1,17 +1,21 @@
 //! A process that hosts avatars: joins at the server, moves its avatars through the leader, keeps its view of the world.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::Duration;
 
 use super::Peer;
 use crate::protocol::{
     BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient, Hello, JointRecord, Member,
-    Message, Refusal, Role, ShapeHash, ShapeRecord, ToClient, Touch, VERSION, Velocity, ViewNumber,
+    Message, Refusal, Role, ShapeHash, ShapeRecord, SharedState, ToClient, Touch, VERSION, Velocity,
     WorldPose,
 };
-use crate::space::{BodyId, ClientId, NodeId, Tick};
+use crate::space::{BodyId, ClientId, Epoch, NodeId, Tick};
 
 /// Contacts kept for a user who does not ask; the oldest go first.
 const MAX_CONTACTS: usize = 4_096;
+
+/// Between attempts to dial the server, or a leader that cannot be reached.
+const AGAIN: Duration = Duration::from_millis(250);
 
 /// What happens to a client.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,6 +65,8 @@ pub enum ClientOutput {
         /// What.
         message: Message,
     },
+    /// Make a link to the server, and answer with [`ClientEvent::Connected`] or [`ClientEvent::Disconnected`].
+    Redial,
     /// Make a link to the leader, and answer with [`ClientEvent::Connected`] or [`ClientEvent::Disconnected`].
     Connect(Member),
     /// Close the link to a former leader.
@@ -80,7 +86,7 @@ pub enum ClientOutput {
         /// Why.
         reason: Refusal,
     },
-    /// The server is gone.
+    /// The server is gone; it is dialled again and again.
     Lost,
 }
 
@@ -91,6 +97,43 @@ pub struct BodyView {
     pub body: BodyRecord,
     /// After which tick.
     pub tick: Tick,
+    /// Whether it was computed by a node that waits for others: a guess, until one that is not comes.
+    pub provisional: bool,
+    /// Epoch and tick of the newest state that is no guess.
+    settled: (Epoch, Tick),
+}
+
+impl BodyView {
+    fn new(body: BodyRecord) -> Self {
+        Self { settled: (body.epoch, Tick(0)), body, tick: Tick(0), provisional: false }
+    }
+
+    /// Takes a state in, unless something newer is known. A guess never counts against what is none.
+    fn learn(&mut self, state: &SharedState, tick: Tick, provisional: bool) {
+        let is_news = match provisional {
+            false => self.settled <= (state.epoch, tick),
+            true => {
+                self.settled.0 <= state.epoch
+                    && self.settled.1 < tick
+                    && !(self.provisional && tick < self.tick)
+            }
+        };
+        if is_news {
+            if !provisional {
+                self.settled = (state.epoch, tick);
+            }
+            (self.provisional, self.tick) = (provisional, tick);
+            self.body.epoch = state.epoch;
+            self.body.state.pose = state.pose;
+            self.body.state.velocity = state.velocity;
+            self.body.state.sleeping = state.sleeping;
+        }
+    }
+
+    /// Where the body is `seconds` later if nothing touches it (dead reckoning, thesis 3.3.11): the velocity holds.
+    pub fn extrapolated(&self, seconds: f64) -> WorldPose {
+        self.body.state.pose.moved(&self.body.state.velocity, seconds)
+    }
 }
 
 /// The state machine.
@@ -102,14 +145,20 @@ pub struct Client {
     world: Option<EnvironmentProperties>,
     joined: bool,
     bodies: BTreeMap<BodyId, BodyView>,
+    /// Bodies that the server, which tells of the world again, has not spoken of yet.
+    unspoken: BTreeSet<BodyId>,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
     joints: Vec<JointRecord>,
-    since: ViewNumber,
     leader: Option<Member>,
     linked: bool,
+    server_linked: bool,
+    dial_server_at: Option<Duration>,
+    dial_leader_at: Option<Duration>,
     logical_time: u64,
-    /// Wishes kept while the link to the leader is being made: the newest of each avatar.
-    waiting: BTreeMap<BodyId, Drive>,
+    /// The newest wish for each avatar: said again when a link is back.
+    newest: BTreeMap<BodyId, Drive>,
+    /// What the server has not answered yet, in order: said again when it is back.
+    unanswered: Vec<FromClient>,
     touches: VecDeque<(Tick, Touch)>,
     forces: VecDeque<(Tick, ContactForce)>,
     outputs: VecDeque<ClientOutput>,
@@ -125,13 +174,17 @@ impl Client {
             world: None,
             joined: false,
             bodies: BTreeMap::new(),
+            unspoken: BTreeSet::new(),
             shapes: BTreeMap::new(),
             joints: Vec::new(),
-            since: ViewNumber(0),
             leader: None,
             linked: false,
+            server_linked: false,
+            dial_server_at: None,
+            dial_leader_at: None,
             logical_time: 0,
-            waiting: BTreeMap::new(),
+            newest: BTreeMap::new(),
+            unanswered: Vec::new(),
             touches: VecDeque::new(),
             forces: VecDeque::new(),
             outputs: VecDeque::new(),
@@ -139,20 +192,31 @@ impl Client {
     }
 
     /// Takes an event in; [`Client::poll_output`] tells what follows from it.
-    pub fn handle(&mut self, event: ClientEvent) {
+    pub fn handle(&mut self, now: Duration, event: ClientEvent) {
         match event {
             ClientEvent::Connected(Peer::Server) => {
+                self.server_linked = true;
+                self.dial_server_at = None;
                 self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role: Role::Client }));
             }
             ClientEvent::Connected(peer) if self.is_leader(peer) => {
                 self.linked = true;
-                for drive in std::mem::take(&mut self.waiting).into_values() {
+                self.dial_leader_at = None;
+                for drive in self.newest.values().copied().collect::<Vec<_>>() {
                     self.send_drive(drive);
                 }
             }
-            ClientEvent::Disconnected(Peer::Server) => self.outputs.push_back(ClientOutput::Lost),
-            // The server will name a new leader; until then the newest wish of each avatar waits.
-            ClientEvent::Disconnected(peer) if self.is_leader(peer) => self.linked = false,
+            ClientEvent::Disconnected(Peer::Server) => {
+                if std::mem::take(&mut self.server_linked) {
+                    self.outputs.push_back(ClientOutput::Lost);
+                }
+                self.dial_server_at = Some(now + AGAIN);
+            }
+            // The server may name a new leader; until then the newest wish of each avatar waits.
+            ClientEvent::Disconnected(peer) if self.is_leader(peer) => {
+                self.linked = false;
+                self.dial_leader_at = Some(now + AGAIN);
+            }
             ClientEvent::Connected(_) | ClientEvent::Disconnected(_) => {}
             ClientEvent::Message { from, message: Message::ToClient(client, message) } => {
                 if client == self.id && (from == Peer::Server || self.is_leader(from)) {
@@ -161,14 +225,31 @@ impl Client {
             }
             ClientEvent::Message { .. } => {}
             ClientEvent::Node(message) => self.told(message),
-            ClientEvent::Spawn { body, shapes } => self.ask_server(FromClient::Spawn { body, shapes }),
+            ClientEvent::Spawn { body, shapes } => self.want(FromClient::Spawn { body, shapes }),
             ClientEvent::Drive { body, velocity, pose } => {
                 self.logical_time += 1;
-                self.send_drive(Drive { body, logical_time: self.logical_time, velocity, pose });
+                let drive = Drive { body, logical_time: self.logical_time, velocity, pose };
+                self.newest.insert(body, drive);
+                self.send_drive(drive);
             }
-            ClientEvent::Despawn(body) => self.ask_server(FromClient::Despawn(body)),
+            ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
             ClientEvent::Leave => self.ask_server(FromClient::Leave),
         }
+    }
+
+    /// To be called at [`Client::poll_timeout`].
+    pub fn handle_timeout(&mut self, now: Duration) {
+        if self.dial_server_at.take_if(|at| *at <= now).is_some() {
+            self.outputs.push_back(ClientOutput::Redial);
+        }
+        if self.dial_leader_at.take_if(|at| *at <= now).is_some() && self.node.is_none() && !self.linked {
+            self.outputs.extend(self.leader.clone().map(ClientOutput::Connect));
+        }
+    }
+
+    /// When [`Client::handle_timeout`] is next due; ask again after every event.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        self.dial_server_at.into_iter().chain(self.dial_leader_at).min()
     }
 
     /// The next thing to do, until there is none.
@@ -235,6 +316,42 @@ impl Client {
         self.send(Peer::Server, Message::FromClient(self.id, message));
     }
 
+    /// The same, said again until it is answered.
+    fn want(&mut self, message: FromClient) {
+        self.unanswered.push(message.clone());
+        self.ask_server(message);
+    }
+
+    fn answered(&mut self, id: BodyId) {
+        let is_of = |message: &FromClient| match message {
+            FromClient::Spawn { body, .. } => body.id == id,
+            FromClient::Despawn(body) => *body == id,
+            _ => false,
+        };
+        if let Some(at) = self.unanswered.iter().position(is_of) {
+            self.unanswered.remove(at);
+        }
+    }
+
+    /// The world is here, perhaps again: what it does not show of our wishes is said once more.
+    fn say_again(&mut self) {
+        for message in std::mem::take(&mut self.unanswered) {
+            let is_done = match &message {
+                FromClient::Spawn { body, .. } => self.bodies.contains_key(&body.id),
+                FromClient::Despawn(id) => !self.bodies.contains_key(id),
+                _ => true,
+            };
+            match (is_done, &message) {
+                (false, _) => self.want(message),
+                (true, FromClient::Spawn { body, .. }) => {
+                    self.outputs.push_back(ClientOutput::Inserted(body.id))
+                }
+                (true, FromClient::Despawn(id)) => self.outputs.push_back(ClientOutput::Removed(*id)),
+                _ => {}
+            }
+        }
+    }
+
     fn is_leader(&self, peer: Peer) -> bool {
         self.leader.as_ref().is_some_and(|member| peer == Peer::Node(member.node))
     }
@@ -248,9 +365,8 @@ impl Client {
                 let to = Peer::Node(member.node);
                 self.send(to, Message::FromClient(self.id, wish));
             }
-            Some(_) => {
-                self.waiting.insert(drive.body, drive);
-            }
+            // The newest waits for the link.
+            Some(_) => {}
         }
     }
 
@@ -259,46 +375,49 @@ impl Client {
             ToClient::Welcome { world, .. } => {
                 self.world = Some(world);
                 self.joined = false;
-                self.bodies.clear();
+                self.unspoken = self.bodies.keys().copied().collect();
                 self.joints.clear();
             }
             ToClient::Chunk(Chunk::Shapes(shapes)) => self.learn(shapes),
             ToClient::Chunk(Chunk::Bodies(bodies)) => {
-                let views = bodies.into_iter().map(|body| (body.id, BodyView { body, tick: Tick(0) }));
-                self.bodies.extend(views);
+                for body in bodies {
+                    self.unspoken.remove(&body.id);
+                    // What the leader told before is newer than the server's record.
+                    if self.bodies.get(&body.id).is_none_or(|view| view.settled.0 < body.epoch) {
+                        self.bodies.insert(body.id, BodyView::new(body));
+                    }
+                }
             }
             ToClient::Chunk(Chunk::Joints(joints)) => self.joints.extend(joints),
             ToClient::Chunk(Chunk::Placed(_)) => {}
             ToClient::WorldEnd => {
                 self.joined = true;
+                for id in std::mem::take(&mut self.unspoken) {
+                    self.bodies.remove(&id);
+                    self.outputs.push_back(ClientOutput::Removed(id));
+                }
+                self.say_again();
                 self.outputs.push_back(ClientOutput::Joined);
             }
-            ToClient::LeaderIs { view, leader } if view >= self.since => {
-                self.since = view;
-                self.follow(leader);
-            }
-            ToClient::LeaderIs { .. } => {}
+            ToClient::LeaderIs { leader, .. } => self.follow(leader),
             ToClient::Inserted { body, shapes } => {
                 self.learn(shapes);
                 let id = body.id;
-                self.bodies.insert(id, BodyView { body, tick: Tick(0) });
+                self.answered(id);
+                self.bodies.insert(id, BodyView::new(body));
                 self.outputs.push_back(ClientOutput::Inserted(id));
             }
             ToClient::Removed(id) => {
+                self.answered(id);
                 self.bodies.remove(&id);
+                self.newest.remove(&id);
                 self.joints.retain(|joint| joint.a != id && joint.b != id);
                 self.outputs.push_back(ClientOutput::Removed(id));
             }
-            ToClient::States { tick, states } => {
+            ToClient::States { tick, provisional, states } => {
                 for state in states {
-                    if let Some(view) = self.bodies.get_mut(&state.id)
-                        && (view.body.epoch, view.tick) <= (state.epoch, tick)
-                    {
-                        view.tick = tick;
-                        view.body.epoch = state.epoch;
-                        view.body.state.pose = state.pose;
-                        view.body.state.velocity = state.velocity;
-                        view.body.state.sleeping = state.sleeping;
+                    if let Some(view) = self.bodies.get_mut(&state.id) {
+                        view.learn(&state, tick, provisional);
                     }
                 }
             }
@@ -307,6 +426,7 @@ impl Client {
                 keep(&mut self.forces, tick, forces);
             }
             ToClient::Rejected { body, reason } => {
+                body.into_iter().for_each(|id| self.answered(id));
                 self.outputs.push_back(ClientOutput::Rejected { body, reason });
             }
         }

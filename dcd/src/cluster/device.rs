@@ -17,8 +17,9 @@ pub enum Sampling {
     All,
 }
 
-/// What the node asks of its physics. [`PhysicsCommand::World`] and [`PhysicsCommand::Load`] have no answer; every other
-/// command is given only after the last one was answered.
+/// What the node asks of its physics. [`PhysicsCommand::World`], [`PhysicsCommand::Load`] and [`PhysicsCommand::Return`]
+/// have no answer; every other command is given only after the last one was answered. A [`PhysicsCommand::World`]
+/// forgets all that was before.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhysicsCommand {
     /// The world to come; before anything else.
@@ -63,6 +64,11 @@ pub enum PhysicsCommand {
         /// What it lists for the server.
         checkpoint: Sampling,
     },
+    /// Others are waited for in vain: compute a tick of a copy of all that is held here, as if nobody else were there. The
+    /// first makes the copy; the world itself stands still. Answered by [`PhysicsEvent::Drifted`].
+    Drift(Vec<WorldOp>),
+    /// Forget the copy. No answer.
+    Return,
     /// Answered by [`PhysicsEvent::Surveyed`].
     Survey,
     /// Answered by [`PhysicsEvent::Found`].
@@ -92,6 +98,8 @@ pub enum PhysicsEvent {
         /// For the server, as sampled, in id order.
         checkpoint: Vec<BodyCheckpoint>,
     },
+    /// Where the bodies of the copy are, in id order; those that rest may be left out.
+    Drifted(Vec<SharedState>),
     /// Every owned body, in id order.
     Surveyed(Vec<Claim>),
     /// Those of the asked-for bodies that are held, owned or replica, at the epoch of their owner, in id order.

@@ -91,7 +91,8 @@ impl Leader {
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
         let states = self.latest.values().map(|&(state, _)| state).collect();
-        self.messages.push((client, ToClient::States { tick: self.tick, states }));
+        let message = ToClient::States { tick: self.tick, provisional: false, states };
+        self.messages.push((client, message));
     }
 
     /// A client's direct link is gone.
@@ -135,7 +136,8 @@ impl Leader {
 
     /// A member reached the barrier.
     pub fn done(&mut self, from: NodeId, done: Done) {
-        if done.tick != self.tick || !self.members.contains(&from) {
+        // A message may come again after a link broke.
+        if done.tick != self.tick || !self.members.contains(&from) || self.done.contains_key(&from) {
             return;
         }
         self.done.insert(from, done.stats);
@@ -274,9 +276,34 @@ impl Leader {
         self.moved.extend(reminders);
         let states: Vec<_> =
             std::mem::take(&mut self.moved).iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
+        self.tell_all(self.tick, false, &states);
+    }
+
+    fn tell_all(&mut self, tick: Tick, provisional: bool, states: &[SharedState]) {
         for &client in self.clients.keys() {
-            self.messages.push((client, ToClient::States { tick: self.tick, states: states.clone() }));
+            let states = states.to_vec();
+            self.messages.push((client, ToClient::States { tick, provisional, states }));
         }
+    }
+
+    /// What was computed without the others, for clients only.
+    pub fn tell_provisional(&mut self, tick: Tick, states: &[SharedState]) {
+        self.tell_all(tick, true, states);
+    }
+
+    /// Where clients want their avatars to go, for what is computed before the next tick.
+    pub fn wishes(&self) -> impl Iterator<Item = Drive> {
+        self.drives.values().copied()
+    }
+
+    /// Whether anybody is told what happens.
+    pub fn has_clients(&self) -> bool {
+        !self.clients.is_empty()
+    }
+
+    /// Members that have not completed the newest tick.
+    pub fn missing(&self) -> impl Iterator<Item = NodeId> {
+        self.members.iter().filter(|node| !self.done.contains_key(node)).copied()
     }
 }
 

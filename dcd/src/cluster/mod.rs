@@ -15,6 +15,7 @@
 
 mod client;
 mod device;
+mod directory;
 mod leader;
 mod node;
 mod ping;
@@ -25,11 +26,12 @@ use crate::space::{ClientId, NodeId};
 
 pub use client::{BodyView, Client, ClientEvent, ClientOutput};
 pub use device::{PhysicsCommand, PhysicsEvent, Sampling};
+pub use directory::{Batch, Key};
 pub use leader::Leader;
 pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
 pub use ping::{Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
-pub use server::{MAX_AVATARS, Server, ServerConfig, ServerEvent, ServerOutput};
+pub use server::{MAX_AVATARS, RestoreError, Server, ServerConfig, ServerEvent, ServerOutput};
 
 /// The other end of a link, as its certificate names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

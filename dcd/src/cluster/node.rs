@@ -2,6 +2,8 @@
 //! says so. The physics is a device behind [`PhysicsCommand`] and [`PhysicsEvent`].
 
 mod clients;
+mod drift;
+mod links;
 mod lockstep;
 #[cfg(test)]
 mod tests;
@@ -10,10 +12,12 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use self::drift::Drift;
+use self::links::Links;
 use super::{Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
 use crate::protocol::{
-    Border, BorderMessage, Dispatch, Drive, EnvironmentProperties, FromClient, Hello, JointRecord, Member,
-    Message, Placed, Role, ToClient, ToServer, VERSION, View, ViewNumber,
+    Border, BorderMessage, Dispatch, Done, Drive, EnvironmentProperties, FromClient, JointRecord, Member,
+    Message, Placed, ToClient, ToServer, View, ViewNumber,
 };
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
@@ -33,6 +37,8 @@ pub struct NodeConfig {
     pub report_every: u64,
     /// Ticks between checkpoints of moved bodies to the server; at most 0.5 s worth.
     pub checkpoint_every: u64,
+    /// How long others are waited for before the node computes provisionally for its clients.
+    pub patience: Duration,
 }
 
 /// What happens to a node.
@@ -67,6 +73,8 @@ pub enum NodeOutput {
         /// What.
         message: Message,
     },
+    /// Make a link to the server, and answer with [`NodeEvent::Connected`] or [`NodeEvent::Disconnected`].
+    Redial,
     /// Make a link to this member, and answer with [`NodeEvent::Connected`] or [`NodeEvent::Disconnected`].
     Connect(Member),
     /// Close the link to a former member.
@@ -97,6 +105,8 @@ pub struct NodeCounters {
     pub overflow: u64,
     /// Clients' wishes that the leader refused.
     pub rejected: u64,
+    /// Ticks computed without the others, for clients only.
+    pub provisional: u64,
 }
 
 /// The state machine.
@@ -112,6 +122,13 @@ pub struct Node {
     /// The physics owes an answer; for a view change: for which.
     busy: bool,
     asked: Option<ViewNumber>,
+    /// Answers that the physics owes from before the node began anew.
+    void: u32,
+    /// Since when nothing that counts has been computed or heard, and how long the last tick took.
+    since: Duration,
+    tick_takes: Duration,
+    complained_at: Duration,
+    drift: Drift,
     dispatch: Option<Dispatch>,
     change: Option<Change>,
     placed: Vec<Placed>,
@@ -120,6 +137,10 @@ pub struct Node {
     leader: Option<Leader>,
     wishes: Vec<(ClientId, Drive)>,
     links: BTreeSet<Peer>,
+    link: Links,
+    /// The newest word to the leader, and whether the next report is to be of all bodies.
+    done: Option<Done>,
+    report_all: bool,
     pinger: Pinger,
     counters: NodeCounters,
     stopped: bool,
@@ -164,6 +185,11 @@ impl Node {
             phase: Phase::Resting,
             busy: false,
             asked: None,
+            void: 0,
+            since: Duration::ZERO,
+            tick_takes: Duration::ZERO,
+            complained_at: Duration::ZERO,
+            drift: Drift::default(),
             dispatch: None,
             change: None,
             placed: Vec::new(),
@@ -172,6 +198,9 @@ impl Node {
             leader: None,
             wishes: Vec::new(),
             links: BTreeSet::new(),
+            link: Links::default(),
+            done: None,
+            report_all: false,
             pinger: Pinger::default(),
             counters: NodeCounters::default(),
             stopped: false,
@@ -186,9 +215,9 @@ impl Node {
         }
         match event {
             NodeEvent::Connected(peer) => self.connected(now, peer),
-            NodeEvent::Disconnected(peer) => self.disconnected(peer),
+            NodeEvent::Disconnected(peer) => self.disconnected(now, peer),
             NodeEvent::Message { from, message } => self.message(now, from, message),
-            NodeEvent::Physics(event) => self.physics(event),
+            NodeEvent::Physics(event) => self.physics(now, event),
             NodeEvent::Client(message) => self.own_client(message),
             NodeEvent::Leave => self.send_server(ToServer::Leave),
         }
@@ -205,7 +234,10 @@ impl Node {
         for (to, message) in self.pinger.due(now) {
             self.send(to, message);
         }
+        self.tend_links(now);
+        self.complain_of_stalled(now);
         self.progress(now);
+        self.drift(now);
     }
 
     /// When [`Node::handle_timeout`] is next due; ask again after every event.
@@ -217,7 +249,13 @@ impl Node {
             (Some(leader), None) => leader.timeout(),
             _ => None,
         };
-        dispatch.into_iter().chain(self.pinger.timeout()).min()
+        dispatch
+            .into_iter()
+            .chain(self.pinger.timeout())
+            .chain(self.link.timeout(&self.others))
+            .chain(self.stalled_at())
+            .chain(self.drift_at())
+            .min()
     }
 
     /// The next thing to do, until there is none.
@@ -250,6 +288,16 @@ impl Node {
         self.counters
     }
 
+    /// Whether it computes provisionally, because others are waited for.
+    pub fn is_drifting(&self) -> bool {
+        self.drift.is_running()
+    }
+
+    /// Whether the server can be heard.
+    pub fn has_server(&self) -> bool {
+        self.link.server_up()
+    }
+
     /// Round trips to peers.
     pub fn pinger(&self) -> &Pinger {
         &self.pinger
@@ -270,11 +318,8 @@ impl Node {
     fn connected(&mut self, now: Duration, peer: Peer) {
         self.links.insert(peer);
         match peer {
-            Peer::Server => {
-                let role = Role::Node { address: self.config.address, client: self.config.client };
-                self.send(peer, Message::Hello(Hello { version: VERSION, role }));
-            }
-            Peer::Node(_) => self.pinger.add(now, peer),
+            Peer::Server => self.greet_server(now),
+            Peer::Node(node) => self.link_up(now, node),
             Peer::Client(client) => {
                 if let Some(leader) = &mut self.leader {
                     leader.admit(client);
@@ -283,18 +328,13 @@ impl Node {
         }
     }
 
-    fn disconnected(&mut self, peer: Peer) {
+    fn disconnected(&mut self, now: Duration, peer: Peer) {
         self.links.remove(&peer);
         self.pinger.remove(peer);
         match peer {
-            Peer::Server => {
-                self.stop(true, "the server is gone: start it again and let the node join anew".into());
-            }
+            Peer::Server => self.miss_server(now),
             // Only the server decides that a member is dead; until then its messages are waited for.
-            Peer::Node(node) if self.others.contains(&node) => {
-                self.send_server(ToServer::LinkLost { view: self.number(), node });
-            }
-            Peer::Node(_) => {}
+            Peer::Node(node) => self.link_down(now, node),
             Peer::Client(client) => {
                 if let Some(leader) = &mut self.leader {
                     leader.dismiss(client);
@@ -311,7 +351,7 @@ impl Node {
 
     fn message(&mut self, now: Duration, from: Peer, message: Message) {
         match (from, message) {
-            (Peer::Server, Message::ToNode(message)) => self.hear_server(message),
+            (Peer::Server, Message::ToNode(message)) => self.hear_server(now, message),
             (Peer::Node(node), Message::Dispatch(dispatch)) => self.dispatched(node, dispatch),
             (Peer::Node(node), Message::Border(border)) => self.keep_early(node, border),
             // Nobody can be done with a view before its leader has begun it: the leader's border message is waited for.

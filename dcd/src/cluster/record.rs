@@ -2,13 +2,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use bincode::{Decode, Encode};
+
+use super::Key;
 use crate::protocol::{
-    BodyCheckpoint, BodyKind, BodyRecord, Chunk, JointRecord, Placed, ShapeHash, ShapeRecord, chunks,
+    BodyCheckpoint, BodyKind, BodyRecord, Check, Chunk, Invalid, JointRecord, Placed, ShapeHash, ShapeRecord,
+    ViewNumber, chunks, encode_value,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, Epoch, JointId, RegionId, Tick};
 
 /// Where a recorded body stands with the nodes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Life {
     /// No node has been told of it.
     Waiting,
@@ -25,19 +29,38 @@ pub enum Life {
     Parked,
 }
 
-#[derive(Clone, Debug)]
-struct Entry {
+/// A body on record.
+#[derive(Clone, Debug, Encode, Decode)]
+pub(super) struct StoredBody {
     body: BodyRecord,
     tick: Tick,
     life: Life,
 }
 
+impl Check for StoredBody {
+    fn check(&self) -> Result<(), Invalid> {
+        self.body.check()
+    }
+}
+
+/// What is not written down yet.
+#[derive(Clone, Debug, Default)]
+struct Changes {
+    /// Bodies that came, went or changed their standing.
+    lives: BTreeSet<BodyId>,
+    /// Bodies that moved.
+    states: BTreeSet<BodyId>,
+    shapes: BTreeSet<ShapeHash>,
+    joints: BTreeSet<JointId>,
+}
+
 /// Bodies, shapes and joints of a world, in id order.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
-    bodies: BTreeMap<BodyId, Entry>,
+    bodies: BTreeMap<BodyId, StoredBody>,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
     joints: BTreeMap<JointId, JointRecord>,
+    changes: Changes,
 }
 
 impl Record {
@@ -52,15 +75,88 @@ impl Record {
         record
     }
 
+    /// A record as it was written down. Joints of bodies that have gone since are left out.
+    pub(super) fn restored(
+        bodies: Vec<StoredBody>,
+        shapes: Vec<ShapeRecord>,
+        joints: Vec<JointRecord>,
+    ) -> Self {
+        let bodies: BTreeMap<_, _> = bodies.into_iter().map(|stored| (stored.body.id, stored)).collect();
+        let is_whole = |joint: &JointRecord| bodies.contains_key(&joint.a) && bodies.contains_key(&joint.b);
+        let joints = joints.into_iter().filter(is_whole).map(|joint| (joint.id, joint)).collect();
+        let shapes = shapes.into_iter().map(|shape| (shape.hash(), shape)).collect();
+        Self { bodies, shapes, joints, changes: Changes::default() }
+    }
+
+    /// The same world for another group: with `known`, its nodes hold it already; else it waits for nodes.
+    pub(super) fn copied(&self, known: bool) -> Self {
+        let mut copy = Self { changes: Changes::default(), ..self.clone() };
+        if known {
+            return copy;
+        }
+        let going: Vec<_> = copy.lives().collect();
+        for (id, life) in going {
+            match life {
+                Life::Live | Life::Removing { park: true, back: true } => copy.set_life(id, Life::Waiting),
+                Life::Removing { park: true, back: false } => copy.set_life(id, Life::Parked),
+                Life::Removing { park: false, .. } => copy.remove(id),
+                Life::Waiting | Life::Parked => {}
+            }
+        }
+        copy.forget_changes();
+        copy
+    }
+
+    /// Everything is to be written down.
+    pub(super) fn mark_all(&mut self) {
+        self.changes.lives = self.bodies.keys().copied().collect();
+        self.changes.shapes = self.shapes.keys().copied().collect();
+        self.changes.joints = self.joints.keys().copied().collect();
+    }
+
+    /// Whether it is to be written down where bodies are.
+    pub(super) fn has_moved(&self) -> bool {
+        !self.changes.states.is_empty()
+    }
+
+    /// Nothing is to be written down.
+    pub(super) fn forget_changes(&mut self) {
+        self.changes = Changes::default();
+    }
+
+    /// What has changed since the last call: the standing of bodies, or, if `soft`, where they are.
+    pub(super) fn take_changes(&mut self, soft: bool) -> Vec<(Key, Option<Vec<u8>>)> {
+        if soft {
+            let moved = std::mem::take(&mut self.changes.states);
+            return moved.into_iter().map(|id| self.stored(id)).collect();
+        }
+        let states = std::mem::take(&mut self.changes.states);
+        let Changes { lives, shapes, joints, .. } =
+            std::mem::replace(&mut self.changes, Changes { states, ..Changes::default() });
+        let lives = lives.into_iter().map(|id| self.stored(id));
+        let shapes =
+            shapes.into_iter().map(|hash| (Key::Shape(hash), self.shapes.get(&hash).map(encode_value)));
+        let joints = joints.into_iter().map(|id| (Key::Joint(id), self.joints.get(&id).map(encode_value)));
+        lives.chain(shapes).chain(joints).collect()
+    }
+
+    fn stored(&self, id: BodyId) -> (Key, Option<Vec<u8>>) {
+        (Key::Body(id), self.bodies.get(&id).map(encode_value))
+    }
+
     /// A new body, waiting for a node.
     pub(super) fn insert(&mut self, body: BodyRecord) {
-        self.bodies.insert(body.id, Entry { body, tick: Tick(0), life: Life::Waiting });
+        self.changes.lives.insert(body.id);
+        self.bodies.insert(body.id, StoredBody { body, tick: Tick(0), life: Life::Waiting });
     }
 
     /// Forgets a body and its joints.
     pub(super) fn remove(&mut self, id: BodyId) {
+        self.changes.lives.insert(id);
         self.bodies.remove(&id);
-        self.joints.retain(|_, joint| joint.a != id && joint.b != id);
+        let is_of = |joint: &JointRecord| joint.a == id || joint.b == id;
+        self.changes.joints.extend(self.joints.values().filter(|joint| is_of(joint)).map(|joint| joint.id));
+        self.joints.retain(|_, joint| !is_of(joint));
     }
 
     /// Records shapes and returns those that are new.
@@ -69,6 +165,7 @@ impl Record {
         for shape in shapes {
             let hash = shape.hash();
             if self.shapes.insert(hash, shape.clone()).is_none() {
+                self.changes.shapes.insert(hash);
                 new.push(shape);
             }
         }
@@ -124,10 +221,12 @@ impl Record {
     pub(super) fn set_life(&mut self, id: BodyId, life: Life) {
         if let Some(entry) = self.bodies.get_mut(&id) {
             entry.life = life;
+            self.changes.lives.insert(id);
         }
     }
 
     pub(super) fn body_mut(&mut self, id: BodyId) -> Option<&mut BodyRecord> {
+        self.changes.states.insert(id);
         self.bodies.get_mut(&id).map(|entry| &mut entry.body)
     }
 
@@ -139,6 +238,7 @@ impl Record {
             entry.body.state = checkpoint.state;
             entry.body.epoch = checkpoint.epoch;
             entry.tick = tick;
+            self.changes.states.insert(checkpoint.id);
         }
     }
 
@@ -147,24 +247,18 @@ impl Record {
         if let Some(entry) = self.bodies.get_mut(&body.id)
             && (entry.body.epoch, entry.tick) <= (body.epoch, tick)
         {
+            self.changes.states.insert(body.id);
             entry.body = body;
             entry.tick = tick;
         }
     }
 
-    /// Raises the epoch of a body that nodes know above every epoch it may have had until `tick`. `claimed` is the epoch at
-    /// which a node owns it, if one says so. Otherwise its owner died, and since the last that is known of it, or since
-    /// the border message that got lost with the owner, it may have been transferred once a tick.
-    pub(super) fn renew(&mut self, id: BodyId, claimed: Option<Epoch>, tick: Tick) {
-        let Some(entry) = self.bodies.get_mut(&id) else { return };
-        entry.body.epoch = match claimed {
-            Some(claimed) => claimed.max(entry.body.epoch).next(),
-            None if entry.life == Life::Waiting => return,
-            None => {
-                let unseen = tick.0.saturating_sub(entry.tick.0) + 2;
-                Epoch(entry.body.epoch.0.saturating_add(unseen.try_into().unwrap_or(u32::MAX)))
-            }
-        };
+    /// Raises the epoch of a body that is placed anew in this view above all that it can have had before.
+    pub(super) fn renew(&mut self, id: BodyId, view: ViewNumber) {
+        if let Some(entry) = self.bodies.get_mut(&id) {
+            // A node that counts wrong must not make its claims last.
+            entry.body.epoch = Epoch::placed_in(view.0).max(entry.body.epoch.next());
+        }
     }
 
     /// Shapes as chunks, each before the compounds that name it, without those of `known`, which it is added to.

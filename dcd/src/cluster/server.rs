@@ -1,22 +1,35 @@
 //! The server: directory of nodes and clients, record of every body, and the one who decides membership (thesis 3.3.5,
-//! 4.3.1, 4.3.3). First cut: all nodes form one group.
+//! 4.3.1, 4.3.3). It may fail and come back: what it must know again is stored before anything follows from it.
 
+mod arbiter;
 mod avatars;
-mod recovery;
+mod change;
+mod common;
+mod group;
+mod regroup;
+mod stored;
 #[cfg(test)]
 mod tests;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::Duration;
 
-use self::recovery::Change;
-use super::{Life, Peer, Record};
+use self::common::{ABSENCE, ClientEntry, Common, NodeEntry, RETURN};
+use self::group::Group;
+use super::{Batch, Life, Peer, Pinger, Record};
 use crate::protocol::{
-    Chunk, EnvironmentProperties, Hello, Member, Message, Refusal, Role, ShapeHash, ToClient, ToNode,
-    ToServer, VERSION, View, ViewNumber, WorldOp, chunks,
+    Chunk, EnvironmentProperties, Hello, Member, Message, Refusal, Role, ToClient, ToNode, ToServer, VERSION,
+    View, ViewNumber, chunks,
 };
-use crate::space::{BodyId, ClientId, NodeId, Tick};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 pub use self::avatars::MAX_AVATARS;
+pub use self::stored::RestoreError;
+
+/// How long a group whose members are all out of reach is left alone before others take over.
+const HOLD: Duration = Duration::from_secs(3);
+/// How often it is written down where bodies are.
+const STORE_EVERY: Duration = Duration::from_secs(2);
 
 /// What a server is told at its start.
 #[derive(Clone, Debug)]
@@ -44,9 +57,11 @@ pub enum ServerEvent {
     Stop,
 }
 
-/// What a server wants done.
+/// What a server wants done, in this order.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ServerOutput {
+    /// Write this down, durably if it says so, before anything that follows is done.
+    Store(Batch),
     /// Send this.
     Send {
         /// Over which link.
@@ -57,168 +72,244 @@ pub enum ServerOutput {
     /// Close the link once all is sent; no [`ServerEvent::Disconnected`] is needed.
     Close(Peer),
     /// A view begins.
-    Began(View),
-    /// Nobody computes the world any more; the record holds it.
+    Began {
+        /// Of which group.
+        group: GroupId,
+        /// What it is.
+        view: View,
+    },
+    /// No node of the main group is left, or none is heard of; the record holds the world.
     Held(Tick),
-    /// What all members together own, when the world is to end.
+    /// A group has no members left, and is no more.
+    Dissolved(GroupId),
+    /// A node's view was declared over while it could not be reached, or it is to be in another group.
+    Expelled(NodeId),
+    /// What all members together own, when the world is to end; over all groups.
     Audited {
         /// Bodies of the world that no node owns.
         lost: Vec<BodyId>,
         /// Bodies that more than one node owns.
         doubled: Vec<BodyId>,
     },
-    /// The world has ended and all have been told.
+    /// The world has ended and all have been told; what is stored of it is of no use any more.
     Ended,
-}
-
-#[derive(Clone, Debug)]
-struct NodeEntry {
-    member: Member,
-    loaded: bool,
-    leaving: bool,
-    shapes: BTreeSet<ShapeHash>,
-    scenery: BTreeSet<BodyId>,
 }
 
 /// The state machine.
 #[derive(Clone, Debug)]
 pub struct Server {
-    config: ServerConfig,
-    record: Record,
-    nodes: BTreeMap<NodeId, NodeEntry>,
-    clients: BTreeSet<ClientId>,
-    last_node: NodeId,
-    last_client: ClientId,
-    /// The newest view number in use.
-    number: ViewNumber,
-    tick: Tick,
-    view: Option<View>,
-    begun: bool,
-    /// Members that have told all they know of the world's last tick.
-    at_last_tick: BTreeSet<NodeId>,
-    stopping: bool,
+    common: Common,
+    groups: BTreeMap<GroupId, Group>,
+    /// The group whose record is the world's, but for bodies about which another is believed.
+    main: GroupId,
+    last_group: GroupId,
+    arbiter: arbiter::Arbiter,
+    store_at: Option<Duration>,
     ended: bool,
-    /// Bodies that the leader was told to insert and that no node has spoken of yet.
-    arriving: BTreeSet<BodyId>,
-    change: Option<Change>,
-    stale: u64,
-    outputs: VecDeque<ServerOutput>,
 }
 
 impl Server {
     /// A server with a world that waits for nodes.
     pub fn new(config: ServerConfig, record: Record) -> Self {
         assert!(config.min_nodes > 0, "a world begins with at least one node");
-        Self {
+        let main = GroupId(1);
+        let common = Common {
             config,
-            record,
+            now: Duration::ZERO,
             nodes: BTreeMap::new(),
-            clients: BTreeSet::new(),
-            last_node: NodeId(0),
-            last_client: ClientId(0),
+            clients: BTreeMap::new(),
             number: ViewNumber(0),
-            tick: Tick(0),
-            view: None,
             begun: false,
-            at_last_tick: BTreeSet::new(),
             stopping: false,
-            ended: false,
-            arriving: BTreeSet::new(),
-            change: None,
             stale: 0,
+            world_changed: true,
+            groups_changed: BTreeSet::new(),
             outputs: VecDeque::new(),
-        }
+        };
+        let mut group = Group::new(main, record, Tick(0));
+        group.record.mark_all();
+        let groups = [(main, group)].into();
+        let arbiter = arbiter::Arbiter::default();
+        Self { common, groups, main, last_group: main, arbiter, store_at: None, ended: false }
     }
 
-    /// The id for the certificate of the next node.
-    pub fn new_node_id(&mut self) -> NodeId {
-        self.last_node.0 += 1;
-        self.last_node
-    }
-
-    /// The id for the certificate of the next client.
-    pub fn new_client_id(&mut self) -> ClientId {
-        self.last_client.0 += 1;
-        self.last_client
-    }
-
-    /// Takes an event in; [`Server::poll_output`] tells what follows from it.
-    pub fn handle(&mut self, event: ServerEvent) {
+    /// Takes an event in; [`Server::poll_output`] tells what follows from it. `now` never goes back.
+    pub fn handle(&mut self, now: Duration, event: ServerEvent) {
+        let mark = self.begin(now);
         match event {
-            ServerEvent::Disconnected(Peer::Node(node)) => self.lose(node),
-            ServerEvent::Disconnected(Peer::Client(client)) => self.part(client),
+            ServerEvent::Disconnected(Peer::Node(node)) => self.unlink_node(node),
+            ServerEvent::Disconnected(Peer::Client(client)) => {
+                if let Some(entry) = self.common.clients.get_mut(&client) {
+                    entry.linked = false;
+                    entry.absent_until = Some(now + ABSENCE);
+                }
+            }
             ServerEvent::Disconnected(Peer::Server) => {}
             ServerEvent::Message { from, message: Message::Hello(hello) } => self.hello(from, hello),
             ServerEvent::Message { from: Peer::Node(node), message: Message::ToServer(message) } => {
-                if self.nodes.contains_key(&node) {
+                if self.common.nodes.contains_key(&node) {
                     self.hear_node(node, message);
                 }
             }
             ServerEvent::Message { from, message: Message::FromClient(client, message) } => {
-                let speaks_for = match from {
-                    Peer::Client(linked) => linked == client,
-                    Peer::Node(node) => {
-                        let is_leader = self.view.as_ref().is_some_and(|view| view.leader == node);
-                        is_leader
-                            || self.nodes.get(&node).is_some_and(|entry| entry.member.client == Some(client))
-                    }
-                    Peer::Server => false,
-                };
-                if speaks_for && self.clients.contains(&client) {
+                if self.speaks_for(from, client) && self.common.clients.contains_key(&client) {
                     self.hear_client(client, message);
                 } else {
-                    self.stale += 1;
+                    self.common.stale += 1;
                 }
             }
-            ServerEvent::Message { .. } => self.stale += 1,
-            ServerEvent::Stop => self.stop(),
+            ServerEvent::Message { from, message: Message::Ping(ping) } => {
+                let message = Pinger::answer(now, ping);
+                self.common.outputs.push_back(ServerOutput::Send { to: from, message });
+            }
+            ServerEvent::Message { .. } => self.common.stale += 1,
+            ServerEvent::Stop => self.common.stopping = true,
         }
-        self.reconsider();
+        self.finish(mark);
+    }
+
+    /// To be called at [`Server::poll_timeout`].
+    pub fn handle_timeout(&mut self, now: Duration) {
+        let mark = self.begin(now);
+        let is_over = |until: Option<Duration>| until.is_some_and(|until| until <= now);
+        let absent: Vec<_> = self
+            .common
+            .nodes
+            .iter()
+            .filter(|(_, entry)| is_over(entry.absent_until))
+            .map(|(&id, _)| id)
+            .collect();
+        absent.into_iter().for_each(|node| self.give_up(node));
+        let gone: Vec<_> = self
+            .common
+            .clients
+            .iter()
+            .filter(|(_, entry)| is_over(entry.absent_until))
+            .map(|(&id, _)| id)
+            .collect();
+        gone.into_iter().for_each(|client| self.part(client));
+        let due: Vec<_> =
+            self.groups.values().filter(|group| is_over(group.hearing)).map(|group| group.id).collect();
+        for id in due {
+            let going = self.groups.get_mut(&id).map(|group| group.decide_complaints(&self.common));
+            going.unwrap_or_default().into_iter().for_each(|node| self.set_apart(node));
+        }
+        self.handle_regrouping();
+        self.finish(mark);
+    }
+
+    /// When [`Server::handle_timeout`] is next due; ask again after every event.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        let nodes = self.common.nodes.values().filter_map(|entry| entry.absent_until);
+        let clients = self.common.clients.values().filter_map(|entry| entry.absent_until);
+        let groups = self.groups.values().filter_map(|group| group.hearing);
+        nodes
+            .chain(clients)
+            .chain(groups)
+            .chain(self.store_at)
+            .chain(self.takeover_at())
+            .chain(self.regrouping_at())
+            .min()
+            .filter(|_| !self.ended)
     }
 
     /// The next thing to do, until there is none.
     pub fn poll_output(&mut self) -> Option<ServerOutput> {
-        self.outputs.pop_front()
+        self.common.outputs.pop_front()
     }
 
-    /// The newest tick that a member is known to have completed.
+    /// The newest tick that a member of the main group is known to have completed.
     pub fn tick(&self) -> Tick {
-        self.tick
+        self.main().tick
     }
 
-    /// The record of the world.
+    /// The record of the world: that of the main group.
     pub fn record(&self) -> &Record {
-        &self.record
+        &self.main().record
     }
 
-    /// The membership, while nodes compute the world.
+    /// The membership of the main group, while nodes compute the world.
     pub fn view(&self) -> Option<&View> {
-        self.view.as_ref()
+        self.main().view.as_ref().filter(|_| !self.main().held)
+    }
+
+    /// All groups and their memberships.
+    pub fn views(&self) -> impl Iterator<Item = (GroupId, &View)> {
+        self.groups.values().filter_map(|group| Some((group.id, group.view.as_ref()?)))
+    }
+
+    /// The group whose record is the world's.
+    pub fn main_group(&self) -> GroupId {
+        self.main
     }
 
     /// Whether a view change is under way.
     pub fn is_changing(&self) -> bool {
-        self.change.is_some()
+        self.groups.values().any(|group| group.change.is_some())
+    }
+
+    /// Nodes that have joined and are linked.
+    pub fn linked_nodes(&self) -> impl Iterator<Item = NodeId> {
+        self.common.nodes.iter().filter(|(_, entry)| entry.linked).map(|(&node, _)| node)
     }
 
     /// Messages dropped because they were of an earlier view or from somebody who may not say that.
     pub fn stale(&self) -> u64 {
-        self.stale
+        self.common.stale
     }
 
-    fn send_node(&mut self, node: NodeId, message: ToNode) {
-        self.outputs
-            .push_back(ServerOutput::Send { to: Peer::Node(node), message: Message::ToNode(message) });
+    fn main(&self) -> &Group {
+        &self.groups[&self.main]
     }
 
-    fn send_client(&mut self, client: ClientId, message: ToClient) {
-        let message = Message::ToClient(client, message);
-        self.outputs.push_back(ServerOutput::Send { to: Peer::Client(client), message });
+    fn main_mut(&mut self) -> &mut Group {
+        self.groups.get_mut(&self.main).expect("there is a main group")
     }
 
-    fn send_clients(&mut self, message: ToClient) {
-        for client in self.clients.clone() {
-            self.send_client(client, message.clone());
+    fn begin(&mut self, now: Duration) -> usize {
+        assert!(now >= self.common.now, "time never goes back");
+        self.common.now = now;
+        self.common.outputs.len()
+    }
+
+    /// What follows from any event: membership is put right, and what changed is written down first.
+    fn finish(&mut self, mark: usize) {
+        if self.ended {
+            return;
+        }
+        self.take_over();
+        self.assign();
+        self.release();
+        let is_done = |group: &Group| {
+            group.view.as_ref().is_some_and(|view| {
+                view.members.iter().all(|member| group.at_last_tick.contains(&member.node))
+            })
+        };
+        self.common.stopping |= self.groups.values().all(is_done);
+        for group in self.groups.values_mut() {
+            group.reconsider(&mut self.common);
+        }
+        self.tidy();
+        let now = self.common.now;
+        let soft = self.store_at.take_if(|at| *at <= now).is_some();
+        self.store(mark, soft);
+        if self.main().record.has_moved() {
+            self.store_at.get_or_insert(now + STORE_EVERY);
+        }
+        if self.common.stopping && self.groups.values().all(|group| group.audit.is_some()) {
+            self.end();
+        }
+    }
+
+    fn speaks_for(&self, from: Peer, client: ClientId) -> bool {
+        match from {
+            Peer::Client(linked) => linked == client,
+            Peer::Node(node) => {
+                let leads = |group: &Group| group.view.as_ref().is_some_and(|view| view.leader == node);
+                self.groups.values().any(leads)
+                    || self.common.nodes.get(&node).is_some_and(|entry| entry.member.client == Some(client))
+            }
+            Peer::Server => false,
         }
     }
 
@@ -226,153 +317,325 @@ impl Server {
         let refusal = Refusal::Version { theirs: hello.version, ours: VERSION };
         match (from, hello.role) {
             (Peer::Node(node), _) if hello.version != VERSION => {
-                self.dismiss(node, true, refusal.to_string())
+                self.common.dismiss(node, true, refusal.to_string());
             }
             (Peer::Client(client), _) if hello.version != VERSION => {
-                self.send_client(client, ToClient::Rejected { body: None, reason: refusal });
-                self.outputs.push_back(ServerOutput::Close(from));
+                self.common.send_client(client, ToClient::Rejected { body: None, reason: refusal });
+                self.common.outputs.push_back(ServerOutput::Close(from));
             }
-            (Peer::Node(node), Role::Node { address, client }) => {
-                self.lose(node);
-                self.welcome_node(Member { node, address, client });
+            (Peer::Node(node), Role::Node { address, client, resume }) => {
+                let member = Member { node, address, client };
+                match resume.and_then(|view| self.group_of(node).filter(|_| self.resumes(node, view))) {
+                    Some(group) => self.resume(member, group),
+                    None => {
+                        self.lose(node);
+                        self.welcome_node(member);
+                    }
+                }
             }
-            (Peer::Client(client), Role::Client) => {
-                self.part(client);
-                self.welcome_client(client);
-            }
-            _ => self.outputs.push_back(ServerOutput::Close(from)),
+            (Peer::Client(client), Role::Client) => self.welcome_client(client),
+            _ => self.common.outputs.push_back(ServerOutput::Close(from)),
         }
+    }
+
+    /// The group whose view the node computes.
+    fn group_of(&self, node: NodeId) -> Option<GroupId> {
+        let serving = self.common.nodes.get(&node)?.serving?;
+        let is_view = |group: &&Group| group.view.as_ref().is_some_and(|view| view.number == serving);
+        self.groups.values().find(is_view).map(|group| group.id)
+    }
+
+    /// Whether a node that computes this view is where the server takes it to be.
+    fn resumes(&mut self, node: NodeId, view: ViewNumber) -> bool {
+        let Some(id) = self.group_of(node) else { return false };
+        let Some(group) = self.groups.get_mut(&id) else { return false };
+        // A restarted server may have stored a view that nobody heard of: then the one before it goes on.
+        if group.held
+            && let Some(former) = group.former.take_if(|former| former.number == view)
+        {
+            for member in group.view.iter().flat_map(|view| &view.members) {
+                if let Some(entry) = self.common.nodes.get_mut(&member.node) {
+                    entry.serving = None;
+                }
+            }
+            for member in &former.members {
+                if let Some(entry) = self.common.nodes.get_mut(&member.node) {
+                    entry.serving = Some(former.number);
+                }
+            }
+            group.view = Some(former);
+        }
+        self.common.nodes.get(&node).is_some_and(|entry| entry.serving == Some(view))
+    }
+
+    /// A member's link broke and is back: what was said over it may be lost, so all is compared.
+    fn resume(&mut self, member: Member, id: GroupId) {
+        let (node, until) = (member.node, self.common.now + ABSENCE);
+        if let Some(entry) = self.common.nodes.get_mut(&node) {
+            entry.member = member;
+            entry.linked = true;
+            entry.absent_until = None;
+        }
+        let Some(group) = self.groups.get_mut(&id) else { return };
+        if std::mem::replace(&mut group.held, false) {
+            group.silent_since = None;
+            // The others should be back about now as well.
+            for node in group.serving(&self.common) {
+                if let Some(entry) = self.common.nodes.get_mut(&node).filter(|entry| !entry.linked) {
+                    entry.absent_until = Some(entry.absent_until.map_or(until, |at| at.max(until)));
+                }
+            }
+            let leader = group.leader_is();
+            self.common.send_clients(id, &leader);
+        }
+        if let Some(group) = self.groups.get_mut(&id) {
+            group.unsure = true;
+            if group.change.is_some() {
+                group.begin_change(&mut self.common);
+            }
+        }
+        self.common.tell_roster();
     }
 
     fn welcome_node(&mut self, member: Member) {
         let node = member.node;
         let (mut shapes, mut scenery) = (BTreeSet::new(), BTreeSet::new());
-        let mut parts = self.record.shape_chunks(&mut shapes);
-        parts.extend(self.record.scenery_chunks(&mut scenery));
-        self.nodes.insert(node, NodeEntry { member, loaded: false, leaving: false, shapes, scenery });
-        self.send_node(node, ToNode::Welcome { id: node, world: self.config.world.clone() });
+        let mut parts = self.main().record.shape_chunks(&mut shapes);
+        parts.extend(self.main().record.scenery_chunks(&mut scenery));
+        let entry = NodeEntry {
+            member,
+            absent_until: None,
+            linked: true,
+            loaded: false,
+            leaving: false,
+            group: None,
+            in_group_since: self.common.now,
+            serving: None,
+            shapes,
+            scenery,
+            delays: BTreeMap::new(),
+        };
+        self.common.nodes.insert(node, entry);
+        let world = self.common.config.world.clone();
+        self.common.send_node(node, ToNode::Welcome { id: node, world });
         for chunk in parts {
-            self.send_node(node, ToNode::Chunk(chunk));
+            self.common.send_node(node, ToNode::Chunk(chunk));
         }
-        self.send_node(node, ToNode::WorldEnd);
+        self.common.send_node(node, ToNode::WorldEnd);
+        self.common.tell_roster();
     }
 
     fn welcome_client(&mut self, client: ClientId) {
+        let group = self.group_for(client);
+        let entry = ClientEntry { linked: true, absent_until: None, group };
+        // It is told of the whole world below, and not of its parts before.
+        let _ = self.common.clients.insert(client, ClientEntry { linked: false, ..entry });
         // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
         self.bring_back(client);
-        self.send_client(client, ToClient::Welcome { id: client, world: self.config.world.clone() });
-        // Before its world is written, so that the client finds its avatars in it.
-        self.bring_back(client);
-        let mut parts = self.record.shape_chunks(&mut BTreeSet::new());
+        let world = self.common.config.world.clone();
+        self.common.send_client(client, ToClient::Welcome { id: client, world });
+        let Some(group) = self.groups.get(&group) else { return };
+        let mut parts = group.record.shape_chunks(&mut BTreeSet::new());
         // Those that are still on their way out stand where they were until they are back.
-        let returning = self.record.avatars(client).into_iter().filter_map(|(id, life)| {
-            self.record.body(id).filter(|_| matches!(life, Life::Removing { back: true, .. }))
+        let returning = group.record.avatars(client).into_iter().filter_map(|(id, life)| {
+            group.record.body(id).filter(|_| matches!(life, Life::Removing { back: true, .. }))
         });
-        parts.extend(chunks(self.record.present().chain(returning).cloned(), Chunk::Bodies));
-        parts.extend(self.record.joint_chunks(|_| true));
+        parts.extend(chunks(group.record.present().chain(returning).cloned(), Chunk::Bodies));
+        parts.extend(group.record.joint_chunks(|_| true));
         for chunk in parts {
-            self.send_client(client, ToClient::Chunk(chunk));
+            self.common.send_client(client, ToClient::Chunk(chunk));
         }
-        self.send_client(client, ToClient::WorldEnd);
-        let leader = self.leader_is();
-        self.send_client(client, leader);
-        self.clients.insert(client);
-    }
-
-    fn leader_is(&self) -> ToClient {
-        let leader = self
-            .view
-            .as_ref()
-            .and_then(|view| view.members.iter().find(|member| member.node == view.leader).cloned());
-        ToClient::LeaderIs { view: self.number, leader }
+        self.common.send_client(client, ToClient::WorldEnd);
+        let leader = group.leader_is();
+        self.common.send_client(client, leader);
+        if let Some(entry) = self.common.clients.get_mut(&client) {
+            entry.linked = true;
+        }
     }
 
     fn hear_node(&mut self, node: NodeId, message: ToServer) {
-        let present = self.view.as_ref().map(|view| view.number);
-        let is_member = self.is_member(node);
-        let Some(entry) = self.nodes.get_mut(&node) else { return };
+        let Some(entry) = self.common.nodes.get_mut(&node) else { return };
         match message {
             ToServer::Loaded => entry.loaded = true,
             ToServer::Leave => entry.leaving = true,
-            ToServer::Checkpoint { view, tick, bodies } if Some(view) == present && is_member => {
-                for checkpoint in &bodies {
-                    self.arriving.remove(&checkpoint.id);
-                    self.record.checkpoint(tick, checkpoint);
+            ToServer::Delays(delays) => entry.learn(delays),
+            ToServer::Call(motion) => self.call(node, motion),
+            ToServer::Ballot { poll, delay_ms } => self.cast(node, poll, delay_ms),
+            ToServer::Abroad { view, tick, states } => self.abroad(node, view, tick, states),
+            ToServer::Touched { view, bodies } => self.touched(node, view, bodies),
+            message => {
+                let heard = self.group_of(node).and_then(|id| self.groups.get_mut(&id));
+                if !heard.is_some_and(|group| group.hear(&mut self.common, node, message)) {
+                    self.common.stale += 1;
                 }
-                self.tick = self.tick.max(tick);
-                if self.config.world.last_tick == Some(tick) {
-                    self.at_last_tick.insert(node);
-                }
-            }
-            ToServer::Removed { view, tick, bodies } if Some(view) == present && is_member => {
-                for body in bodies {
-                    self.removed(tick, body);
-                }
-            }
-            // Two members that cannot speak to each other cannot both stay; the first to complain does.
-            ToServer::LinkLost { view, node: other } if Some(view) == present && is_member => {
-                if self.is_member(other) {
-                    self.dismiss(
-                        other,
-                        true,
-                        format!("{node} cannot reach this node: check the network and join anew"),
-                    );
-                    self.begin_change();
-                }
-            }
-            ToServer::Settling { view, dispatch } => self.settling(node, view, dispatch),
-            ToServer::Survey { view, tick, claims } => self.surveyed(node, view, tick, claims),
-            ToServer::Found { view, bodies, last } => self.found(node, view, bodies, last),
-            ToServer::Checkpoint { .. } | ToServer::Removed { .. } | ToServer::LinkLost { .. } => {
-                self.stale += 1
             }
         }
     }
 
-    fn is_member(&self, node: NodeId) -> bool {
-        self.nodes.contains_key(&node)
-            && self.view.as_ref().is_some_and(|view| view.members.iter().any(|member| member.node == node))
-    }
-
-    /// Tells the leader what to do to the world; while membership changes, `Adopt` takes care of it.
-    fn apply(&mut self, ops: Vec<WorldOp>) {
-        if let Some(view) = self.view.as_ref().filter(|_| self.change.is_none()) {
-            let (leader, view) = (view.leader, view.number);
-            self.send_node(leader, ToNode::Apply { view, ops });
+    fn unlink_node(&mut self, node: NodeId) {
+        let serves = self.group_of(node).is_some();
+        let until = self.common.now + ABSENCE;
+        match self.common.nodes.get_mut(&node) {
+            Some(entry) if serves => {
+                entry.linked = false;
+                entry.absent_until = Some(until);
+            }
+            // Nothing depends on it yet.
+            Some(_) => {
+                self.lose(node);
+                self.common.tell_roster();
+            }
+            None => {}
         }
     }
 
-    /// A node is told to go, and is no longer known.
-    fn dismiss(&mut self, node: NodeId, evicted: bool, reason: String) {
-        self.send_node(node, ToNode::Shutdown { evicted, reason });
-        self.outputs.push_back(ServerOutput::Close(Peer::Node(node)));
-        self.nodes.remove(&node);
+    /// A node has been without a link for too long.
+    fn give_up(&mut self, node: NodeId) {
+        let Some(entry) = self.common.nodes.get_mut(&node) else { return };
+        entry.absent_until = None;
+        let Some(id) = self.group_of(node) else {
+            self.lose(node);
+            return self.common.tell_roster();
+        };
+        let Some(group) = self.groups.get_mut(&id) else { return };
+        let serving = group.serving(&self.common);
+        let is_linked = |node: &NodeId| self.common.nodes[node].linked;
+        let may_return = |node: &NodeId| self.common.nodes[node].absent_until.is_some();
+        if serving.iter().any(is_linked) {
+            self.lose(node);
+            self.common.tell_roster();
+        } else if !serving.iter().any(may_return) {
+            group.fall_silent(&mut self.common);
+        }
     }
 
-    /// The world is to end: a last survey audits it first.
-    fn stop(&mut self) {
-        if self.stopping {
+    /// A node is dead, or has begun anew: the world goes on without what it computed.
+    fn lose(&mut self, node: NodeId) {
+        let group = self.group_of(node);
+        if self.common.nodes.remove(&node).is_none() {
             return;
         }
-        self.stopping = true;
-        if self.change.is_none() && self.view.is_some() {
-            self.begin_change();
-        } else if self.view.is_none() {
-            self.end();
+        if group.is_some() {
+            self.common.outputs.push_back(ServerOutput::Expelled(node));
         }
+        if let Some(group) = group.and_then(|id| self.groups.get_mut(&id)) {
+            group.begin_change(&mut self.common);
+        }
+    }
+
+    /// A member cannot be reached by others: it goes on alone, or is gone.
+    fn set_apart(&mut self, node: NodeId) {
+        let Some(entry) = self.common.nodes.get(&node) else { return };
+        if !entry.linked {
+            self.lose(node);
+            return self.common.tell_roster();
+        }
+        let member = entry.member.clone();
+        self.lose(node);
+        self.welcome_node(member);
+        self.begin_apart(node);
+    }
+
+    /// When others may take over from groups that are out of reach.
+    fn takeover_at(&self) -> Option<Duration> {
+        let is_silent = |group: &&Group| group.held && group.view.is_some() && self.has_successors(group);
+        self.groups.values().filter(is_silent).filter_map(|group| Some(group.silent_since? + HOLD)).min()
+    }
+
+    /// Whether nodes are linked that could compute the world in place of this group.
+    fn has_successors(&self, group: &Group) -> bool {
+        let serving = group.serving(&self.common);
+        let can = |(node, entry): (&NodeId, &NodeEntry)| {
+            entry.linked && entry.loaded && !entry.leaving && !serving.contains(node)
+        };
+        self.common.nodes.iter().any(can)
+    }
+
+    /// Others are there, and the members of a silent group have had their time: what they do now counts for nothing.
+    fn take_over(&mut self) {
+        if self.takeover_at().is_none_or(|at| at > self.common.now) {
+            return;
+        }
+        let now = self.common.now;
+        let is_due =
+            |group: &&Group| group.held && group.silent_since.is_some_and(|since| since + HOLD <= now);
+        let due: Vec<_> = self.groups.values().filter(is_due).map(|group| group.id).collect();
+        for id in due {
+            let Some(group) = self.groups.get(&id) else { continue };
+            for node in group.serving(&self.common) {
+                self.common.nodes.remove(&node);
+                self.common.outputs.push_back(ServerOutput::Expelled(node));
+            }
+            if let Some(group) = self.groups.get_mut(&id) {
+                group.held = false;
+                group.begin_change(&mut self.common);
+            }
+        }
+    }
+
+    /// Nodes that wish to go, and compute nothing any more, go.
+    fn release(&mut self) {
+        let free: Vec<_> = self
+            .common
+            .nodes
+            .iter()
+            .filter(|(node, entry)| entry.leaving && self.group_of(**node).is_none())
+            .map(|(&node, _)| node)
+            .collect();
+        for node in free {
+            self.common.dismiss(node, false, "leave granted".into());
+        }
+    }
+
+    /// A group of a stored world: its members are waited for.
+    fn expect_back(&mut self, id: GroupId, record: Record, tick: Tick, view: View, former: Option<View>) {
+        for member in former.iter().chain([&view]).flat_map(|view| &view.members) {
+            let entry = NodeEntry {
+                member: member.clone(),
+                absent_until: Some(RETURN),
+                linked: false,
+                loaded: true,
+                leaving: false,
+                group: Some(id),
+                in_group_since: Duration::ZERO,
+                serving: Some(view.number),
+                shapes: BTreeSet::new(),
+                scenery: BTreeSet::new(),
+                delays: BTreeMap::new(),
+            };
+            self.common.nodes.insert(member.node, entry);
+        }
+        let clients: BTreeSet<_> = record.lives().filter_map(|(id, _)| id.client()).collect();
+        for client in clients {
+            let entry = ClientEntry { linked: false, absent_until: Some(RETURN), group: id };
+            self.common.clients.entry(client).or_insert(entry);
+        }
+        let mut group = Group::new(id, record, tick);
+        group.view = Some(view);
+        group.former = former;
+        group.held = true;
+        group.silent_since = Some(Duration::ZERO);
+        self.groups.insert(id, group);
     }
 
     /// Everybody is told that the world is over.
     fn end(&mut self) {
-        for node in self.nodes.keys().copied().collect::<Vec<_>>() {
-            self.dismiss(node, false, "the server ends the world".into());
+        let audits = self.groups.values_mut().filter_map(|group| group.audit.take());
+        let (lost, doubled): (Vec<_>, Vec<_>) = audits.unzip();
+        let (lost, doubled) = (lost.concat(), doubled.concat());
+        if self.groups.values().any(|group| group.view.is_some()) {
+            self.common.outputs.push_back(ServerOutput::Audited { lost, doubled });
         }
-        for client in std::mem::take(&mut self.clients) {
-            self.outputs.push_back(ServerOutput::Close(Peer::Client(client)));
+        for node in self.common.nodes.keys().copied().collect::<Vec<_>>() {
+            self.common.dismiss(node, false, "the server ends the world".into());
         }
-        self.view = None;
-        self.change = None;
+        for client in std::mem::take(&mut self.common.clients).into_keys() {
+            self.common.outputs.push_back(ServerOutput::Close(Peer::Client(client)));
+        }
+        for group in self.groups.values_mut() {
+            (group.view, group.change) = (None, None);
+        }
         self.ended = true;
-        self.outputs.push_back(ServerOutput::Ended);
+        self.common.outputs.push_back(ServerOutput::Ended);
     }
 }

@@ -45,6 +45,19 @@ impl WorldPose {
         }
     }
 
+    /// The pose after `seconds` at this velocity, by a straight line and a constant turn.
+    pub fn moved(&self, velocity: &Velocity, seconds: f64) -> Self {
+        let turn = velocity.angular.map(f64::from);
+        let turn = UnitQuaternion::from_scaled_axis(nalgebra::Vector3::from(turn) * seconds);
+        let rotation = turn * self.isometry().rotation;
+        Self {
+            translation: std::array::from_fn(|i| {
+                self.translation[i] + f64::from(velocity.linear[i]) * seconds
+            }),
+            rotation: [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32),
+        }
+    }
+
     /// Whether every number is finite and the rotation is a unit quaternion to 1e-3.
     pub fn is_valid(&self) -> bool {
         let norm2: f32 = self.rotation.iter().map(|v| v * v).sum();

@@ -19,7 +19,7 @@ use crate::protocol::SharedState;
 use crate::space::{ClientId, Tick};
 
 /// Grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 /// The largest message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -147,14 +147,20 @@ pub fn chunks<T: Encode>(items: impl IntoIterator<Item = T>, chunk: fn(Vec<T>) -
 pub fn pack_states(
     client: ClientId,
     tick: Tick,
+    provisional: bool,
     states: impl IntoIterator<Item = SharedState>,
 ) -> Vec<Message> {
-    // The envelope: three tags, client id, tick and length, each at its longest.
-    const ENVELOPE_BYTES: usize = 3 + 5 + 9 + 9;
-    split(states, DATAGRAM_BYTES - ENVELOPE_BYTES)
+    datagrams(states)
         .into_iter()
-        .map(|states| Message::ToClient(client, ToClient::States { tick, states }))
+        .map(|states| Message::ToClient(client, ToClient::States { tick, provisional, states }))
         .collect()
+}
+
+/// States in parts that each fit a datagram with its envelope.
+pub fn datagrams(states: impl IntoIterator<Item = SharedState>) -> Vec<Vec<SharedState>> {
+    // The envelope: three tags, client id or view, tick, a flag and length, each at its longest.
+    const ENVELOPE_BYTES: usize = 3 + 9 + 9 + 1 + 9;
+    split(states, DATAGRAM_BYTES - ENVELOPE_BYTES)
 }
 
 #[cfg(test)]
@@ -170,7 +176,7 @@ mod tests {
     fn state(index: u32) -> SharedState {
         SharedState {
             id: BodyId::avatar(ClientId(7), index),
-            epoch: Epoch(u32::MAX),
+            epoch: Epoch(u64::MAX),
             pose: WorldPose::at([1e6, -2.0, 0.125]),
             velocity: Velocity { linear: [1.0, f32::MIN_POSITIVE, -0.0], angular: [0.0; 3] },
             sleeping: false,
@@ -228,8 +234,10 @@ mod tests {
         let with = |change: fn(&mut SharedState)| {
             let mut state = state(0);
             change(&mut state);
-            let message =
-                Message::ToClient(ClientId(1), ToClient::States { tick: Tick(1), states: vec![state] });
+            let message = Message::ToClient(
+                ClientId(1),
+                ToClient::States { tick: Tick(1), provisional: false, states: vec![state] },
+            );
             decode(&encode(&message)).unwrap_err().to_string()
         };
         assert!(with(|s| s.pose.translation[1] = f64::NAN).contains("pose.translation"));
@@ -243,7 +251,7 @@ mod tests {
     fn packed_states_fit_datagrams_and_lose_nothing() {
         let states: Vec<_> = (0..500).map(|i| state(u32::MAX - i)).collect();
         let mut unpacked = Vec::new();
-        for message in pack_states(ClientId(u32::MAX), Tick(u64::MAX), states.clone()) {
+        for message in pack_states(ClientId(u32::MAX), Tick(u64::MAX), true, states.clone()) {
             let bytes = encode(&message);
             assert!(bytes.len() <= DATAGRAM_BYTES, "{} bytes", bytes.len());
             let Ok(Message::ToClient(_, ToClient::States { states, .. })) = decode(&bytes) else { panic!() };
@@ -282,6 +290,7 @@ mod tests {
                 tolerance_m_s: 0.03,
                 avatar_speed_limit: 10.0,
                 protocol: crate::protocol::SyncProtocol::Synchronised,
+                thresholds: Default::default(),
                 pace: crate::protocol::Pace::RealTime,
                 last_tick: None,
                 extension: vec![],

@@ -13,7 +13,8 @@ use crate::space::{Allocation, ClientId, DistributionTree, NodeId, RegionId, Tic
 
 pub use client::{Drive, FromClient, Refusal, ToClient};
 pub use group::{
-    BodyCheckpoint, Border, Claim, Dispatch, Done, Report, TickStats, ToNode, ToServer, WorldOp,
+    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Motion, Report, Stance, TickStats, ToNode,
+    ToServer, WorldOp,
 };
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
@@ -70,7 +71,11 @@ impl Message {
     pub const fn lane(&self) -> Lane {
         match self {
             Self::Border(_) => Lane::Border,
-            Self::Ping(_) | Self::Pong(_) | Self::ToClient(_, ToClient::States { .. }) => Lane::State,
+            Self::Ping(_)
+            | Self::Pong(_)
+            | Self::ToClient(_, ToClient::States { .. })
+            | Self::ToServer(ToServer::Abroad { .. })
+            | Self::ToNode(ToNode::Abroad { .. }) => Lane::State,
             _ => Lane::Control,
         }
     }
@@ -94,6 +99,8 @@ pub enum Role {
         address: SocketAddr,
         /// The client in the same process, if it is a participant rather than a dedicated node.
         client: Option<ClientId>,
+        /// The view that it is computing, if its link broke and it calls again; else it begins anew.
+        resume: Option<ViewNumber>,
     },
     /// Hosts avatars.
     Client,
@@ -128,6 +135,8 @@ pub struct EnvironmentProperties {
     pub avatar_speed_limit: f32,
     /// How ticks are kept in step.
     pub protocol: SyncProtocol,
+    /// How far apart is too far.
+    pub thresholds: Thresholds,
     /// How fast ticks follow one another.
     pub pace: Pace,
     /// The world ends after this tick; `None`: when it is told to.
@@ -141,6 +150,36 @@ pub struct EnvironmentProperties {
 pub enum SyncProtocol {
     /// The leader dispatches each tick and waits for all members.
     Synchronised,
+    /// Members run on, and extrapolate what they have not heard of.
+    Unsynchronised,
+}
+
+/// How far apart is too far (thesis 3.3.7–3.3.9).
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Thresholds {
+    /// Which delays bring nodes together and part them; `None`: all that reach each other are one group.
+    pub delay: Option<DelayThresholds>,
+    /// How far an avatar may be from where its last update leads before it is told of anew, metres; 0: always.
+    pub dead_reckoning_m: f32,
+    /// How far a body of one group may be from where the group that is believed about it has it, metres.
+    pub between_groups_m: f32,
+}
+
+impl Default for Thresholds {
+    fn default() -> Self {
+        Self { delay: None, dead_reckoning_m: 0.0, between_groups_m: 0.1 }
+    }
+}
+
+/// Delays that bring nodes together and part them, round trips, milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct DelayThresholds {
+    /// Below it a node is wanted; below `rejection_ms`.
+    pub inclusion_ms: f32,
+    /// Above it a member is not wanted any more.
+    pub rejection_ms: f32,
+    /// How much the latest delay may be above `rejection_ms` while the average is below it.
+    pub deviation_ms: f32,
 }
 
 /// How fast ticks follow one another.

@@ -19,8 +19,8 @@ pub use border::{
     Sight, Sighting, Touch, Transfer,
 };
 pub use codec::{
-    CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, decode, decode_value,
-    encode, encode_value, encoded_len, pack_states, split,
+    CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, datagrams, decode,
+    decode_value, encode, encode_value, encoded_len, pack_states, split,
 };
 #[cfg(feature = "physics")]
 pub(crate) use codec::{read_state, write_state};
@@ -28,9 +28,10 @@ pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
-    BodyCheckpoint, Border, Chunk, Claim, Dispatch, Done, Drive, EnvironmentProperties, FromClient, Hello,
-    Lane, Member, Message, Pace, Ping, Placed, Pong, Refusal, Report, Role, SyncProtocol, TickStats,
-    ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
+    BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
+    EnvironmentProperties, FromClient, Hello, Lane, Member, Message, Motion, Pace, Ping, Placed, Pong,
+    Refusal, Report, Role, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View,
+    ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

@@ -345,9 +345,19 @@ impl Check for EnvironmentProperties {
         must(self.tolerance_m_s > 0.0, "world.tolerance_m_s", "positive")?;
         must(self.halo_m.is_none_or(|v| v.is_finite() && v >= 0.0), "world.halo_m", "finite, not negative")?;
         not_negative(&[self.avatar_speed_limit], "world.avatar_speed_limit")?;
+        self.thresholds.check()?;
         let Bounds { min, max } = self.tree.bounds();
         must(min.iter().chain(&max).all(|v| v.abs() <= WORLD_REACH_M), "world.bounds", "within 1e9 m")?;
         must(self.tree.is_sound(), "world.tree", "connected, cut inside its cells and within its limits")
+    }
+}
+
+impl Check for Thresholds {
+    fn check(&self) -> Result<(), Invalid> {
+        not_negative(&[self.dead_reckoning_m, self.between_groups_m], "thresholds")?;
+        let Some(delay) = self.delay else { return Ok(()) };
+        not_negative(&[delay.inclusion_ms, delay.rejection_ms, delay.deviation_ms], "thresholds.delay")?;
+        must(delay.inclusion_ms < delay.rejection_ms, "thresholds.inclusion_ms", "below rejection_ms")
     }
 }
 
@@ -388,6 +398,7 @@ impl Check for WorldOp {
             }
             Self::Remove(_) | Self::RemoveJoint(_) => Ok(()),
             Self::Drive(drive) => drive.check(),
+            Self::Correct { states, .. } => all(states),
         }
     }
 }
@@ -415,7 +426,14 @@ impl Check for ToNode {
             Self::Finish { dispatch, .. } => dispatch.as_ref().map_or(Ok(()), Check::check),
             Self::Adopt { view, .. } => view.check(),
             Self::Apply { ops, .. } => all(ops),
-            Self::WorldEnd | Self::Settle { .. } | Self::Fetch { .. } | Self::Shutdown { .. } => Ok(()),
+            Self::Roster(members) => ascending(members, |member| member.node, "roster"),
+            Self::Abroad { states, .. } => all(states),
+            Self::Authority { stances, .. } => ascending(stances, |stance| stance.body, "stances"),
+            Self::WorldEnd
+            | Self::Settle { .. }
+            | Self::Fetch { .. }
+            | Self::Poll { .. }
+            | Self::Shutdown { .. } => Ok(()),
         }
     }
 }
@@ -427,7 +445,14 @@ impl Check for ToServer {
             Self::Survey { claims, .. } => ascending(claims, |claim| claim.id, "survey.claims"),
             Self::Found { bodies, .. } | Self::Removed { bodies, .. } => all(bodies),
             Self::Checkpoint { bodies, .. } => all(bodies),
-            Self::Loaded | Self::LinkLost { .. } | Self::Leave => Ok(()),
+            Self::Delays(delays) => {
+                ascending(delays, |delay| delay.node, "delays")?;
+                delays.iter().try_for_each(|delay| not_negative(delay.delay_ms.as_slice(), "delay_ms"))
+            }
+            Self::Ballot { delay_ms, .. } => not_negative(delay_ms.as_slice(), "ballot.delay_ms"),
+            Self::Abroad { states, .. } => all(states),
+            Self::Touched { bodies, .. } => ascending(bodies, |&(body, _)| body, "touched"),
+            Self::Loaded | Self::LinkLost { .. } | Self::Call(_) | Self::Leave => Ok(()),
         }
     }
 }

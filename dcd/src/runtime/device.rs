@@ -1,6 +1,6 @@
 //! The physics of a node: carries out what its state machine asks for, on the regions that the node computes.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use rapier3d::prelude::*;
@@ -12,7 +12,7 @@ use crate::protocol::{
     BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties, SharedState,
     StateHasher, TickStats, WorldOp,
 };
-use crate::space::BodyId;
+use crate::space::{BodyId, DistributionTree};
 
 /// Why the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +38,9 @@ pub struct PhysicsDevice {
     compute_us: u32,
     report: Sampler,
     checkpoint: Sampler,
+    /// What is computed while others are waited for: all that is held, in one region.
+    copy: Option<RegionHost>,
+    world: Option<EnvironmentProperties>,
 }
 
 impl PhysicsDevice {
@@ -52,6 +55,8 @@ impl PhysicsDevice {
             compute_us: 0,
             report: Sampler::default(),
             checkpoint: Sampler::default(),
+            copy: None,
+            world: None,
         }
     }
 
@@ -68,7 +73,9 @@ impl PhysicsDevice {
         let start = Instant::now();
         let event = match command {
             PhysicsCommand::World(world) => {
+                *self = Self::new(self.threads);
                 self.host = Some(host_of(&world, self.threads)?);
+                self.world = Some(world);
                 None
             }
             PhysicsCommand::Load(chunk) => {
@@ -97,6 +104,11 @@ impl PhysicsDevice {
             PhysicsCommand::Accept { incoming, report, checkpoint, .. } => {
                 Some(self.accept(incoming, report, checkpoint)?)
             }
+            PhysicsCommand::Drift(ops) => Some(PhysicsEvent::Drifted(self.drift(ops)?)),
+            PhysicsCommand::Return => {
+                self.copy = None;
+                None
+            }
             PhysicsCommand::Survey => Some(PhysicsEvent::Surveyed(self.claims())),
             PhysicsCommand::Fetch(ids) => {
                 let host = self.world();
@@ -105,6 +117,35 @@ impl PhysicsDevice {
         };
         self.compute_us = self.compute_us.saturating_add(start.elapsed().as_micros() as u32);
         Ok(event)
+    }
+
+    /// A tick of the copy; whose bodies are awake.
+    fn drift(&mut self, ops: Vec<WorldOp>) -> Result<Vec<SharedState>, DeviceError> {
+        if self.copy.is_none() {
+            let world = self.world.as_ref().expect("a world comes before commands");
+            let host = self.host.as_ref().expect("a world comes before commands");
+            let tree = DistributionTree::halved(world.tree.bounds(), 1).expect("one region always can be");
+            let mut copy = host_of(&EnvironmentProperties { tree, ..world.clone() }, self.threads)?;
+            for shape in host.shapes().records() {
+                copy.shapes_mut().add(shape).map_err(HostError::from)?;
+            }
+            copy.insert(host.scenery().cloned().collect(), &[])?;
+            let ids = host.held_bodies();
+            let bodies: Vec<_> = ids.iter().filter_map(|&id| host.record(id)).collect();
+            let joints: BTreeMap<_, _> =
+                ids.iter().flat_map(|&id| host.joints_of(id)).map(|joint| (joint.id, joint)).collect();
+            copy.insert(bodies, &joints.into_values().collect::<Vec<_>>())?;
+            self.copy = Some(copy);
+        }
+        let copy = self.copy.as_mut().expect("made above");
+        apply(copy, ops);
+        copy.step()?;
+        copy.clear_events();
+        let awake = copy
+            .owned_bodies()
+            .filter(|(_, region, handle)| !region.physics().bodies[*handle].is_sleeping())
+            .map(|(_, region, handle)| region.shared_state(handle));
+        Ok(awake.collect())
     }
 
     fn world(&mut self) -> &mut RegionHost {
@@ -243,6 +284,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>) -> Vec<BodyRecord> {
                 host.remove_joint(id);
             }
             WorldOp::Drive(drive) => steer(host, &drive),
+            WorldOp::Correct { .. } => {}
         }
     }
     removed

@@ -17,6 +17,12 @@ const WAITING_BYTES: usize = 256 << 20;
 /// Why a link ends when its peer calls again: it came back before the former link was found dead, or is there twice.
 pub(super) const SUPERSEDED: &str = "a newer link of the same peer took its place";
 
+/// Why a link ends when the world does.
+pub(super) const ENDED: &str = "the world has ended";
+
+/// Why a link ends that the server does not want any more.
+pub(super) const THE_END: &str = "the server ends the link";
+
 /// What happens on links, in the cluster's words.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]

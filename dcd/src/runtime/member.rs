@@ -7,9 +7,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tracing::{debug, info};
+use tracing::{debug, info, warn};
 
-use super::links::{LinkEvent, Links, SUPERSEDED};
+use super::links::{ENDED, LinkEvent, Links, SUPERSEDED, THE_END};
 use super::{PhysicsDevice, ProcessError};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand,
@@ -25,6 +25,8 @@ const RETRY: Duration = Duration::from_millis(2);
 const QUEUE: usize = 4_096;
 /// A server that lives takes over within a second; a node does not stay longer for one that does not.
 const RELEASE: Duration = Duration::from_secs(5);
+/// A server that is started again is back by then.
+pub(super) const GIVE_UP: Duration = Duration::from_secs(30);
 /// How often the network's counters are read for the user.
 const COUNT: Duration = Duration::from_millis(100);
 /// Tick times kept for the summary: four hours at 60 a second.
@@ -46,6 +48,10 @@ pub struct MemberConfig {
     pub report_every: u64,
     /// Ticks between checkpoints to the server.
     pub checkpoint_every: u64,
+    /// How long others are waited for before the node computes provisionally for its clients.
+    pub patience: Duration,
+    /// How long the server may be out of reach before the process gives up. Meanwhile a node computes on.
+    pub give_up: Duration,
 }
 
 impl MemberConfig {
@@ -59,6 +65,8 @@ impl MemberConfig {
             threads: 1,
             report_every: 3,
             checkpoint_every: 12,
+            patience: Duration::from_millis(100),
+            give_up: GIVE_UP,
         }
     }
 }
@@ -160,6 +168,7 @@ impl Member {
                 client: who.client(),
                 report_every: config.report_every,
                 checkpoint_every: config.checkpoint_every,
+                patience: config.patience,
             })
         });
         let summary = NodeSummary { node: who.node().unwrap_or_default(), ..NodeSummary::default() };
@@ -186,6 +195,9 @@ impl Member {
             device: PhysicsDevice::new(config.threads),
             shared: shared.clone(),
             release_by: None,
+            give_up: config.give_up,
+            lost: None,
+            joined: false,
             count_at: Duration::ZERO,
             end: None,
         };
@@ -301,6 +313,11 @@ struct Loop {
     shared: Arc<Shared>,
     /// When the user's wish to go is carried out without the server.
     release_by: Option<Duration>,
+    give_up: Duration,
+    /// Since when the server is out of reach, and why.
+    lost: Option<(Duration, String)>,
+    /// Whether it was ever reached: one that never was is not waited for.
+    joined: bool,
     /// When the network's counters are read next.
     count_at: Duration,
     end: Option<Result<(), ProcessError>>,
@@ -310,7 +327,7 @@ impl Loop {
     fn run(&mut self, inputs: &mpsc::Receiver<Input>) {
         while self.end.is_none() {
             let now = self.start.elapsed();
-            let due = self.node.as_ref().and_then(Node::poll_timeout);
+            let due = self.poll_timeout();
             let mut wait = due.map_or(Duration::from_millis(500), |due| due.saturating_sub(now));
             if self.links.flush() {
                 wait = wait.min(RETRY);
@@ -326,7 +343,19 @@ impl Loop {
             {
                 node.handle_timeout(now);
             }
+            if let Some(client) = &mut self.shared.lock().client
+                && client.poll_timeout().is_some_and(|due| due <= now)
+            {
+                client.handle_timeout(now);
+            }
             self.pump();
+            if self.end.is_none()
+                && let Some((since, reason)) = &self.lost
+                && since.saturating_add(self.give_up) <= now
+            {
+                let reason = reason.clone();
+                self.end = Some(Err(ProcessError::ServerGone { server: self.server, reason }));
+            }
             if self.count_at <= now {
                 self.count_at = now + COUNT;
                 self.shared.lock().traffic = self.links.totals().traffic;
@@ -341,6 +370,13 @@ impl Loop {
         state.end = Some(end);
         drop(state);
         self.shared.changed.notify_all();
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        let node = self.node.as_ref().and_then(Node::poll_timeout);
+        let client = self.shared.lock().client.as_ref().and_then(Client::poll_timeout);
+        let end = self.lost.as_ref().map(|(since, _)| since.saturating_add(self.give_up));
+        node.into_iter().chain(client).chain(end).min()
     }
 
     fn take(&mut self, input: Input) {
@@ -372,6 +408,9 @@ impl Loop {
         let now = self.start.elapsed();
         match event {
             LinkEvent::Connected(peer) => {
+                if peer == Peer::Server {
+                    (self.lost, self.joined) = (None, true);
+                }
                 if let Some(node) = &mut self.node {
                     node.handle(now, NodeEvent::Connected(peer));
                 }
@@ -382,17 +421,27 @@ impl Loop {
             LinkEvent::Disconnected(peer, reason) => {
                 if peer == Peer::Server {
                     let server = self.server;
-                    let superseded = reason.contains(SUPERSEDED);
-                    self.end = Some(Err(match superseded {
-                        true => ProcessError::Superseded { server },
-                        false => ProcessError::ServerGone { server, reason },
-                    }));
-                    return;
+                    let goodbye = [THE_END, ENDED].iter().any(|end| reason.contains(end));
+                    if reason.contains(SUPERSEDED) {
+                        self.end = Some(Err(ProcessError::Superseded { server }));
+                        return;
+                    }
+                    if goodbye || !self.joined {
+                        self.end = Some(Err(ProcessError::ServerGone { server, reason }));
+                        return;
+                    }
+                    if self.lost.is_none() {
+                        warn!(%server, reason, "the server is out of reach; going on without it, and dialling it again");
+                        self.lost = Some((now, reason));
+                    }
+                } else {
+                    debug!(?peer, reason, "a link is gone");
                 }
-                debug!(?peer, reason, "a link is gone");
-                match &mut self.node {
-                    Some(node) => node.handle(now, NodeEvent::Disconnected(peer)),
-                    None => self.client(ClientEvent::Disconnected(peer)),
+                if let Some(node) = &mut self.node {
+                    node.handle(now, NodeEvent::Disconnected(peer));
+                }
+                if self.node.is_none() || peer == Peer::Server {
+                    self.client(ClientEvent::Disconnected(peer));
                 }
             }
             LinkEvent::Message { from, message } => {
@@ -412,7 +461,7 @@ impl Loop {
             state.updates += 1;
         }
         if let Some(client) = &mut state.client {
-            client.handle(event);
+            client.handle(self.start.elapsed(), event);
         }
         drop(state);
         self.shared.changed.notify_all();
@@ -436,6 +485,7 @@ impl Loop {
     fn node_output(&mut self, output: NodeOutput) {
         match output {
             NodeOutput::Send { to, message } => self.links.send(to, &message),
+            NodeOutput::Redial => self.redial(),
             NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
             NodeOutput::Disconnect(node) => self.links.close(Peer::Node(node), "no longer a member"),
             NodeOutput::Physics(command) => self.compute(command),
@@ -457,6 +507,10 @@ impl Loop {
                 });
             }
         }
+    }
+
+    fn redial(&mut self) {
+        self.links.dial(Peer::Server, self.server);
     }
 
     fn compute(&mut self, command: PhysicsCommand) {
@@ -491,6 +545,12 @@ impl Loop {
             ClientOutput::Rejected { body, reason } => state.refusals.push((body, reason)),
             ClientOutput::Joined | ClientOutput::Lost => {}
             ClientOutput::Send { to, message } => self.links.send(to, &message),
+            // A participant's node dials for both.
+            ClientOutput::Redial if self.node.is_some() => {}
+            ClientOutput::Redial => {
+                drop(state);
+                self.redial();
+            }
             ClientOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
             ClientOutput::Disconnect(node) => self.links.close(Peer::Node(node), "no longer the leader"),
             ClientOutput::Node(message) => {

@@ -9,18 +9,20 @@ use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
 
-use super::links::{LinkEvent, Links};
+use super::links::{ENDED, LinkEvent, Links, THE_END};
 use super::member::forward;
 use super::{ProcessError, WorldConfig};
 use crate::cluster::{Record, Server, ServerConfig, ServerEvent, ServerOutput};
 use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, Role, check_address};
 use crate::physics::{Partition, RegionHost, ShapeLibrary};
-use crate::protocol::{BodyKind, EnvironmentProperties, Pace, StateHasher, SyncProtocol, View};
+use crate::protocol::{BodyKind, EnvironmentProperties, Pace, StateHasher, SyncProtocol, Thresholds, View};
 use crate::scene::Scene;
 use crate::space::Tick;
 
 /// How often what could not be sent at once is tried again.
 const RETRY: Duration = Duration::from_millis(2);
+/// How long nothing is done when nothing is due.
+const IDLE: Duration = Duration::from_millis(500);
 /// A last audit that takes longer than this is given up: dead members are found much sooner.
 const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
@@ -132,6 +134,7 @@ impl ServerProcess {
         let server = Server::new(ServerConfig { world: environment, min_nodes: config.nodes.max(1) }, record);
         let running = Loop {
             links: Some(Links::new(net)),
+            start: Instant::now(),
             server,
             shared: shared.clone(),
             began: None,
@@ -232,6 +235,7 @@ fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentPropertie
         tolerance_m_s: step.tolerance_m_s,
         avatar_speed_limit: config.avatar_speed_limit,
         protocol: SyncProtocol::Synchronised,
+        thresholds: Thresholds::default(),
         pace: config.pace,
         last_tick: config.last_tick,
         extension: Vec::new(),
@@ -241,6 +245,7 @@ fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentPropertie
 
 struct Loop {
     links: Option<Links>,
+    start: Instant,
     server: Server,
     shared: Arc<Shared>,
     began: Option<Instant>,
@@ -254,28 +259,35 @@ impl Loop {
     fn run(mut self, inputs: &mpsc::Receiver<Input>) {
         while !self.over {
             let Some(links) = &mut self.links else { break };
-            let wait = if links.flush() { RETRY } else { Duration::from_millis(500) };
-            match inputs.recv_timeout(wait) {
+            let due = self.server.poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
+            let wait = due.unwrap_or(IDLE).min(if links.flush() { RETRY } else { IDLE });
+            let input = inputs.recv_timeout(wait);
+            let now = self.start.elapsed();
+            match input {
                 Ok(Input::Net(event)) => {
                     for event in links.translate(event) {
                         match event {
                             LinkEvent::Connected(_) => {}
                             LinkEvent::Disconnected(peer, reason) => {
                                 info!(?peer, reason, "a link is gone");
-                                self.server.handle(ServerEvent::Disconnected(peer));
+                                self.server.handle(now, ServerEvent::Disconnected(peer));
                             }
                             LinkEvent::Message { from, message } => {
-                                self.server.handle(ServerEvent::Message { from, message });
+                                self.server.handle(now, ServerEvent::Message { from, message });
                             }
                         }
                     }
                 }
                 Ok(Input::Stop) => {
                     self.end_by.get_or_insert(Instant::now() + AUDIT);
-                    self.server.handle(ServerEvent::Stop);
+                    self.server.handle(now, ServerEvent::Stop);
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
+            }
+            let now = self.start.elapsed();
+            if self.server.poll_timeout().is_some_and(|due| due <= now) {
+                self.server.handle_timeout(now);
             }
             self.pump();
             self.publish();
@@ -296,10 +308,15 @@ impl Loop {
                 ServerOutput::Send { to, message } => links.send(to, &message),
                 ServerOutput::Close(peer) => {
                     let ending = self.audited || self.end_by.is_some();
-                    links
-                        .close(peer, if ending { "the world has ended" } else { "the server ends the link" });
+                    links.close(peer, if ending { ENDED } else { THE_END });
                 }
-                ServerOutput::Began(view) => {
+                ServerOutput::Store(_) => {}
+                ServerOutput::Dissolved(group) => info!(%group, "a group is no more"),
+                ServerOutput::Expelled(node) => warn!(%node, "the world goes on without a node"),
+                ServerOutput::Began { group, view } if group != self.server.main_group() => {
+                    info!(%group, view = view.number.0, members = view.members.len(), "a view begins");
+                }
+                ServerOutput::Began { view, .. } => {
                     self.began.get_or_insert_with(Instant::now);
                     info!(view = view.number.0, members = view.members.len(), "a view begins");
                     let mut state = self.shared.lock();

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::Random;
 use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Pace, SyncProtocol, Velocity,
-    WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Pace, SyncProtocol, Thresholds,
+    Velocity, WorldPose,
 };
 use crate::space::{BodyId, Bounds, DistributionTree, Epoch};
 
@@ -26,6 +26,7 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
         tolerance_m_s: 0.03,
         avatar_speed_limit: 20.0,
         protocol: SyncProtocol::Synchronised,
+        thresholds: Thresholds::default(),
         pace: Pace::RealTime,
         last_tick: None,
         extension: Vec::new(),

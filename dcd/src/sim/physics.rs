@@ -36,6 +36,55 @@ pub struct StandIn {
     rounds_left: u32,
     reported: BTreeMap<BodyId, BodyState>,
     checkpointed: BTreeMap<BodyId, BodyState>,
+    copy: Option<Box<Copy>>,
+}
+
+/// What is computed while others are waited for.
+#[derive(Clone, Debug)]
+struct Copy {
+    bodies: BTreeMap<BodyId, BodyRecord>,
+}
+
+impl Copy {
+    fn of(regions: &BTreeMap<RegionId, Region>) -> Self {
+        let mut bodies = BTreeMap::new();
+        for region in regions.values() {
+            bodies.extend(region.replicas.iter().map(|(&id, body)| (id, body.clone())));
+        }
+        for region in regions.values() {
+            bodies.extend(region.owned.iter().map(|(&id, owned)| (id, owned.body.clone())));
+        }
+        Self { bodies }
+    }
+
+    fn fly(&mut self, world: &EnvironmentProperties, ops: Vec<WorldOp>) {
+        for op in ops {
+            if let WorldOp::Drive(drive) = op
+                && let Some(body) = self.bodies.get_mut(&drive.body)
+            {
+                body.state.velocity = drive.velocity;
+                body.state.pose = drive.pose.unwrap_or(body.state.pose);
+            }
+        }
+        let movable = self.bodies.values_mut().filter(|body| body.traits.kind != BodyKind::Fixed);
+        movable.for_each(|body| fly(&mut body.state, &world.tree.bounds(), f64::from(world.dt_s)));
+    }
+
+    fn states(&self) -> Vec<SharedState> {
+        self.bodies.values().map(shared).collect()
+    }
+}
+
+/// Straight on, and back from the bounds of the world.
+fn fly(state: &mut BodyState, bounds: &Bounds, dt_s: f64) {
+    for i in 0..3 {
+        state.pose.translation[i] += f64::from(state.velocity.linear[i]) * dt_s;
+        let place = state.pose.translation[i];
+        if place < bounds.min[i] || place > bounds.max[i] {
+            state.pose.translation[i] = place.clamp(bounds.min[i], bounds.max[i]);
+            state.velocity.linear[i] = -state.velocity.linear[i];
+        }
+    }
 }
 
 impl StandIn {
@@ -43,7 +92,7 @@ impl StandIn {
     pub fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
         match command {
             PhysicsCommand::World(world) => {
-                self.world = Some(world);
+                *self = Self { world: Some(world), ..Self::default() };
                 None
             }
             PhysicsCommand::Load(_) => None,
@@ -67,6 +116,15 @@ impl StandIn {
                     return Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() });
                 }
                 Some(self.settled(report, checkpoint))
+            }
+            PhysicsCommand::Drift(ops) => {
+                let copy = self.copy.get_or_insert_with(|| Box::new(Copy::of(&self.regions)));
+                copy.fly(self.world.as_ref().expect("the world comes first"), ops);
+                Some(PhysicsEvent::Drifted(copy.states()))
+            }
+            PhysicsCommand::Return => {
+                self.copy = None;
+                None
             }
             PhysicsCommand::Survey => Some(PhysicsEvent::Surveyed(self.claims())),
             PhysicsCommand::Fetch(ids) => {
@@ -152,7 +210,7 @@ impl StandIn {
                     region.replicas.remove(&id);
                 }
             }
-            WorldOp::RemoveJoint(_) => {}
+            WorldOp::RemoveJoint(_) | WorldOp::Correct { .. } => {}
             WorldOp::Drive(drive) => {
                 let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&drive.body));
                 if let Some(owned) = owner {
@@ -167,15 +225,7 @@ impl StandIn {
         let dt_s = f64::from(self.world().dt_s) / f64::from(self.rounds);
         let bounds = self.world().tree.bounds();
         for owned in self.regions.values_mut().flat_map(|region| region.owned.values_mut()) {
-            let state = &mut owned.body.state;
-            for i in 0..3 {
-                state.pose.translation[i] += f64::from(state.velocity.linear[i]) * dt_s;
-                let place = state.pose.translation[i];
-                if place < bounds.min[i] || place > bounds.max[i] {
-                    state.pose.translation[i] = place.clamp(bounds.min[i], bounds.max[i]);
-                    state.velocity.linear[i] = -state.velocity.linear[i];
-                }
-            }
+            fly(&mut owned.body.state, &bounds, dt_s);
         }
     }
 

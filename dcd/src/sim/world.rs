@@ -53,6 +53,8 @@ pub struct Sim {
     drop_transfers: u32,
     /// What clients were told, for tests.
     told: Vec<(ClientId, ClientOutput)>,
+    last_node: NodeId,
+    last_client: ClientId,
 }
 
 impl Sim {
@@ -77,6 +79,8 @@ impl Sim {
             events: 0,
             drop_transfers: 0,
             told: Vec::new(),
+            last_node: NodeId(0),
+            last_client: ClientId(0),
             config,
         };
         for _ in 0..sim.config.nodes {
@@ -92,7 +96,8 @@ impl Sim {
 
     /// A client and a node in one process join (the thesis's normal participant).
     pub fn start_participant(&mut self) -> (NodeId, ClientId) {
-        let client = self.server.new_client_id();
+        self.last_client.0 += 1;
+        let client = self.last_client;
         let node = self.start_process(Some(client));
         self.clients.insert(client, Client::new(client, Some(node)));
         let time = self.later();
@@ -101,9 +106,17 @@ impl Sim {
     }
 
     fn start_process(&mut self, client: Option<ClientId>) -> NodeId {
-        let id = self.server.new_node_id();
+        self.last_node.0 += 1;
+        let id = self.last_node;
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, id.0 as u16));
-        let machine = Node::new(NodeConfig { id, address, client, report_every: 3, checkpoint_every: 6 });
+        let machine = Node::new(NodeConfig {
+            id,
+            address,
+            client,
+            report_every: 3,
+            checkpoint_every: 6,
+            patience: Duration::from_millis(100),
+        });
         self.nodes.insert(id, NodeProcess { machine, physics: StandIn::default(), client });
         let time = self.later();
         self.network.connect(time, Peer::Node(id), Peer::Server);
@@ -112,7 +125,10 @@ impl Sim {
 
     /// A client joins; with an id, one that was there before.
     pub fn start_client(&mut self, again: Option<ClientId>) -> ClientId {
-        let id = again.unwrap_or_else(|| self.server.new_client_id());
+        let id = again.unwrap_or_else(|| {
+            self.last_client.0 += 1;
+            self.last_client
+        });
         self.clients.insert(id, Client::new(id, None));
         let time = self.later();
         self.network.connect(time, Peer::Client(id), Peer::Server);
@@ -241,15 +257,16 @@ impl Sim {
     /// The next arrival or timer.
     fn step(&mut self) {
         self.events += 1;
-        let timer =
-            self.nodes.iter().filter_map(|(&id, node)| Some((node.machine.poll_timeout()?, id))).min();
+        let nodes =
+            self.nodes.iter().filter_map(|(&id, node)| Some((node.machine.poll_timeout()?, Peer::Node(id))));
+        let clients =
+            self.clients.iter().filter_map(|(&id, client)| Some((client.poll_timeout()?, Peer::Client(id))));
+        let server = self.server.poll_timeout().map(|time| (time, Peer::Server));
+        let timer = nodes.chain(clients).chain(server).min();
         match (self.network.next_time(), timer) {
-            (arrival, Some((time, node))) if arrival.is_none_or(|arrival| time < arrival) => {
+            (arrival, Some((time, peer))) if arrival.is_none_or(|arrival| time < arrival) => {
                 self.now = self.now.max(time);
-                if let Some(process) = self.nodes.get_mut(&node) {
-                    process.machine.handle_timeout(self.now);
-                }
-                self.drain_node(node);
+                self.alarm(peer);
             }
             (Some(_), _) => {
                 let Some((time, to, arrival)) = self.network.pop() else { return };
@@ -260,14 +277,37 @@ impl Sim {
         }
     }
 
+    fn alarm(&mut self, peer: Peer) {
+        match peer {
+            Peer::Server => {
+                self.server.handle_timeout(self.now);
+                self.drain_server();
+            }
+            Peer::Node(node) => {
+                if let Some(process) = self.nodes.get_mut(&node) {
+                    process.machine.handle_timeout(self.now);
+                }
+                self.drain_node(node);
+            }
+            Peer::Client(id) => {
+                if let Some(client) = self.clients.get_mut(&id) {
+                    client.handle_timeout(self.now);
+                }
+                self.drain_client(id);
+            }
+        }
+    }
+
     fn arrive(&mut self, to: Peer, arrival: Arrival) {
         let open = |bytes: Vec<u8>| decode(&bytes).expect("our own messages are valid");
         match to {
             Peer::Server => {
                 match arrival {
-                    Arrival::Disconnected(peer) => self.server.handle(ServerEvent::Disconnected(peer)),
+                    Arrival::Disconnected(peer) => {
+                        self.server.handle(self.now, ServerEvent::Disconnected(peer))
+                    }
                     Arrival::Frame(from, bytes) => {
-                        self.server.handle(ServerEvent::Message { from, message: open(bytes) });
+                        self.server.handle(self.now, ServerEvent::Message { from, message: open(bytes) });
                     }
                     Arrival::Connected(_) | Arrival::Physics(_) => {}
                 }
@@ -303,10 +343,18 @@ impl Sim {
 
     fn client_event(&mut self, id: ClientId, event: ClientEvent) {
         let Some(client) = self.clients.get_mut(&id) else { return };
-        client.handle(event);
+        client.handle(self.now, event);
+        self.drain_client(id);
+    }
+
+    fn drain_client(&mut self, id: ClientId) {
         while let Some(output) = self.clients.get_mut(&id).and_then(Client::poll_output) {
             match output {
                 ClientOutput::Send { to, message } => self.send(Peer::Client(id), to, message),
+                ClientOutput::Redial => {
+                    let time = self.later();
+                    self.network.connect(time, Peer::Client(id), Peer::Server);
+                }
                 ClientOutput::Connect(member) => self.dial(Peer::Client(id), member.node),
                 ClientOutput::Disconnect(node) => {
                     self.network.close(self.now, Peer::Client(id), Peer::Node(node))
@@ -352,7 +400,10 @@ impl Sim {
             match output {
                 ServerOutput::Send { to, message } => self.send(Peer::Server, to, message),
                 ServerOutput::Close(peer) => self.network.close(self.now, Peer::Server, peer),
-                ServerOutput::Began(_)
+                ServerOutput::Began { .. }
+                | ServerOutput::Store(_)
+                | ServerOutput::Dissolved(_)
+                | ServerOutput::Expelled(_)
                 | ServerOutput::Held(_)
                 | ServerOutput::Audited { .. }
                 | ServerOutput::Ended => {}
@@ -365,6 +416,10 @@ impl Sim {
             let Some(output) = process.machine.poll_output() else { return };
             match output {
                 NodeOutput::Send { to, message } => self.send(Peer::Node(id), to, message),
+                NodeOutput::Redial => {
+                    let time = self.later();
+                    self.network.connect(time, Peer::Node(id), Peer::Server);
+                }
                 NodeOutput::Connect(member) => self.dial(Peer::Node(id), member.node),
                 NodeOutput::Disconnect(node) => {
                     self.network.close(self.now, Peer::Node(id), Peer::Node(node))

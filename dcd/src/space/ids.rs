@@ -38,8 +38,14 @@ id!(
     Tick(u64), "t"
 );
 id!(
-    /// How often the owner of a body has changed. A state with an older epoch never overwrites a newer one.
-    Epoch(u32), "e"
+    /// A consistency group (thesis 3.3.7): nodes that share one distribution tree. Given by the server.
+    GroupId(u32), "g"
+);
+id!(
+    /// How often the owner of a body has changed, above the number of the view in which the server last placed it: what the
+    /// server places anew is beyond every epoch that an earlier view can come to, however long that lives on unheard of.
+    /// A state with an older epoch never overwrites a newer one.
+    Epoch(u64), "e"
 );
 id!(
     /// A joint, numbered in order of insertion.
@@ -104,6 +110,14 @@ impl Tick {
 }
 
 impl Epoch {
+    /// Transfers that a view has room for: a body that changes its owner 60 times a second does so for three days.
+    const TRANSFER_BITS: u32 = 24;
+
+    /// The first epoch of what the server places in the view of this number.
+    pub const fn placed_in(view: u64) -> Self {
+        Self(view << Self::TRANSFER_BITS)
+    }
+
     /// The epoch after one more transfer.
     pub const fn next(self) -> Self {
         Self(self.0 + 1)

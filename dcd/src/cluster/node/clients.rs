@@ -12,6 +12,9 @@ impl Node {
     /// The client in this process speaks: no message is formed while this node leads.
     pub(super) fn own_client(&mut self, message: FromClient) {
         let Some(client) = self.config.client else { return };
+        if let FromClient::Drive(drive) = &message {
+            self.drift.steer(*drive);
+        }
         let leader = self.view.as_ref().map(|view| view.leader);
         match leader {
             Some(leader) if leader == self.config.id => self.lead_client(client, message),
@@ -79,8 +82,8 @@ impl Node {
             (Peer::Node(node), message) if node == self.config.id => {
                 self.outputs.push_back(NodeOutput::Client(message));
             }
-            (route, ToClient::States { tick, states }) => {
-                for message in pack_states(client, tick, states) {
+            (route, ToClient::States { tick, provisional, states }) => {
+                for message in pack_states(client, tick, provisional, states) {
                     self.send(route, message);
                 }
             }

@@ -9,13 +9,14 @@ use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, Message, RegionEvents, Report,
     ToNode, ToServer, View, split,
 };
-use crate::space::{BodyId, NodeId};
+use crate::space::{BodyId, NodeId, Tick};
 
 impl Node {
-    pub(super) fn hear_server(&mut self, message: ToNode) {
+    pub(super) fn hear_server(&mut self, now: Duration, message: ToNode) {
         let present = self.number();
         match message {
             ToNode::Welcome { world, .. } => {
+                self.begin_anew();
                 self.order(PhysicsCommand::World(world.clone()));
                 self.world = Some(world);
             }
@@ -26,6 +27,8 @@ impl Node {
             ToNode::Settle { view } => {
                 if view > present && self.change.as_ref().is_none_or(|change| change.view < view) {
                     self.change = Some(Change::to(view));
+                    self.placed.clear();
+                    self.joints.clear();
                     self.send_server(ToServer::Settling { view, dispatch: self.dispatch.clone() });
                 }
             }
@@ -53,8 +56,33 @@ impl Node {
                 Some(leader) if leader.view() == view => leader.apply(ops),
                 _ => self.counters.stale += 1,
             },
+            ToNode::Roster(members) => {
+                self.know(now, &members, true);
+                self.tend_links(now);
+            }
+            ToNode::Poll { .. } | ToNode::Abroad { .. } | ToNode::Authority { .. } => {}
             ToNode::Shutdown { evicted, reason } => self.stop(evicted, reason),
         }
+    }
+
+    /// Whatever was computed here is the server's no more, or never was: the world comes anew.
+    fn begin_anew(&mut self) {
+        if std::mem::take(&mut self.busy) {
+            self.void += 1;
+        }
+        self.view = None;
+        self.others.clear();
+        self.tick = Tick(0);
+        self.phase = Phase::Resting;
+        self.asked = None;
+        self.drift = Default::default();
+        self.dispatch = None;
+        self.change = None;
+        self.placed.clear();
+        self.joints.clear();
+        self.early.clear();
+        self.leader = None;
+        self.done = None;
     }
 
     pub(super) fn dispatched(&mut self, from: NodeId, dispatch: Dispatch) {
@@ -79,7 +107,13 @@ impl Node {
             self.counters.stale += 1;
             return;
         }
+        let due = (self.number(), next_round.0, next_round.1);
         let queue = self.early.entry(from).or_default();
+        let key = |border: &Border| (border.view, border.tick, border.round);
+        queue.retain(|kept| key(kept) >= due);
+        if queue.iter().any(|kept| key(kept) == key(&border)) {
+            return;
+        }
         queue.push_back(border);
         if queue.len() > super::EARLY_BORDERS {
             queue.pop_front();
@@ -87,10 +121,20 @@ impl Node {
         }
     }
 
-    pub(super) fn physics(&mut self, event: PhysicsEvent) {
+    pub(super) fn physics(&mut self, now: Duration, event: PhysicsEvent) {
+        if self.void > 0 {
+            self.void -= 1;
+            return;
+        }
         assert!(self.busy, "the physics answered without being asked");
         self.busy = false;
+        if let PhysicsEvent::Drifted(states) = event {
+            return self.drifted(states);
+        }
+        self.tick_takes = now.saturating_sub(self.since);
+        self.since = now;
         match event {
+            PhysicsEvent::Drifted(_) => unreachable!("taken care of above"),
             PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
             PhysicsEvent::Settled { rounds_wanted, stats, events, report, checkpoint } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
@@ -108,7 +152,9 @@ impl Node {
                     self.tell_leader(Message::Report(Report { view, tick, states }));
                 }
                 let events = events.into_iter().filter_map(of_avatars).collect();
-                self.tell_leader(Message::Done(Done { view, tick, rounds_wanted, stats, events }));
+                let done = Done { view, tick, rounds_wanted, stats, events };
+                self.done = Some(done.clone());
+                self.tell_leader(Message::Done(done));
                 self.outputs.push_back(NodeOutput::Settled(tick));
             }
             PhysicsEvent::Surveyed(claims) => {
@@ -165,6 +211,7 @@ impl Node {
             return;
         };
         if let Some((view, drop)) = change.adopt.take() {
+            self.return_from_drift();
             self.adopt(now, view, drop);
         } else if let Some(finish) = &change.finish {
             if let Some(dispatch) = finish.clone().filter(|newest| newest.tick == next) {
@@ -172,9 +219,11 @@ impl Node {
             } else if !change.surveyed {
                 change.surveyed = true;
                 self.asked = Some(change.view);
+                self.return_from_drift();
                 self.ask(PhysicsCommand::Survey);
             } else if let Some(bodies) = change.fetch.take() {
                 self.asked = Some(change.view);
+                self.return_from_drift();
                 self.ask(PhysicsCommand::Fetch(bodies));
             }
         }
@@ -183,22 +232,17 @@ impl Node {
     fn step(&mut self, Dispatch { tick, rounds, ops, .. }: Dispatch) {
         assert_eq!(tick, self.tick.next(), "ticks follow one another");
         self.phase = Phase::Computing(tick, 0);
+        self.return_from_drift();
         self.ask(PhysicsCommand::Step { tick, rounds, ops });
     }
 
     fn adopt(&mut self, now: Duration, view: View, drop: Vec<BodyId>) {
         let me = self.config.id;
         assert!(view.number > self.number(), "views follow one another");
-        let former = std::mem::take(&mut self.others);
         self.others = view.members.iter().map(|member| member.node).filter(|&node| node != me).collect();
-        for member in view.members.iter().filter(|member| member.node != me) {
-            // The earlier member dials the later one, so that each pair has one link (thesis 4.3.2.10).
-            if me < member.node && !self.links.contains(&Peer::Node(member.node)) {
-                self.outputs.push_back(NodeOutput::Connect(member.clone()));
-            }
-        }
-        let gone = former.into_iter().filter(|node| !self.others.contains(node));
-        self.outputs.extend(gone.map(NodeOutput::Disconnect));
+        self.know(now, &view.members, false);
+        self.tend_links(now);
+        (self.since, self.done, self.report_all) = (now, None, false);
         self.early.retain(|_, queue| {
             queue.retain(|border| border.view >= view.number);
             !queue.is_empty()
@@ -248,6 +292,7 @@ impl Node {
                 arrived.insert(me, messages);
             } else {
                 let border = Border { view: number, tick, round, messages };
+                self.link.keep(node, &border);
                 self.send(Peer::Node(node), Message::Border(border));
             }
         }
@@ -295,9 +340,29 @@ impl Node {
             tick if tick.0.is_multiple_of(every) => Sampling::Moved,
             _ => Sampling::Nothing,
         };
-        let (report, checkpoint) = (sample(self.config.report_every), sample(self.config.checkpoint_every));
+        let (mut report, checkpoint) =
+            (sample(self.config.report_every), sample(self.config.checkpoint_every));
+        if report == Sampling::Moved && std::mem::take(&mut self.report_all) {
+            report = Sampling::All;
+        }
+        self.return_from_drift();
         self.phase = Phase::Computing(tick, round + 1);
         self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint });
+    }
+
+    /// Members that are waited for though they are linked.
+    pub(super) fn laggards(&self) -> Vec<NodeId> {
+        let linked = |node: &NodeId| self.link.is_up(*node);
+        match (&self.phase, &self.leader) {
+            (Phase::Exchanging(_, _, arrived), _) => self
+                .others
+                .iter()
+                .filter(|&node| linked(node) && !arrived.contains_key(node))
+                .copied()
+                .collect(),
+            (Phase::Resting, Some(leader)) => leader.missing().filter(linked).collect(),
+            _ => Vec::new(),
+        }
     }
 
     fn tell_leader(&mut self, message: Message) {
@@ -314,11 +379,11 @@ impl Node {
         }
     }
 
-    fn order(&mut self, command: PhysicsCommand) {
+    pub(super) fn order(&mut self, command: PhysicsCommand) {
         self.outputs.push_back(NodeOutput::Physics(command));
     }
 
-    fn ask(&mut self, command: PhysicsCommand) {
+    pub(super) fn ask(&mut self, command: PhysicsCommand) {
         assert!(!self.busy, "the physics does one thing at a time");
         self.busy = true;
         self.order(command);

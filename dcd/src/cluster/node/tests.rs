@@ -18,7 +18,14 @@ fn server(node: &mut Node, message: ToNode) {
 /// Node 2 of two members, led by node 1, about to exchange the first borders of view 1.
 fn member() -> Node {
     let address = ([127, 0, 0, 1], 1).into();
-    let config = NodeConfig { id: NodeId(2), address, client: None, report_every: 1, checkpoint_every: 1 };
+    let config = NodeConfig {
+        id: NodeId(2),
+        address,
+        client: None,
+        report_every: 1,
+        checkpoint_every: 1,
+        patience: Duration::from_millis(100),
+    };
     let mut node = Node::new(config);
     node.handle(NOW, NodeEvent::Connected(Peer::Server));
     server(&mut node, ToNode::Welcome { id: NodeId(2), world: sim_world(2) });

@@ -1,7 +1,10 @@
-//! Avatars on record: they come with their client, wait while it is away, and return as they were (thesis 4.3.2.10).
+//! Avatars on record: they come with their client, wait while it is away, and return as they were (thesis 4.3.2.10). Every
+//! group has its own.
 
-use super::{Life, Server, ServerOutput};
-use crate::cluster::Peer;
+use super::common::Common;
+use super::group::Group;
+use super::{Server, ServerOutput};
+use crate::cluster::{Life, Peer};
 use crate::protocol::{BodyRecord, Drive, FromClient, Message, Refusal, ShapeRecord, ToClient, WorldOp};
 use crate::space::{BodyId, ClientId, Epoch, Tick};
 
@@ -10,6 +13,7 @@ pub const MAX_AVATARS: usize = 1_024;
 
 impl Server {
     pub(super) fn hear_client(&mut self, client: ClientId, message: FromClient) {
+        let record = &self.main().record;
         let refused = match message {
             FromClient::Drive(drive) if drive.body.client() != Some(client) => {
                 Some((drive.body, Refusal::NotYours))
@@ -22,27 +26,31 @@ impl Server {
                 let id = body.id;
                 let refusal = if id.client() != Some(client) {
                     Some(Refusal::NotYours)
-                } else if self.record.body(id).is_some() {
+                } else if record.body(id).is_some() {
                     Some(Refusal::Exists)
-                } else if self.record.avatars(client).len() >= MAX_AVATARS {
+                } else if record.avatars(client).len() >= MAX_AVATARS {
                     Some(Refusal::TooMany)
-                } else if !self.record.knows_shapes_of(&body, &shapes) {
+                } else if !record.knows_shapes_of(&body, &shapes) {
                     Some(Refusal::Shape)
                 } else {
                     None
                 };
                 if refusal.is_none() {
-                    let shapes = self.record.learn(shapes);
-                    // A stranger's epoch counts for nothing: epochs are ours to give.
-                    self.record.insert(BodyRecord { epoch: Epoch(0), ..body });
-                    self.introduce(id, shapes);
+                    for group in self.groups.values_mut() {
+                        let shapes = group.record.learn(shapes.clone());
+                        // A stranger's epoch counts for nothing: epochs are ours to give.
+                        group.record.insert(BodyRecord { epoch: Epoch(0), ..body.clone() });
+                        group.introduce(&mut self.common, id, shapes);
+                    }
                 }
                 refusal.map(|refusal| (id, refusal))
             }
             FromClient::Despawn(id) if id.client() != Some(client) => Some((id, Refusal::NotYours)),
-            FromClient::Despawn(id) if self.record.body(id).is_none() => Some((id, Refusal::Unknown)),
+            FromClient::Despawn(id) if record.body(id).is_none() => Some((id, Refusal::Unknown)),
             FromClient::Despawn(id) => {
-                self.retire(id, false);
+                for group in self.groups.values_mut() {
+                    group.retire(&mut self.common, id, false);
+                }
                 None
             }
             FromClient::Leave => {
@@ -51,102 +59,111 @@ impl Server {
             }
         };
         if let Some((body, reason)) = refused {
-            self.send_client(client, ToClient::Rejected { body: Some(body), reason });
+            self.common.send_client(client, ToClient::Rejected { body: Some(body), reason });
         }
     }
 
     /// A client that knows no leader, or whose node is still joining, speaks through the server.
     fn pass_on(&mut self, client: ClientId, drive: Drive) {
-        match (&self.view, &self.change) {
+        let group = self.common.clients.get(&client).map_or(self.main, |entry| entry.group);
+        let Some(group) = self.groups.get_mut(&group) else { return };
+        match (&group.view, &group.change) {
             (Some(view), None) => {
                 let to = Peer::Node(view.leader);
                 let message = Message::FromClient(client, FromClient::Drive(drive));
-                self.outputs.push_back(ServerOutput::Send { to, message });
+                self.common.outputs.push_back(ServerOutput::Send { to, message });
             }
             // Nobody computes the world: the record is all there is to move.
             (None, _) => {
-                if let Some(body) = self.record.body_mut(drive.body) {
+                if let Some(body) = group.record.body_mut(drive.body) {
                     body.state.velocity = drive.velocity;
                     body.state.pose = drive.pose.unwrap_or(body.state.pose);
                 }
             }
             // The next wish will find a leader.
-            (Some(_), Some(_)) => self.stale += 1,
+            (Some(_), Some(_)) => self.common.stale += 1,
         }
     }
 
     /// A client is gone; its avatars wait.
     pub(super) fn part(&mut self, client: ClientId) {
-        if self.clients.remove(&client) {
-            for (id, _) in self.record.avatars(client) {
-                self.retire(id, true);
+        if self.common.clients.remove(&client).is_some() {
+            for group in self.groups.values_mut() {
+                for (id, _) in group.record.avatars(client) {
+                    group.retire(&mut self.common, id, true);
+                }
             }
         }
     }
 
     /// A client is here; its avatars return.
     pub(super) fn bring_back(&mut self, client: ClientId) {
-        for (id, life) in self.record.avatars(client) {
-            match life {
-                Life::Parked => self.revive(id),
-                Life::Removing { park: true, .. } => {
-                    self.record.set_life(id, Life::Removing { park: true, back: true });
+        for group in self.groups.values_mut() {
+            for (id, life) in group.record.avatars(client) {
+                match life {
+                    Life::Parked => group.revive(&mut self.common, id),
+                    Life::Removing { park: true, .. } => {
+                        group.record.set_life(id, Life::Removing { park: true, back: true });
+                    }
+                    _ => {}
                 }
-                _ => {}
             }
         }
     }
+}
 
+impl Group {
     /// The owner has removed a body.
-    pub(super) fn removed(&mut self, tick: Tick, body: BodyRecord) {
+    pub(super) fn removed(&mut self, common: &mut Common, tick: Tick, body: BodyRecord) {
         let id = body.id;
         if let Some(Life::Removing { park, back }) = self.record.life(id) {
             self.record.freshen(tick, body);
-            self.rest(id, park, back);
+            self.rest(common, id, park, back);
         }
     }
 
     /// A body that no node holds any more is parked, brought back or forgotten.
-    pub(super) fn rest(&mut self, id: BodyId, park: bool, back: bool) {
+    pub(super) fn rest(&mut self, common: &mut Common, id: BodyId, park: bool, back: bool) {
         match (park, back) {
             (false, _) => self.record.remove(id),
             (true, false) => self.record.set_life(id, Life::Parked),
-            (true, true) => self.revive(id),
+            (true, true) => self.revive(common, id),
         }
     }
 
-    fn revive(&mut self, id: BodyId) {
-        self.record.renew(id, None, self.tick);
+    fn revive(&mut self, common: &mut Common, id: BodyId) {
+        self.record.renew(id, common.number);
         self.record.set_life(id, Life::Waiting);
-        self.introduce(id, Vec::new());
+        self.introduce(common, id, Vec::new());
     }
 
     /// Tells clients and nodes of a waiting body.
-    fn introduce(&mut self, id: BodyId, shapes: Vec<ShapeRecord>) {
+    fn introduce(&mut self, common: &mut Common, id: BodyId, shapes: Vec<ShapeRecord>) {
         let Some(body) = self.record.body(id).cloned() else { return };
-        self.send_clients(ToClient::Inserted { body: body.clone(), shapes: shapes.clone() });
-        if self.view.is_some() && self.change.is_none() {
+        let message = ToClient::Inserted { body: body.clone(), shapes: shapes.clone() };
+        common.send_clients(self.id, &message);
+        if self.view.is_some() && self.change.is_none() && !self.held {
             self.record.set_life(id, Life::Live);
             self.arriving.insert(id);
-            self.apply(vec![WorldOp::Insert { body, shapes, joints: Vec::new() }]);
+            self.apply(common, vec![WorldOp::Insert { body, shapes, joints: Vec::new() }]);
         }
     }
 
     /// Takes a body out of the world, for good or until its client returns.
-    fn retire(&mut self, id: BodyId, park: bool) {
+    fn retire(&mut self, common: &mut Common, id: BodyId, park: bool) {
         match self.record.life(id) {
             Some(Life::Live) if self.view.is_some() => {
                 self.record.set_life(id, Life::Removing { park, back: false });
-                self.apply(vec![WorldOp::Remove(id)]);
+                self.apply(common, vec![WorldOp::Remove(id)]);
             }
             Some(Life::Removing { park: parking, .. }) => {
                 self.record.set_life(id, Life::Removing { park: parking && park, back: false });
             }
             Some(Life::Parked) if park => return,
             // Nobody computes it: its life ends, or rests, on record alone.
-            Some(Life::Live | Life::Waiting | Life::Parked) => self.rest(id, park, false),
+            Some(Life::Live | Life::Waiting | Life::Parked) => self.rest(common, id, park, false),
             None => return,
         }
-        self.send_clients(ToClient::Removed(id));
+        common.send_clients(self.id, &ToClient::Removed(id));
     }
 }

@@ -5,6 +5,8 @@ use crate::protocol::Claim;
 use crate::sim::{sim_body, sim_world};
 use crate::space::Epoch;
 
+const NOW: Duration = Duration::ZERO;
+
 fn server() -> Server {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
     let config = ServerConfig { world: sim_world(2), min_nodes: 1 };
@@ -12,13 +14,15 @@ fn server() -> Server {
 }
 
 fn hello(server: &mut Server, node: u32, version: u32) -> Vec<ServerOutput> {
-    let role = Role::Node { address: ([127, 0, 0, 1], node as u16).into(), client: None };
+    let role = Role::Node { address: ([127, 0, 0, 1], node as u16).into(), client: None, resume: None };
     tell(server, node, Message::Hello(Hello { version, role }))
 }
 
 fn tell(server: &mut Server, node: u32, message: Message) -> Vec<ServerOutput> {
-    server.handle(ServerEvent::Message { from: Peer::Node(NodeId(node)), message });
-    std::iter::from_fn(|| server.poll_output()).collect()
+    let now = server.common.now;
+    server.handle(now, ServerEvent::Message { from: Peer::Node(NodeId(node)), message });
+    let is_said = |output: &ServerOutput| !matches!(output, ServerOutput::Store(_));
+    std::iter::from_fn(|| server.poll_output()).filter(is_said).collect()
 }
 
 #[test]
@@ -41,7 +45,9 @@ fn the_world_begins_when_enough_nodes_have_loaded_it() {
     assert!(server.view().is_none(), "not loaded yet");
     let outputs = tell(&mut server, 1, Message::ToServer(ToServer::Loaded));
     assert!(
-        outputs.iter().any(|output| matches!(output, ServerOutput::Began(view) if view.leader == NodeId(1)))
+        outputs
+            .iter()
+            .any(|output| matches!(output, ServerOutput::Began { view, .. } if view.leader == NodeId(1)))
     );
     let placed = outputs.iter().find_map(|output| match output {
         ServerOutput::Send { message: Message::ToNode(ToNode::Chunk(Chunk::Placed(placed))), .. } => {
@@ -51,7 +57,8 @@ fn the_world_begins_when_enough_nodes_have_loaded_it() {
     });
     let placed = placed.expect("bodies without an owner are placed");
     assert_eq!(placed.len(), 3);
-    assert!(placed.iter().all(|placed| placed.body.epoch.0 == 0), "nobody has owned them before");
+    let epoch = Epoch::placed_in(server.view().unwrap().number.0);
+    assert!(placed.iter().all(|placed| placed.body.epoch == epoch), "beyond all of earlier views");
 }
 
 #[test]
@@ -63,14 +70,17 @@ fn strangers_and_earlier_views_are_counted_and_change_nothing() {
     let body = sim_body(BodyId::persistent(0), [5.0; 3]);
     let checkpoint =
         crate::protocol::BodyCheckpoint { id: body.id, epoch: crate::space::Epoch(9), state: body.state };
+    let before = server.record().body(body.id).unwrap().epoch;
+    let epoch = before.next();
+    let checkpoint = crate::protocol::BodyCheckpoint { epoch, ..checkpoint };
     let old = ToServer::Checkpoint { view: ViewNumber(0), tick: Tick(9), bodies: vec![checkpoint] };
     tell(&mut server, 1, Message::ToServer(old));
-    assert_eq!((server.stale(), server.record().body(body.id).unwrap().epoch.0), (1, 0));
+    assert_eq!((server.stale(), server.record().body(body.id).unwrap().epoch), (1, before));
     let new = ToServer::Checkpoint { view: present, tick: Tick(9), bodies: vec![checkpoint] };
     tell(&mut server, 2, Message::ToServer(new.clone()));
-    assert_eq!(server.record().body(body.id).unwrap().epoch.0, 0, "node 2 is nobody");
+    assert_eq!(server.record().body(body.id).unwrap().epoch, before, "node 2 is nobody");
     tell(&mut server, 1, Message::ToServer(new));
-    assert_eq!(server.record().body(body.id).unwrap().epoch.0, 9);
+    assert_eq!(server.record().body(body.id).unwrap().epoch, epoch);
 }
 
 #[test]
@@ -83,23 +93,25 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
         tell(&mut server, node, Message::ToServer(ToServer::Loaded));
     }
     assert_eq!(server.view().unwrap().members.len(), 2);
-    server.handle(ServerEvent::Stop);
-    server.handle(ServerEvent::Disconnected(Peer::Node(NodeId(2))));
+    server.handle(NOW, ServerEvent::Stop);
+    server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(2))));
+    server.handle_timeout(server.poll_timeout().unwrap());
     while server.poll_output().is_some() {}
     let answer = |server: &mut Server, claims| {
-        let view = server.number;
+        let view = server.common.number;
         tell(server, 1, Message::ToServer(ToServer::Settling { view, dispatch: None }));
         tell(server, 1, Message::ToServer(ToServer::Survey { view, tick: Tick(0), claims }))
     };
     answer(&mut server, Vec::new());
     // It owns nothing and holds no copy: all comes from the record.
-    let view = server.number;
+    let view = server.common.number;
     let found = ToServer::Found { view, bodies: Vec::new(), last: true };
     let outputs = tell(&mut server, 1, Message::ToServer(found));
-    let began =
-        outputs.iter().any(|output| matches!(output, ServerOutput::Began(view) if view.members.len() == 1));
+    let began = outputs
+        .iter()
+        .any(|output| matches!(output, ServerOutput::Began { view, .. } if view.members.len() == 1));
     assert!(began, "{outputs:?}");
-    let region = server.config.world.tree.leaves().next().unwrap();
+    let region = server.common.config.world.tree.leaves().next().unwrap();
     let claim = |i| Claim { id: BodyId::persistent(i), epoch: Epoch(0), region };
     let outputs = answer(&mut server, (0..3).map(claim).collect());
     assert!(
@@ -107,6 +119,6 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
         "{outputs:?}"
     );
     assert_eq!(outputs.last(), Some(&ServerOutput::Ended));
-    server.handle(ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     assert_eq!(server.poll_output(), None, "it ends once");
 }

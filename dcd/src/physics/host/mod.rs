@@ -6,7 +6,7 @@ mod repartition;
 mod replace;
 mod rounds;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -507,6 +507,17 @@ impl RegionHost {
         self.directory
             .homes()
             .filter_map(|(id, home)| Some((id, &self.regions[self.place_of[home.rank]?], home.handle)))
+    }
+
+    /// Every movable body held here, owned or replica, in id order.
+    pub fn held_bodies(&self) -> BTreeSet<BodyId> {
+        let held = self.regions.iter().flat_map(Region::bodies);
+        held.map(|(id, ..)| id).filter(|&id| self.statics.body(id).is_none()).collect()
+    }
+
+    /// Every immovable body of the world, in id order.
+    pub fn scenery(&self) -> impl Iterator<Item = &BodyRecord> {
+        self.statics.bodies()
     }
 
     /// How many movable bodies are owned here.

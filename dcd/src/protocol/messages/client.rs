@@ -58,6 +58,8 @@ pub enum ToClient {
     States {
         /// After which tick.
         tick: Tick,
+        /// Computed without the other members, and not to be relied on: the next that is not counts whatever its tick.
+        provisional: bool,
         /// In id order.
         states: Vec<SharedState>,
     },

@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Chunk, Drive, EnvironmentProperties, View, ViewNumber};
+use super::{Chunk, Drive, EnvironmentProperties, Member, View, ViewNumber};
 use crate::protocol::{
     BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
 };
@@ -56,6 +56,31 @@ pub enum ToNode {
         view: ViewNumber,
         /// In order.
         ops: Vec<WorldOp>,
+    },
+    /// All nodes of the server: each is linked with each, so that delays are known before they matter.
+    Roster(Vec<Member>),
+    /// A vote on which this member is asked; answered by [`ToServer::Ballot`].
+    Poll {
+        /// Names the vote.
+        poll: u64,
+        /// What about.
+        motion: Motion,
+    },
+    /// To the leader of a group, from others: bodies about which they are believed. Newest wins.
+    Abroad {
+        /// The present view of the receiver.
+        view: ViewNumber,
+        /// After which tick they were so.
+        tick: Tick,
+        /// In id order.
+        states: Vec<SharedState>,
+    },
+    /// To the leader of a group: which group is believed about these bodies from now on.
+    Authority {
+        /// The present view of the receiver.
+        view: ViewNumber,
+        /// In id order.
+        stances: Vec<Stance>,
     },
     /// Stop: the world ends, the node's leave is granted, or it was evicted.
     Shutdown {
@@ -121,8 +146,64 @@ pub enum ToServer {
         /// Who.
         node: NodeId,
     },
+    /// Delays to other nodes that changed since the last time, in id order.
+    Delays(Vec<Delay>),
+    /// Calls for a vote.
+    Call(Motion),
+    /// Answer to [`ToNode::Poll`]: the average delay to the node in question, milliseconds; `None`: unknown.
+    Ballot {
+        /// Names the vote.
+        poll: u64,
+        /// Round trip.
+        delay_ms: Option<f32>,
+    },
+    /// From the leader: bodies about which its group is believed, as they are here. Newest wins.
+    Abroad {
+        /// The present view.
+        view: ViewNumber,
+        /// After which tick.
+        tick: Tick,
+        /// In id order.
+        states: Vec<SharedState>,
+    },
+    /// From the leader: an avatar of its group has touched these bodies, at these numbers of authority.
+    Touched {
+        /// The present view.
+        view: ViewNumber,
+        /// In id order.
+        bodies: Vec<(BodyId, u32)>,
+    },
     /// The node wishes to go; its regions are handed over first, then it is told to shut down.
     Leave,
+}
+
+/// The delay from the sender to another node.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Delay {
+    /// Which.
+    pub node: NodeId,
+    /// Average round trip, milliseconds; `None`: it cannot be reached.
+    pub delay_ms: Option<f32>,
+}
+
+/// What a vote is about (thesis 3.3.9).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
+pub enum Motion {
+    /// The node is to come into the caller's group.
+    Include(NodeId),
+    /// The node is to leave the caller's group.
+    Reject(NodeId),
+}
+
+/// Who is believed about a body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub struct Stance {
+    /// Which body.
+    pub body: BodyId,
+    /// Grows with every change; the higher one counts.
+    pub number: u32,
+    /// Whether it is the receiver's group.
+    pub yours: bool,
 }
 
 /// One owned body in a survey.
@@ -178,6 +259,13 @@ pub enum WorldOp {
     RemoveJoint(JointId),
     /// An avatar's user moves it.
     Drive(Drive),
+    /// Bodies about which another group is believed: led towards where they are there, without a jump.
+    Correct {
+        /// After which tick they were so.
+        tick: Tick,
+        /// In id order.
+        states: Vec<SharedState>,
+    },
 }
 
 /// A member has completed a tick.

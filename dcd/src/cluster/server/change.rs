@@ -1,14 +1,18 @@
-//! View changes: who is a member, who computes what, and how no body is lost or doubled on the way.
+//! View changes of a group: who is a member, who computes what, and how no body is lost or doubled on the way.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Life, Server, ServerOutput};
+use super::ServerOutput;
+use super::common::Common;
+use super::group::Group;
+use crate::cluster::Life;
 use crate::protocol::{BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks};
 use crate::space::{Allocation, BodyId, Epoch, NodeId, RegionId, Tick, allocate};
 
 /// A view change under way. A death begins it anew with the next number.
 #[derive(Clone, Debug)]
 pub(super) struct Change {
+    pub number: ViewNumber,
     /// Members of the last view that live, those who are leaving included.
     survivors: BTreeSet<NodeId>,
     settled: BTreeMap<NodeId, Option<Dispatch>>,
@@ -34,83 +38,34 @@ struct Owner {
     region: RegionId,
 }
 
-impl Server {
-    /// A node is dead, or has not been there.
-    pub(super) fn lose(&mut self, node: NodeId) {
-        let mattered = self.is_member(node) || self.change.is_some();
-        if self.nodes.remove(&node).is_some() && mattered {
-            self.begin_change();
-        }
-    }
-
-    /// Begins a view change if membership is not as it should be.
-    pub(super) fn reconsider(&mut self) {
-        if self.change.is_some() {
-            return;
-        }
-        if self.stopping {
-            // Somebody died during the last survey. What it owned has been taken over: now all can be asked.
-            return match self.view {
-                Some(_) => self.begin_change(),
-                None if self.ended => {}
-                None => self.end(),
-            };
-        }
-        let is_done = |view: &View| view.members.iter().all(|m| self.at_last_tick.contains(&m.node));
-        if self.view.as_ref().is_some_and(is_done) {
-            return self.stop();
-        }
-        let idle_leavers: Vec<_> = self
-            .nodes
-            .iter()
-            .filter(|(node, entry)| entry.leaving && !self.is_member(**node))
-            .map(|(&node, _)| node)
-            .collect();
-        for node in idle_leavers {
-            self.dismiss(node, false, "leave granted".into());
-        }
-        let ready = self.nodes.values().filter(|entry| entry.loaded).count();
-        let due = match &self.view {
-            Some(view) => {
-                let leaves =
-                    view.members.iter().any(|m| self.nodes.get(&m.node).is_none_or(|entry| entry.leaving));
-                leaves || ready > view.members.len()
-            }
-            None => ready >= if self.begun { 1 } else { self.config.min_nodes },
-        };
-        if due {
-            self.begin_change();
-        }
-    }
-
-    pub(super) fn begin_change(&mut self) {
-        self.number = self.number.next();
-        let members = self.view.iter().flat_map(|view| &view.members).map(|member| member.node);
-        let survivors: BTreeSet<_> = members.filter(|node| self.nodes.contains_key(node)).collect();
+impl Group {
+    /// Begins a view change, anew if one is under way.
+    pub(super) fn begin_change(&mut self, common: &mut Common) {
+        self.unsure = false;
+        common.number = common.number.next();
+        let number = common.number;
+        let survivors = self.serving(common);
         for &node in &survivors {
-            self.send_node(node, ToNode::Settle { view: self.number });
+            common.send_node(node, ToNode::Settle { view: number });
         }
-        let settled = BTreeMap::new();
-        self.change = Some(Change { survivors, settled, surveys: BTreeMap::new(), plan: None });
-        self.finish();
+        let (settled, surveys) = (BTreeMap::new(), BTreeMap::new());
+        self.change = Some(Change { number, survivors, settled, surveys, plan: None });
+        self.finish(common);
     }
 
-    pub(super) fn settling(&mut self, node: NodeId, view: ViewNumber, dispatch: Option<Dispatch>) {
+    pub(super) fn settling(&mut self, common: &mut Common, node: NodeId, dispatch: Option<Dispatch>) -> bool {
         match &mut self.change {
-            Some(change)
-                if view == self.number
-                    && change.survivors.contains(&node)
-                    && !change.settled.contains_key(&node) =>
-            {
+            Some(change) if change.survivors.contains(&node) && !change.settled.contains_key(&node) => {
                 change.settled.insert(node, dispatch);
-                self.finish();
+                self.finish(common);
+                true
             }
-            _ => self.stale += 1,
+            _ => false,
         }
     }
 
     /// All have stopped: the newest dispatch is completed by everybody.
-    fn finish(&mut self) {
+    fn finish(&mut self, common: &mut Common) {
         let Some(change) = &self.change else { return };
         if change.settled.len() < change.survivors.len() {
             return;
@@ -118,45 +73,43 @@ impl Server {
         let dispatch = change.settled.values().flatten().max_by_key(|dispatch| dispatch.tick).cloned();
         let survivors: Vec<_> = change.survivors.iter().copied().collect();
         for &node in &survivors {
-            let (view, dispatch, survivors) = (self.number, dispatch.clone(), survivors.clone());
-            self.send_node(node, ToNode::Finish { view, dispatch, survivors });
+            let (view, dispatch, survivors) = (change.number, dispatch.clone(), survivors.clone());
+            common.send_node(node, ToNode::Finish { view, dispatch, survivors });
         }
-        self.plan();
+        self.plan(common);
     }
 
-    pub(super) fn surveyed(&mut self, node: NodeId, view: ViewNumber, tick: Tick, claims: Vec<Claim>) {
+    pub(super) fn surveyed(
+        &mut self,
+        common: &mut Common,
+        node: NodeId,
+        tick: Tick,
+        claims: Vec<Claim>,
+    ) -> bool {
         match &mut self.change {
-            Some(change)
-                if view == self.number
-                    && change.survivors.contains(&node)
-                    && !change.surveys.contains_key(&node) =>
-            {
+            Some(change) if change.survivors.contains(&node) && !change.surveys.contains_key(&node) => {
                 change.surveys.insert(node, claims);
                 self.tick = self.tick.max(tick);
-                self.plan();
+                self.plan(common);
+                true
             }
-            _ => self.stale += 1,
+            _ => false,
         }
     }
 
     /// All owned bodies are known: who is to compute what, and which bodies must be seen whole for that?
-    fn plan(&mut self) {
+    fn plan(&mut self, common: &mut Common) {
         let Some(change) = &self.change else { return };
         if change.surveys.len() < change.survivors.len() {
             return;
         }
         let is_whole =
             self.view.iter().flat_map(|view| &view.members).all(|m| change.survivors.contains(&m.node));
-        if self.stopping && is_whole {
+        if common.stopping && is_whole {
             return self.audit();
         }
-        let members: Vec<_> = self
-            .nodes
-            .values()
-            .filter(|entry| entry.loaded && !entry.leaving)
-            .map(|entry| entry.member.clone())
-            .collect();
-        let tree = &self.config.world.tree;
+        let members: Vec<_> = self.wanted(common).map(|(_, entry)| entry.member.clone()).collect();
+        let tree = &common.config.world.tree;
         let loads = self.record.loads(tree);
         let ids: Vec<_> = members.iter().map(|member| member.node).collect();
         let allocation =
@@ -188,12 +141,12 @@ impl Server {
         }
         let fetching = fetch.keys().copied().collect();
         for (node, bodies) in fetch {
-            self.send_node(node, ToNode::Fetch { view: self.number, bodies });
+            common.send_node(node, ToNode::Fetch { view: change.number, bodies });
         }
         if let Some(change) = &mut self.change {
             change.plan = Some(Plan { members, allocation, owners, fetching });
         }
-        self.conclude();
+        self.conclude(common);
     }
 
     /// Compares what the members own with what is on record; then the world ends.
@@ -203,25 +156,18 @@ impl Server {
         for claim in change.surveys.values().flatten() {
             *owners.entry(claim.id).or_default() += 1;
         }
-        let lost = self
-            .record
-            .movable_lives()
-            .filter(|(_, life)| *life == Life::Live)
-            .map(|(id, _)| id)
-            .filter(|id| !owners.contains_key(id) && !self.arriving.contains(id))
-            .collect();
-        let doubled = owners.iter().filter(|(_, count)| **count > 1).map(|(&id, _)| id).collect();
-        self.outputs.push_back(ServerOutput::Audited { lost, doubled });
-        self.end();
+        self.close_audit(&owners);
     }
 
-    pub(super) fn found(&mut self, node: NodeId, view: ViewNumber, bodies: Vec<BodyRecord>, last: bool) {
-        let plan =
-            self.change.as_mut().filter(|_| view == self.number).and_then(|change| change.plan.as_mut());
-        let Some(plan) = plan.filter(|plan| plan.fetching.contains(&node)) else {
-            self.stale += 1;
-            return;
-        };
+    pub(super) fn found(
+        &mut self,
+        common: &mut Common,
+        node: NodeId,
+        bodies: Vec<BodyRecord>,
+        last: bool,
+    ) -> bool {
+        let plan = self.change.as_mut().and_then(|change| change.plan.as_mut());
+        let Some(plan) = plan.filter(|plan| plan.fetching.contains(&node)) else { return false };
         if last {
             plan.fetching.remove(&node);
         }
@@ -229,12 +175,13 @@ impl Server {
             self.record.freshen(self.tick, body);
         }
         if last {
-            self.conclude();
+            self.conclude(common);
         }
+        true
     }
 
     /// Everything is known: the view begins.
-    fn conclude(&mut self) {
+    fn conclude(&mut self, common: &mut Common) {
         let is_complete =
             |change: &mut Change| change.plan.as_ref().is_some_and(|plan| plan.fetching.is_empty());
         let Some(change) = self.change.take_if(is_complete) else { return };
@@ -264,70 +211,82 @@ impl Server {
         }
         drop.extend(owners.keys().filter(|id| self.record.life(**id).is_none()));
         // Without a view, what comes back waits on record, and is placed below like any newcomer.
-        self.view = None;
+        let former = self.view.take();
         for (id, park, back) in resting {
-            self.rest(id, park, back);
+            self.rest(common, id, park, back);
             if self.record.life(id) == Some(Life::Waiting) {
                 homeless.insert(id);
             }
         }
-        let leavers: Vec<_> =
-            self.nodes.iter().filter(|(_, entry)| entry.leaving).map(|(&node, _)| node).collect();
+        self.held = false;
+        self.silent_since = None;
+        let dropped: Vec<_> =
+            change.survivors.iter().filter(|&node| !members.iter().any(|m| m.node == *node)).collect();
+        for node in dropped {
+            if let Some(entry) = common.nodes.get_mut(node) {
+                entry.serving = None;
+            }
+        }
+        common.groups_changed.insert(self.id);
         if members.is_empty() {
-            self.outputs.push_back(ServerOutput::Held(self.tick));
+            common.outputs.push_back(ServerOutput::Held(self.tick));
         } else {
             let mut placed = Vec::new();
             for &id in homeless.iter().chain(moved.keys()) {
-                self.record.renew(id, owners.get(&id).map(|owner| owner.epoch), self.tick);
+                self.record.renew(id, change.number);
                 self.record.set_life(id, Life::Live);
             }
-            placed.extend(self.record.place(&self.config.world.tree, &homeless));
+            placed.extend(self.record.place(&common.config.world.tree, &homeless));
             for (id, region) in moved {
                 let body = self.record.body(id).expect("moved bodies are on record").clone();
                 placed.push(Placed { region, body });
             }
             placed.sort_by_key(|placed| placed.body.id);
-            self.adopt(members, allocation, placed, &drop, &owners, &change.surveys);
-        }
-        for node in leavers {
-            self.dismiss(node, false, "leave granted".into());
+            let view = View {
+                number: change.number,
+                tick: self.tick,
+                leader: members.iter().map(|member| member.node).min().expect("a group has a leader"),
+                members,
+                allocation,
+            };
+            self.adopt(common, view, placed, &drop, &owners, &change.surveys);
+            self.former = former;
         }
         let leader = self.leader_is();
-        self.send_clients(leader);
+        common.send_clients(self.id, &leader);
     }
 
     fn adopt(
         &mut self,
-        members: Vec<Member>,
-        allocation: Allocation,
+        common: &mut Common,
+        view: View,
         placed: Vec<Placed>,
         drop: &BTreeSet<BodyId>,
         owners: &BTreeMap<BodyId, Owner>,
         surveys: &BTreeMap<NodeId, Vec<Claim>>,
     ) {
-        let leader = members.iter().map(|member| member.node).min().expect("a group has a leader");
-        let view = View { number: self.number, tick: self.tick, leader, members, allocation };
         let ids: BTreeSet<_> = placed.iter().map(|placed| placed.body.id).collect();
-        let mut common = chunks(placed, Chunk::Placed);
-        common.extend(self.record.joint_chunks(|id| ids.contains(&id)));
+        let mut common_parts = chunks(placed, Chunk::Placed);
+        common_parts.extend(self.record.joint_chunks(|id| ids.contains(&id)));
         for member in &view.members {
             let node = member.node;
-            let Some(entry) = self.nodes.get_mut(&node) else { continue };
+            let Some(entry) = common.nodes.get_mut(&node) else { continue };
+            entry.serving = Some(view.number);
             let mut parts = self.record.shape_chunks(&mut entry.shapes);
             parts.extend(self.record.scenery_chunks(&mut entry.scenery));
-            parts.extend(common.iter().cloned());
+            parts.extend(common_parts.iter().cloned());
             for chunk in parts {
-                self.send_node(node, ToNode::Chunk(chunk));
+                common.send_node(node, ToNode::Chunk(chunk));
             }
             // Who claims a body that another owns at a higher epoch lets go of it.
             let beaten =
                 surveys.get(&node).into_iter().flatten().filter(|claim| owners[&claim.id].node != node);
             let drop: BTreeSet<_> = drop.iter().copied().chain(beaten.map(|claim| claim.id)).collect();
-            self.send_node(node, ToNode::Adopt { view: view.clone(), drop: drop.into_iter().collect() });
+            common.send_node(node, ToNode::Adopt { view: view.clone(), drop: drop.into_iter().collect() });
         }
-        self.begun = true;
+        common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();
-        self.outputs.push_back(ServerOutput::Began(view.clone()));
+        common.outputs.push_back(ServerOutput::Began { group: self.id, view: view.clone() });
         self.view = Some(view);
     }
 }

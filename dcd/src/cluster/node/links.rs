@@ -1,0 +1,236 @@
+//! Links of a node: each pair of nodes has one, dialled by the lower id (thesis 4.3.2.10). A link that breaks is made anew,
+//! and what may have been lost is said again; only when it does not come back is it complained of.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::Duration;
+
+use super::{Node, NodeOutput};
+use crate::cluster::Peer;
+use crate::protocol::{Border, Delay, Hello, Member, Message, Role, ToServer, VERSION};
+use crate::space::NodeId;
+
+/// Rounds said again when a link is back: in lockstep nobody is farther behind.
+const SAID_AGAIN: usize = 2;
+/// How long a link may be down before it is complained of.
+const COMPLAIN_AFTER: Duration = Duration::from_millis(300);
+/// How long a member that is linked may keep the others waiting, beside twenty times what a tick takes.
+const STALL: Duration = Duration::from_secs(2);
+/// Between complaints, and between attempts to dial the server or another member.
+const AGAIN: Duration = Duration::from_millis(250);
+/// Between attempts to dial a node of another group.
+const AGAIN_ABROAD: Duration = Duration::from_secs(1);
+/// How often delays are looked at for the server.
+const DELAYS: Duration = Duration::from_secs(1);
+
+#[derive(Clone, Debug)]
+struct Link {
+    member: Member,
+    up: bool,
+    down_since: Duration,
+    /// `None` while it is up, while an attempt is under way, or when it is the other's to dial.
+    dial_at: Option<Duration>,
+    complain_at: Duration,
+    /// What the server knows of the delay.
+    told_ms: Option<Option<f32>>,
+    said: VecDeque<Border>,
+}
+
+/// All links of a node.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Links {
+    server_up: bool,
+    dial_server_at: Option<Duration>,
+    nodes: BTreeMap<NodeId, Link>,
+    delays_at: Option<Duration>,
+}
+
+impl Links {
+    pub(super) fn timeout(&self, others: &BTreeSet<NodeId>) -> Option<Duration> {
+        let dials = self.nodes.values().filter_map(|link| link.dial_at);
+        let down = |(node, link): (&NodeId, &Link)| {
+            (self.server_up && !link.up && others.contains(node)).then_some(link.complain_at)
+        };
+        dials.chain(self.nodes.iter().filter_map(down)).chain(self.dial_server_at).chain(self.delays_at).min()
+    }
+
+    /// Keeps what is said to a member, for when its link breaks.
+    pub(super) fn keep(&mut self, to: NodeId, border: &Border) {
+        if let Some(link) = self.nodes.get_mut(&to) {
+            link.said.push_back(border.clone());
+            if link.said.len() > SAID_AGAIN {
+                link.said.pop_front();
+            }
+        }
+    }
+
+    pub(super) fn is_up(&self, node: NodeId) -> bool {
+        self.nodes.get(&node).is_some_and(|link| link.up)
+    }
+
+    pub(super) fn server_up(&self) -> bool {
+        self.server_up
+    }
+}
+
+impl Node {
+    /// A link to the server is up: who we are, and what we compute.
+    pub(super) fn greet_server(&mut self, now: Duration) {
+        self.link.server_up = true;
+        self.link.dial_server_at = None;
+        self.link.delays_at = Some(now + DELAYS);
+        self.link.nodes.values_mut().for_each(|link| link.told_ms = None);
+        self.placed.clear();
+        self.joints.clear();
+        let resume = self.view.as_ref().map(|view| view.number);
+        let role = Role::Node { address: self.config.address, client: self.config.client, resume };
+        self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role }));
+        self.pinger.add(now, Peer::Server);
+    }
+
+    /// The server's link is gone, or could not be made. The group computes on without it.
+    pub(super) fn miss_server(&mut self, now: Duration) {
+        self.link.dial_server_at = Some(if self.link.server_up { now } else { now + AGAIN });
+        self.link.server_up = false;
+    }
+
+    /// Who there is to be linked with.
+    pub(super) fn know(&mut self, now: Duration, roster: &[Member], forget_others: bool) {
+        let me = self.config.id;
+        for member in roster.iter().filter(|member| member.node != me) {
+            let link = self.link.nodes.entry(member.node).or_insert_with(|| Link {
+                member: member.clone(),
+                up: self.links.contains(&Peer::Node(member.node)),
+                down_since: now,
+                dial_at: (me < member.node).then_some(now),
+                complain_at: now + 2 * COMPLAIN_AFTER,
+                told_ms: None,
+                said: VecDeque::new(),
+            });
+            if link.up {
+                link.dial_at = None;
+            }
+            link.member = member.clone();
+        }
+        if forget_others {
+            let others = &self.others;
+            let is_known = |node: &NodeId| others.contains(node) || roster.iter().any(|m| m.node == *node);
+            let gone: Vec<_> = self.link.nodes.keys().filter(|node| !is_known(node)).copied().collect();
+            for node in gone {
+                self.link.nodes.remove(&node);
+                self.outputs.push_back(NodeOutput::Disconnect(node));
+            }
+        }
+    }
+
+    pub(super) fn link_up(&mut self, now: Duration, node: NodeId) {
+        self.pinger.add(now, Peer::Node(node));
+        let Some(link) = self.link.nodes.get_mut(&node) else { return };
+        link.up = true;
+        link.dial_at = None;
+        // What was under way may be lost; what is known is passed over by the receiver.
+        let again: Vec<_> = link.said.iter().cloned().map(Message::Border).collect();
+        for message in again {
+            self.send(Peer::Node(node), message);
+        }
+        if !self.others.contains(&node) {
+            return;
+        }
+        if let Some(dispatch) = self.dispatch.clone().filter(|_| self.leader.is_some()) {
+            self.send(Peer::Node(node), Message::Dispatch(dispatch));
+        }
+        if self.view.as_ref().is_some_and(|view| view.leader == node) {
+            self.report_all = true;
+            if let Some(done) = self.done.clone() {
+                self.send(Peer::Node(node), Message::Done(done));
+            }
+        }
+    }
+
+    pub(super) fn link_down(&mut self, now: Duration, node: NodeId) {
+        let (me, is_member) = (self.config.id, self.others.contains(&node));
+        let Some(link) = self.link.nodes.get_mut(&node) else { return };
+        if std::mem::replace(&mut link.up, false) {
+            link.down_since = now;
+            link.complain_at = now + COMPLAIN_AFTER;
+            link.dial_at = (me < node).then_some(now);
+        } else {
+            let again = if is_member { AGAIN } else { AGAIN_ABROAD };
+            link.dial_at = (me < node).then_some(now + again);
+        }
+    }
+
+    /// Dials, complaints and reports that are due.
+    pub(super) fn tend_links(&mut self, now: Duration) {
+        if self.link.dial_server_at.take_if(|at| *at <= now).is_some() {
+            self.outputs.push_back(NodeOutput::Redial);
+        }
+        for link in self.link.nodes.values_mut() {
+            if link.dial_at.take_if(|at| *at <= now).is_some() {
+                self.outputs.push_back(NodeOutput::Connect(link.member.clone()));
+            }
+        }
+        if self.link.server_up {
+            let others = &self.others;
+            let due = |(node, link): &(&NodeId, &mut Link)| {
+                others.contains(node) && !link.up && link.complain_at <= now
+            };
+            let mut lost = Vec::new();
+            for (&node, link) in self.link.nodes.iter_mut().filter(due) {
+                link.complain_at = now + AGAIN;
+                lost.push(node);
+            }
+            self.complain(lost);
+        }
+        if self.link.delays_at.is_some_and(|at| at <= now) {
+            self.link.delays_at = Some(now + DELAYS);
+            self.tell_delays(now);
+        }
+    }
+
+    fn complain(&mut self, of: Vec<NodeId>) {
+        let view = self.number();
+        for node in of {
+            self.send_server(ToServer::LinkLost { view, node });
+        }
+    }
+
+    /// When members that are linked, but say nothing, are complained of.
+    pub(super) fn stalled_at(&self) -> Option<Duration> {
+        let waits = self.view.is_some() && self.change.is_none() && self.link.server_up;
+        (waits && !self.laggards().is_empty())
+            .then(|| self.complained_at.max(self.since + STALL + 20 * self.tick_takes))
+    }
+
+    pub(super) fn complain_of_stalled(&mut self, now: Duration) {
+        if self.stalled_at().is_some_and(|at| at <= now) {
+            self.complained_at = now + AGAIN;
+            let laggards = self.laggards();
+            self.complain(laggards);
+        }
+    }
+
+    fn tell_delays(&mut self, now: Duration) {
+        let pinger = &self.pinger;
+        let mut delays = Vec::new();
+        for (&node, link) in &mut self.link.nodes {
+            let delay_ms = match pinger.delay_us(Peer::Node(node)) {
+                Some(us) if link.up => Some((us / 1e3) as f32),
+                None if link.up => continue,
+                _ if now < link.down_since + COMPLAIN_AFTER => continue,
+                _ => None,
+            };
+            let is_news = match (link.told_ms, delay_ms) {
+                (None, _) => true,
+                (Some(Some(old)), Some(new)) => (new - old).abs() > 0.1 * old + 0.5,
+                (Some(old), new) => old.is_some() != new.is_some(),
+            };
+            if is_news {
+                link.told_ms = Some(delay_ms);
+                delays.push(Delay { node, delay_ms });
+            }
+        }
+        if !delays.is_empty() && self.link.server_up {
+            self.send_server(ToServer::Delays(delays));
+        }
+    }
+}

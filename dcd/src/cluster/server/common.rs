@@ -1,0 +1,113 @@
+//! What all groups of a server share: who is there, and what is to be sent.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::Duration;
+
+use super::{ServerConfig, ServerOutput};
+use crate::cluster::Peer;
+use crate::protocol::{Delay, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
+use crate::space::{BodyId, ClientId, GroupId, NodeId};
+
+/// How long a node or client may be without a link before the world goes on without it, if others can.
+pub(super) const ABSENCE: Duration = Duration::from_secs(1);
+/// How long members are waited for after a restart of the server.
+pub(super) const RETURN: Duration = Duration::from_secs(3);
+
+/// A node that has joined.
+#[derive(Clone, Debug)]
+pub(super) struct NodeEntry {
+    pub member: Member,
+    /// When it is given up; `None` while its link is up, or once nobody else could take over.
+    pub absent_until: Option<Duration>,
+    pub linked: bool,
+    /// It has the world, and may be given regions.
+    pub loaded: bool,
+    pub leaving: bool,
+    /// The group that it is, or is to be, a member of.
+    pub group: Option<GroupId>,
+    pub in_group_since: Duration,
+    /// The view that it was last told to adopt.
+    pub serving: Option<ViewNumber>,
+    pub shapes: BTreeSet<ShapeHash>,
+    pub scenery: BTreeSet<BodyId>,
+    /// Round trips to others as it measures them; `None`: unreachable.
+    pub delays: BTreeMap<NodeId, Option<f32>>,
+}
+
+impl NodeEntry {
+    /// Whether regions can be given to it.
+    pub(super) fn is_ready(&self) -> bool {
+        self.loaded && !self.leaving && (self.linked || self.serving.is_some())
+    }
+
+    /// Takes changed delays in.
+    pub(super) fn learn(&mut self, delays: Vec<Delay>) {
+        self.delays.extend(delays.into_iter().map(|delay| (delay.node, delay.delay_ms)));
+    }
+}
+
+/// A client that has joined.
+#[derive(Clone, Debug)]
+pub(super) struct ClientEntry {
+    pub linked: bool,
+    /// When its avatars are taken out of the world.
+    pub absent_until: Option<Duration>,
+    /// The group whose leader it plays with.
+    pub group: GroupId,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Common {
+    pub config: ServerConfig,
+    pub now: Duration,
+    pub nodes: BTreeMap<NodeId, NodeEntry>,
+    pub clients: BTreeMap<ClientId, ClientEntry>,
+    /// The newest view number in use, over all groups.
+    pub number: ViewNumber,
+    pub begun: bool,
+    pub stopping: bool,
+    pub stale: u64,
+    /// To be written down.
+    pub world_changed: bool,
+    pub groups_changed: BTreeSet<GroupId>,
+    pub outputs: VecDeque<ServerOutput>,
+}
+
+impl Common {
+    pub(super) fn send_node(&mut self, node: NodeId, message: ToNode) {
+        if self.nodes.get(&node).is_some_and(|entry| entry.linked) {
+            let message = Message::ToNode(message);
+            self.outputs.push_back(ServerOutput::Send { to: Peer::Node(node), message });
+        }
+    }
+
+    pub(super) fn send_client(&mut self, client: ClientId, message: ToClient) {
+        let message = Message::ToClient(client, message);
+        self.outputs.push_back(ServerOutput::Send { to: Peer::Client(client), message });
+    }
+
+    /// To all clients that play with this group.
+    pub(super) fn send_clients(&mut self, group: GroupId, message: &ToClient) {
+        let concerned = |(_, entry): &(&ClientId, &ClientEntry)| entry.linked && entry.group == group;
+        let ids: Vec<_> = self.clients.iter().filter(concerned).map(|(&id, _)| id).collect();
+        for client in ids {
+            self.send_client(client, message.clone());
+        }
+    }
+
+    /// A node is told to go, and is no longer known.
+    pub(super) fn dismiss(&mut self, node: NodeId, evicted: bool, reason: String) {
+        let message = Message::ToNode(ToNode::Shutdown { evicted, reason });
+        self.outputs.push_back(ServerOutput::Send { to: Peer::Node(node), message });
+        self.outputs.push_back(ServerOutput::Close(Peer::Node(node)));
+        self.nodes.remove(&node);
+    }
+
+    /// Every node is told of every other.
+    pub(super) fn tell_roster(&mut self) {
+        let roster: Vec<_> = self.nodes.values().map(|entry| entry.member.clone()).collect();
+        for node in self.nodes.keys().copied().collect::<Vec<_>>() {
+            self.send_node(node, ToNode::Roster(roster.clone()));
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! One consistency group as the server sees it: who computes the world in it, and the record of the world as it is there.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use super::ServerOutput;
+use super::change::Change;
+use super::common::{Common, NodeEntry};
+use crate::cluster::{Life, Record};
+use crate::protocol::{Member, ToClient, ToNode, ToServer, View, WorldOp};
+use crate::space::{BodyId, GroupId, NodeId, Tick};
+
+/// How long complaints about lost links are collected before one of those concerned has to go.
+const HEARING: Duration = Duration::from_millis(100);
+
+/// Who complains that it cannot reach whom.
+type Complaint = (NodeId, NodeId);
+
+#[derive(Clone, Debug)]
+pub(super) struct Group {
+    pub id: GroupId,
+    pub record: Record,
+    pub tick: Tick,
+    pub view: Option<View>,
+    /// The view before it, by which members are known that never heard of the present one.
+    pub former: Option<View>,
+    pub change: Option<Change>,
+    /// Members that have told all they know of the world's last tick.
+    pub at_last_tick: BTreeSet<NodeId>,
+    /// Bodies that the leader was told to insert and that no node has spoken of yet.
+    pub arriving: BTreeSet<BodyId>,
+    complaints: BTreeSet<Complaint>,
+    /// When they are decided on.
+    pub hearing: Option<Duration>,
+    /// Whether a member's link broke, so that what was said over it may be lost: all is to be compared.
+    pub unsure: bool,
+    /// Since when no member has a link, though some may go on computing.
+    pub silent_since: Option<Duration>,
+    /// Whether that has been told.
+    pub held: bool,
+    /// Lost and doubled bodies by the last survey of a world that ends.
+    pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,
+}
+
+impl Group {
+    pub(super) fn new(id: GroupId, record: Record, tick: Tick) -> Self {
+        Self {
+            id,
+            record,
+            tick,
+            view: None,
+            former: None,
+            change: None,
+            at_last_tick: BTreeSet::new(),
+            arriving: BTreeSet::new(),
+            complaints: BTreeSet::new(),
+            hearing: None,
+            unsure: false,
+            silent_since: None,
+            held: false,
+            audit: None,
+        }
+    }
+
+    /// The same group under another name.
+    pub(super) fn renamed(self, id: GroupId, tick: Tick) -> Self {
+        Self { id, tick, ..self }
+    }
+
+    pub(super) fn is_member(&self, node: NodeId) -> bool {
+        self.view.as_ref().is_some_and(|view| view.members.iter().any(|member| member.node == node))
+    }
+
+    /// Members that compute the present view, as far as known.
+    pub(super) fn serving(&self, common: &Common) -> BTreeSet<NodeId> {
+        let Some(view) = &self.view else { return BTreeSet::new() };
+        let serves =
+            |node: &NodeId| common.nodes.get(node).is_some_and(|entry| entry.serving == Some(view.number));
+        view.members.iter().map(|member| member.node).filter(serves).collect()
+    }
+
+    /// Nodes that are to be the members of the next view.
+    pub(super) fn wanted<'a>(&self, common: &'a Common) -> impl Iterator<Item = (NodeId, &'a NodeEntry)> {
+        let id = self.id;
+        let belongs = move |entry: &NodeEntry| entry.group == Some(id) && entry.is_ready();
+        common.nodes.iter().filter(move |(_, entry)| belongs(entry)).map(|(&node, entry)| (node, entry))
+    }
+
+    pub(super) fn leader_is(&self) -> ToClient {
+        let leader = |view: &View| view.members.iter().find(|member| member.node == view.leader).cloned();
+        let number = self.view.as_ref().map_or_else(Default::default, |view| view.number);
+        let leader: Option<Member> = self.view.as_ref().filter(|_| !self.held).and_then(leader);
+        ToClient::LeaderIs { view: number, leader }
+    }
+
+    /// Tells the leader what to do to the world; while membership changes, `Adopt` takes care of it.
+    pub(super) fn apply(&self, common: &mut Common, ops: Vec<WorldOp>) {
+        if let Some(view) = self.view.as_ref().filter(|_| self.change.is_none()) {
+            common.send_node(view.leader, ToNode::Apply { view: view.number, ops });
+        }
+    }
+
+    /// Begins a view change if membership is not as it should be.
+    pub(super) fn reconsider(&mut self, common: &mut Common) {
+        if self.change.is_some() || self.audit.is_some() {
+            return;
+        }
+        if common.stopping {
+            // Somebody died during the last survey. What it owned has been taken over: now all can be asked.
+            return match self.view {
+                Some(_) if !self.held => self.begin_change(common),
+                _ => self.audit = Some((Vec::new(), Vec::new())),
+            };
+        }
+        // Nothing is asked while an answer may have to be waited for: the members compute on meanwhile.
+        let is_awaited = |node: &NodeId| common.nodes[node].absent_until.is_some();
+        if self.serving(common).iter().any(is_awaited) {
+            return;
+        }
+        let wanted: Vec<_> = self.wanted(common).map(|(node, _)| node).collect();
+        let is_due = match &self.view {
+            Some(_) if self.unsure => true,
+            Some(view) => view.members.iter().map(|member| member.node).ne(wanted.iter().copied()),
+            None => !wanted.is_empty(),
+        };
+        let can = !self.held || wanted.iter().any(|node| common.nodes[node].linked);
+        if is_due && can && (self.view.is_some() || common.begun || common.may_begin()) {
+            self.begin_change(common);
+        }
+    }
+
+    /// What a member says about the world. `false`: not from a member, or of another view.
+    pub(super) fn hear(&mut self, common: &mut Common, node: NodeId, message: ToServer) -> bool {
+        let present = self.view.as_ref().map(|view| view.number);
+        let coming = self.change.as_ref().map(|change| change.number);
+        match message {
+            ToServer::Settling { view, dispatch } if Some(view) == coming => {
+                return self.settling(common, node, dispatch);
+            }
+            ToServer::Survey { view, tick, claims } if Some(view) == coming => {
+                return self.surveyed(common, node, tick, claims);
+            }
+            ToServer::Found { view, bodies, last } if Some(view) == coming => {
+                return self.found(common, node, bodies, last);
+            }
+            _ if !self.is_member(node) => return false,
+            ToServer::Checkpoint { view, tick, bodies } if Some(view) == present => {
+                for checkpoint in &bodies {
+                    self.arriving.remove(&checkpoint.id);
+                    self.record.checkpoint(tick, checkpoint);
+                }
+                self.tick = self.tick.max(tick);
+                if common.config.world.last_tick == Some(tick) {
+                    self.at_last_tick.insert(node);
+                }
+            }
+            ToServer::Removed { view, tick, bodies } if Some(view) == present => {
+                for body in bodies {
+                    self.removed(common, tick, body);
+                }
+            }
+            ToServer::LinkLost { view, node: other } if Some(view) == present && self.is_member(other) => {
+                self.complaints.insert((node, other));
+                self.hearing.get_or_insert(common.now + HEARING);
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// Members that cannot reach one another cannot share a tree. Those that others complain of most go, of equals the
+    /// youngest; each is named once, dead ones first.
+    pub(super) fn decide_complaints(&mut self, common: &Common) -> Vec<NodeId> {
+        self.hearing = None;
+        let mut open: BTreeSet<_> = std::mem::take(&mut self.complaints)
+            .into_iter()
+            .filter(|&(a, b)| self.is_member(a) && self.is_member(b))
+            .collect();
+        let mut going = Vec::new();
+        while !open.is_empty() {
+            let mut votes: BTreeMap<NodeId, usize> = BTreeMap::new();
+            let links: BTreeSet<_> = open.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
+            for (a, b) in links {
+                *votes.entry(a).or_default() += 1;
+                *votes.entry(b).or_default() += 1;
+            }
+            let is_gone = |node| !common.nodes.get(node).is_some_and(|entry| entry.linked);
+            let worst = votes.iter().max_by_key(|&(node, &count)| (is_gone(node), count, *node));
+            let Some((&worst, _)) = worst else { break };
+            going.push(worst);
+            open.retain(|&(a, b)| a != worst && b != worst);
+        }
+        going
+    }
+
+    /// All have told what they own, or there is nobody to ask: what is lost, what is doubled.
+    pub(super) fn close_audit(&mut self, owners: &BTreeMap<BodyId, usize>) {
+        let lost = self
+            .record
+            .movable_lives()
+            .filter(|(_, life)| *life == Life::Live)
+            .map(|(id, _)| id)
+            .filter(|id| !owners.contains_key(id) && !self.arriving.contains(id))
+            .collect();
+        let doubled = owners.iter().filter(|(_, count)| **count > 1).map(|(&id, _)| id).collect();
+        self.audit = Some((lost, doubled));
+    }
+
+    /// No member has a link: the group may be dead, or computing on where it is not heard.
+    pub(super) fn fall_silent(&mut self, common: &mut Common) {
+        self.change = None;
+        self.silent_since.get_or_insert(common.now);
+        if !self.held {
+            self.held = true;
+            common.outputs.push_back(ServerOutput::Held(self.tick));
+            let leader = self.leader_is();
+            common.send_clients(self.id, &leader);
+        }
+    }
+}
+
+impl Common {
+    /// Whether enough nodes are there for the world to begin.
+    pub(super) fn may_begin(&self) -> bool {
+        self.nodes.values().filter(|entry| entry.is_ready()).count() >= self.config.min_nodes
+    }
+}

@@ -1,0 +1,137 @@
+//! What a server writes down, and how it goes on from it (thesis 4.3.3 assumes that it never fails; this one may).
+
+use std::collections::BTreeMap;
+
+use bincode::{Decode, Encode};
+
+use super::{Server, ServerConfig, ServerOutput};
+use crate::cluster::record::StoredBody;
+use crate::cluster::{Batch, Key, Record};
+use crate::protocol::{
+    Check, CodecError, EnvironmentProperties, Invalid, JointRecord, ShapeRecord, View, ViewNumber,
+    decode_value, encode_value,
+};
+use crate::space::{GroupId, Tick};
+
+/// Views begun since the last number was written down are fewer than this.
+const NUMBERS_AHEAD: u64 = 1 << 10;
+
+/// Why a server cannot go on from what is stored.
+#[derive(Debug, thiserror::Error)]
+pub enum RestoreError {
+    /// There is something, but no world.
+    #[error("the directory holds parts of a world, but not the world itself: choose an empty data folder")]
+    NoWorld,
+    /// Another world than the server is to serve.
+    #[error(
+        "the data folder holds another world that has not ended: serve the same scene with the same options to go on with \
+         it, or choose another folder"
+    )]
+    OtherWorld,
+    /// An entry cannot be read.
+    #[error(
+        "an entry of the directory cannot be read ({0}): it is damaged or of another version; choose another data folder"
+    )]
+    Entry(#[from] CodecError),
+}
+
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+struct StoredWorld {
+    world: EnvironmentProperties,
+    number: ViewNumber,
+    main: GroupId,
+    last_group: GroupId,
+    begun: bool,
+    tick: Tick,
+}
+
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+struct StoredGroup {
+    view: View,
+    former: Option<View>,
+}
+
+impl Check for StoredWorld {
+    fn check(&self) -> Result<(), Invalid> {
+        self.world.check()
+    }
+}
+
+impl Check for StoredGroup {
+    fn check(&self) -> Result<(), Invalid> {
+        self.view.check()?;
+        self.former.as_ref().map_or(Ok(()), Check::check)
+    }
+}
+
+impl Server {
+    /// A server that goes on from what another one stored. Members of its groups are waited for; then each group
+    /// goes on with those who came.
+    pub fn restore(config: ServerConfig, entries: Vec<(Key, Vec<u8>)>) -> Result<Self, RestoreError> {
+        let mut world = None;
+        let mut groups: BTreeMap<GroupId, StoredGroup> = BTreeMap::new();
+        let (mut bodies, mut shapes, mut joints) = (Vec::new(), Vec::new(), Vec::new());
+        for (key, value) in entries {
+            match key {
+                Key::World => world = Some(decode_value::<StoredWorld>(&value)?),
+                Key::Group(id) => {
+                    groups.insert(id, decode_value(&value)?);
+                }
+                Key::Body(_) => bodies.push(decode_value::<StoredBody>(&value)?),
+                Key::Shape(_) => shapes.push(decode_value::<ShapeRecord>(&value)?),
+                Key::Joint(_) => joints.push(decode_value::<JointRecord>(&value)?),
+            }
+        }
+        let stored: StoredWorld = world.ok_or(RestoreError::NoWorld)?;
+        if stored.world != config.world {
+            return Err(RestoreError::OtherWorld);
+        }
+        let record = Record::restored(bodies, shapes, joints);
+        let mut server = Self::new(config, record);
+        server.main_mut().record.forget_changes();
+        server.common.number = ViewNumber(stored.number.0 + NUMBERS_AHEAD);
+        server.common.begun = stored.begun;
+        server.main = stored.main;
+        server.last_group = stored.last_group;
+        let main = server.groups.pop_first().map(|(_, group)| group).expect("a server has a group");
+        for (id, group) in groups {
+            let record = if id == stored.main { main.record.clone() } else { main.record.copied(true) };
+            server.expect_back(id, record, stored.tick, group.view, group.former);
+        }
+        server.groups.entry(stored.main).or_insert_with(|| main.renamed(stored.main, stored.tick));
+        Ok(server)
+    }
+
+    /// Writes down what has changed, before anything is said that follows from it: `mark` outputs were there before.
+    pub(super) fn store(&mut self, mark: usize, soft: bool) {
+        let mut writes = Vec::new();
+        if self.common.world_changed {
+            let stored = StoredWorld {
+                world: self.common.config.world.clone(),
+                number: self.common.number,
+                main: self.main,
+                last_group: self.last_group,
+                begun: self.common.begun,
+                tick: self.tick(),
+            };
+            writes.push((Key::World, Some(encode_value(&stored))));
+            self.common.world_changed = false;
+        }
+        for id in std::mem::take(&mut self.common.groups_changed) {
+            let stored = self.groups.get(&id).and_then(|group| {
+                let view = group.view.clone()?;
+                Some(encode_value(&StoredGroup { view, former: group.former.clone() }))
+            });
+            writes.push((Key::Group(id), stored));
+        }
+        let record = &mut self.main_mut().record;
+        writes.extend(record.take_changes(false));
+        let durable = !writes.is_empty();
+        if soft {
+            writes.extend(record.take_changes(true));
+        }
+        if !writes.is_empty() {
+            self.common.outputs.insert(mark, ServerOutput::Store(Batch { writes, durable }));
+        }
+    }
+}

@@ -225,8 +225,8 @@ fn chaos(seed: u64) {
     for _ in 0..3 {
         sim.start_node();
     }
-    // Long enough for everything under way to be over.
-    let target = Tick(sim.tick().0 + 60);
+    // Long enough for everything under way to be over; perhaps nobody computes at the moment.
+    let target = Tick(sim.tick().max(sim.checker().last()).0 + 150);
     sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
     // A wish sent before the client was linked and welcomed may have been refused; those on record must be there.
     let present = sim.server().record().present().count();

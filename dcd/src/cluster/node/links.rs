@@ -108,6 +108,10 @@ impl Node {
             });
             if link.up {
                 link.dial_at = None;
+            } else if self.others.contains(&member.node) {
+                // What could wait while it was of another group cannot any more.
+                link.dial_at = link.dial_at.map(|at| at.min(now));
+                link.complain_at = link.complain_at.max(now + COMPLAIN_AFTER);
             }
             link.member = member.clone();
         }

@@ -15,6 +15,7 @@
 
 mod client;
 mod device;
+pub mod directory;
 mod leader;
 mod node;
 mod ping;

@@ -34,6 +34,10 @@ id!(
     ClientId(u32), "c"
 );
 id!(
+    /// A consistency group: nodes that compute the whole world together (thesis 3.3.7). Given by the server.
+    GroupId(u32), "g"
+);
+id!(
     /// The number of steps of `dt` since the world began.
     Tick(u64), "t"
 );

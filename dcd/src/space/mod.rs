@@ -10,6 +10,6 @@ mod tree;
 pub use allocation::{Allocation, allocate};
 pub use balance::{Balance, Burden, Change, Load, plan};
 pub use cell::{Axis, Bounds, Cell};
-pub use ids::{BodyId, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
+pub use ids::{BodyId, ClientId, Epoch, GroupId, JointId, NodeId, RegionId, Tick};
 pub use region_set::{MAX_REGIONS, RegionSet};
 pub use tree::{DistributionTree, Limits, TreeError};

@@ -124,7 +124,9 @@ pub enum DirectoryError {
         place: String,
     },
     /// It cannot be written. What was committed durably stays.
-    #[error("cannot write to {place}: {cause}; see to that and start again: the world goes on from the last durable write")]
+    #[error(
+        "cannot write to {place}: {cause}; see to that and start again: the world goes on from the last durable write"
+    )]
     Unwritable {
         /// Where it is.
         place: String,
@@ -146,15 +148,6 @@ pub enum DirectoryError {
         place: String,
         /// What is wrong with it.
         what: String,
-    },
-    /// Damage was found and undone by going back to an older state.
-    #[error(
-        "{place} was damaged, and is repaired by going back to an older state; restore it from a copy if you have one, \
-         otherwise start again to go on from there"
-    )]
-    Repaired {
-        /// Where it is.
-        place: String,
     },
     /// It is something else.
     #[error("{place} is no world of dcd; choose another place, or move it away to begin a world here")]
@@ -287,7 +280,10 @@ mod tests {
             found: Some(Revision(9)),
         };
         let said = lost.to_string();
-        assert!(said.starts_with("group g3 is at revision 9 in the directory and should be at revision 4"), "{said}");
+        assert!(
+            said.starts_with("group g3 is at revision 9 in the directory and should be at revision 4"),
+            "{said}"
+        );
         let full = DirectoryError::Unwritable { place: "world.redb".into(), cause: "no space".into() };
         assert!(full.to_string().contains("world.redb: no space"), "{full}");
     }

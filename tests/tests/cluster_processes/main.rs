@@ -3,6 +3,7 @@
 
 mod demo;
 mod process;
+mod proxy;
 mod takeover;
 mod wrong;
 

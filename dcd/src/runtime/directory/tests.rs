@@ -146,13 +146,13 @@ fn a_file_that_is_cut_or_changed_anywhere_is_refused_or_whole() {
         tell("cut", open_damaged(work.path(), &whole[..whole.len() * eighth / 64]));
     }
     // Each byte of the header, and some of everything else.
-    for place in (0..320).chain((320..whole.len()).step_by(whole.len() / 1_000)) {
+    for place in (0..320).chain((320..whole.len()).step_by(whole.len() / 200)) {
         let mut changed = whole.clone();
         changed[place] ^= 1 << (place % 8);
         tell("a bit", open_damaged(work.path(), &changed));
     }
     println!("{told:#?}");
-    assert!(told["cut: Damaged"] > 50 && told["a bit: Damaged"] > 200, "{told:#?}");
+    assert!(told["cut: Damaged"] > 50 && told["a bit: Damaged"] > 100, "{told:#?}");
     let wrong = ["silently", "Taken", "Unreadable"];
     assert!(!told.keys().any(|said| wrong.iter().any(|wrong| said.contains(wrong))), "{told:#?}");
 }

@@ -38,7 +38,8 @@ pub(super) struct Serve {
     /// Where to listen; port 0 takes any free one, 0.0.0.0 listens to other machines too
     #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
     listen: SocketAddr,
-    /// Folder that keeps the server's keys, and which tokens were used
+    /// Folder that keeps the server's keys, which tokens were used, and the world: a server that died goes on with it when
+    /// it is started again in the same way
     #[arg(long, value_name = "DIR", default_value = "dcd-data")]
     data: PathBuf,
     /// Nodes to wait for before the first tick
@@ -101,6 +102,9 @@ impl Serve {
         self.watch(&server, interrupt, common)?;
         if interrupt.asked() {
             common.say("ending the world");
+        }
+        if let Some(failure) = server.failure() {
+            return Err(failure.into());
         }
         let summary = server.stop();
         Served::new(&summary, last_tick).show(self.json)?;

@@ -1,28 +1,290 @@
-//! What a server keeps beyond its own death: entries by key, changed in batches.
+//! What a server keeps so that it may die: the world's entries, behind a trait that a file and a consensus store both fit.
+//!
+//! A directory maps [`Key`]s to bytes. Whoever writes names the [`Revision`] at which it read what it builds on, so that of two
+//! writers one finds that it has lost. One server at a time *holds* a directory. How the trait maps:
+//!
+//! | | a file (`redb`) | a consensus store (etcd) |
+//! |---|---|---|
+//! | open | locks a file; the system lets go of it when the process dies | grants a lease, puts a holder's key under it where there is none; [`DirectoryError::Taken`] otherwise |
+//! | [`Directory::renew`] | nothing to do: [`Tenure::WhileOpen`] | keeps the lease alive: [`Tenure::For`] its time to live; `Taken` when it ran out |
+//! | [`Directory::commit`] | one write transaction | one transaction, which also compares the holder's key: `Taken` when that is another's or gone |
+//! | [`Revision`] | a counter in the file | `mod_revision` of a key, `header.revision` of an answer |
+//! | a [`Batch`] that is not durable | stays in memory until a durable one | as durable as any |
+//! | a batch of any size | as it is | beyond 128 operations or 1.5 MB: values of many keys in chunks under a new name, then one transaction that names them |
+//!
+//! So the only entry that vanishes unless renewed is the holder's own, and it has no key here: whoever implements the trait
+//! keeps it. A holder whose tenure ends by the clock stops sending before it does.
+
+#[cfg(test)]
+pub(crate) mod conformance;
+mod memory;
+
+use std::fmt;
+use std::time::Duration;
 
 use crate::protocol::ShapeHash;
 use crate::space::{BodyId, GroupId, JointId};
 
-/// The name of an entry.
+pub use memory::MemoryDirectory;
+
+/// What an entry is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Key {
-    /// The world and where the server stands.
+    /// What holds for the world as a whole.
     World,
-    /// A group's membership.
+    /// A group: its view, its leader, how far it is.
     Group(GroupId),
-    /// A body.
+    /// A body as last known.
     Body(BodyId),
-    /// A shape.
+    /// A shape that colliders name.
     Shape(ShapeHash),
     /// A joint.
     Joint(JointId),
 }
 
-/// Changes that happen all or not at all.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// The number of a commit, growing from 1. An entry has that of the commit that wrote it. A number that was given to a batch
+/// that a crash undid is given again: its holder died with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Revision(pub u64);
+
+/// One entry as it was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// What it is about.
+    pub key: Key,
+    /// Of the commit that wrote it.
+    pub revision: Revision,
+    /// Its value.
+    pub value: Vec<u8>,
+}
+
+/// Writes that happen together or not at all.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Batch {
-    /// New values; `None` removes the entry.
+    /// New values in order; `None` removes the entry, if there is one.
     pub writes: Vec<(Key, Option<Vec<u8>>)>,
-    /// Whether it must outlive a crash from the moment that it is committed; else it may be lost with the newest others.
+    /// It and all batches before it outlive the machine's crash once it is committed. Otherwise a crash may undo it, and
+    /// with it all batches after it.
     pub durable: bool,
+}
+
+/// What must hold for a batch to be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Condition {
+    /// Of this entry,
+    pub key: Key,
+    /// this is the revision; `None`: there is no such entry.
+    pub at: Option<Revision>,
+}
+
+/// How long the holder of a directory is its only one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tenure {
+    /// As long as it has the directory open.
+    WhileOpen,
+    /// For so long from the moment at which it *began* to ask, unless it asks again.
+    For(Duration),
+}
+
+/// A store of the world's entries, held by one server.
+pub trait Directory: Send {
+    /// All entries in the order of their keys.
+    fn load(&mut self) -> Result<Vec<Entry>, DirectoryError>;
+
+    /// Writes all of the batch if all conditions hold, otherwise nothing. A batch without writes that is durable makes those
+    /// before it durable.
+    ///
+    /// After [`DirectoryError::Changed`] nothing is written. After any other error nobody knows: open the directory anew.
+    fn commit(&mut self, batch: &Batch, conditions: &[Condition]) -> Result<Revision, DirectoryError>;
+
+    /// Goes on holding the directory. To be asked three times in a tenure's time, so that two answers may be lost.
+    fn renew(&mut self) -> Result<Tenure, DirectoryError>;
+}
+
+/// Why a directory is not to be had, or does not take a batch.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DirectoryError {
+    /// The race is lost: somebody else wrote first.
+    #[error(
+        "{key} is {} in the directory and should be {}: another server writes there too; stop one of them, and start this one again",
+        at(*.found), at(*.expected)
+    )]
+    Changed {
+        /// The entry of the first condition that does not hold.
+        key: Key,
+        /// What the condition says.
+        expected: Option<Revision>,
+        /// What is there.
+        found: Option<Revision>,
+    },
+    /// The race is lost: somebody else holds the directory.
+    #[error("another server keeps its world in {place}; stop it or choose another place")]
+    Taken {
+        /// Where it is.
+        place: String,
+    },
+    /// It cannot be written. What was committed durably stays.
+    #[error(
+        "cannot write to {place}: {cause}; see to that and start again: the world goes on from the last durable write"
+    )]
+    Unwritable {
+        /// Where it is.
+        place: String,
+        /// What the system said.
+        cause: String,
+    },
+    /// It cannot be opened or read.
+    #[error("cannot use {place}: {cause}; check that it exists and that this user may read and write it")]
+    Unreadable {
+        /// Where it is.
+        place: String,
+        /// What the system said.
+        cause: String,
+    },
+    /// Its content contradicts itself.
+    #[error("{place} is damaged ({what}); restore it from a copy, or move it away to begin the world anew")]
+    Damaged {
+        /// Where it is.
+        place: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// It is something else.
+    #[error("{place} is no world of dcd; choose another place, or move it away to begin a world here")]
+    Foreign {
+        /// Where it is.
+        place: String,
+    },
+    /// Written by an unlike dcd.
+    #[error(
+        "{place} has format {found}, this dcd reads {known}; run the version that wrote it, or move it away to begin the \
+         world anew"
+    )]
+    Format {
+        /// Where it is.
+        place: String,
+        /// What it has.
+        found: u64,
+        /// What we know.
+        known: u64,
+    },
+}
+
+fn at(revision: Option<Revision>) -> String {
+    revision.map_or_else(|| "absent".to_owned(), |revision| format!("at {revision}"))
+}
+
+/// The first byte of every key: another number, another encoding of keys.
+const KEY_VERSION: u8 = 1;
+
+impl Key {
+    /// A name for stores that know bytes: ordered as keys are.
+    pub fn to_bytes(self) -> Vec<u8> {
+        let mut bytes = vec![KEY_VERSION, self.kind()];
+        match self {
+            Self::World => {}
+            Self::Group(id) => bytes.extend(id.0.to_be_bytes()),
+            Self::Body(id) => bytes.extend(id.bits().to_be_bytes()),
+            Self::Shape(hash) => bytes.extend(hash.0),
+            Self::Joint(id) => bytes.extend(id.0.to_be_bytes()),
+        }
+        bytes
+    }
+
+    /// The key whose name this is, if it is one.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let [KEY_VERSION, kind, id @ ..] = bytes else { return None };
+        Some(match kind {
+            0 if id.is_empty() => Self::World,
+            1 => Self::Group(GroupId(u32::from_be_bytes(id.try_into().ok()?))),
+            2 => Self::Body(BodyId::from_bits(u64::from_be_bytes(id.try_into().ok()?))),
+            3 => Self::Shape(ShapeHash(id.try_into().ok()?)),
+            4 => Self::Joint(JointId(u64::from_be_bytes(id.try_into().ok()?))),
+            _ => return None,
+        })
+    }
+
+    fn kind(self) -> u8 {
+        match self {
+            Self::World => 0,
+            Self::Group(_) => 1,
+            Self::Body(_) => 2,
+            Self::Shape(_) => 3,
+            Self::Joint(_) => 4,
+        }
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::World => write!(f, "the world's entry"),
+            Self::Group(id) => write!(f, "group {id}"),
+            Self::Body(id) => write!(f, "body {id}"),
+            Self::Shape(hash) => write!(f, "shape {hash}"),
+            Self::Joint(id) => write!(f, "joint {id}"),
+        }
+    }
+}
+
+impl fmt::Display for Revision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "revision {}", self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn any_key() -> impl Strategy<Value = Key> {
+        prop_oneof![
+            Just(Key::World),
+            any::<u32>().prop_map(|id| Key::Group(GroupId(id))),
+            any::<u64>().prop_map(|bits| Key::Body(BodyId::from_bits(bits))),
+            any::<[u8; 16]>().prop_map(|hash| Key::Shape(ShapeHash(hash))),
+            any::<u64>().prop_map(|id| Key::Joint(JointId(id))),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn names_of_keys_are_ordered_as_keys_are_and_mean_them(a in any_key(), b in any_key()) {
+            prop_assert_eq!(a.to_bytes().cmp(&b.to_bytes()), a.cmp(&b));
+            prop_assert_eq!(Key::from_bytes(&a.to_bytes()), Some(a));
+        }
+
+        #[test]
+        fn what_is_no_name_of_a_key_is_none(bytes in proptest::collection::vec(0u8..6, 0..24)) {
+            if let Some(key) = Key::from_bytes(&bytes) {
+                prop_assert_eq!(key.to_bytes(), bytes);
+            }
+        }
+    }
+
+    #[test]
+    fn names_of_keys_stay_what_they_are_in_files() {
+        assert_eq!(Key::World.to_bytes(), [1, 0]);
+        assert_eq!(Key::Group(GroupId(258)).to_bytes(), [1, 1, 0, 0, 1, 2]);
+        assert_eq!(Key::Body(BodyId::persistent(7)).to_bytes(), [1, 2, 0, 0, 0, 0, 0, 0, 0, 7]);
+        assert_eq!(Key::from_bytes(&[2, 0]), None, "of another version");
+    }
+
+    #[test]
+    fn a_lost_race_is_told_from_a_full_disk() {
+        let lost = DirectoryError::Changed {
+            key: Key::Group(GroupId(3)),
+            expected: Some(Revision(4)),
+            found: Some(Revision(9)),
+        };
+        let said = lost.to_string();
+        assert!(
+            said.starts_with("group g3 is at revision 9 in the directory and should be at revision 4"),
+            "{said}"
+        );
+        let full = DirectoryError::Unwritable { place: "world.redb".into(), cause: "no space".into() };
+        assert!(full.to_string().contains("world.redb: no space"), "{full}");
+    }
 }

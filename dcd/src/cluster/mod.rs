@@ -15,7 +15,7 @@
 
 mod client;
 mod device;
-mod directory;
+pub mod directory;
 mod leader;
 mod node;
 mod ping;

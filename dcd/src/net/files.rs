@@ -12,7 +12,7 @@ pub(super) fn at(path: &Path) -> impl FnOnce(io::Error) -> NetError + '_ {
 }
 
 /// Opens with mode 0600 on systems that know it.
-pub(super) fn open_private(path: &Path, options: &mut OpenOptions) -> Result<File, NetError> {
+pub(crate) fn open_private(path: &Path, options: &mut OpenOptions) -> Result<File, NetError> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::OpenOptionsExt;

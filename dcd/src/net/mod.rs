@@ -32,6 +32,8 @@ pub(crate) use endpoint::check_address;
 pub use endpoint::{Net, NetConfig};
 pub use error::{JoinRefusal, NetError, SendError, TokenError};
 pub use events::{CloseCause, NetEvent, NetEvents, PeerKey};
+#[cfg(feature = "physics")]
+pub(crate) use files::open_private;
 pub use identity::Identity;
 pub use join::join;
 pub use lanes::Lane;

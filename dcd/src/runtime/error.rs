@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::{DeviceError, WorldError};
+use crate::cluster::directory::DirectoryError;
 use crate::net::{NetError, Role, TokenError};
 use crate::physics::{HostError, ShapeError};
 use crate::protocol::Refusal;
@@ -15,6 +16,9 @@ pub enum ProcessError {
     /// The network.
     #[error(transparent)]
     Net(#[from] NetError),
+    /// What outlives the server.
+    #[error(transparent)]
+    Directory(#[from] DirectoryError),
     /// The token is malformed or for another role.
     #[error(transparent)]
     Token(#[from] TokenError),
@@ -95,6 +99,9 @@ pub enum ProcessError {
     /// The process's own thread is gone.
     #[error("this process has left the world already; join anew")]
     Stopped,
+    /// What is stored of a world cannot be gone on with.
+    #[error(transparent)]
+    Restore(#[from] crate::cluster::RestoreError),
     /// The operating system gives no thread.
     #[error("cannot start a thread: {0}; raise the limit of threads")]
     Thread(std::io::Error),

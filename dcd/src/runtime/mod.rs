@@ -5,6 +5,8 @@ mod client;
 mod control;
 mod device;
 #[cfg(feature = "net")]
+mod directory;
+#[cfg(feature = "net")]
 mod error;
 mod hooks;
 #[cfg(feature = "net")]
@@ -20,6 +22,8 @@ mod snapshot;
 #[cfg(feature = "net")]
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
 pub use device::{DeviceError, PhysicsDevice};
+#[cfg(feature = "net")]
+pub use directory::RedbDirectory;
 #[cfg(feature = "net")]
 pub use error::ProcessError;
 pub use local::{DcdWorld, Partitioning, Stats, WorldConfig, WorldError};

@@ -7,11 +7,12 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tracing::{info, warn};
+use tracing::{error, info, warn};
 
 use super::links::{ENDED, LinkEvent, Links, THE_END};
 use super::member::forward;
-use super::{ProcessError, WorldConfig};
+use super::{ProcessError, RedbDirectory, WorldConfig};
+use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
 use crate::cluster::{Record, Server, ServerConfig, ServerEvent, ServerOutput};
 use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, Role, check_address};
 use crate::physics::{Partition, RegionHost, ShapeLibrary};
@@ -32,7 +33,8 @@ const QUEUE: usize = 4_096;
 pub struct ServeConfig {
     /// Where to listen; port 0 takes any free one.
     pub listen: SocketAddr,
-    /// Folder of the authority: keys, used tokens.
+    /// Folder of the authority (keys, used tokens) and of the world: a server that died and is started again with the same
+    /// scene and settings goes on with it.
     pub data: PathBuf,
     /// How the world is cut and stepped.
     pub world: WorldConfig,
@@ -93,6 +95,7 @@ struct State {
     summary: ServerSummary,
     view: Option<View>,
     over: bool,
+    failure: Option<ProcessError>,
 }
 
 enum Input {
@@ -131,9 +134,22 @@ impl ServerProcess {
         forward(events, inbox.clone())?;
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         shared.lock().summary.regions = environment.tree.leaf_count();
-        let server = Server::new(ServerConfig { world: environment, min_nodes: config.nodes.max(1) }, record);
+        let mut directory = RedbDirectory::open(&config.data)?;
+        let entries = directory.load()?;
+        let stored = entries.iter().find(|entry| entry.key == Key::World).map(|entry| entry.revision);
+        let server_config = ServerConfig { world: environment, min_nodes: config.nodes.max(1) };
+        let server = match entries.is_empty() {
+            true => Server::new(server_config, record),
+            false => {
+                let server = Server::restore(server_config, entries)?;
+                info!(tick = server.tick().0, "going on with the world in the data folder");
+                server
+            }
+        };
         let running = Loop {
             links: Some(Links::new(net)),
+            directory,
+            stored,
             start: Instant::now(),
             server,
             shared: shared.clone(),
@@ -179,6 +195,11 @@ impl ServerProcess {
             })
             .unwrap_or_else(PoisonError::into_inner);
         !timed_out.timed_out()
+    }
+
+    /// Why the server had to stop, if it had to; once.
+    pub fn failure(&self) -> Option<ProcessError> {
+        self.shared.lock().failure.take()
     }
 
     /// Whether the world has ended.
@@ -245,6 +266,9 @@ fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentPropertie
 
 struct Loop {
     links: Option<Links>,
+    directory: RedbDirectory,
+    /// The revision at which we wrote the world's entry: whoever else writes it has taken over.
+    stored: Option<Revision>,
     start: Instant,
     server: Server,
     shared: Arc<Shared>,
@@ -310,7 +334,14 @@ impl Loop {
                     let ending = self.audited || self.end_by.is_some();
                     links.close(peer, if ending { ENDED } else { THE_END });
                 }
-                ServerOutput::Store(_) => {}
+                ServerOutput::Store(batch) => {
+                    if let Err(error) = self.store(&batch) {
+                        error!(%error, "the server cannot go on");
+                        self.shared.lock().failure = Some(error.into());
+                        self.over = true;
+                        return;
+                    }
+                }
                 ServerOutput::Dissolved(group) => info!(%group, "a group is no more"),
                 ServerOutput::Expelled(node) => warn!(%node, "the world goes on without a node"),
                 ServerOutput::Began { group, view } if group != self.server.main_group() => {
@@ -336,9 +367,28 @@ impl Loop {
                     (state.summary.lost, state.summary.doubled) = (lost.len(), doubled.len());
                     self.audited = true;
                 }
-                ServerOutput::Ended => self.over = true,
+                ServerOutput::Ended => {
+                    if let Err(error) = self.clear() {
+                        warn!(%error, "what is stored of the world stays");
+                    }
+                    self.over = true;
+                }
             }
         }
+    }
+
+    fn store(&mut self, batch: &Batch) -> Result<(), DirectoryError> {
+        let revision = self.directory.commit(batch, &[Condition { key: Key::World, at: self.stored }])?;
+        if batch.writes.iter().any(|(key, _)| *key == Key::World) {
+            self.stored = Some(revision);
+        }
+        Ok(())
+    }
+
+    /// A world that has ended leaves nothing to go on with.
+    fn clear(&mut self) -> Result<(), DirectoryError> {
+        let writes = self.directory.load()?.into_iter().map(|entry| (entry.key, None)).collect();
+        self.store(&Batch { writes, durable: true })
     }
 
     fn publish(&mut self) {

@@ -34,12 +34,12 @@ id!(
     ClientId(u32), "c"
 );
 id!(
-    /// The number of steps of `dt` since the world began.
-    Tick(u64), "t"
+    /// A consistency group: nodes that compute the whole world together (thesis 3.3.7). Given by the server.
+    GroupId(u32), "g"
 );
 id!(
-    /// A consistency group (thesis 3.3.7): nodes that share one distribution tree. Given by the server.
-    GroupId(u32), "g"
+    /// The number of steps of `dt` since the world began.
+    Tick(u64), "t"
 );
 id!(
     /// How often the owner of a body has changed, above the number of the view in which the server last placed it: what the

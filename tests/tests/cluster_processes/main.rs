@@ -2,8 +2,12 @@
 #![cfg(unix)]
 
 mod demo;
+mod faults;
 mod process;
+mod proxy;
 mod takeover;
+mod weather;
+mod witness;
 mod wrong;
 
 use dcd::protocol::WorldPose;

@@ -4,13 +4,22 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+use crate::witness::Witness;
+
 /// Nothing here takes nearly as long, even on a busy machine.
 pub(crate) const LIMIT: Duration = Duration::from_secs(30);
+
+/// Times are measured one after the other.
+pub(crate) fn alone() -> MutexGuard<'static, ()> {
+    static CLOCK: Mutex<()> = Mutex::new(());
+    CLOCK.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// The command line under test.
 pub(crate) fn dcd(args: &[&str]) -> Command {
@@ -139,16 +148,23 @@ pub(crate) struct Server {
     pub(crate) process: Process,
     pub(crate) address: String,
     pub(crate) folder: tempfile::TempDir,
+    args: Vec<String>,
 }
 
 impl Server {
     /// Serves a scene with JSON at the end.
     pub(crate) fn start(args: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let mut command = dcd(&["serve", "--listen", "127.0.0.1:0", "--json", "--data"]);
-        let mut process = Process::start(command.arg(folder.path().join("data")).args(args));
-        let address = process.line("listening ");
-        Self { process, address, folder }
+        let args: Vec<_> = args.iter().map(|&arg| arg.to_owned()).collect();
+        let (process, address) = serve("127.0.0.1:0", &folder.path().join("data"), &args);
+        Self { process, address, folder, args }
+    }
+
+    /// Another process with the same folder and address; the former one must have ended.
+    pub(crate) fn restart(&mut self) {
+        let (process, address) = serve(&self.address, &self.data(), &self.args);
+        assert_eq!(address, self.address);
+        self.process = process;
     }
 
     /// The demo's world, in two regions.
@@ -173,6 +189,11 @@ impl Server {
         (name, node)
     }
 
+    /// A client that watches.
+    pub(crate) fn witness(&self) -> Witness {
+        Witness::join(&self.address, self.token("client"))
+    }
+
     /// The next membership.
     pub(crate) fn view(&mut self) -> String {
         self.process.line("view ")
@@ -187,6 +208,13 @@ impl Server {
         assert_eq!(ended.code(), Some(130), "{ended:?}");
         summary
     }
+}
+
+fn serve(listen: &str, data: &Path, args: &[String]) -> (Process, String) {
+    let mut command = dcd(&["serve", "--listen", listen, "--json", "--data"]);
+    let mut process = Process::start(command.arg(data).args(args));
+    let address = process.line("listening ");
+    (process, address)
 }
 
 pub(crate) fn playground() -> PathBuf {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use bincode::{Decode, Encode};
 
 use super::{Server, ServerConfig, ServerOutput};
+use crate::cluster::directory::Entry;
 use crate::cluster::record::StoredBody;
 use crate::cluster::{Batch, Key, Record};
 use crate::protocol::{
@@ -67,11 +68,11 @@ impl Check for StoredGroup {
 impl Server {
     /// A server that goes on from what another one stored. Members of its groups are waited for; then each group
     /// goes on with those who came.
-    pub fn restore(config: ServerConfig, entries: Vec<(Key, Vec<u8>)>) -> Result<Self, RestoreError> {
+    pub fn restore(config: ServerConfig, entries: Vec<Entry>) -> Result<Self, RestoreError> {
         let mut world = None;
         let mut groups: BTreeMap<GroupId, StoredGroup> = BTreeMap::new();
         let (mut bodies, mut shapes, mut joints) = (Vec::new(), Vec::new(), Vec::new());
-        for (key, value) in entries {
+        for Entry { key, value, .. } in entries {
             match key {
                 Key::World => world = Some(decode_value::<StoredWorld>(&value)?),
                 Key::Group(id) => {

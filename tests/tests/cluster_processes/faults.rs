@@ -1,0 +1,196 @@
+//! kill -9 and stops of every role, in the demo's world: it goes on, and nothing is lost or doubled.
+
+use std::time::{Duration, Instant};
+
+use crate::process::{Process, Server, alone};
+use crate::witness::Witness;
+
+/// A world whose nodes are well stands no longer, on a busy machine.
+const PAUSE: Duration = Duration::from_secs(1);
+/// Until a killed node's regions go on elsewhere.
+const TAKEOVER: Duration = Duration::from_secs(3);
+/// Until there is a new leader.
+const ELECTION: Duration = Duration::from_secs(2);
+/// Until a server is back, or a process that was given up is back among the others.
+const RETURN: Duration = Duration::from_secs(10);
+
+/// The demo's world with two nodes, n1 leading, and a client that watches.
+struct Demo {
+    server: Server,
+    nodes: Vec<(String, Process)>,
+    witness: Witness,
+}
+
+impl Demo {
+    fn start() -> Self {
+        let mut server = Server::playground("2");
+        let nodes = vec![server.node(), server.node()];
+        assert!(server.view().contains("n1 r1, n2 r2; n1 leads"));
+        let witness = server.witness();
+        Self { server, nodes, witness }
+    }
+
+    fn node(&mut self, name: &str) -> &mut Process {
+        &mut self.nodes.iter_mut().find(|(other, _)| other == name).unwrap().1
+    }
+
+    /// The next view that both nodes are in, and how long that took.
+    fn both(&mut self) -> (String, Duration) {
+        let start = Instant::now();
+        loop {
+            let view = self.server.view();
+            if view.contains("n1 r") && view.contains("n2 r") {
+                return (view, start.elapsed());
+            }
+        }
+    }
+
+    /// The end: nothing lost, nothing doubled, and everybody who still lives ends well.
+    fn end(self, dead: &[&str]) {
+        self.witness.advance(60);
+        let tick = self.witness.tick();
+        drop(self.witness);
+        let served = self.server.stop();
+        assert_eq!(served["bodies"], 155);
+        for (name, node) in self.nodes {
+            if !dead.contains(&&*name) {
+                let ended = node.end();
+                assert_eq!(ended.code(), Some(0), "{name}: {ended:?}");
+                assert!(ended.json()["tick"].as_u64().unwrap() >= tick, "{name}: {ended:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_killed_leader_has_a_successor_within_two_seconds() {
+    let _alone = alone();
+    let mut demo = Demo::start();
+    demo.node("n1").kill();
+    let start = Instant::now();
+    let view = demo.server.view();
+    let elected = start.elapsed();
+    assert!(view.contains("n2 r1 r2; n2 leads"), "{view}");
+    println!("a new leader after {:.2} s", elected.as_secs_f64());
+    assert!(elected < ELECTION, "{elected:?}");
+    demo.end(&["n1"]);
+}
+
+#[test]
+#[ignore = "needs a server that is restored and members that dial it again"]
+fn a_killed_server_is_back_within_ten_seconds_and_physics_never_pauses() {
+    let _alone = alone();
+    let mut demo = Demo::start();
+    // Twice: what was restored is restored again.
+    for _ in 0..2 {
+        demo.server.process.kill();
+        let tick = demo.witness.tick();
+        let alone = demo.witness.watch_for(Duration::from_secs(2));
+        assert!(demo.witness.tick() > tick + 60, "the nodes go on by themselves");
+        let start = Instant::now();
+        demo.server.restart();
+        let (view, _) = demo.both();
+        let back = start.elapsed();
+        let joining = demo.witness.watch_for(Duration::from_secs(1));
+        let stood = alone.max(joining);
+        println!(
+            "a server is back after {:.2} s: {view}; the world stood still for {:.2} s",
+            back.as_secs_f64(),
+            stood.as_secs_f64()
+        );
+        assert!(back < RETURN && stood < PAUSE, "{back:?} {stood:?}");
+        // It lets others in as before.
+        drop(demo.server.witness());
+    }
+    demo.end(&[]);
+}
+
+#[test]
+#[ignore = "needs a server that is restored and members that dial it again"]
+fn a_node_that_dies_while_there_is_no_server_is_taken_over_when_it_is_back() {
+    let _alone = alone();
+    let mut demo = Demo::start();
+    demo.server.process.kill();
+    demo.node("n2").kill();
+    let start = Instant::now();
+    demo.server.restart();
+    while !demo.server.view().contains("n1 r1 r2; n1 leads") {}
+    demo.witness.advance(30);
+    println!("goes on after {:.2} s", start.elapsed().as_secs_f64());
+    assert!(start.elapsed() < RETURN);
+    demo.end(&["n2"]);
+}
+
+#[test]
+#[ignore = "needs a server that is restored and members that dial it again"]
+fn a_world_whose_server_and_nodes_all_die_goes_on_from_the_last_checkpoint() {
+    let _alone = alone();
+    let mut demo = Demo::start();
+    let tick = demo.witness.tick();
+    demo.server.process.kill();
+    demo.node("n1").kill();
+    demo.node("n2").kill();
+    demo.server.restart();
+    let (_, _next) = demo.server.node();
+    let other = demo.server.node();
+    while !demo.server.view().contains(&format!("{} r", other.0)) {}
+    demo.witness.advance(60);
+    assert!(demo.witness.tick() > tick);
+    let served = demo.server.stop();
+    assert_eq!(served["bodies"], 155, "the playground's, and the witness's avatar is on record");
+}
+
+/// A node stops, is taken over, and is back by itself when it goes on.
+fn stop_and_resume_a_node(stop: Duration) {
+    let _alone = alone();
+    for name in ["n2", "n1"] {
+        let mut demo = Demo::start();
+        demo.node(name).signal("-STOP");
+        let stood = demo.witness.watch_for(stop);
+        assert!(stood < TAKEOVER, "{name}: {stood:?}");
+        demo.node(name).signal("-CONT");
+        let (view, back) = demo.both();
+        println!(
+            "{name} stopped for {stop:?}: the world stood still for {stood:.2?}; back after {back:.2?}: {view}"
+        );
+        assert!(back < RETURN, "{name}: {back:?}");
+        demo.end(&[]);
+    }
+}
+
+/// A server stops; its nodes go on; nothing is to be mended when it goes on.
+fn stop_and_resume_the_server(stop: Duration) {
+    let _alone = alone();
+    let demo = Demo::start();
+    demo.server.process.signal("-STOP");
+    let stood = demo.witness.watch_for(stop);
+    demo.server.process.signal("-CONT");
+    let after = demo.witness.watch_for(Duration::from_secs(3));
+    println!("the server stopped for {stop:?}: the world stood still for {stood:.2?}, then for {after:.2?}");
+    assert!(stood < PAUSE && after < PAUSE, "{stood:?} {after:?}");
+    demo.end(&[]);
+}
+
+#[test]
+#[ignore = "needs nodes that join afresh when they were given up"]
+fn a_node_or_leader_stopped_for_four_seconds_is_taken_over_and_comes_back() {
+    stop_and_resume_a_node(Duration::from_secs(4));
+}
+
+#[test]
+#[ignore = "needs members that dial the server again"]
+fn a_server_stopped_for_three_seconds_is_not_missed() {
+    stop_and_resume_the_server(Duration::from_secs(3));
+}
+
+#[test]
+#[ignore = "takes half a minute; needs nodes that join afresh when they were given up"]
+fn a_node_or_leader_stopped_for_ten_seconds_is_taken_over_and_comes_back() {
+    stop_and_resume_a_node(Duration::from_secs(10));
+}
+
+#[test]
+#[ignore = "takes a quarter of a minute; needs members that dial the server again"]
+fn a_server_stopped_for_ten_seconds_is_not_missed() {
+    stop_and_resume_the_server(Duration::from_secs(10));
+}

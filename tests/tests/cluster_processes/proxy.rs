@@ -1,0 +1,339 @@
+//! A bad network between processes of one machine: UDP goes through here and is lost, delayed, overtaken, doubled or cut off.
+//!
+//! A process is told a *front*'s address in place of its peer's. Each sender to a front gets a *flow* with a socket of its own
+//! towards the peer, so that peers see as many addresses as there are senders. What happens to a flow's n-th packet
+//! depends on the seed, the order in which flows began, and n.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
+use std::net::{SocketAddr, UdpSocket};
+use std::os::fd::AsFd;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use dcd::sim::Random;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+/// What happens to packets, each way.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Weather {
+    /// This share of packets is lost.
+    pub(crate) loss: f64,
+    /// Packets take this long,
+    pub(crate) delay: Duration,
+    /// and up to so much more or less, which drifts so that order is kept.
+    pub(crate) jitter: Duration,
+    /// This share of packets is overtaken by what is sent in the next [`LATE`].
+    pub(crate) reorder: f64,
+    /// This share of packets arrives twice.
+    pub(crate) duplicate: f64,
+}
+
+/// By how much those are late that are overtaken.
+pub(crate) const LATE: Duration = Duration::from_millis(50);
+
+/// What became of packets so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Traffic {
+    /// Came here.
+    pub(crate) taken: u64,
+    /// Were sent on, doubles included.
+    pub(crate) passed: u64,
+    pub(crate) lost: u64,
+    pub(crate) cut: u64,
+    pub(crate) reordered: u64,
+    pub(crate) doubled: u64,
+}
+
+/// A running proxy; ends when dropped.
+pub(crate) struct Proxy {
+    shared: Arc<Mutex<Shared>>,
+    /// Wakes the thread.
+    bell: UdpSocket,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// From whom to whom nothing goes; `None` is anybody.
+type Cut = (Option<SocketAddr>, Option<SocketAddr>);
+
+#[derive(Default)]
+struct Shared {
+    weather: Weather,
+    cuts: Vec<Cut>,
+    traffic: Traffic,
+    new_fronts: Vec<Front>,
+    over: bool,
+}
+
+/// Most packets on their way; beyond that they are lost, as in any router.
+const QUEUE: usize = 1 << 16;
+
+impl Proxy {
+    /// One without any front, in clear weather.
+    pub(crate) fn start(seed: u64) -> Self {
+        let (bell, heard) = (loopback(), loopback());
+        bell.connect(heard.local_addr().unwrap()).unwrap();
+        let shared = Arc::new(Mutex::new(Shared::default()));
+        let mut router = Router {
+            shared: shared.clone(),
+            bell: heard,
+            seeds: Random::new(seed),
+            fronts: Vec::new(),
+            flows: Vec::new(),
+            known: BTreeMap::new(),
+            queue: BinaryHeap::new(),
+            number: 0,
+            epoch: Instant::now(),
+        };
+        let thread = std::thread::spawn(move || router.run());
+        Self { shared, bell, thread: Some(thread) }
+    }
+
+    /// An address that leads to `target`.
+    pub(crate) fn front(&self, target: SocketAddr) -> SocketAddr {
+        let socket = loopback();
+        let address = socket.local_addr().unwrap();
+        self.lock().new_fronts.push(Front { socket, target });
+        self.ring();
+        address
+    }
+
+    /// From now on.
+    pub(crate) fn set(&self, weather: Weather) {
+        self.lock().weather = weather;
+    }
+
+    /// From now on nothing goes from one real address to another; `None` is anybody. A process's address is the one that
+    /// it listens on, not its front.
+    pub(crate) fn cut(&self, from: Option<SocketAddr>, to: Option<SocketAddr>) {
+        self.lock().cuts.push((from, to));
+    }
+
+    /// Undoes all cuts.
+    pub(crate) fn heal(&self) {
+        self.lock().cuts.clear();
+    }
+
+    /// Of all flows, both ways.
+    pub(crate) fn traffic(&self) -> Traffic {
+        self.lock().traffic
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Shared> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn ring(&self) {
+        let _ = self.bell.send(&[0]);
+    }
+}
+
+impl Drop for Proxy {
+    fn drop(&mut self) {
+        self.lock().over = true;
+        self.ring();
+        let ended = self.thread.take().map(JoinHandle::join);
+        if !std::thread::panicking() {
+            ended.unwrap().expect("the proxy's thread does not panic");
+        }
+    }
+}
+
+fn loopback() -> UdpSocket {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.set_nonblocking(true).unwrap();
+    socket
+}
+
+/// A port that nobody has just now.
+pub(crate) fn free_address() -> SocketAddr {
+    loopback().local_addr().unwrap()
+}
+
+struct Front {
+    socket: UdpSocket,
+    target: SocketAddr,
+}
+
+struct Flow {
+    front: usize,
+    source: SocketAddr,
+    /// What the target sees.
+    back: UdpSocket,
+    /// To the target, and back.
+    ways: [Way; 2],
+}
+
+struct Way {
+    seed: u64,
+    dice: Random,
+    /// Nothing in order is due before.
+    last_due: Instant,
+}
+
+const THERE: usize = 0;
+const BACK: usize = 1;
+
+/// A packet on its way: when due, in which order, in which flow and direction.
+type Parcel = (Instant, u64, usize, usize, Vec<u8>);
+
+struct Router {
+    shared: Arc<Mutex<Shared>>,
+    bell: UdpSocket,
+    seeds: Random,
+    fronts: Vec<Front>,
+    flows: Vec<Flow>,
+    /// By front and source.
+    known: BTreeMap<(usize, SocketAddr), usize>,
+    queue: BinaryHeap<Reverse<Parcel>>,
+    number: u64,
+    epoch: Instant,
+}
+
+impl Router {
+    fn run(&mut self) {
+        let mut buffer = vec![0; 1 << 16];
+        loop {
+            let shared = self.shared.clone();
+            let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            if shared.over {
+                return;
+            }
+            self.fronts.append(&mut shared.new_fronts);
+            while self.bell.recv(&mut buffer).is_ok() {}
+            for front in 0..self.fronts.len() {
+                while let Ok((length, source)) = received(&self.fronts[front].socket, &mut buffer) {
+                    let flow = self.flow(front, source);
+                    self.take(&mut shared, flow, THERE, &buffer[..length]);
+                }
+            }
+            for flow in 0..self.flows.len() {
+                let target = self.fronts[self.flows[flow].front].target;
+                while let Ok((length, source)) = received(&self.flows[flow].back, &mut buffer) {
+                    if source == target {
+                        self.take(&mut shared, flow, BACK, &buffer[..length]);
+                    }
+                }
+            }
+            self.pass(&mut shared);
+            drop(shared);
+            self.wait();
+        }
+    }
+
+    /// Until something comes or is due.
+    fn wait(&self) {
+        let fronts = self.fronts.iter().map(|front| &front.socket);
+        let backs = self.flows.iter().map(|flow| &flow.back);
+        let sockets = std::iter::once(&self.bell).chain(fronts).chain(backs);
+        let mut fds: Vec<_> =
+            sockets.map(|socket| PollFd::from_borrowed_fd(socket.as_fd(), PollFlags::IN)).collect();
+        let left =
+            self.queue.peek().map(|Reverse(parcel)| parcel.0.saturating_duration_since(Instant::now()));
+        let left = left.map(|left| Timespec::try_from(left).unwrap());
+        // Interrupted or not, the next look finds what there is.
+        let _ = poll(&mut fds, left.as_ref());
+    }
+
+    fn flow(&mut self, front: usize, source: SocketAddr) -> usize {
+        *self.known.entry((front, source)).or_insert_with(|| {
+            let mut way = || Way {
+                seed: self.seeds.bits(),
+                dice: Random::new(self.seeds.bits()),
+                last_due: self.epoch,
+            };
+            self.flows.push(Flow { front, source, back: loopback(), ways: [way(), way()] });
+            self.flows.len() - 1
+        })
+    }
+
+    /// Decides what becomes of a packet.
+    fn take(&mut self, shared: &mut Shared, flow: usize, way: usize, bytes: &[u8]) {
+        shared.traffic.taken += 1;
+        let weather = shared.weather;
+        let ends = self.ends(flow, way);
+        let now = Instant::now();
+        let way_index = way;
+        let way = &mut self.flows[flow].ways[way];
+        // All dice are thrown for every packet, so that one share does not change what another falls on.
+        let [lost, reordered, doubled] =
+            [weather.loss, weather.reorder, weather.duplicate].map(|share| way.dice.unit() < share);
+        if is_cut(shared, ends) {
+            shared.traffic.cut += 1;
+            return;
+        }
+        if lost || self.queue.len() >= QUEUE {
+            shared.traffic.lost += 1;
+            return;
+        }
+        let mut due = now + delay(weather, way.seed, now - self.epoch);
+        if reordered {
+            shared.traffic.reordered += 1;
+            due += LATE;
+        } else {
+            due = due.max(way.last_due);
+            way.last_due = due;
+        }
+        shared.traffic.doubled += u64::from(doubled);
+        for _ in 0..1 + usize::from(doubled) {
+            self.number += 1;
+            self.queue.push(Reverse((due, self.number, flow, way_index, bytes.to_vec())));
+        }
+    }
+
+    /// Sends on what is due.
+    fn pass(&mut self, shared: &mut Shared) {
+        while self.queue.peek().is_some_and(|Reverse(parcel)| parcel.0 <= Instant::now()) {
+            let Some(Reverse((_, _, flow, way, bytes))) = self.queue.pop() else { return };
+            if is_cut(shared, self.ends(flow, way)) {
+                shared.traffic.cut += 1;
+                continue;
+            }
+            let Flow { front, source, back, .. } = &self.flows[flow];
+            let front = &self.fronts[*front];
+            // A peer that is gone answers with an error, as no network would.
+            let _ = if way == THERE {
+                back.send_to(&bytes, front.target)
+            } else {
+                front.socket.send_to(&bytes, source)
+            };
+            shared.traffic.passed += 1;
+        }
+    }
+
+    /// From whom and to whom a flow's packets go in truth.
+    fn ends(&self, flow: usize, way: usize) -> (SocketAddr, SocketAddr) {
+        let flow = &self.flows[flow];
+        let target = self.fronts[flow.front].target;
+        if way == THERE { (flow.source, target) } else { (target, flow.source) }
+    }
+}
+
+/// The next packet; a former one that nobody took is no error of this one.
+fn received(socket: &UdpSocket, buffer: &mut [u8]) -> std::io::Result<(usize, SocketAddr)> {
+    loop {
+        match socket.recv_from(buffer) {
+            Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => {}
+            other => return other,
+        }
+    }
+}
+
+fn is_cut(shared: &Shared, (from, to): (SocketAddr, SocketAddr)) -> bool {
+    let is = |wanted: Option<SocketAddr>, is: SocketAddr| wanted.is_none_or(|wanted| wanted == is);
+    shared.cuts.iter().any(|&(source, target)| is(source, from) && is(target, to))
+}
+
+/// Straight lines from one random delay to the next, not steeper than time itself: who is sent later arrives later.
+fn delay(weather: Weather, seed: u64, since: Duration) -> Duration {
+    let step_s = weather.jitter.as_secs_f64().max(0.01) * 2.0;
+    let steps = since.as_secs_f64() / step_s;
+    let at = |step: u64| 2.0 * Random::new(seed.wrapping_add(step)).unit() - 1.0;
+    let (a, b) = (at(steps as u64), at(steps as u64 + 1));
+    let drift = weather.jitter.as_secs_f64() * (a + (b - a) * steps.fract());
+    Duration::from_secs_f64((weather.delay.as_secs_f64() + drift).max(0.0))
+}
+
+#[cfg(test)]
+mod tests;

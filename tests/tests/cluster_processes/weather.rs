@@ -79,39 +79,53 @@ impl Cluster {
     }
 }
 
-/// The world goes on for so long in this weather, at least at this pace, and nobody is given up.
-fn goes_on(seed: u64, weather: Weather, time: Duration, ticks_per_s: f64) {
+/// What a weather may do to a world of two nodes in lockstep.
+struct Pace {
+    least_ticks_per_s: f64,
+    longest_stop: Duration,
+}
+
+/// A loss costs a round trip on loopback, and so does not show.
+const IN_LOSS: Pace = Pace { least_ticks_per_s: 15.0, longest_stop: Duration::from_secs(1) };
+/// A tick takes one delay from node to node, and one from the leader and back.
+const IN_DELAY: Pace = Pace { least_ticks_per_s: 1.5, longest_stop: Duration::from_secs(2) };
+/// QUIC notices a loss in so thin a stream by its probes alone, and waits twice as long for each next one.
+const IN_A_STORM: Pace = Pace { least_ticks_per_s: 0.5, longest_stop: Duration::from_secs(8) };
+
+/// The world goes on for so long in this weather, and nobody is given up.
+fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) {
     let cluster = Cluster::start(seed);
     cluster.proxy.set(weather);
     let tick = cluster.witness.tick();
     let stood = cluster.witness.watch_for(time);
-    let pace = (cluster.witness.tick() - tick) as f64 / time.as_secs_f64();
-    println!("{pace:.1} ticks a second; the world stood still for {stood:.2?} at most");
-    assert!(pace >= ticks_per_s, "{pace}");
-    assert!(stood < TAKEOVER, "{stood:?}");
+    let ticks_per_s = (cluster.witness.tick() - tick) as f64 / time.as_secs_f64();
+    println!("{ticks_per_s:.1} ticks a second; the world stood still for {stood:.2?} at most");
+    assert!(ticks_per_s >= pace.least_ticks_per_s, "{ticks_per_s}");
+    assert!(stood < pace.longest_stop, "{stood:?}");
     cluster.end(Some(1));
 }
 
 #[test]
 fn a_loss_of_five_percent_gives_nobody_up() {
-    goes_on(1, LOSS, Duration::from_secs(5), 15.0);
+    goes_on(1, LOSS, IN_LOSS, Duration::from_secs(5));
 }
 
 #[test]
 fn a_delay_of_a_hundred_ms_give_or_take_fifty_gives_nobody_up() {
-    goes_on(2, DELAY, Duration::from_secs(5), 1.0);
+    goes_on(2, DELAY, IN_DELAY, Duration::from_secs(5));
 }
 
 #[test]
 fn a_storm_gives_nobody_up() {
-    goes_on(3, STORM, Duration::from_secs(5), 0.5);
+    goes_on(3, STORM, IN_A_STORM, Duration::from_secs(5));
 }
 
 #[test]
-#[ignore = "takes two minutes"]
+#[ignore = "takes three minutes"]
 fn a_minute_of_each_weather_gives_nobody_up() {
-    for (seed, weather, ticks_per_s) in [(11, LOSS, 15.0), (12, DELAY, 1.0), (13, STORM, 0.5)] {
-        goes_on(seed, weather, Duration::from_secs(60), ticks_per_s);
+    let _alone = alone();
+    for (seed, weather, pace) in [(11, LOSS, IN_LOSS), (12, DELAY, IN_DELAY), (13, STORM, IN_A_STORM)] {
+        goes_on(seed, weather, pace, Duration::from_secs(60));
     }
 }
 
@@ -178,8 +192,7 @@ fn a_node_that_hears_but_is_not_heard_is_back_within_three() {
 }
 
 #[test]
-#[ignore = "needs links that heal"]
-fn two_nodes_that_do_not_reach_one_another_but_the_server_are_told_apart() {
+fn two_nodes_that_reach_the_server_but_not_one_another_do_not_stop_the_world() {
     let _alone = alone();
     let cluster = Cluster::start(7);
     let [one, two] = [0, 1].map(|i| Some(cluster.nodes[i].address));

@@ -1,13 +1,19 @@
 //! The part of a node that is active while it leads: opens each tick when all members are done, takes clients' wishes in,
 //! and passes contacts and states on to clients (thesis 3.3.8, 4.3.2.10).
 
+mod abroad;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
+
+use self::abroad::Abroad;
+pub use self::abroad::Deviations;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
     ContactForce, ContactKey, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, Pace, Refusal,
-    RegionEvents, Report, SharedState, TickStats, ToClient, Touch, View, ViewNumber, WorldEvents, WorldOp,
+    RegionEvents, Report, SharedState, Thresholds, TickStats, ToClient, Touch, View, ViewNumber, WorldEvents,
+    WorldOp,
 };
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
@@ -45,6 +51,9 @@ pub struct Leader {
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
     messages: Vec<(ClientId, ToClient)>,
+    thresholds: Thresholds,
+    /// While there are other groups.
+    abroad: Option<Abroad>,
 }
 
 impl Leader {
@@ -74,6 +83,8 @@ impl Leader {
             contacts: ContactLedger::default(),
             clients: participants.collect(),
             messages: Vec::new(),
+            thresholds: world.thresholds,
+            abroad: None,
         }
     }
 
@@ -146,6 +157,7 @@ impl Leader {
         if self.is_complete() {
             self.forward_contacts();
             self.forward_states();
+            self.compare_and_tell();
         }
     }
 
@@ -156,6 +168,7 @@ impl Leader {
             if known.is_none_or(|(old, tick)| (old.epoch, *tick) <= (state.epoch, report.tick)) {
                 self.latest.insert(state.id, (state, report.tick));
                 self.moved.insert(state.id);
+                self.moved_here(state.id);
                 if state.id.client().is_some() {
                     self.avatars.entry(state.id).or_default();
                 }
@@ -175,7 +188,7 @@ impl Leader {
         }
         self.next_due = match self.pace {
             Pace::Unpaced => now,
-            Pace::RealTime => (self.next_due + self.dt).max(now),
+            Pace::RealTime => (self.next_due + self.dt.mul_f32(self.stretch())).max(now),
         };
         self.tick = self.tick.next();
         self.done.clear();
@@ -191,6 +204,7 @@ impl Leader {
         }
         self.sort_early();
         ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
+        ops.extend(self.corrections());
         let rounds = std::mem::replace(&mut self.rounds_wanted, 1);
         Some(Dispatch { view: self.view, tick: self.tick, rounds, ops })
     }
@@ -230,12 +244,14 @@ impl Leader {
         self.latest.remove(&id);
         self.moved.remove(&id);
         self.contacts.forget_body(id);
+        self.forget_abroad(id);
     }
 
     /// A pair that two regions hold is seen by both: it begins with the first and ends with the last of them.
     fn forward_contacts(&mut self) {
         let mut seen = WorldEvents::default();
         self.contacts.merge(std::mem::take(&mut self.events).values(), &mut seen);
+        self.claim(&seen.touches);
         let mut touches: BTreeMap<ClientId, Vec<Touch>> = BTreeMap::new();
         let mut forces: BTreeMap<ClientId, Vec<ContactForce>> = BTreeMap::new();
         for touch in seen.touches {

@@ -14,6 +14,7 @@
 //! node) → `Adopt` (build and drop; one border exchange; `Done` of the view's own tick to the new leader, who goes on).
 
 mod client;
+mod correction;
 mod device;
 pub mod directory;
 mod leader;
@@ -25,9 +26,10 @@ mod server;
 use crate::space::{ClientId, NodeId};
 
 pub use client::{BodyView, Client, ClientEvent, ClientOutput};
+pub use correction::{correction, deviation_m};
 pub use device::{PhysicsCommand, PhysicsEvent, Sampling};
 pub use directory::{Batch, Key};
-pub use leader::Leader;
+pub use leader::{Deviations, Leader};
 pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
 pub use ping::{Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};

@@ -290,6 +290,7 @@ impl Server {
             group.reconsider(&mut self.common);
         }
         self.tidy();
+        self.tell_leaders();
         let now = self.common.now;
         let soft = self.store_at.take_if(|at| *at <= now).is_some();
         self.store(mark, soft);

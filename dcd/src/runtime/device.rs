@@ -6,11 +6,11 @@ use std::time::Instant;
 use rapier3d::prelude::*;
 use tracing::warn;
 
-use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
+use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
 use crate::physics::{Coupling, HostError, Partition, RegionHost, StepSettings};
 use crate::protocol::{
-    BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties, SharedState,
-    StateHasher, TickStats, WorldOp,
+    BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties,
+    SharedState, StateHasher, TickStats, WorldOp,
 };
 use crate::space::{BodyId, DistributionTree};
 
@@ -92,9 +92,10 @@ impl PhysicsDevice {
                 Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() })
             }
             PhysicsCommand::Step { tick, rounds, ops } => {
+                let band_m = self.band_m();
                 let host = self.world();
                 assert_eq!(tick, host.tick().next(), "ticks are computed in order");
-                let removed = apply(host, ops);
+                let removed = apply(host, ops, band_m);
                 host.set_rounds(rounds as usize);
                 host.compute();
                 (self.rebuilding, self.rounds_left) = (false, rounds - 1);
@@ -137,8 +138,9 @@ impl PhysicsDevice {
             copy.insert(bodies, &joints.into_values().collect::<Vec<_>>())?;
             self.copy = Some(copy);
         }
+        let band_m = self.band_m();
         let copy = self.copy.as_mut().expect("made above");
-        apply(copy, ops);
+        apply(copy, ops, band_m);
         copy.step()?;
         copy.clear_events();
         let awake = copy
@@ -146,6 +148,11 @@ impl PhysicsDevice {
             .filter(|(_, region, handle)| !region.physics().bodies[*handle].is_sleeping())
             .map(|(_, region, handle)| region.shared_state(handle));
         Ok(awake.collect())
+    }
+
+    /// How near to its goal a body of another group's is left alone, metres.
+    fn band_m(&self) -> f64 {
+        self.world.as_ref().map_or(0.0, |world| f64::from(world.thresholds.between_groups_m) / 2.0)
     }
 
     fn world(&mut self) -> &mut RegionHost {
@@ -264,7 +271,7 @@ fn host_of(world: &EnvironmentProperties, threads: usize) -> Result<RegionHost, 
 
 /// Applies what happens from outside before a tick; every member does so with what it holds. Returns the owned bodies
 /// that disappeared, as they were. What cannot be done is refused by all alike, so it only leaves a word in the log.
-fn apply(host: &mut RegionHost, ops: Vec<WorldOp>) -> Vec<BodyRecord> {
+fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecord> {
     let mut removed = Vec::new();
     for op in ops {
         match op {
@@ -284,10 +291,31 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>) -> Vec<BodyRecord> {
                 host.remove_joint(id);
             }
             WorldOp::Drive(drive) => steer(host, &drive),
-            WorldOp::Correct { .. } => {}
+            WorldOp::Correct { tick, states } => {
+                let lag_s = (host.tick().next().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);
+                states.iter().for_each(|state| lead(host, state, lag_s, band_m));
+            }
         }
     }
     removed
+}
+
+/// Leads a body to where another group has it.
+fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
+    let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
+    let goal = target.pose.moved(&target.velocity, lag_s);
+    if traits.kind == BodyKind::KinematicPosition {
+        host.move_copies(target.id, goal);
+        return;
+    }
+    if target.sleeping && state.sleeping && deviation_m(&state.pose, &goal) <= band_m {
+        return;
+    }
+    let velocity = correction(&state.pose, target, lag_s, band_m);
+    host.update(target.id, |body| {
+        body.set_linvel(Vector::from_array(velocity.linear), true);
+        body.set_angvel(Vector::from_array(velocity.angular), true);
+    });
 }
 
 fn steer(host: &mut RegionHost, drive: &Drive) {

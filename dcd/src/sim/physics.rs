@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
+use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction};
 use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, EnvironmentProperties, Placed,
     SharedState, TickStats, Transfer, WorldOp,
@@ -103,7 +103,7 @@ impl StandIn {
             }
             PhysicsCommand::Step { tick, rounds, ops } => {
                 let mut removed = Vec::new();
-                ops.into_iter().for_each(|op| self.apply(op, &mut removed));
+                ops.into_iter().for_each(|op| self.apply(tick, op, &mut removed));
                 (self.rounds, self.rounds_left) = (rounds, rounds - 1);
                 self.fly();
                 Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed })
@@ -195,7 +195,7 @@ impl StandIn {
         }
     }
 
-    fn apply(&mut self, op: WorldOp, removed: &mut Vec<BodyRecord>) {
+    fn apply(&mut self, tick: Tick, op: WorldOp, removed: &mut Vec<BodyRecord>) {
         match op {
             WorldOp::Insert { body, .. } => {
                 let region = self.world().tree.leaf_at(body.state.pose.translation);
@@ -210,7 +210,20 @@ impl StandIn {
                     region.replicas.remove(&id);
                 }
             }
-            WorldOp::RemoveJoint(_) | WorldOp::Correct { .. } => {}
+            WorldOp::RemoveJoint(_) => {}
+            WorldOp::Correct { tick: told, states } => {
+                let (dt_s, band_m) = {
+                    let world = self.world();
+                    (f64::from(world.dt_s), f64::from(world.thresholds.between_groups_m) / 2.0)
+                };
+                let lag_s = (tick.0 as f64 - told.0 as f64) * dt_s;
+                for state in states {
+                    let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&state.id));
+                    if let Some(Owned { body, .. }) = owner {
+                        body.state.velocity = correction(&body.state.pose, &state, lag_s, band_m);
+                    }
+                }
+            }
             WorldOp::Drive(drive) => {
                 let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&drive.body));
                 if let Some(owned) = owner {

@@ -10,7 +10,8 @@ pub type Allocation = BTreeMap<RegionId, NodeId>;
 
 /// Deals the leaves of the tree to the nodes, so that each node has whole sub-trees and about its share of the load.
 ///
-/// `load_of` says what a leaf costs, in any unit. With more nodes than leaves the last nodes stay idle.
+/// `load_of` says what a leaf costs, in any unit. The lowest node leads the group, and has the smallest share: the thesis
+/// measured leaders 10 to 46 % slower than their members (table 5.6). With more nodes than leaves the lowest stay idle.
 ///
 /// # Panics
 /// When `nodes` is empty: a world without a node has no allocation.
@@ -18,9 +19,24 @@ pub fn allocate(tree: &DistributionTree, nodes: &[NodeId], load_of: impl Fn(Regi
     assert!(!nodes.is_empty(), "an allocation needs at least one node");
     let mut nodes = nodes.to_vec();
     nodes.sort_unstable();
-    nodes.truncate(tree.leaf_count());
+    let leader = nodes[0];
+    nodes.drain(..nodes.len().saturating_sub(tree.leaf_count()));
     let mut allocation = Allocation::new();
     deal(tree, RegionId(0), &nodes, &load_of, &mut allocation);
+    let mut shares: BTreeMap<NodeId, f64> = BTreeMap::new();
+    for (&leaf, &node) in &allocation {
+        *shares.entry(node).or_default() += load_of(leaf);
+    }
+    let smallest = shares.iter().min_by(|a, b| a.1.total_cmp(b.1)).map(|(&node, _)| node);
+    if let Some(smallest) = smallest.filter(|_| nodes[0] == leader) {
+        for node in allocation.values_mut() {
+            *node = match *node {
+                node if node == smallest => leader,
+                node if node == leader => smallest,
+                node => node,
+            };
+        }
+    }
     allocation
 }
 
@@ -99,9 +115,15 @@ mod tests {
             let ids: Vec<_> = (1..=nodes).map(NodeId).collect();
             let allocation = allocate(&tree, &ids, |leaf| loads[leaf.0 as usize % loads.len()]);
             prop_assert_eq!(allocation.keys().copied().collect::<Vec<_>>(), tree.leaves().collect::<Vec<_>>());
-            for &node in ids.iter().take(leaves) {
+            let computing = ids.len().min(leaves);
+            for &node in &ids[ids.len() - computing..] {
                 prop_assert_eq!(tops(&tree, &allocation, node), 1);
             }
+            let share = |node| -> f64 {
+                let own = allocation.iter().filter(|(_, owner)| **owner == node);
+                own.map(|(leaf, _)| loads[leaf.0 as usize % loads.len()]).sum()
+            };
+            prop_assert!(ids.iter().all(|&node| share(ids[0]) <= share(node)), "the leader has the least");
         }
 
         #[test]

@@ -74,6 +74,10 @@ impl Node {
         for (client, message) in messages {
             self.tell_client(client, message);
         }
+        let for_server = self.leader.as_mut().map(|leader| leader.take_server_messages()).unwrap_or_default();
+        for message in for_server {
+            self.send_server(message);
+        }
     }
 
     fn tell_client(&mut self, client: ClientId, message: ToClient) {

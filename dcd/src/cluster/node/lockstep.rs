@@ -60,7 +60,15 @@ impl Node {
                 self.know(now, &members, true);
                 self.tend_links(now);
             }
-            ToNode::Poll { .. } | ToNode::Abroad { .. } | ToNode::Authority { .. } => {}
+            ToNode::Poll { .. } => {}
+            ToNode::Abroad { view, main, tick, states } => match &mut self.leader {
+                Some(leader) if leader.view() == view => leader.hear_abroad(main, tick, states),
+                _ => self.counters.stale += 1,
+            },
+            ToNode::Authority { view, alone, by_default, stances } => match &mut self.leader {
+                Some(leader) if leader.view() == view => leader.authority(alone, by_default, stances),
+                _ => self.counters.stale += 1,
+            },
             ToNode::Shutdown { evicted, reason } => self.stop(evicted, reason),
         }
     }

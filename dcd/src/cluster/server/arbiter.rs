@@ -1,22 +1,111 @@
-//! Between groups (thesis 3.3.8): which one is believed about a body, and who is told what the others see.
+//! Between groups (thesis 3.3.8, 4.3.2.10): which one is believed about a body, and who is told what the others see.
+
+use std::collections::BTreeMap;
 
 use super::Server;
-use crate::protocol::{SharedState, ViewNumber};
-use crate::space::{BodyId, NodeId, Tick};
+use super::group::Group;
+use crate::protocol::{SharedState, Stance, ToNode, ViewNumber};
+use crate::space::{BodyId, GroupId, NodeId, Tick};
 
 /// Which groups are believed about bodies that the main one is not believed about.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Arbiter {}
+pub(super) struct Arbiter {
+    /// The group whose avatar last touched a body, and how often that has changed.
+    touched: BTreeMap<BodyId, (u32, GroupId)>,
+    /// What leaders were last told: in which view, whether there is nobody else, and whether they are the main group.
+    told: BTreeMap<GroupId, (ViewNumber, bool, bool)>,
+}
 
 impl Server {
-    pub(super) fn abroad(
-        &mut self,
-        _node: NodeId,
-        _view: ViewNumber,
-        _tick: Tick,
-        _states: Vec<SharedState>,
-    ) {
+    /// The group that is believed about a body: that of its client; or whose avatar touched it last; or the main one.
+    pub fn believed(&self, body: BodyId) -> GroupId {
+        let group = match body.client() {
+            Some(client) => self.common.clients.get(&client).map(|entry| entry.group),
+            None => self.arbiter.touched.get(&body).map(|&(_, group)| group),
+        };
+        group.filter(|group| self.groups.get(group).is_some_and(lives)).unwrap_or(self.main)
     }
 
-    pub(super) fn touched(&mut self, _node: NodeId, _view: ViewNumber, _bodies: Vec<(BodyId, u32)>) {}
+    /// The group that this node leads in this view.
+    fn led_by(&self, node: NodeId, view: ViewNumber) -> Option<GroupId> {
+        let leads =
+            |group: &&Group| group.view.as_ref().is_some_and(|v| v.leader == node && v.number == view);
+        self.groups.values().find(leads).map(|group| group.id)
+    }
+
+    /// A group tells how bodies are that it is believed about: all others are told.
+    pub(super) fn abroad(&mut self, node: NodeId, view: ViewNumber, tick: Tick, states: Vec<SharedState>) {
+        let Some(from) = self.led_by(node, view) else {
+            self.common.stale += 1;
+            return;
+        };
+        let told = states.len();
+        let states: Vec<_> = states.into_iter().filter(|state| self.believed(state.id) == from).collect();
+        self.common.stale += (told - states.len()) as u64;
+        let main = from == self.main;
+        for group in self.groups.values().filter(|group| group.id != from && lives(group)) {
+            let Some(view) = &group.view else { continue };
+            if main || !states.is_empty() {
+                let message = ToNode::Abroad { view: view.number, main, tick, states: states.clone() };
+                self.common.send_node(view.leader, message);
+            }
+        }
+    }
+
+    /// An avatar of a group has touched bodies: the group is believed about them, if it knew who was before.
+    pub(super) fn touched(&mut self, node: NodeId, view: ViewNumber, bodies: Vec<(BodyId, u32)>) {
+        let Some(from) = self.led_by(node, view) else {
+            self.common.stale += 1;
+            return;
+        };
+        let mut news = Vec::new();
+        for (body, number) in bodies {
+            let known = self.arbiter.touched.get(&body).map_or(0, |&(number, _)| number);
+            let exists = body.client().is_none() && self.record().body(body).is_some();
+            if exists && number == known + 1 {
+                self.arbiter.touched.insert(body, (number, from));
+            } else {
+                self.common.stale += 1;
+            }
+            if exists {
+                news.push(body);
+            }
+        }
+        for id in self.groups.values().filter(|group| lives(group)).map(|group| group.id).collect::<Vec<_>>()
+        {
+            self.tell_authority(id, &news);
+        }
+    }
+
+    /// New leaders are told who is believed about what; so are all when groups come and go.
+    pub(super) fn tell_leaders(&mut self) {
+        let alone = self.groups.values().filter(|group| lives(group)).count() <= 1;
+        self.arbiter.told.retain(|id, _| self.groups.contains_key(id));
+        self.arbiter.touched.retain(|_, (_, group)| self.groups.contains_key(group));
+        let bodies: Vec<_> = self.arbiter.touched.keys().copied().collect();
+        for id in self.groups.values().filter(|group| lives(group)).map(|group| group.id).collect::<Vec<_>>()
+        {
+            let Some(view) = &self.groups[&id].view else { continue };
+            let state = (view.number, alone, id == self.main);
+            if self.arbiter.told.insert(id, state) != Some(state) {
+                self.tell_authority(id, &bodies);
+            }
+        }
+    }
+
+    fn tell_authority(&mut self, id: GroupId, bodies: &[BodyId]) {
+        let alone = self.groups.values().filter(|group| lives(group)).count() <= 1;
+        let Some(view) = &self.groups[&id].view else { return };
+        let stance = |&body: &BodyId| {
+            let (number, group) = self.arbiter.touched.get(&body).copied().unwrap_or((0, self.main));
+            Stance { body, number, yours: group == id }
+        };
+        let stances = bodies.iter().map(stance).collect();
+        let message = ToNode::Authority { view: view.number, alone, by_default: id == self.main, stances };
+        self.common.send_node(view.leader, message);
+    }
+}
+
+fn lives(group: &Group) -> bool {
+    group.view.is_some() && !group.held
 }

@@ -70,16 +70,22 @@ pub enum ToNode {
     Abroad {
         /// The present view of the receiver.
         view: ViewNumber,
+        /// Whether they come from the main group, whose ticks the others keep up with.
+        main: bool,
         /// After which tick they were so.
         tick: Tick,
         /// In id order.
         states: Vec<SharedState>,
     },
-    /// To the leader of a group: which group is believed about these bodies from now on.
+    /// To the leader of a group: which group is believed about what from now on.
     Authority {
         /// The present view of the receiver.
         view: ViewNumber,
-        /// In id order.
+        /// Whether there is no other group.
+        alone: bool,
+        /// Whether the receiver's group is believed about persistent bodies that no stance is on.
+        by_default: bool,
+        /// What is new, in id order.
         stances: Vec<Stance>,
     },
     /// Stop: the world ends, the node's leave is granted, or it was evicted.

@@ -1,0 +1,75 @@
+//! How a body is led to where another group, which is believed about it, has it: by its velocity, so that what is in the way
+//! is pushed and not jumped into (thesis 3.3.8 leaves the way open).
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::protocol::{SharedState, Velocity, WorldPose};
+
+/// An error is made up for in about this time, seconds.
+const SETTLE_S: f64 = 0.2;
+/// The most that is added to a velocity, m/s and rad/s: a fast body from nowhere would hurt those in its way.
+const MOST: f64 = 6.0;
+
+/// How far a body is from where it should be, metres.
+pub fn deviation_m(present: &WorldPose, target: &WorldPose) -> f64 {
+    let error = |i: usize| target.translation[i] - present.translation[i];
+    (0..3).map(|i| error(i).powi(2)).sum::<f64>().sqrt()
+}
+
+/// The velocity that leads a body from `present` to where `target` is by now, `lag_s` seconds after it was told of.
+///
+/// Within `band_m` of it, it moves as the target does. Repeat it while the deviation is larger: the error shrinks
+/// by a factor e in 0.2 s.
+pub fn correction(present: &WorldPose, target: &SharedState, lag_s: f64, band_m: f64) -> Velocity {
+    let goal = target.pose.moved(&target.velocity, lag_s);
+    if deviation_m(present, &goal) <= band_m {
+        return target.velocity;
+    }
+    let (from, to) = (present.isometry(), goal.isometry());
+    let way = limited((to.translation.vector - from.translation.vector) / SETTLE_S);
+    let turn: UnitQuaternion<f64> = to.rotation * from.rotation.inverse();
+    let turn = limited(turn.scaled_axis() / SETTLE_S);
+    let add = |velocity: [f32; 3], more: Vector3<f64>| {
+        std::array::from_fn(|i| (f64::from(velocity[i]) + more[i]) as f32)
+    };
+    Velocity { linear: add(target.velocity.linear, way), angular: add(target.velocity.angular, turn) }
+}
+
+fn limited(velocity: Vector3<f64>) -> Vector3<f64> {
+    let speed = velocity.norm();
+    if speed > MOST { velocity * (MOST / speed) } else { velocity }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::{BodyId, Epoch};
+
+    fn target() -> SharedState {
+        let velocity = Velocity { linear: [2.0, 0.0, 0.0], angular: [0.0, 0.0, 1.0] };
+        let (id, epoch) = (BodyId::persistent(1), Epoch(0));
+        SharedState { id, epoch, pose: WorldPose::at([1.0, 2.0, 3.0]), velocity, sleeping: false }
+    }
+
+    #[test]
+    fn a_deviating_body_meets_its_target_on_the_way_and_moves_on_with_it() {
+        let mut pose = WorldPose::at([0.0, 2.5, 3.0]);
+        let (dt, target) = (1.0 / 60.0, target());
+        let mut worst_step = 0.0_f64;
+        for tick in 0..90 {
+            let velocity = correction(&pose, &target, f64::from(tick) * dt, 0.01);
+            let next = pose.moved(&velocity, dt);
+            worst_step = worst_step.max(deviation_m(&pose, &next));
+            pose = next;
+        }
+        let goal = target.pose.moved(&target.velocity, 90.0 * dt);
+        assert!(deviation_m(&pose, &goal) <= 0.01, "{pose:?} {goal:?}");
+        assert!(pose.isometry().rotation.angle_to(&goal.isometry().rotation) < 0.02);
+        assert!(worst_step < 8.1 * dt, "never a jump: {worst_step}");
+        assert_eq!(
+            correction(&goal, &target, 90.0 * dt, 0.01),
+            target.velocity,
+            "there it moves as the target does"
+        );
+    }
+}

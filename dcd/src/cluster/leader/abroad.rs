@@ -1,0 +1,224 @@
+//! A group among others (thesis 3.3.8): which bodies it is believed about, what it tells the others of them, and how its own
+//! follow where another group is believed.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::Leader;
+use crate::cluster::correction::deviation_m;
+use crate::protocol::{SharedState, Stance, ToServer, Touch, WorldOp, datagrams};
+use crate::space::{BodyId, Tick};
+
+/// Ticks between messages to the other groups.
+const TELL_EVERY: u64 = 6;
+/// Bodies at rest that are told of again with each.
+const REMINDERS: usize = 4;
+/// What another group told longer ago than this does not count any more, ticks.
+const STALE_TICKS: u64 = 60;
+/// How many ticks another group may be ahead or behind before this one hurries or waits.
+const STEP_TICKS: i64 = 1;
+/// By how much it does.
+const HURRY: f32 = 0.05;
+
+/// Deviations between this group and those that are believed, since they were last asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Deviations {
+    /// How often a body was compared.
+    pub count: u64,
+    /// Sum over all comparisons, metres.
+    pub sum_m: f64,
+    /// The largest, metres.
+    pub max_m: f64,
+    /// How many were above the threshold between groups.
+    pub above: u64,
+}
+
+/// What a leader knows of the other groups.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Abroad {
+    by_default: bool,
+    stances: BTreeMap<BodyId, (u32, bool)>,
+    /// Moved since the others were told, of those that this group is believed about.
+    moved: BTreeSet<BodyId>,
+    told: BTreeMap<BodyId, (Tick, SharedState)>,
+    reminded: BodyId,
+    /// The newest that other groups told.
+    heard: BTreeMap<BodyId, (Tick, SharedState)>,
+    news: BTreeSet<BodyId>,
+    correcting: BTreeSet<BodyId>,
+    /// How many ticks the main group is ahead.
+    pub ahead: Option<i64>,
+    deviations: Deviations,
+    pub to_server: Vec<ToServer>,
+}
+
+impl Leader {
+    /// The server says which group is believed about what.
+    pub fn authority(&mut self, alone: bool, by_default: bool, stances: Vec<Stance>) {
+        if alone {
+            self.abroad = None;
+            return;
+        }
+        let known: BTreeSet<_> = self.latest.keys().copied().collect();
+        let abroad = self.abroad.get_or_insert_with(|| Abroad { moved: known, ..Abroad::default() });
+        abroad.by_default = by_default;
+        for Stance { body, number, yours } in stances {
+            if abroad.stances.get(&body).is_none_or(|&(known, _)| known <= number) {
+                abroad.stances.insert(body, (number, yours));
+                abroad.moved.insert(body);
+            }
+        }
+        if by_default {
+            abroad.ahead = None;
+        }
+    }
+
+    /// What other groups tell of bodies that they are believed about.
+    pub fn hear_abroad(&mut self, main: bool, tick: Tick, states: Vec<SharedState>) {
+        let now = self.tick.0;
+        let Some(abroad) = &mut self.abroad else { return };
+        if main && !abroad.by_default {
+            abroad.ahead = Some(tick.0 as i64 - now as i64);
+        }
+        for state in states {
+            if abroad.heard.get(&state.id).is_none_or(|(known, _)| *known < tick) {
+                abroad.heard.insert(state.id, (tick, state));
+                abroad.news.insert(state.id);
+            }
+        }
+    }
+
+    /// How far this group's bodies were from where the groups that are believed have them, since the last call.
+    pub fn take_deviations(&mut self) -> Deviations {
+        self.abroad.as_mut().map(|abroad| std::mem::take(&mut abroad.deviations)).unwrap_or_default()
+    }
+
+    /// How much longer or shorter than usual the next tick is to be, so that groups keep step.
+    pub(super) fn stretch(&self) -> f32 {
+        match self.abroad.as_ref().and_then(|abroad| abroad.ahead) {
+            Some(ahead) if ahead > STEP_TICKS => 1.0 - HURRY,
+            Some(ahead) if ahead < -STEP_TICKS => 1.0 + HURRY,
+            _ => 1.0,
+        }
+    }
+
+    pub(super) fn moved_here(&mut self, id: BodyId) {
+        let is_local = id.client().map(|client| self.clients.contains_key(&client));
+        if let Some(abroad) = &mut self.abroad {
+            let ours = abroad.stances.get(&id).map_or(abroad.by_default, |&(_, ours)| ours);
+            if is_local.unwrap_or(ours) {
+                abroad.moved.insert(id);
+            }
+        }
+    }
+
+    /// A local avatar that touches a body makes its group the one that is believed about it.
+    pub(super) fn claim(&mut self, touches: &[Touch]) {
+        let Some(abroad) = &mut self.abroad else { return };
+        let mut claims = BTreeMap::new();
+        for touch in touches.iter().filter(|touch| touch.began && !touch.sensor) {
+            for (avatar, body) in [(touch.key.a, touch.key.b), (touch.key.b, touch.key.a)] {
+                let is_local = avatar.client().is_some_and(|client| self.clients.contains_key(&client));
+                if !is_local || body.client().is_some() || !self.latest.contains_key(&body) {
+                    continue;
+                }
+                let (number, ours) = abroad.stances.get(&body).copied().unwrap_or((0, abroad.by_default));
+                if !ours {
+                    claims.insert(body, number + 1);
+                }
+            }
+        }
+        if !claims.is_empty() {
+            abroad
+                .to_server
+                .push(ToServer::Touched { view: self.view, bodies: claims.into_iter().collect() });
+        }
+    }
+
+    /// After a completed tick: compares, and tells the others at a set rate.
+    pub(super) fn compare_and_tell(&mut self) {
+        let (view, tick, dt_s) = (self.view, self.tick, self.dt.as_secs_f64());
+        let thresholds = self.thresholds;
+        let Some(abroad) = &mut self.abroad else { return };
+        abroad.heard.retain(|_, (heard, _)| tick.0 < heard.0 + STALE_TICKS);
+        for (id, (heard, state)) in &abroad.heard {
+            let Some((own, at)) = self.latest.get(id).filter(|(_, at)| *at == tick) else { continue };
+            let lag_s = (at.0 as f64 - heard.0 as f64) * dt_s;
+            let deviation = deviation_m(&own.pose, &state.pose.moved(&state.velocity, lag_s));
+            let band = f64::from(thresholds.between_groups_m);
+            let seen = &mut abroad.deviations;
+            seen.count += 1;
+            seen.sum_m += deviation;
+            seen.max_m = seen.max_m.max(deviation);
+            seen.above += u64::from(deviation > band);
+            if deviation > 0.5 * band {
+                abroad.correcting.insert(*id);
+                abroad.news.insert(*id);
+            } else if abroad.correcting.remove(id) {
+                abroad.news.insert(*id);
+            }
+        }
+        if tick.0.is_multiple_of(TELL_EVERY) {
+            let reminders = abroad.told.range(abroad.reminded..).skip(1).take(REMINDERS);
+            let reminders: Vec<_> = reminders.map(|(&id, _)| id).collect();
+            abroad.reminded = reminders.last().copied().unwrap_or_default();
+            let mut states = Vec::new();
+            let moved = std::mem::take(&mut abroad.moved);
+            for id in moved.iter().chain(&reminders).collect::<BTreeSet<_>>() {
+                let Some((state, at)) = self.latest.get(id) else { continue };
+                let foretold = abroad.told.get(id).is_some_and(|(told, known)| {
+                    let lag_s = (at.0 as f64 - told.0 as f64) * dt_s;
+                    let pose = known.pose.moved(&known.velocity, lag_s);
+                    let limit = f64::from(thresholds.dead_reckoning_m);
+                    known.sleeping == state.sleeping
+                        && at.0 < told.0 + STALE_TICKS / 2
+                        && deviation_m(&state.pose, &pose) < limit
+                });
+                if !foretold || !moved.contains(id) {
+                    // Told as of this tick: who reads it has one tick a message.
+                    let lag_s = (tick.0 as f64 - at.0 as f64) * dt_s;
+                    let pose = state.pose.moved(&state.velocity, lag_s);
+                    let state = SharedState { pose, ..*state };
+                    abroad.told.insert(*id, (tick, state));
+                    states.push(state);
+                }
+            }
+            // Even without news, so that the others can keep step.
+            let mut parts = datagrams(states);
+            if parts.is_empty() {
+                parts.push(Vec::new());
+            }
+            for states in parts {
+                abroad.to_server.push(ToServer::Abroad { view, tick, states });
+            }
+        }
+    }
+
+    /// Corrections for the next tick.
+    pub(super) fn corrections(&mut self) -> Vec<WorldOp> {
+        let Some(abroad) = &mut self.abroad else { return Vec::new() };
+        let mut by_tick: BTreeMap<Tick, Vec<SharedState>> = BTreeMap::new();
+        for id in std::mem::take(&mut abroad.news) {
+            let Some(&(tick, state)) = abroad.heard.get(&id) else { continue };
+            // What is where it should be is left alone; avatars have no other way to learn where they go.
+            if id.client().is_some() || self.latest.contains_key(&id) {
+                by_tick.entry(tick).or_default().push(state);
+            }
+        }
+        by_tick.into_iter().map(|(tick, states)| WorldOp::Correct { tick, states }).collect()
+    }
+
+    /// Messages for the server since the last call.
+    pub fn take_server_messages(&mut self) -> Vec<ToServer> {
+        self.abroad.as_mut().map(|abroad| std::mem::take(&mut abroad.to_server)).unwrap_or_default()
+    }
+
+    pub(super) fn forget_abroad(&mut self, id: BodyId) {
+        if let Some(abroad) = &mut self.abroad {
+            abroad.moved.remove(&id);
+            abroad.told.remove(&id);
+            abroad.heard.remove(&id);
+            abroad.news.remove(&id);
+            abroad.correcting.remove(&id);
+        }
+    }
+}

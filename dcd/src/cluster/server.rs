@@ -59,6 +59,7 @@ pub enum ServerEvent {
 
 /// What a server wants done, in this order.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "an output lives until it is done")]
 pub enum ServerOutput {
     /// Write this down, durably if it says so, before anything that follows is done.
     Store(Batch),

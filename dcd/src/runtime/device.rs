@@ -12,7 +12,7 @@ use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties,
     SharedState, StateHasher, TickStats, WorldOp,
 };
-use crate::space::{BodyId, DistributionTree};
+use crate::space::{BodyId, DistributionTree, RegionId};
 
 /// Why the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -74,7 +74,7 @@ impl PhysicsDevice {
         let event = match command {
             PhysicsCommand::World(world) => {
                 *self = Self::new(self.threads);
-                self.host = Some(host_of(&world, self.threads)?);
+                self.host = Some(host_of(&world, self.threads, &[])?);
                 self.world = Some(world);
                 None
             }
@@ -105,7 +105,13 @@ impl PhysicsDevice {
             PhysicsCommand::Accept { incoming, report, checkpoint, .. } => {
                 Some(self.accept(incoming, report, checkpoint)?)
             }
-            PhysicsCommand::Drift(ops) => Some(PhysicsEvent::Drifted(self.drift(ops)?)),
+            PhysicsCommand::Drift(ops) => {
+                let awake = self.drift(ops).unwrap_or_else(|error| {
+                    warn!(%error, "nothing is computed while others are waited for");
+                    Vec::new()
+                });
+                Some(PhysicsEvent::Drifted(awake))
+            }
             PhysicsCommand::Return => {
                 self.copy = None;
                 None
@@ -126,7 +132,9 @@ impl PhysicsDevice {
             let world = self.world.as_ref().expect("a world comes before commands");
             let host = self.host.as_ref().expect("a world comes before commands");
             let tree = DistributionTree::halved(world.tree.bounds(), 1).expect("one region always can be");
-            let mut copy = host_of(&EnvironmentProperties { tree, ..world.clone() }, self.threads)?;
+            let regions: Vec<_> = tree.leaves().collect();
+            let world = EnvironmentProperties { tree, ..world.clone() };
+            let mut copy = host_of(&world, self.threads, &regions)?;
             for shape in host.shapes().records() {
                 copy.shapes_mut().add(shape).map_err(HostError::from)?;
             }
@@ -249,7 +257,11 @@ impl PhysicsDevice {
     }
 }
 
-fn host_of(world: &EnvironmentProperties, threads: usize) -> Result<RegionHost, DeviceError> {
+fn host_of(
+    world: &EnvironmentProperties,
+    threads: usize,
+    regions: &[RegionId],
+) -> Result<RegionHost, DeviceError> {
     let coupling = Coupling::ALL
         .into_iter()
         .find(|coupling| coupling.name() == world.coupling)
@@ -266,7 +278,7 @@ fn host_of(world: &EnvironmentProperties, threads: usize) -> Result<RegionHost, 
         integration: IntegrationParameters::default(),
     };
     let partition = Partition::new(world.tree.clone(), world.halo_m);
-    Ok(RegionHost::new(partition, settings, threads, &[])?)
+    Ok(RegionHost::new(partition, settings, threads, regions)?)
 }
 
 /// Applies what happens from outside before a tick; every member does so with what it holds. Returns the owned bodies

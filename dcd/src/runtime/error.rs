@@ -102,6 +102,11 @@ pub enum ProcessError {
     /// What is stored of a world cannot be gone on with.
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),
+    /// Our own mistake.
+    #[error(
+        "a fault of dcd ended this process's part in the world; please report it with the message printed above"
+    )]
+    Fault,
     /// The operating system gives no thread.
     #[error("cannot start a thread: {0}; raise the limit of threads")]
     Thread(std::io::Error),

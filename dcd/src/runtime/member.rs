@@ -2,6 +2,7 @@
 //! feeds links, physics and the user's wishes to the state machines and does what they ask for.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -203,7 +204,13 @@ impl Member {
         };
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
-            .spawn(move || running.run(&inputs))
+            .spawn(move || {
+                let shared = running.shared.clone();
+                if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
+                    shared.lock().end = Some(Err(ProcessError::Fault));
+                    shared.changed.notify_all();
+                }
+            })
             .map_err(ProcessError::Thread)?;
         Ok(Self { shared, inbox, thread: Some(thread), who, address })
     }

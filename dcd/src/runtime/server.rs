@@ -1,6 +1,7 @@
 //! The server as a process: one thread that feeds links to the state machine and does what it asks for.
 
 use std::net::SocketAddr;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -160,7 +161,15 @@ impl ServerProcess {
         };
         let thread = std::thread::Builder::new()
             .name("dcd-server".into())
-            .spawn(move || running.run(&inputs))
+            .spawn(move || {
+                let shared = running.shared.clone();
+                if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
+                    let mut state = shared.lock();
+                    (state.failure, state.over) = (Some(ProcessError::Fault), true);
+                    drop(state);
+                    shared.changed.notify_all();
+                }
+            })
             .map_err(ProcessError::Thread)?;
         Ok(Self { inbox, shared, thread: Some(thread), authority, address })
     }

@@ -15,6 +15,7 @@
 
 mod client;
 mod device;
+mod groups;
 mod leader;
 mod node;
 mod ping;
@@ -25,6 +26,7 @@ use crate::space::{ClientId, NodeId};
 
 pub use client::{BodyView, Client, ClientEvent, ClientOutput};
 pub use device::{PhysicsCommand, PhysicsEvent, Sampling};
+pub use groups::{GroupError, GroupPolicy, GroupRules, Hint, HintUse, best_group, form_groups};
 pub use leader::Leader;
 pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
 pub use ping::{Pinger, RoundTrip, ping_interval_s};

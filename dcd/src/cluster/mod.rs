@@ -21,6 +21,7 @@ mod node;
 mod ping;
 mod record;
 mod server;
+mod votes;
 
 use crate::space::{ClientId, NodeId};
 
@@ -32,6 +33,10 @@ pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
 pub use ping::{Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
 pub use server::{MAX_AVATARS, Server, ServerConfig, ServerEvent, ServerOutput};
+pub use votes::{
+    Ballot, Call, DelayWatch, Motion, Outcome, PeerDelay, PollRules, Polls, Tally, VoteError, VoteRefusal,
+    VoteThresholds, WatchRules,
+};
 
 /// The other end of a link, as its certificate names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -196,11 +196,9 @@ impl Near {
     fn random(count: usize, seed: u64, density: f64) -> Self {
         let mut random = Random::new(seed);
         let mut near = vec![vec![false; count]; count];
-        for a in 0..count {
-            for b in 0..a {
-                near[a][b] = random.unit() < density;
-                near[b][a] = near[a][b];
-            }
+        for (a, b) in (0..count).flat_map(|a| (0..a).map(move |b| (a, b))) {
+            near[a][b] = random.unit() < density;
+            near[b][a] = near[a][b];
         }
         Self(near)
     }

@@ -17,11 +17,13 @@ mod client;
 mod correction;
 mod device;
 pub mod directory;
+mod groups;
 mod leader;
 mod node;
 mod ping;
 mod record;
 mod server;
+mod votes;
 
 use crate::space::{ClientId, NodeId};
 
@@ -29,11 +31,16 @@ pub use client::{BodyView, Client, ClientEvent, ClientOutput};
 pub use correction::{correction, deviation_m};
 pub use device::{PhysicsCommand, PhysicsEvent, Sampling};
 pub use directory::{Batch, Key};
+pub use groups::{GroupError, GroupPolicy, GroupRules, Hint, HintUse, best_group, form_groups};
 pub use leader::{Deviations, Leader};
 pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
 pub use ping::{Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
-pub use server::{MAX_AVATARS, RestoreError, Server, ServerConfig, ServerEvent, ServerOutput};
+pub use server::{Grouping, MAX_AVATARS, RestoreError, Server, ServerConfig, ServerEvent, ServerOutput};
+pub use votes::{
+    Ballot, Call, DelayWatch, Outcome, PeerDelay, PollRules, Polls, Tally, VoteError, VoteRefusal,
+    VoteThresholds, WatchRules,
+};
 
 /// The other end of a link, as its certificate names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

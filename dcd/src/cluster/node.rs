@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use self::drift::Drift;
 use self::links::Links;
-use super::{Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
+use super::{DelayWatch, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
 use crate::protocol::{
     Border, BorderMessage, Dispatch, Done, Drive, EnvironmentProperties, FromClient, JointRecord, Member,
     Message, Placed, ToClient, ToServer, View, ViewNumber,
@@ -141,6 +141,7 @@ pub struct Node {
     /// The newest word to the leader, and whether the next report is to be of all bodies.
     done: Option<Done>,
     report_all: bool,
+    watch: Option<DelayWatch>,
     pinger: Pinger,
     counters: NodeCounters,
     stopped: bool,
@@ -201,6 +202,7 @@ impl Node {
             link: Links::default(),
             done: None,
             report_all: false,
+            watch: None,
             pinger: Pinger::default(),
             counters: NodeCounters::default(),
             stopped: false,
@@ -373,7 +375,7 @@ impl Node {
                 }
             }
             (_, Message::Ping(ping)) => self.send(from, Pinger::answer(now, ping)),
-            (_, Message::Pong(pong)) => self.pinger.pong(now, from, pong),
+            (_, Message::Pong(pong)) => self.hear_pong(now, from, pong),
             _ => self.counters.refused += 1,
         }
     }

@@ -25,6 +25,9 @@ pub struct RoundTrip {
     pub offset_us: i64,
 }
 
+/// The server is pinged this often whatever the delay: its clock is everybody's, and clocks drift apart.
+const SERVER_EVERY: Duration = Duration::from_millis(250);
+
 #[derive(Clone, Debug)]
 struct Entry {
     next: Duration,
@@ -58,6 +61,11 @@ impl Pinger {
         let mut pings = Vec::new();
         for (&peer, entry) in self.peers.iter_mut().filter(|(_, entry)| entry.next <= now) {
             // 10 ms to 1 s of delay give 5 to 500 s: the thesis's example.
+            if peer == Peer::Server {
+                entry.next = now + SERVER_EVERY;
+                pings.push((peer, Message::Ping(Ping { sent_us: micros(now) })));
+                continue;
+            }
             let delay_ms = average_us(&entry.trips).map_or(0.0, |us| us / 1e3);
             let interval_s = ping_interval_s(delay_ms, [10.0, 1_000.0], [5.0, 500.0]);
             entry.next = now + Duration::from_secs_f64(interval_s);
@@ -85,6 +93,11 @@ impl Pinger {
     /// Average delay of the last round trips to a peer, microseconds.
     pub fn delay_us(&self, peer: Peer) -> Option<f64> {
         average_us(&self.peers.get(&peer)?.trips)
+    }
+
+    /// The newest round trip to a peer, microseconds.
+    pub fn latest_us(&self, peer: Peer) -> Option<u64> {
+        self.peers.get(&peer)?.trips.back().map(|trip| trip.delay_us)
     }
 
     /// The peer's clock minus ours by the quickest of the last round trips, microseconds.

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use self::common::{ABSENCE, ClientEntry, Common, NodeEntry, RETURN};
 use self::group::Group;
-use super::{Batch, Life, Peer, Pinger, Record};
+use super::{Batch, Life, Peer, Pinger, Polls, Record};
 use crate::protocol::{
     Chunk, EnvironmentProperties, Hello, Member, Message, Refusal, Role, ToClient, ToNode, ToServer, VERSION,
     View, ViewNumber, chunks,
@@ -24,6 +24,7 @@ use crate::protocol::{
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 pub use self::avatars::MAX_AVATARS;
+pub use self::regroup::Grouping;
 pub use self::stored::RestoreError;
 
 /// How long a group whose members are all out of reach is left alone before others take over.
@@ -38,6 +39,8 @@ pub struct ServerConfig {
     pub world: EnvironmentProperties,
     /// Nodes to wait for before the world first begins; at least 1.
     pub min_nodes: usize,
+    /// Who may share a group, beside the thresholds of delay that the world has.
+    pub grouping: Grouping,
 }
 
 /// What happens to a server.
@@ -105,6 +108,8 @@ pub struct Server {
     main: GroupId,
     last_group: GroupId,
     arbiter: arbiter::Arbiter,
+    polls: Polls,
+    looked_at: Duration,
     store_at: Option<Duration>,
     ended: bool,
 }
@@ -131,7 +136,18 @@ impl Server {
         group.record.mark_all();
         let groups = [(main, group)].into();
         let arbiter = arbiter::Arbiter::default();
-        Self { common, groups, main, last_group: main, arbiter, store_at: None, ended: false }
+        let polls = Polls::new(common.config.grouping.votes);
+        Self {
+            polls,
+            looked_at: Duration::ZERO,
+            common,
+            groups,
+            main,
+            last_group: main,
+            arbiter,
+            store_at: None,
+            ended: false,
+        }
     }
 
     /// Takes an event in; [`Server::poll_output`] tells what follows from it. `now` never goes back.
@@ -279,8 +295,9 @@ impl Server {
             return;
         }
         self.take_over();
-        self.assign();
         self.release();
+        self.welcome_moved();
+        self.assign();
         let is_done = |group: &Group| {
             group.view.as_ref().is_some_and(|view| {
                 view.members.iter().all(|member| group.at_last_tick.contains(&member.node))
@@ -291,6 +308,7 @@ impl Server {
             group.reconsider(&mut self.common);
         }
         self.tidy();
+        self.welcome_moved();
         self.tell_leaders();
         let now = self.common.now;
         let soft = self.store_at.take_if(|at| *at <= now).is_some();
@@ -412,6 +430,7 @@ impl Server {
             leaving: false,
             group: None,
             in_group_since: self.common.now,
+            moved: false,
             serving: None,
             shapes,
             scenery,
@@ -517,6 +536,7 @@ impl Server {
         if self.common.nodes.remove(&node).is_none() {
             return;
         }
+        self.polls.group_changes(&[node]);
         if group.is_some() {
             self.common.outputs.push_back(ServerOutput::Expelled(node));
         }
@@ -535,7 +555,8 @@ impl Server {
         let member = entry.member.clone();
         self.lose(node);
         self.welcome_node(member);
-        self.begin_apart(node);
+        let group = self.new_group();
+        self.put(node, group);
     }
 
     /// When others may take over from groups that are out of reach.
@@ -600,6 +621,7 @@ impl Server {
                 leaving: false,
                 group: Some(id),
                 in_group_since: Duration::ZERO,
+                moved: false,
                 serving: Some(view.number),
                 shapes: BTreeSet::new(),
                 scenery: BTreeSet::new(),

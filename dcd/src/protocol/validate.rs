@@ -357,7 +357,11 @@ impl Check for Thresholds {
         not_negative(&[self.dead_reckoning_m, self.between_groups_m], "thresholds")?;
         let Some(delay) = self.delay else { return Ok(()) };
         not_negative(&[delay.inclusion_ms, delay.rejection_ms, delay.deviation_ms], "thresholds.delay")?;
-        must(delay.inclusion_ms < delay.rejection_ms, "thresholds.inclusion_ms", "below rejection_ms")
+        must(
+            0.0 < delay.inclusion_ms && delay.inclusion_ms < delay.rejection_ms,
+            "thresholds.inclusion_ms",
+            "positive and below rejection_ms",
+        )
     }
 }
 

@@ -138,7 +138,8 @@ impl ServerProcess {
         let mut directory = RedbDirectory::open(&config.data)?;
         let entries = directory.load()?;
         let stored = entries.iter().find(|entry| entry.key == Key::World).map(|entry| entry.revision);
-        let server_config = ServerConfig { world: environment, min_nodes: config.nodes.max(1) };
+        let server_config =
+            ServerConfig { world: environment, min_nodes: config.nodes.max(1), grouping: Default::default() };
         let server = match entries.is_empty() {
             true => Server::new(server_config, record),
             false => {

@@ -64,8 +64,11 @@ impl Sim {
         let bodies: Vec<_> =
             (0..config.bodies).map(|i| drifting(BodyId::persistent(i), &mut random)).collect();
         let checker = Checker::new(bodies.iter().map(|body| body.id));
-        let server_config =
-            ServerConfig { world: sim_world(config.regions), min_nodes: config.nodes.max(1) as usize };
+        let server_config = ServerConfig {
+            world: sim_world(config.regions),
+            min_nodes: config.nodes.max(1) as usize,
+            grouping: Default::default(),
+        };
         let server = Server::new(server_config, Record::new(bodies, Vec::new(), Vec::new()));
         let mut sim = Self {
             now: Duration::ZERO,

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::{Node, NodeOutput};
 use crate::cluster::Peer;
-use crate::protocol::{Border, Delay, Hello, Member, Message, Role, ToServer, VERSION};
+use crate::protocol::{Border, Delay, Hello, Member, Message, Pong, Role, ToServer, VERSION};
 use crate::space::NodeId;
 
 /// Rounds said again when a link is back: in lockstep nobody is farther behind.
@@ -121,6 +121,9 @@ impl Node {
             let gone: Vec<_> = self.link.nodes.keys().filter(|node| !is_known(node)).copied().collect();
             for node in gone {
                 self.link.nodes.remove(&node);
+                if let Some(watch) = &mut self.watch {
+                    watch.forget(node);
+                }
                 self.outputs.push_back(NodeOutput::Disconnect(node));
             }
         }
@@ -160,6 +163,24 @@ impl Node {
         } else {
             let again = if is_member { AGAIN } else { AGAIN_ABROAD };
             link.dial_at = (me < node).then_some(now + again);
+        }
+    }
+
+    /// A round trip is complete: the delay may be a reason to call for a vote.
+    pub(super) fn hear_pong(&mut self, now: Duration, from: Peer, pong: Pong) {
+        self.pinger.pong(now, from, pong);
+        let Peer::Node(node) = from else { return };
+        let (Some(average), Some(latest)) = (self.pinger.delay_us(from), self.pinger.latest_us(from)) else {
+            return;
+        };
+        if self.link.nodes.get(&node).is_some_and(|link| link.told_ms.is_none()) {
+            self.link.delays_at = self.link.delays_at.map(|at| at.min(now));
+        }
+        let same_group = self.others.contains(&node);
+        let Some(watch) = self.watch.as_mut().filter(|_| self.view.is_some()) else { return };
+        let motion = watch.observe(now, node, same_group, average / 1e3, latest as f64 / 1e3);
+        if let Some(motion) = motion.filter(|_| self.link.server_up) {
+            self.send_server(ToServer::Call(motion));
         }
     }
 

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::{Change, Node, NodeOutput, Phase};
-use crate::cluster::{Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling};
+use crate::cluster::{
+    DelayWatch, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds, WatchRules,
+};
 use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, Message, RegionEvents, Report,
     ToNode, ToServer, View, split,
@@ -17,6 +19,8 @@ impl Node {
         match message {
             ToNode::Welcome { world, .. } => {
                 self.begin_anew();
+                let thresholds = world.thresholds.delay.map(VoteThresholds::from);
+                self.watch = thresholds.map(|thresholds| DelayWatch::new(thresholds, WatchRules::default()));
                 self.order(PhysicsCommand::World(world.clone()));
                 self.world = Some(world);
             }
@@ -60,7 +64,11 @@ impl Node {
                 self.know(now, &members, true);
                 self.tend_links(now);
             }
-            ToNode::Poll { .. } => {}
+            ToNode::Poll { poll, motion } => {
+                let delay_us = self.pinger.delay_us(Peer::Node(motion.candidate()));
+                let delay_ms = delay_us.map(|us| (us / 1e3) as f32);
+                self.send_server(ToServer::Ballot { poll, delay_ms });
+            }
             ToNode::Abroad { view, main, tick, states } => match &mut self.leader {
                 Some(leader) if leader.view() == view => leader.hear_abroad(main, tick, states),
                 _ => self.counters.stale += 1,

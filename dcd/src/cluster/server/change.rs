@@ -225,6 +225,8 @@ impl Group {
         for node in dropped {
             if let Some(entry) = common.nodes.get_mut(node) {
                 entry.serving = None;
+                entry.loaded = false;
+                entry.moved = true;
             }
         }
         common.groups_changed.insert(self.id);

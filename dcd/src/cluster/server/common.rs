@@ -26,6 +26,8 @@ pub(super) struct NodeEntry {
     /// The group that it is, or is to be, a member of.
     pub group: Option<GroupId>,
     pub in_group_since: Duration,
+    /// It has left a group, holds what was computed there, and is to begin anew.
+    pub moved: bool,
     /// The view that it was last told to adopt.
     pub serving: Option<ViewNumber>,
     pub shapes: BTreeSet<ShapeHash>,

@@ -1,32 +1,231 @@
 //! Who is in which group: at the start by delay, later by joining, votes, and by who cannot reach whom (thesis 3.3.7–3.3.9).
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::group::Group;
 use super::{Server, ServerOutput};
-use crate::protocol::{Motion, ToClient};
+use crate::cluster::{
+    Call, GroupPolicy, GroupRules, Hint, Outcome, PeerDelay, PollRules, VoteThresholds, best_group,
+    form_groups,
+};
+use crate::protocol::{Motion, ToClient, ToNode};
 use crate::space::{ClientId, GroupId, NodeId};
 
+/// How long a newcomer's delays are waited for.
+const MEASURE: Duration = Duration::from_secs(2);
+/// How long a node that was out of reach stays alone at least, when groups do not depend on delay.
+const APART: Duration = Duration::from_secs(3);
+
+/// How often it is looked who can reach whom again.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// Who may share a group.
+#[derive(Clone, Debug)]
+pub struct Grouping {
+    /// Nodes in a group at most.
+    pub max_size: usize,
+    /// Which sizes are preferred.
+    pub policy: GroupPolicy,
+    /// What else is known about nodes.
+    pub hints: Vec<Hint>,
+    /// How votes are held.
+    pub votes: PollRules,
+}
+
+impl Default for Grouping {
+    fn default() -> Self {
+        let votes = PollRules::default();
+        Self { max_size: votes.max_size, policy: GroupPolicy::default(), hints: Vec::new(), votes }
+    }
+}
+
 impl Server {
+    fn rules(&self) -> GroupRules {
+        let Grouping { max_size, policy, .. } = self.common.config.grouping;
+        let threshold_ms =
+            self.common.config.world.thresholds.delay.map(|delay| f64::from(delay.inclusion_ms));
+        GroupRules { threshold_ms, max_size, policy }
+    }
+
+    /// The delay from one node to another, as far as groups depend on it: if they do not, who is not known to be out of reach
+    /// is near.
+    fn delay_ms(&self, from: NodeId, to: NodeId) -> Option<f64> {
+        let unknown = match self.common.config.world.thresholds.delay {
+            None => Some(0.0),
+            Some(_) => None,
+        };
+        let told = self.common.nodes.get(&from).and_then(|entry| entry.delays.get(&to));
+        told.map_or(unknown, |delay| delay.map(f64::from))
+    }
+
+    /// Whether all is known that a node's group depends on, or it took too long to find out.
+    fn is_measured(&self, node: NodeId) -> bool {
+        let Some(entry) = self.common.nodes.get(&node) else { return false };
+        let others = self.common.nodes.iter().filter(|&(&other, entry)| entry.linked && other != node);
+        let knows = |other: &NodeId| {
+            entry.delays.contains_key(other) && self.common.nodes[other].delays.contains_key(&node)
+        };
+        self.common.config.world.thresholds.delay.is_none()
+            || entry.in_group_since + MEASURE <= self.common.now
+            || others.map(|(other, _)| other).all(knows)
+    }
+
     /// Gives nodes without a group one.
     pub(super) fn assign(&mut self) {
-        if !self.common.begun && !self.common.may_begin() {
+        let homeless = self.common.nodes.iter().filter(|(_, entry)| entry.loaded && entry.group.is_none());
+        let homeless: Vec<_> =
+            homeless.map(|(&node, _)| node).filter(|&node| self.is_measured(node)).collect();
+        if !self.common.begun {
+            if homeless.len() >= self.common.config.min_nodes {
+                let hints = &self.common.config.grouping.hints;
+                let groups = form_groups(&homeless, |a, b| self.delay_ms(a, b), &self.rules(), hints);
+                for (index, group) in groups.into_iter().enumerate() {
+                    let id = if index == 0 { self.main } else { self.new_group() };
+                    group.into_iter().for_each(|node| self.put(node, id));
+                }
+            }
             return;
         }
-        let homeless = self.common.nodes.iter().filter(|(_, entry)| entry.loaded && entry.group.is_none());
-        for node in homeless.map(|(&node, _)| node).collect::<Vec<_>>() {
-            self.put(node, self.main);
+        for node in homeless {
+            let mut members: BTreeMap<GroupId, Vec<NodeId>> = BTreeMap::new();
+            for (&other, entry) in self.common.nodes.iter().filter(|(_, entry)| entry.linked) {
+                if let Some(group) = entry.group {
+                    members.entry(group).or_default().push(other);
+                }
+            }
+            let groups: Vec<_> = members.values().collect();
+            let hints = &self.common.config.grouping.hints;
+            let best = best_group(node, &groups, |a, b| self.delay_ms(a, b), &self.rules(), hints);
+            let best = best.and_then(|index| members.keys().nth(index).copied());
+            let group = match best {
+                Some(group) => group,
+                // Whom the world waits for.
+                None if !members.contains_key(&self.main) => self.main,
+                None => self.new_group(),
+            };
+            self.put(node, group);
         }
     }
 
-    /// A node that others cannot reach computes the world alone.
-    pub(super) fn begin_apart(&mut self, node: NodeId) {
-        let id = self.new_group();
-        self.put(node, id);
+    /// Nodes that have left a group begin anew, in the one that they are to be in.
+    pub(super) fn welcome_moved(&mut self) {
+        let moved =
+            self.common.nodes.iter().filter(|(_, entry)| entry.moved && entry.linked && !entry.leaving);
+        for node in moved.map(|(&node, _)| node).collect::<Vec<_>>() {
+            let entry = &self.common.nodes[&node];
+            let (member, group, delays) = (entry.member.clone(), entry.group, entry.delays.clone());
+            self.common.outputs.push_back(ServerOutput::Expelled(node));
+            self.welcome_node(member);
+            if let Some(entry) = self.common.nodes.get_mut(&node) {
+                (entry.group, entry.delays) = (group, delays);
+            }
+        }
+    }
+
+    /// When groups do not depend on delay, there are several only because some could not reach one another. Who can again
+    /// comes back, the smaller group to the larger.
+    fn rejoin(&mut self) {
+        let now = self.common.now;
+        let mut members: BTreeMap<GroupId, Vec<NodeId>> = BTreeMap::new();
+        for (&node, entry) in &self.common.nodes {
+            let Some(group) = entry.group.filter(|_| entry.linked && entry.serving.is_some()) else {
+                continue;
+            };
+            members.entry(group).or_default().push(node);
+        }
+        let is_calm = |id: &GroupId| self.groups.get(id).is_some_and(|g| g.change.is_none() && !g.held);
+        members.retain(|id, _| is_calm(id));
+        let rank = |id: &GroupId| (members[id].len(), *id == self.main, std::cmp::Reverse(*id));
+        let Some(largest) = members.keys().copied().max_by_key(|id| rank(id)) else { return };
+        let reaches = |a: NodeId, b: NodeId| {
+            let entry = |of: NodeId, to: NodeId| self.common.nodes[&of].delays.get(&to).copied().flatten();
+            entry(a, b).is_some() && entry(b, a).is_some()
+        };
+        let returning =
+            members.iter().filter(|(id, _)| **id != largest).flat_map(|(_, nodes)| nodes).find(|&&node| {
+                self.common.nodes[&node].in_group_since + APART <= now
+                    && members[&largest].iter().all(|&other| reaches(node, other))
+            });
+        if let Some(&node) = returning
+            && members[&largest].len() < self.common.config.grouping.max_size
+        {
+            self.put(node, largest);
+        }
+    }
+
+    pub(super) fn regrouping_at(&self) -> Option<Duration> {
+        let unmeasured = self.common.nodes.values().filter(|entry| entry.group.is_none() && entry.loaded);
+        let measured =
+            unmeasured.map(|entry| entry.in_group_since + MEASURE).filter(|&at| at > self.common.now);
+        let by_reach = self.common.config.world.thresholds.delay.is_none() && self.groups.len() > 1;
+        let soon = (by_reach && !self.common.stopping).then_some(self.looked_at + LOOK_EVERY);
+        measured.chain(self.polls.poll_timeout()).chain(soon).min()
+    }
+
+    pub(super) fn handle_regrouping(&mut self) {
+        let now = self.common.now;
+        for outcome in self.polls.handle_timeout(now) {
+            self.decide(&outcome);
+        }
+        let by_reach = self.common.config.world.thresholds.delay.is_none();
+        if by_reach && self.groups.len() > 1 && self.looked_at + LOOK_EVERY <= now {
+            self.looked_at = now;
+            self.rejoin();
+        }
+    }
+
+    fn members(&self, group: GroupId) -> Vec<NodeId> {
+        self.common.nodes.iter().filter(|(_, e)| e.group == Some(group)).map(|(&node, _)| node).collect()
+    }
+
+    /// A member calls for a vote.
+    pub(super) fn call(&mut self, caller: NodeId, motion: Motion) {
+        let group_of = |node| self.common.nodes.get(&node).and_then(|entry| entry.group);
+        let (Some(own), Some(other)) = (group_of(caller), group_of(motion.candidate())) else { return };
+        let changing = [own, other].iter().any(|id| {
+            self.groups
+                .get(id)
+                .is_none_or(|group| group.change.is_some() || group.view.is_none() || group.held)
+        });
+        let (group, present) = (self.members(own), self.members(other));
+        let call = Call { caller, motion, group: &group, present: &present, changing };
+        if let Ok((poll, voters)) = self.polls.call(self.common.now, &call) {
+            for voter in voters {
+                self.common.send_node(voter, ToNode::Poll { poll, motion });
+            }
+        }
+    }
+
+    /// A member says how far the candidate is from it.
+    pub(super) fn cast(&mut self, voter: NodeId, poll: u64, delay_ms: Option<f32>) {
+        let Some(thresholds) = self.common.config.world.thresholds.delay else { return };
+        let delay = delay_ms.map_or(PeerDelay::Unknown, |ms| PeerDelay::AverageMs(ms.into()));
+        let ballot = VoteThresholds::from(thresholds).ballot(delay);
+        if let Some(outcome) = self.polls.ballot(self.common.now, poll, voter, ballot) {
+            self.decide(&outcome);
+        }
+    }
+
+    fn decide(&mut self, outcome: &Outcome) {
+        if !outcome.passed {
+            return;
+        }
+        let group = outcome.group.iter().find_map(|node| self.common.nodes.get(node)?.group);
+        match (outcome.motion, group) {
+            (Motion::Include(node), Some(group)) if self.groups.contains_key(&group) => {
+                self.put(node, group);
+            }
+            (Motion::Reject(node), _) => {
+                let alone = self.new_group();
+                self.put(node, alone);
+            }
+            _ => {}
+        }
     }
 
     /// A group without members.
-    fn new_group(&mut self) -> GroupId {
+    pub(super) fn new_group(&mut self) -> GroupId {
         self.last_group.0 += 1;
         self.common.world_changed = true;
         let (id, main) = (self.last_group, self.main());
@@ -35,7 +234,8 @@ impl Server {
         id
     }
 
-    fn put(&mut self, node: NodeId, group: GroupId) {
+    pub(super) fn put(&mut self, node: NodeId, group: GroupId) {
+        self.polls.placed(self.common.now, node);
         if let Some(entry) = self.common.nodes.get_mut(&node) {
             entry.group = Some(group);
             entry.in_group_since = self.common.now;
@@ -90,14 +290,4 @@ impl Server {
             }
         }
     }
-
-    pub(super) fn regrouping_at(&self) -> Option<Duration> {
-        None
-    }
-
-    pub(super) fn handle_regrouping(&mut self) {}
-
-    pub(super) fn call(&mut self, _node: NodeId, _motion: Motion) {}
-
-    pub(super) fn cast(&mut self, _node: NodeId, _poll: u64, _delay_ms: Option<f32>) {}
 }

@@ -9,7 +9,7 @@ const NOW: Duration = Duration::ZERO;
 
 fn server() -> Server {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
-    let config = ServerConfig { world: sim_world(2), min_nodes: 1 };
+    let config = ServerConfig { world: sim_world(2), min_nodes: 1, grouping: Default::default() };
     Server::new(config, Record::new(bodies, Vec::new(), Vec::new()))
 }
 
@@ -86,7 +86,7 @@ fn strangers_and_earlier_views_are_counted_and_change_nothing() {
 #[test]
 fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
-    let config = ServerConfig { world: sim_world(2), min_nodes: 2 };
+    let config = ServerConfig { world: sim_world(2), min_nodes: 2, grouping: Default::default() };
     let mut server = Server::new(config, Record::new(bodies, Vec::new(), Vec::new()));
     for node in [1, 2] {
         hello(&mut server, node, VERSION);

@@ -1,0 +1,262 @@
+//! Which nodes share a group (thesis 3.3.7, 4.3.1.4): those of which each reaches every other quickly, both ways. So a group is
+//! a clique of the graph of near pairs, and a node is in exactly one group.
+//!
+//! The thesis sorts all subsets of the nodes; here a search with a bound on its work finds the largest clique of those that
+//! are left, which comes to the same ([`form_groups`]). Besides measured delays the thesis names other sources of what belongs
+//! together: the network (or exchange, or provider), the registered town, groups that users declare. They are all
+//! keys of nodes to this module, see [`Hint`].
+
+mod clique;
+mod company;
+mod near;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use self::clique::Work;
+use self::near::{Graph, Ranks};
+use crate::space::NodeId;
+
+/// Rules by which groups form.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroupRules {
+    /// A pair is near when the delays both ways, in milliseconds, are below this; `None`: when each reaches the other.
+    pub threshold_ms: Option<f64>,
+    /// Nodes in a group at most, so that its leader is not overloaded (thesis 3.3.8).
+    pub max_size: usize,
+    /// Which sizes are liked.
+    pub policy: GroupPolicy,
+}
+
+impl Default for GroupRules {
+    /// All that reach each other, up to the 32 nodes that the thesis tried (table 5.7).
+    fn default() -> Self {
+        Self { threshold_ms: None, max_size: 32, policy: GroupPolicy::Largest }
+    }
+}
+
+/// Which sizes of groups are liked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GroupPolicy {
+    /// Groups as large as can be, though somebody be left alone: the thesis's algorithm.
+    #[default]
+    Largest,
+    /// Groups of 2^k nodes, since halving shares the world evenly among so many, and nobody alone where that is possible: what
+    /// the thesis would prefer (3.3.7). A group of another size is formed only where somebody would else be alone.
+    PowersOfTwo,
+}
+
+/// Rules that cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum GroupError {
+    /// See the message.
+    #[error("groups of at most 0 nodes: let a group have at least 1")]
+    NoSize,
+    /// See the message.
+    #[error("a delay below {0} ms is no rule: give a positive number, or none at all")]
+    Threshold(f64),
+}
+
+impl GroupRules {
+    /// The rules, if they can be followed.
+    pub fn checked(self) -> Result<Self, GroupError> {
+        match self.threshold_ms {
+            _ if self.max_size == 0 => Err(GroupError::NoSize),
+            Some(ms) if ms.is_nan() || ms <= 0.0 => Err(GroupError::Threshold(ms)),
+            _ => Ok(self),
+        }
+    }
+
+    /// The size to look for.
+    fn aim(&self) -> usize {
+        self.cut(self.max_size)
+    }
+
+    /// How many nodes of a clique of so many become a group.
+    fn cut(&self, size: usize) -> usize {
+        let size = size.min(self.max_size);
+        match self.policy {
+            GroupPolicy::Largest => size,
+            GroupPolicy::PowersOfTwo => size.checked_ilog2().map_or(0, |log| 1 << log),
+        }
+    }
+
+    fn is_near(&self, a: NodeId, b: NodeId, delay_ms: &impl Fn(NodeId, NodeId) -> Option<f64>) -> bool {
+        let limit_ms = self.threshold_ms.unwrap_or(f64::INFINITY);
+        let below = |from, to| delay_ms(from, to).is_some_and(|ms| ms < limit_ms);
+        below(a, b) && below(b, a)
+    }
+}
+
+/// What some source other than delays knows about nodes: which network each is in, which town, which declared group. Nodes of one
+/// key belong together; a node without a key is one of which nothing is known. A hint never makes a pair near that is
+/// not: users declare groups of friends in far countries, and one provider serves a continent (thesis 3.3.10, 4.3.1.4).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Hint {
+    /// The key of each node, opaque.
+    pub keys: BTreeMap<NodeId, u64>,
+    /// What it is used for.
+    pub usage: HintUse,
+}
+
+/// What a [`Hint`] is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HintUse {
+    /// Nodes of different keys never share a group, and need not even measure their delay.
+    Prune,
+    /// Of equally large groups one of nodes of one key is formed first.
+    Seed,
+}
+
+impl Hint {
+    /// Whether these hints let two nodes share a group. If not, nobody needs to measure their delay.
+    pub fn allow(hints: &[Self], a: NodeId, b: NodeId) -> bool {
+        let parts = |hint: &Self| hint.usage == HintUse::Prune && hint.same_key(a, b) == Some(false);
+        !hints.iter().any(parts)
+    }
+
+    /// Whether two nodes have one key; `None` if either has none.
+    fn same_key(&self, a: NodeId, b: NodeId) -> Option<bool> {
+        Some(self.keys.get(&a)? == self.keys.get(&b)?)
+    }
+}
+
+/// Groups of these nodes, largest first, equals by their lowest id; in each the ids ascend, so that its leader is the first.
+///
+/// Again and again the largest clique of those that are left becomes a group, cut to the size that the rules allow; whoever has
+/// the most others to go to is left out of it first. A clique is the largest indeed unless the search for it
+/// exceeds its share of a fixed amount of work. The same arguments always give the same groups.
+///
+/// `delay_ms(a, b)` is the delay from `a` to `b`, `None` if it is unknown or `b` cannot be reached. It is asked about every
+/// ordered pair at most once, a million times for 1,000 nodes: let it look into an array.
+///
+/// # Panics
+/// When the rules would not pass [`GroupRules::checked`].
+pub fn form_groups(
+    nodes: &[NodeId],
+    delay_ms: impl Fn(NodeId, NodeId) -> Option<f64>,
+    rules: &GroupRules,
+    hints: &[Hint],
+) -> Vec<Vec<NodeId>> {
+    assert_eq!(rules.checked(), Ok(*rules), "rules are checked before they are followed");
+    let graph = Graph::new(nodes, |a, b| Hint::allow(hints, a, b) && rules.is_near(a, b, &delay_ms));
+    let seeds = seeds(&graph, hints);
+    let mut work = Work::default();
+    let mut left = graph.all();
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    while !left.is_empty() {
+        let first = clique::greedy(&graph, &left);
+        let rounds = left.len().div_ceil(rules.cut(first.len()));
+        let mut clique = work.share(rounds, |work| {
+            // What seeds find comes first: nothing of the same size replaces it.
+            let seeded = seeded(&graph, &left, &seeds, rules.aim(), work);
+            let best = if seeded.len() >= first.len().min(rules.aim()) { seeded } else { first };
+            clique::largest(&graph, &left, rules.aim(), best, work)
+        });
+        if clique.len() == 1 {
+            groups.extend(left.iter().map(|rank| vec![rank]));
+            break;
+        }
+        if clique.len() < rules.aim() {
+            graph.complete(&mut clique, &left);
+        }
+        let size = rules.cut(clique.len());
+        leave_out(&graph, &left, &mut clique, size);
+        clique.iter().for_each(|&rank| left.remove(rank));
+        groups.push(clique);
+    }
+    if rules.policy == GroupPolicy::PowersOfTwo {
+        company::give_company(&graph, &mut groups, rules.max_size);
+    }
+    named(&graph, groups)
+}
+
+/// The nodes of each key of each hint, in the order of hints and keys.
+fn seeds(graph: &Graph, hints: &[Hint]) -> Vec<Ranks> {
+    let mut seeds = Vec::new();
+    for hint in hints.iter().filter(|hint| hint.usage == HintUse::Seed) {
+        let mut by_key: BTreeMap<u64, Ranks> = BTreeMap::new();
+        for rank in graph.all().iter() {
+            if let Some(&key) = hint.keys.get(&graph.node(rank)) {
+                by_key.entry(key).or_insert_with(|| graph.none()).insert(rank);
+            }
+        }
+        seeds.extend(by_key.into_values().filter(|seed| seed.len() > 1));
+    }
+    seeds
+}
+
+/// The largest clique within any one seed, or the first that is large enough.
+fn seeded(graph: &Graph, left: &Ranks, seeds: &[Ranks], enough: usize, work: &mut Work) -> Vec<usize> {
+    let mut best = Vec::new();
+    for seed in seeds {
+        let among = seed.and(left);
+        if best.len() < enough && best.len() < among.len() {
+            let first = clique::greedy(graph, &among);
+            best = if first.len() > best.len() { first } else { best };
+            best = clique::largest(graph, &among, enough, best, work);
+        }
+    }
+    best
+}
+
+/// Cuts a clique to a size. Those go who have the most others near them, and of equals the highest id.
+fn leave_out(graph: &Graph, left: &Ranks, clique: &mut Vec<usize>, size: usize) {
+    clique.sort_by_key(|&rank| (graph.near(rank).common(left), graph.node(rank)));
+    clique.truncate(size);
+}
+
+fn named(graph: &Graph, groups: Vec<Vec<usize>>) -> Vec<Vec<NodeId>> {
+    let mut groups: Vec<Vec<NodeId>> = groups
+        .into_iter()
+        .map(|group| {
+            let mut group: Vec<_> = group.into_iter().map(|rank| graph.node(rank)).collect();
+            group.sort_unstable();
+            group
+        })
+        .collect();
+    groups.sort_by_key(|group| (std::cmp::Reverse(group.len()), group[0]));
+    groups
+}
+
+/// The group that a newcomer is to join, by its place in `groups`: one with room whose every member is near. The
+/// largest; by [`GroupPolicy::PowersOfTwo`] rather one that will have 2^k members. Of equals the one with the most members of
+/// the newcomer's keys, earlier hints outranking later ones; then the first. `None`: the newcomer stays alone.
+///
+/// A group that the newcomer is in already, and one without members, is none to join.
+///
+/// # Panics
+/// When the rules would not pass [`GroupRules::checked`].
+pub fn best_group<G: AsRef<[NodeId]>>(
+    newcomer: NodeId,
+    groups: &[G],
+    delay_ms: impl Fn(NodeId, NodeId) -> Option<f64>,
+    rules: &GroupRules,
+    hints: &[Hint],
+) -> Option<usize> {
+    assert_eq!(rules.checked(), Ok(*rules), "rules are checked before they are followed");
+    let fits = |group: &[NodeId]| {
+        let near = |&member: &NodeId| {
+            member != newcomer
+                && Hint::allow(hints, newcomer, member)
+                && rules.is_near(newcomer, member, &delay_ms)
+        };
+        !group.is_empty() && group.len() < rules.max_size && group.iter().all(near)
+    };
+    let merit = |group: &[NodeId]| {
+        let liked = rules.policy == GroupPolicy::PowersOfTwo && (group.len() + 1).is_power_of_two();
+        let akin = |hint: &Hint| {
+            group.iter().filter(|&&member| hint.same_key(newcomer, member) == Some(true)).count()
+        };
+        let akin: Vec<_> = hints.iter().filter(|hint| hint.usage == HintUse::Seed).map(akin).collect();
+        (liked, group.len(), akin)
+    };
+    groups
+        .iter()
+        .map(AsRef::as_ref)
+        .enumerate()
+        .filter(|(_, group)| fits(group))
+        .max_by_key(|&(index, group)| (merit(group), std::cmp::Reverse(index)))
+        .map(|(index, _)| index)
+}

@@ -1,0 +1,158 @@
+//! Votes on who belongs to a group while the world runs (thesis 3.3.9, 4.3.1.5, 4.3.2.7).
+//!
+//! Every node watches its delays to the others ([`DelayWatch`]) and calls for a vote; the server opens a poll or
+//! refuses ([`Polls`]), members answer by the delay that they perceive ([`VoteThresholds::ballot`]), and the motion passes or
+//! not ([`Motion::passes`]). An evicted node becomes a group of one.
+//!
+//! Against flapping: the gap between the thresholds, three strikes before a vote, and on the server one vote at a time for
+//! everybody concerned, rests, a cap, and a stay that grows with each eviction.
+
+#[cfg(test)]
+mod flapping;
+mod polls;
+#[cfg(test)]
+mod tests;
+mod watch;
+
+use crate::protocol::{DelayThresholds, Motion};
+use crate::space::NodeId;
+
+pub use self::polls::{Call, Outcome, PollRules, Polls, VoteRefusal};
+pub use self::watch::{DelayWatch, WatchRules};
+
+/// Where a delay begins to be short and where it begins to be long, in milliseconds of round trips.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VoteThresholds {
+    /// Below this average a node belongs into the group.
+    pub inclusion_ms: f64,
+    /// Above this average a node does not belong into the group.
+    pub rejection_ms: f64,
+    /// How far beyond `rejection_ms` the latest round trip may be as long as the average is good.
+    pub deviation_ms: f64,
+}
+
+/// Settings of votes that cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum VoteError {
+    /// See the message.
+    #[error(
+        "inclusion below {inclusion_ms} ms and rejection above {rejection_ms} ms: inclusion must be positive and \
+         less than rejection, or nodes come and go for ever"
+    )]
+    Thresholds {
+        /// As given.
+        inclusion_ms: f64,
+        /// As given.
+        rejection_ms: f64,
+    },
+    /// See the message.
+    #[error("a tolerated deviation of {0} ms: give 0 or more")]
+    Deviation(f64),
+    /// See the message.
+    #[error("a vote after 0 strikes: let there be at least 1")]
+    NoStrikes,
+    /// See the message.
+    #[error("at most {max_votes} votes in {window:?}: both must be more than nothing")]
+    NoVotes {
+        /// As given.
+        max_votes: usize,
+        /// As given.
+        window: std::time::Duration,
+    },
+}
+
+/// What a node knows of its delay to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PeerDelay {
+    /// Nothing yet.
+    Unknown,
+    /// The average of the last round trips, in milliseconds.
+    AverageMs(f64),
+    /// It does not answer.
+    Unreachable,
+}
+
+/// What a member says about a candidate, be the vote on inclusion or on rejection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Ballot {
+    /// It shall be in the group: yes to inclusion, no to rejection.
+    Include,
+    /// Undecided.
+    Abstain,
+    /// It shall not be in the group: no to inclusion, yes to rejection.
+    Reject,
+}
+
+/// Ballots, counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// I of the thesis.
+    pub include: u32,
+    /// A of the thesis.
+    pub abstain: u32,
+    /// R of the thesis.
+    pub reject: u32,
+}
+
+impl From<DelayThresholds> for VoteThresholds {
+    fn from(thresholds: DelayThresholds) -> Self {
+        let DelayThresholds { inclusion_ms, rejection_ms, deviation_ms } = thresholds;
+        let [inclusion_ms, rejection_ms, deviation_ms] =
+            [inclusion_ms, rejection_ms, deviation_ms].map(f64::from);
+        Self { inclusion_ms, rejection_ms, deviation_ms }
+    }
+}
+
+impl VoteThresholds {
+    /// The thresholds, if they can be followed.
+    pub fn checked(self) -> Result<Self, VoteError> {
+        let Self { inclusion_ms, rejection_ms, deviation_ms } = self;
+        if !(inclusion_ms > 0.0 && inclusion_ms < rejection_ms && rejection_ms.is_finite()) {
+            return Err(VoteError::Thresholds { inclusion_ms, rejection_ms });
+        }
+        if !(deviation_ms >= 0.0 && deviation_ms.is_finite()) {
+            return Err(VoteError::Deviation(deviation_ms));
+        }
+        Ok(self)
+    }
+
+    /// How a member that perceives this delay votes on a candidate (thesis 4.3.1.5).
+    pub fn ballot(&self, delay: PeerDelay) -> Ballot {
+        match delay {
+            PeerDelay::AverageMs(ms) if ms < self.inclusion_ms => Ballot::Include,
+            PeerDelay::AverageMs(ms) if ms > self.rejection_ms => Ballot::Reject,
+            PeerDelay::Unreachable => Ballot::Reject,
+            PeerDelay::AverageMs(_) | PeerDelay::Unknown => Ballot::Abstain,
+        }
+    }
+}
+
+impl Motion {
+    /// Whom it is about.
+    pub const fn candidate(self) -> NodeId {
+        match self {
+            Self::Include(node) | Self::Reject(node) => node,
+        }
+    }
+
+    /// Whether these ballots carry it (thesis 4.3.1.5). Inclusion: nobody against and somebody for. Rejection: I + 0.5A − 2R < 0.
+    pub const fn passes(self, tally: Tally) -> bool {
+        let Tally { include, abstain, reject } = tally;
+        match self {
+            Self::Include(_) => reject == 0 && include > 0,
+            // Twice the thesis's sum, in whole numbers.
+            Self::Reject(_) => 2 * include as u64 + (abstain as u64) < 4 * reject as u64,
+        }
+    }
+}
+
+impl Tally {
+    /// Counts one ballot.
+    pub const fn count(&mut self, ballot: Ballot) {
+        match ballot {
+            Ballot::Include => self.include += 1,
+            Ballot::Abstain => self.abstain += 1,
+            Ballot::Reject => self.reject += 1,
+        }
+    }
+}

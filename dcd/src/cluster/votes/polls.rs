@@ -1,0 +1,331 @@
+//! The server's side of votes: which may be held, who has said what, what comes of it (thesis 3.3.9, 4.3.1.5).
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::Duration;
+
+use super::{Ballot, Tally, VoteError};
+use crate::protocol::Motion;
+use crate::space::NodeId;
+
+/// How often votes may be held. The thesis names these means without figures; the figures are ours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PollRules {
+    /// Nodes in a group at most, see [`super::super::GroupRules::max_size`].
+    pub max_size: usize,
+    /// Ballots are waited for so long; who has not voted then abstains.
+    pub deadline: Duration,
+    /// A member's call for rejection, in a group of three or more, is heard when another has made the same call so short a time ago.
+    pub second_within: Duration,
+    /// Between two votes that one node calls, and between two votes on one node.
+    pub rest: Duration,
+    /// Votes within `window` at most, of all groups together.
+    pub max_votes: usize,
+    /// See `max_votes`.
+    pub window: Duration,
+    /// So long a node stays in its group before it may be voted elsewhere.
+    pub min_stay: Duration,
+    /// So long a node that was evicted stays out of groups: after its second eviction three times as long, and so on, up to
+    /// `forgiven_after`.
+    pub return_after: Duration,
+    /// After so long without another, evictions are forgotten.
+    pub forgiven_after: Duration,
+}
+
+impl Default for PollRules {
+    /// However a delay moves, a node is voted to and fro five times in its first hour at most: out after 1 min, in after 6, out
+    /// after 7, in after 22, out after 23, and in again after 68.
+    fn default() -> Self {
+        Self {
+            max_size: 32,
+            deadline: Duration::from_secs(2),
+            second_within: Duration::from_secs(300),
+            rest: Duration::from_secs(30),
+            max_votes: 60,
+            window: Duration::from_secs(60),
+            min_stay: Duration::from_secs(60),
+            return_after: Duration::from_secs(300),
+            forgiven_after: Duration::from_secs(3_600),
+        }
+    }
+}
+
+impl PollRules {
+    /// The rules, if they can be followed.
+    pub fn checked(self) -> Result<Self, VoteError> {
+        let Self { max_votes, window, .. } = self;
+        if max_votes == 0 || window.is_zero() {
+            Err(VoteError::NoVotes { max_votes, window })
+        } else {
+            Ok(self)
+        }
+    }
+}
+
+/// A node's call for a vote, with what the server knows of the groups concerned.
+#[derive(Clone, Copy, Debug)]
+pub struct Call<'a> {
+    /// Who calls.
+    pub caller: NodeId,
+    /// For what.
+    pub motion: Motion,
+    /// Members of the caller's group, the caller included.
+    pub group: &'a [NodeId],
+    /// Members of the candidate's present group, the candidate included.
+    pub present: &'a [NodeId],
+    /// Whether the membership of either group is being changed.
+    pub changing: bool,
+}
+
+/// Why a vote is not held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum VoteRefusal {
+    /// See the message.
+    #[error("the caller, the candidate and their groups do not go with the motion")]
+    Mistaken,
+    /// Thesis 3.3.9: else groups would poach each other's nodes in turn.
+    #[error("the candidate's present group is larger than the group that wants it")]
+    Smaller,
+    /// See the message.
+    #[error("the group has as many members as it may have")]
+    Full,
+    /// By the thesis's sum one member could else have another evicted from a group of three, be it for its own lag.
+    #[error("nobody else in the group has called for it yet")]
+    Unseconded,
+    /// See the message.
+    #[error("the membership of a group concerned is being changed")]
+    Changing,
+    /// See the message.
+    #[error("another vote concerns some of the same nodes")]
+    Voting,
+    /// See the message.
+    #[error("the caller has called a vote, or the candidate has been voted on, a short time ago")]
+    Resting,
+    /// See the message.
+    #[error("the candidate stays where it is for a while")]
+    Staying,
+    /// See the message.
+    #[error("there were as many votes as there may be in such a time")]
+    TooMany,
+}
+
+/// A vote that is over.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// Its number.
+    pub poll: u64,
+    /// What it was about.
+    pub motion: Motion,
+    /// The caller's group.
+    pub group: Vec<NodeId>,
+    /// What was said.
+    pub tally: Tally,
+    /// Whether the candidate moves: into `group`, or out of it into a group of its own.
+    pub passed: bool,
+}
+
+#[derive(Clone, Debug)]
+struct Poll {
+    motion: Motion,
+    group: Vec<NodeId>,
+    /// Members of both groups.
+    concerned: BTreeSet<NodeId>,
+    ballots: BTreeMap<NodeId, Option<Ballot>>,
+    deadline: Duration,
+}
+
+/// What is remembered of a node.
+#[derive(Clone, Debug, Default)]
+struct Standing {
+    /// Since when it has been in its group.
+    since: Option<Duration>,
+    /// How often it was evicted, and when for the last time.
+    evictions: u32,
+    evicted: Duration,
+    /// When it may call, and be voted on, again.
+    may_call: Duration,
+    may_be_voted_on: Duration,
+    /// Who has called for its rejection, and when for the last time.
+    accusers: BTreeMap<NodeId, Duration>,
+}
+
+/// Votes of all groups. It holds one entry a node, a time a vote of the window, and at most one open poll a group.
+#[derive(Clone, Debug)]
+pub struct Polls {
+    rules: PollRules,
+    last: u64,
+    open: BTreeMap<u64, Poll>,
+    /// When the votes of the window were opened.
+    opened: VecDeque<Duration>,
+    nodes: BTreeMap<NodeId, Standing>,
+}
+
+impl Polls {
+    /// No votes yet.
+    ///
+    /// # Panics
+    /// When `rules` have not been checked.
+    pub fn new(rules: PollRules) -> Self {
+        assert_eq!(rules.checked(), Ok(rules), "rules are checked before they are followed");
+        Self { rules, last: 0, open: BTreeMap::new(), opened: VecDeque::new(), nodes: BTreeMap::new() }
+    }
+
+    /// A node is in another group from now on, other than by a vote: its stay begins.
+    pub fn placed(&mut self, now: Duration, node: NodeId) {
+        self.nodes.entry(node).or_default().since = Some(now);
+    }
+
+    /// The membership of these nodes' groups changes: votes that concern them are void.
+    pub fn group_changes(&mut self, members: &[NodeId]) {
+        self.open.retain(|_, poll| !members.iter().any(|member| poll.concerned.contains(member)));
+    }
+
+    /// A node is gone for good.
+    pub fn forget(&mut self, node: NodeId) {
+        self.group_changes(&[node]);
+        self.nodes.remove(&node);
+    }
+
+    /// Opens a vote: its number, and who is to be asked. The candidate is not.
+    pub fn call(&mut self, now: Duration, call: &Call<'_>) -> Result<(u64, Vec<NodeId>), VoteRefusal> {
+        let Call { caller, motion, group, present, .. } = *call;
+        let candidate = motion.candidate();
+        call.in_itself(&self.rules)?;
+        if let Motion::Reject(_) = motion {
+            self.nodes.entry(candidate).or_default().accuse(caller, &self.rules, now);
+        }
+        while self.opened.front().is_some_and(|&at| at + self.rules.window <= now) {
+            self.opened.pop_front();
+        }
+        self.in_time(now, call)?;
+        self.opened.push_back(now);
+        self.nodes.entry(caller).or_default().may_call = now + self.rules.rest;
+        self.nodes.entry(candidate).or_default().may_be_voted_on = now + self.rules.rest;
+        self.last += 1;
+        let voters: Vec<_> = group.iter().copied().filter(|&voter| voter != candidate).collect();
+        let poll = Poll {
+            motion,
+            group: group.to_vec(),
+            concerned: group.iter().chain(present).copied().collect(),
+            ballots: voters.iter().map(|&voter| (voter, None)).collect(),
+            deadline: now + self.rules.deadline,
+        };
+        self.open.insert(self.last, poll);
+        Ok((self.last, voters))
+    }
+
+    /// Whether a vote that could be held may be held now.
+    fn in_time(&self, now: Duration, call: &Call<'_>) -> Result<(), VoteRefusal> {
+        let Call { caller, motion, group, present, changing } = *call;
+        let candidate = motion.candidate();
+        let new = Standing::default();
+        let standing = |node| self.nodes.get(&node).unwrap_or(&new);
+        let rules = &self.rules;
+        // When one that is alone wants another, it is as if itself were wanted.
+        let moved = [Some(candidate), (group.len() == 1).then_some(caller)];
+        let stays = |node| standing(node).stays_until(motion, rules, now) > now;
+        let voting = |poll: &Poll| group.iter().chain(present).any(|node| poll.concerned.contains(node));
+        if group.len() > 2 && matches!(motion, Motion::Reject(_)) && standing(candidate).accusers(group) < 2 {
+            Err(VoteRefusal::Unseconded)
+        } else if changing {
+            Err(VoteRefusal::Changing)
+        } else if self.open.values().any(voting) {
+            Err(VoteRefusal::Voting)
+        } else if now < standing(caller).may_call || now < standing(candidate).may_be_voted_on {
+            Err(VoteRefusal::Resting)
+        } else if moved.into_iter().flatten().any(stays) {
+            Err(VoteRefusal::Staying)
+        } else if self.opened.len() >= rules.max_votes {
+            Err(VoteRefusal::TooMany)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Takes a ballot in. When it is the last, the vote is over. Who is not asked, has voted already or comes too late is not heard.
+    pub fn ballot(&mut self, now: Duration, poll: u64, voter: NodeId, ballot: Ballot) -> Option<Outcome> {
+        let open = self.open.get_mut(&poll).filter(|open| now <= open.deadline)?;
+        open.ballots.get_mut(&voter)?.get_or_insert(ballot);
+        let all = open.ballots.values().all(Option::is_some);
+        if all { self.close(now, poll) } else { None }
+    }
+
+    /// When [`Self::handle_timeout`] has something to do.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        self.open.values().map(|poll| poll.deadline).min()
+    }
+
+    /// Ends the votes whose time is over.
+    pub fn handle_timeout(&mut self, now: Duration) -> Vec<Outcome> {
+        let over: Vec<u64> =
+            self.open.iter().filter(|(_, poll)| poll.deadline <= now).map(|(&number, _)| number).collect();
+        over.into_iter().filter_map(|number| self.close(now, number)).collect()
+    }
+
+    fn close(&mut self, now: Duration, number: u64) -> Option<Outcome> {
+        let Poll { motion, group, ballots, .. } = self.open.remove(&number)?;
+        let mut tally = Tally::default();
+        ballots.into_values().for_each(|ballot| tally.count(ballot.unwrap_or(Ballot::Abstain)));
+        let passed = motion.passes(tally);
+        if passed {
+            self.nodes.entry(motion.candidate()).or_default().moves(motion, &self.rules, now);
+        }
+        Some(Outcome { poll: number, motion, group, tally, passed })
+    }
+}
+
+impl Call<'_> {
+    /// Whether the vote could be held at all.
+    fn in_itself(&self, rules: &PollRules) -> Result<(), VoteRefusal> {
+        let candidate = self.motion.candidate();
+        if !self.group.contains(&self.caller) || !self.present.contains(&candidate) {
+            return Err(VoteRefusal::Mistaken);
+        }
+        let own = self.group.contains(&candidate);
+        match self.motion {
+            Motion::Include(_) if own => Err(VoteRefusal::Mistaken),
+            Motion::Include(_) if self.present.len() > self.group.len() => Err(VoteRefusal::Smaller),
+            Motion::Include(_) if self.group.len() >= rules.max_size => Err(VoteRefusal::Full),
+            Motion::Reject(_) if !own || self.caller == candidate => Err(VoteRefusal::Mistaken),
+            Motion::Include(_) | Motion::Reject(_) => Ok(()),
+        }
+    }
+}
+
+impl Standing {
+    /// One calls for the node's rejection. Calls of long ago are forgotten.
+    fn accuse(&mut self, caller: NodeId, rules: &PollRules, now: Duration) {
+        self.accusers.retain(|_, at| now < *at + rules.second_within);
+        self.accusers.insert(caller, now);
+    }
+
+    /// How many of the group have called for the node's rejection lately.
+    fn accusers(&self, group: &[NodeId]) -> usize {
+        group.iter().filter(|node| self.accusers.contains_key(node)).count()
+    }
+
+    /// Evictions that still count.
+    fn evictions(&self, rules: &PollRules, now: Duration) -> u32 {
+        if now.saturating_sub(self.evicted) < rules.forgiven_after { self.evictions } else { 0 }
+    }
+
+    /// Until when the node may not be moved by such a motion.
+    fn stays_until(&self, motion: Motion, rules: &PollRules, now: Duration) -> Duration {
+        let stay = match (motion, self.evictions(rules, now)) {
+            (Motion::Reject(_), _) | (_, 0) => rules.min_stay,
+            (Motion::Include(_), evictions) => {
+                let times = 3_u32.saturating_pow(evictions - 1);
+                rules.return_after.saturating_mul(times).min(rules.forgiven_after).max(rules.min_stay)
+            }
+        };
+        self.since.map_or(Duration::ZERO, |since| since + stay)
+    }
+
+    fn moves(&mut self, motion: Motion, rules: &PollRules, now: Duration) {
+        if let Motion::Reject(_) = motion {
+            self.evictions = self.evictions(rules, now).saturating_add(1);
+            self.evicted = now;
+        }
+        self.since = Some(now);
+        self.accusers.clear();
+    }
+}

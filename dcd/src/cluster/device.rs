@@ -57,12 +57,20 @@ pub enum PhysicsCommand {
         tick: Tick,
         /// Which round.
         round: u32,
-        /// Messages to regions of this node, from its own regions too.
+        /// Messages to regions of this node, from its own regions too; those from elsewhere may be of an earlier tick.
         incoming: Vec<BorderMessage>,
         /// What [`PhysicsEvent::Settled`] lists for clients.
         report: Sampling,
         /// What it lists for the server.
         checkpoint: Sampling,
+    },
+    /// Take in what others said that is not taken in yet, without computing: membership changes. Answered by
+    /// [`PhysicsEvent::Drained`].
+    Drain {
+        /// The last computed tick.
+        tick: Tick,
+        /// In order of ticks; within one in order of (from, to).
+        incoming: Vec<BorderMessage>,
     },
     /// Others are waited for in vain: compute a tick of a copy of all that is held here, as if nobody else were there. The
     /// first makes the copy; the world itself stands still. Answered by [`PhysicsEvent::Drifted`].
@@ -91,6 +99,8 @@ pub enum PhysicsEvent {
         rounds_wanted: u32,
         /// What the tick cost.
         stats: TickStats,
+        /// Avatars of which a copy is held here, in id order.
+        holds: Vec<BodyId>,
         /// What the regions saw.
         events: Vec<RegionEvents>,
         /// For clients, as sampled, in id order.
@@ -98,6 +108,8 @@ pub enum PhysicsEvent {
         /// For the server, as sampled, in id order.
         checkpoint: Vec<BodyCheckpoint>,
     },
+    /// To [`PhysicsCommand::Drain`].
+    Drained,
     /// Where the bodies of the copy are, in id order; those that rest may be left out.
     Drifted(Vec<SharedState>),
     /// Every owned body, in id order.

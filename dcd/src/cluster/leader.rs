@@ -2,12 +2,14 @@
 //! and passes contacts and states on to clients (thesis 3.3.8, 4.3.2.10).
 
 mod abroad;
+mod holders;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use self::abroad::Abroad;
 pub use self::abroad::Deviations;
+use self::holders::Holders;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
@@ -34,9 +36,13 @@ pub struct Leader {
     /// The last dispatched tick; that of the view before the first.
     tick: Tick,
     last_tick: Option<Tick>,
-    done: BTreeMap<NodeId, TickStats>,
+    /// The newest tick that each member has completed, and what it cost.
+    done: BTreeMap<NodeId, (Tick, TickStats)>,
+    /// How many ticks members may be apart.
+    lag: u64,
     /// The most that a member which is done wants for the next tick.
     rounds_wanted: u32,
+    holders: Holders,
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
@@ -70,7 +76,9 @@ impl Leader {
             tick: view.tick,
             last_tick: world.last_tick,
             done: BTreeMap::new(),
+            lag: world.protocol.lag_ticks(),
             rounds_wanted: 1,
+            holders: Holders::default(),
             events: BTreeMap::new(),
             next_due: now,
             ops: Vec::new(),
@@ -148,13 +156,22 @@ impl Leader {
     /// A member reached the barrier.
     pub fn done(&mut self, from: NodeId, done: Done) {
         // A message may come again after a link broke.
-        if done.tick != self.tick || !self.members.contains(&from) || self.done.contains_key(&from) {
+        let is_new = self.done.get(&from).is_none_or(|&(known, _)| known < done.tick);
+        if done.tick > self.tick || !self.members.contains(&from) || !is_new {
             return;
         }
-        self.done.insert(from, done.stats);
+        let was_complete = self.completed();
+        self.done.insert(from, (done.tick, done.stats));
+        if let Some(holds) = done.holds {
+            self.holders.now_holds(from, holds);
+        }
         self.rounds_wanted = self.rounds_wanted.max(done.rounds_wanted);
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
-        if self.is_complete() {
+        if self.lag > 0 {
+            self.forward_contacts();
+        }
+        let completed = self.completed();
+        if completed.is_some() && completed > was_complete {
             self.forward_contacts();
             self.forward_states();
             self.compare_and_tell();
@@ -191,7 +208,6 @@ impl Leader {
             Pace::RealTime => (self.next_due + self.dt.mul_f32(self.stretch())).max(now),
         };
         self.tick = self.tick.next();
-        self.done.clear();
         let mut ops = std::mem::take(&mut self.ops);
         for op in &ops {
             match op {
@@ -205,7 +221,9 @@ impl Leader {
         self.sort_early();
         ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
         ops.extend(self.corrections());
-        let rounds = std::mem::replace(&mut self.rounds_wanted, 1);
+        // Members that are not in step cannot exchange within a tick.
+        let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
+        let rounds = if self.lag == 0 { wanted } else { 1 };
         Some(Dispatch { view: self.view, tick: self.tick, rounds, ops })
     }
 
@@ -230,12 +248,31 @@ impl Leader {
     }
 
     /// What the last tick cost each member that is done with it.
-    pub fn stats(&self) -> &BTreeMap<NodeId, TickStats> {
-        &self.done
+    pub fn stats(&self) -> impl Iterator<Item = (NodeId, TickStats)> {
+        self.done.iter().map(|(&node, &(_, stats))| (node, stats))
     }
 
+    /// The newest tick that all members have completed.
+    fn completed(&self) -> Option<Tick> {
+        let ticks = self.members.iter().map(|node| self.done.get(node).map(|&(tick, _)| tick));
+        ticks.min().flatten()
+    }
+
+    /// Whether the next tick may begin as far as members go.
     fn is_complete(&self) -> bool {
-        self.done.len() == self.members.len()
+        self.completed().is_some_and(|completed| self.tick.0 <= completed.0 + self.lag)
+    }
+
+    /// What concerns one member of a dispatch: wishes for avatars go to those who hold them, and once more to those who held
+    /// them before, so that they let go (thesis 3.3.8).
+    pub fn for_member(&mut self, node: NodeId, dispatch: &Dispatch) -> Dispatch {
+        let holders = &mut self.holders;
+        let mut concerns = |op: &WorldOp| match op {
+            WorldOp::Drive(drive) => holders.concerns(node, drive.body),
+            _ => true,
+        };
+        let ops = dispatch.ops.iter().filter(|op| concerns(op)).cloned().collect();
+        Dispatch { ops, ..*dispatch }
     }
 
     fn forget(&mut self, id: BodyId) {
@@ -244,6 +281,7 @@ impl Leader {
         self.latest.remove(&id);
         self.moved.remove(&id);
         self.contacts.forget_body(id);
+        self.holders.forget(id);
         self.forget_abroad(id);
     }
 
@@ -319,7 +357,9 @@ impl Leader {
 
     /// Members that have not completed the newest tick.
     pub fn missing(&self) -> impl Iterator<Item = NodeId> {
-        self.members.iter().filter(|node| !self.done.contains_key(node)).copied()
+        let is_behind =
+            |node: &&NodeId| self.done.get(node).is_none_or(|&(tick, _)| tick.0 + self.lag < self.tick.0);
+        self.members.iter().filter(is_behind).copied()
     }
 }
 
@@ -363,7 +403,8 @@ mod tests {
             let events =
                 RegionEvents { region: RegionId(id), tick: Tick(tick), touches, ..RegionEvents::default() };
             let (view, stats) = (ViewNumber(1), TickStats::default());
-            let done = Done { view, tick: Tick(tick), rounds_wanted: id, stats, events: vec![events] };
+            let done =
+                Done { view, tick: Tick(tick), rounds_wanted: id, stats, holds: None, events: vec![events] };
             leader.done(NodeId(id), done);
         }
     }
@@ -392,7 +433,10 @@ mod tests {
         assert_eq!(leader.dispatch(Duration::ZERO).unwrap().rounds, 2, "the members want 1 and 2");
         for (id, rounds_wanted) in [(1, 3), (2, 1)] {
             let (view, stats) = (ViewNumber(1), TickStats::default());
-            leader.done(NodeId(id), Done { view, tick: Tick(1), rounds_wanted, stats, events: vec![] });
+            leader.done(
+                NodeId(id),
+                Done { view, tick: Tick(1), rounds_wanted, stats, holds: None, events: vec![] },
+            );
         }
         assert_eq!(leader.dispatch(Duration::from_secs(1)).unwrap().rounds, 3);
         both_done(&mut leader, 2, vec![], vec![]);

@@ -21,7 +21,7 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
-/// Early border messages kept from one member: in lockstep none can be farther ahead.
+/// Early border messages kept from one member beside those of the ticks that members may be apart.
 const EARLY_BORDERS: usize = 4;
 
 /// What a node is told at its start.
@@ -129,7 +129,10 @@ pub struct Node {
     tick_takes: Duration,
     complained_at: Duration,
     drift: Drift,
-    dispatch: Option<Dispatch>,
+    /// Of the present view: those that another member may not have completed, and the newest of all.
+    dispatches: VecDeque<Dispatch>,
+    dispatched: Tick,
+    holds: Vec<BodyId>,
     change: Option<Change>,
     placed: Vec<Placed>,
     joints: Vec<JointRecord>,
@@ -161,7 +164,8 @@ enum Phase {
 #[derive(Clone, Debug)]
 struct Change {
     view: ViewNumber,
-    finish: Option<Option<Dispatch>>,
+    finish: Option<Vec<Dispatch>>,
+    drained: bool,
     surveyed: bool,
     fetch: Option<Vec<BodyId>>,
     adopt: Option<(View, Vec<BodyId>)>,
@@ -169,7 +173,7 @@ struct Change {
 
 impl Change {
     fn to(view: ViewNumber) -> Self {
-        Self { view, finish: None, surveyed: false, fetch: None, adopt: None }
+        Self { view, finish: None, drained: false, surveyed: false, fetch: None, adopt: None }
     }
 }
 
@@ -191,7 +195,9 @@ impl Node {
             tick_takes: Duration::ZERO,
             complained_at: Duration::ZERO,
             drift: Drift::default(),
-            dispatch: None,
+            dispatches: VecDeque::new(),
+            dispatched: Tick(0),
+            holds: Vec::new(),
             change: None,
             placed: Vec::new(),
             joints: Vec::new(),
@@ -303,6 +309,11 @@ impl Node {
     /// Round trips to peers.
     pub fn pinger(&self) -> &Pinger {
         &self.pinger
+    }
+
+    /// How many ticks later what others say is taken in.
+    fn lag(&self) -> u64 {
+        self.world.as_ref().map_or(0, |world| world.protocol.lag_ticks())
     }
 
     fn number(&self) -> ViewNumber {

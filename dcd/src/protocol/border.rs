@@ -148,6 +148,23 @@ impl BorderMessage {
             && self.steps == 0
     }
 
+    /// Where bodies are `seconds` after the message was written, as far as their velocities tell (dead reckoning, thesis 3.3.11).
+    pub fn extrapolate(&mut self, seconds: f64) {
+        let ahead = |pose: &mut WorldPose, velocity: &Velocity, sleeping: bool| {
+            if !sleeping {
+                *pose = pose.moved(velocity, seconds);
+            }
+        };
+        for SharedState { pose, velocity, sleeping, .. } in &mut self.states {
+            ahead(pose, velocity, *sleeping);
+        }
+        let bodies =
+            self.replicas.iter_mut().chain(self.transfers.iter_mut().map(|transfer| &mut transfer.body));
+        for BodyRecord { state, .. } in bodies {
+            ahead(&mut state.pose, &state.velocity, state.sleeping);
+        }
+    }
+
     /// Forgets the content and keeps the memory.
     pub fn clear(&mut self) {
         self.states.clear();

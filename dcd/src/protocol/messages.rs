@@ -150,8 +150,23 @@ pub struct EnvironmentProperties {
 pub enum SyncProtocol {
     /// The leader dispatches each tick and waits for all members.
     Synchronised,
-    /// Members run on, and extrapolate what they have not heard of.
-    Unsynchronised,
+    /// Members run on for so many ticks without hearing from one another, and extrapolate what others own: what is said after
+    /// a tick is taken in so many ticks later, by all alike, so that cause still comes before effect. For links
+    /// whose delay is longer than a tick; with the coupling `owner`.
+    Unsynchronised {
+        /// At least the longest round trip among members, at most [`MAX_LAG`](super::MAX_LAG).
+        lag_ticks: u32,
+    },
+}
+
+impl SyncProtocol {
+    /// How many ticks later what others say is taken in.
+    pub const fn lag_ticks(self) -> u64 {
+        match self {
+            Self::Synchronised => 0,
+            Self::Unsynchronised { lag_ticks } => lag_ticks as u64,
+        }
+    }
 }
 
 /// How far apart is too far (thesis 3.3.7–3.3.9).

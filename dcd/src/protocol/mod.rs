@@ -36,4 +36,4 @@ pub use messages::{
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;
 pub use shape::{ShapeHash, ShapeRecord};
-pub use validate::{Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_ROUNDS, WORLD_REACH_M};
+pub use validate::{Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, WORLD_REACH_M};

@@ -10,6 +10,9 @@ pub const WORLD_REACH_M: f64 = 1e9;
 /// Most rounds of a tick.
 pub const MAX_ROUNDS: u32 = 64;
 
+/// Most ticks that members run on without hearing from one another.
+pub const MAX_LAG: u32 = 60;
+
 /// Most contact hops that an overlap is deep.
 pub const MAX_DEPTH: u32 = 16;
 
@@ -346,6 +349,7 @@ impl Check for EnvironmentProperties {
         must(self.halo_m.is_none_or(|v| v.is_finite() && v >= 0.0), "world.halo_m", "finite, not negative")?;
         not_negative(&[self.avatar_speed_limit], "world.avatar_speed_limit")?;
         self.thresholds.check()?;
+        must(self.protocol.lag_ticks() <= u64::from(MAX_LAG), "world.lag_ticks", "at most 60")?;
         let Bounds { min, max } = self.tree.bounds();
         must(min.iter().chain(&max).all(|v| v.abs() <= WORLD_REACH_M), "world.bounds", "within 1e9 m")?;
         must(self.tree.is_sound(), "world.tree", "connected, cut inside its cells and within its limits")
@@ -427,7 +431,7 @@ impl Check for ToNode {
         match self {
             Self::Welcome { world, .. } => world.check(),
             Self::Chunk(chunk) => chunk.check(),
-            Self::Finish { dispatch, .. } => dispatch.as_ref().map_or(Ok(()), Check::check),
+            Self::Finish { dispatches, .. } => all(dispatches),
             Self::Adopt { view, .. } => view.check(),
             Self::Apply { ops, .. } => all(ops),
             Self::Roster(members) => ascending(members, |member| member.node, "roster"),
@@ -445,7 +449,7 @@ impl Check for ToNode {
 impl Check for ToServer {
     fn check(&self) -> Result<(), Invalid> {
         match self {
-            Self::Settling { dispatch, .. } => dispatch.as_ref().map_or(Ok(()), Check::check),
+            Self::Settling { dispatches, .. } => all(dispatches),
             Self::Survey { claims, .. } => ascending(claims, |claim| claim.id, "survey.claims"),
             Self::Found { bodies, .. } | Self::Removed { bodies, .. } => all(bodies),
             Self::Checkpoint { bodies, .. } => all(bodies),

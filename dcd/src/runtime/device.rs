@@ -12,7 +12,7 @@ use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties,
     SharedState, StateHasher, TickStats, WorldOp,
 };
-use crate::space::{BodyId, DistributionTree, RegionId};
+use crate::space::{BodyId, DistributionTree, RegionId, Tick};
 
 /// Why the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +40,8 @@ pub struct PhysicsDevice {
     checkpoint: Sampler,
     /// What is computed while others are waited for: all that is held, in one region.
     copy: Option<RegionHost>,
+    /// Avatars that are or were held here.
+    avatars: BTreeSet<BodyId>,
     world: Option<EnvironmentProperties>,
 }
 
@@ -56,6 +58,7 @@ impl PhysicsDevice {
             report: Sampler::default(),
             checkpoint: Sampler::default(),
             copy: None,
+            avatars: BTreeSet::new(),
             world: None,
         }
     }
@@ -84,10 +87,13 @@ impl PhysicsDevice {
             }
             PhysicsCommand::Rebuild { tick, regions, placed, joints, drop } => {
                 let host = self.world();
+                let avatars: Vec<_> =
+                    placed.iter().map(|placed| placed.body.id).filter(|id| id.client().is_some()).collect();
                 let placed = placed.into_iter().map(|placed| (placed.region, placed.body)).collect();
                 host.set_tick(tick);
                 host.rebuild(&regions, placed, &joints, &drop)?;
                 host.announce();
+                self.avatars.extend(avatars);
                 self.rebuilding = true;
                 Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() })
             }
@@ -95,15 +101,27 @@ impl PhysicsDevice {
                 let band_m = self.band_m();
                 let host = self.world();
                 assert_eq!(tick, host.tick().next(), "ticks are computed in order");
+                let new = ops.iter().filter_map(|op| match op {
+                    WorldOp::Insert { body, .. } => Some(body.id),
+                    _ => None,
+                });
+                let avatars: Vec<_> = new.filter(|id| id.client().is_some()).collect();
                 let removed = apply(host, ops, band_m);
                 host.set_rounds(rounds as usize);
                 host.compute();
+                self.avatars.extend(avatars);
                 (self.rebuilding, self.rounds_left) = (false, rounds - 1);
                 self.compute_us = 0;
                 Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed })
             }
-            PhysicsCommand::Accept { incoming, report, checkpoint, .. } => {
-                Some(self.accept(incoming, report, checkpoint)?)
+            PhysicsCommand::Accept { tick, incoming, report, checkpoint, .. } => {
+                self.hear(tick, incoming);
+                Some(self.accept(report, checkpoint)?)
+            }
+            PhysicsCommand::Drain { tick, incoming } => {
+                self.hear(tick, incoming);
+                self.world().drain()?;
+                Some(PhysicsEvent::Drained)
             }
             PhysicsCommand::Drift(ops) => {
                 let awake = self.drift(ops).unwrap_or_else(|error| {
@@ -187,17 +205,34 @@ impl PhysicsDevice {
         self.world().outgoing().cloned().collect()
     }
 
-    fn accept(
-        &mut self,
-        incoming: Vec<BorderMessage>,
-        report: Sampling,
-        checkpoint: Sampling,
-    ) -> Result<PhysicsEvent, DeviceError> {
-        let (rebuilding, rounds_left) = (self.rebuilding, self.rounds_left);
-        let host = self.world();
-        for message in incoming {
+    /// What was said some ticks ago is as it should be by now.
+    fn hear(&mut self, tick: Tick, incoming: Vec<BorderMessage>) {
+        let dt_s = self.world.as_ref().map_or(0.0, |world| f64::from(world.dt_s));
+        for message in &incoming {
+            let bodies = message.replicas.iter().map(|body| body.id);
+            let transfers = message.transfers.iter().map(|transfer| transfer.body.id);
+            self.avatars.extend(bodies.chain(transfers).filter(|id| id.client().is_some()));
+        }
+        let host = self.host.as_mut().expect("a world comes before commands");
+        for mut message in incoming {
+            if message.tick < tick {
+                message.extrapolate((tick.0 - message.tick.0) as f64 * dt_s);
+            }
             host.accept(message);
         }
+    }
+
+    /// Avatars of which a copy is here.
+    fn holds(&mut self) -> Vec<BodyId> {
+        let host = self.host.as_ref().expect("a world comes before commands");
+        let held = |id: &BodyId| host.regions().iter().any(|region| region.handle_of(*id).is_some());
+        self.avatars.retain(held);
+        self.avatars.iter().copied().collect()
+    }
+
+    fn accept(&mut self, report: Sampling, checkpoint: Sampling) -> Result<PhysicsEvent, DeviceError> {
+        let (rebuilding, rounds_left) = (self.rebuilding, self.rounds_left);
+        let host = self.world();
         host.exchange()?;
         if rebuilding {
             host.drop_unconfirmed();
@@ -246,7 +281,8 @@ impl PhysicsDevice {
         };
         self.transfers_told = transfers;
         let rounds_wanted = host.rounds_wanted() as u32;
-        PhysicsEvent::Settled { rounds_wanted, stats, events, report, checkpoint }
+        let holds = self.holds();
+        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, report, checkpoint }
     }
 
     fn claims(&mut self) -> Vec<Claim> {

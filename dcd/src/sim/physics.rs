@@ -108,8 +108,12 @@ impl StandIn {
                 self.fly();
                 Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed })
             }
+            PhysicsCommand::Drain { tick, incoming } => {
+                incoming.into_iter().for_each(|message| self.hear(tick, message));
+                Some(PhysicsEvent::Drained)
+            }
             PhysicsCommand::Accept { tick, incoming, report, checkpoint, .. } => {
-                incoming.into_iter().for_each(|message| self.hear(message));
+                incoming.into_iter().for_each(|message| self.hear(tick, message));
                 if self.rounds_left > 0 {
                     self.rounds_left -= 1;
                     self.fly();
@@ -294,7 +298,10 @@ impl StandIn {
         messages.into_values().collect()
     }
 
-    fn hear(&mut self, message: BorderMessage) {
+    fn hear(&mut self, tick: Tick, mut message: BorderMessage) {
+        if message.tick < tick {
+            message.extrapolate((tick.0 - message.tick.0) as f64 * f64::from(self.world().dt_s));
+        }
         let tree = self.world().tree.clone();
         let region = self.regions.get_mut(&message.to).expect("messages go to regions of this node");
         region.replicas.extend(message.replicas.into_iter().map(|replica| (replica.id, replica)));
@@ -333,7 +340,11 @@ impl StandIn {
             .map(|body| BodyCheckpoint { id: body.id, epoch: body.epoch, state: body.state })
             .collect();
         let rounds_wanted = self.rounds_wanted();
-        PhysicsEvent::Settled { rounds_wanted, stats, events: Vec::new(), report, checkpoint }
+        let holds =
+            self.regions.values().flat_map(|region| region.owned.keys().chain(region.replicas.keys()));
+        let holds: BTreeSet<_> = holds.filter(|id| id.client().is_some()).copied().collect();
+        let holds = holds.into_iter().collect();
+        PhysicsEvent::Settled { rounds_wanted, stats, holds, events: Vec::new(), report, checkpoint }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::cluster::Peer;
 use crate::protocol::{Border, Delay, Hello, Member, Message, Pong, Role, ToServer, VERSION};
 use crate::space::NodeId;
 
-/// Rounds said again when a link is back: in lockstep nobody is farther behind.
+/// Rounds said again when a link is back, beside those of the ticks that members may be apart: nobody is farther behind.
 const SAID_AGAIN: usize = 2;
 /// How long a link may be down before it is complained of.
 const COMPLAIN_AFTER: Duration = Duration::from_millis(300);
@@ -54,10 +54,10 @@ impl Links {
     }
 
     /// Keeps what is said to a member, for when its link breaks.
-    pub(super) fn keep(&mut self, to: NodeId, border: &Border) {
+    pub(super) fn keep(&mut self, to: NodeId, border: &Border, lag: u64) {
         if let Some(link) = self.nodes.get_mut(&to) {
             link.said.push_back(border.clone());
-            if link.said.len() > SAID_AGAIN {
+            if link.said.len() > SAID_AGAIN + lag as usize {
                 link.said.pop_front();
             }
         }
@@ -142,8 +142,12 @@ impl Node {
         if !self.others.contains(&node) {
             return;
         }
-        if let Some(dispatch) = self.dispatch.clone().filter(|_| self.leader.is_some()) {
-            self.send(Peer::Node(node), Message::Dispatch(dispatch));
+        if let Some(leader) = &mut self.leader {
+            let again: Vec<_> =
+                self.dispatches.iter().map(|dispatch| leader.for_member(node, dispatch)).collect();
+            for dispatch in again {
+                self.send(Peer::Node(node), Message::Dispatch(dispatch));
+            }
         }
         if self.view.as_ref().is_some_and(|view| view.leader == node) {
             self.report_all = true;

@@ -33,12 +33,13 @@ impl Node {
                     self.change = Some(Change::to(view));
                     self.placed.clear();
                     self.joints.clear();
-                    self.send_server(ToServer::Settling { view, dispatch: self.dispatch.clone() });
+                    let dispatches = self.dispatches.iter().cloned().collect();
+                    self.send_server(ToServer::Settling { view, dispatches });
                 }
             }
-            ToNode::Finish { view, dispatch, survivors } => {
+            ToNode::Finish { view, dispatches, survivors } => {
                 if let Some(change) = self.change.as_mut().filter(|change| change.view == view) {
-                    change.finish = Some(dispatch);
+                    change.finish = Some(dispatches);
                     self.others.retain(|node| survivors.contains(node));
                     if let Phase::Exchanging(_, _, arrived) = &mut self.phase {
                         arrived.retain(|node, _| survivors.contains(node));
@@ -92,7 +93,8 @@ impl Node {
         self.phase = Phase::Resting;
         self.asked = None;
         self.drift = Default::default();
-        self.dispatch = None;
+        self.dispatches.clear();
+        self.holds.clear();
         self.change = None;
         self.placed.clear();
         self.joints.clear();
@@ -104,10 +106,10 @@ impl Node {
     pub(super) fn dispatched(&mut self, from: NodeId, dispatch: Dispatch) {
         let leads =
             self.view.as_ref().is_some_and(|view| view.leader == from && view.number == dispatch.view);
-        let next = self.dispatch.as_ref().map_or(self.tick, |newest| newest.tick).next();
         // Once it has answered `Settle`, a node starts only what `Finish` tells it to.
-        if leads && dispatch.tick == next && self.change.is_none() {
-            self.dispatch = Some(dispatch);
+        if leads && dispatch.tick == self.dispatched.next() && self.change.is_none() {
+            self.dispatched = dispatch.tick;
+            self.dispatches.push_back(dispatch);
         } else {
             self.counters.stale += 1;
         }
@@ -119,19 +121,23 @@ impl Node {
             Phase::Resting => (self.tick.next(), 0),
             Phase::Computing(tick, round) | Phase::Exchanging(tick, round, _) => (tick, round),
         };
-        if (border.view, (border.tick, border.round)) < (self.number(), next_round) {
+        let due = match self.heard_after(next_round.0) {
+            Some(tick) => (self.number(), tick, if self.lag() == 0 { next_round.1 } else { 0 }),
+            None => (self.number(), Tick(0), 0),
+        };
+        let bound = super::EARLY_BORDERS + 2 * self.lag() as usize;
+        let queue = self.early.entry(from).or_default();
+        let key = |border: &Border| (border.view, border.tick, border.round);
+        if key(&border) < due {
             self.counters.stale += 1;
             return;
         }
-        let due = (self.number(), next_round.0, next_round.1);
-        let queue = self.early.entry(from).or_default();
-        let key = |border: &Border| (border.view, border.tick, border.round);
         queue.retain(|kept| key(kept) >= due);
         if queue.iter().any(|kept| key(kept) == key(&border)) {
             return;
         }
         queue.push_back(border);
-        if queue.len() > super::EARLY_BORDERS {
+        if queue.len() > bound {
             queue.pop_front();
             self.counters.overflow += 1;
         }
@@ -147,15 +153,20 @@ impl Node {
         if let PhysicsEvent::Drifted(states) = event {
             return self.drifted(states);
         }
+        if event == PhysicsEvent::Drained {
+            return;
+        }
         self.tick_takes = now.saturating_sub(self.since);
         self.since = now;
         match event {
-            PhysicsEvent::Drifted(_) => unreachable!("taken care of above"),
+            PhysicsEvent::Drifted(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
             PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
-            PhysicsEvent::Settled { rounds_wanted, stats, events, report, checkpoint } => {
+            PhysicsEvent::Settled { rounds_wanted, stats, holds, events, report, checkpoint } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
                 self.tick = tick;
+                let lag = self.lag();
+                self.dispatches.retain(|dispatch| tick.0 < dispatch.tick.0 + lag);
                 let view = self.number();
                 let is_last = self.world.as_ref().is_some_and(|world| world.last_tick == Some(tick));
                 if is_last && checkpoint.is_empty() {
@@ -168,7 +179,10 @@ impl Node {
                     self.tell_leader(Message::Report(Report { view, tick, states }));
                 }
                 let events = events.into_iter().filter_map(of_avatars).collect();
-                let done = Done { view, tick, rounds_wanted, stats, events };
+                let holds = (self.holds != holds)
+                    .then(|| std::mem::replace(&mut self.holds, holds.clone()))
+                    .map(|_| holds);
+                let done = Done { view, tick, rounds_wanted, stats, holds, events };
                 self.done = Some(done.clone());
                 self.tell_leader(Message::Done(done));
                 self.outputs.push_back(NodeOutput::Settled(tick));
@@ -201,10 +215,12 @@ impl Node {
             && let Some(dispatch) = self.leader.as_mut().and_then(|leader| leader.dispatch(now))
         {
             for &node in &self.others {
-                let message = Message::Dispatch(dispatch.clone());
+                let leader = self.leader.as_mut().expect("only a leader dispatches");
+                let message = Message::Dispatch(leader.for_member(node, &dispatch));
                 self.outputs.push_back(NodeOutput::Send { to: Peer::Node(node), message });
             }
-            self.dispatch = Some(dispatch);
+            self.dispatched = dispatch.tick;
+            self.dispatches.push_back(dispatch);
         }
         self.flush_leader();
         if self.busy {
@@ -221,7 +237,7 @@ impl Node {
     fn begin(&mut self, now: Duration) {
         let next = self.tick.next();
         let Some(change) = &mut self.change else {
-            if let Some(dispatch) = self.dispatch.clone().filter(|newest| newest.tick == next) {
+            if let Some(dispatch) = self.dispatches.iter().find(|dispatch| dispatch.tick == next).cloned() {
                 self.step(dispatch);
             }
             return;
@@ -230,8 +246,11 @@ impl Node {
             self.return_from_drift();
             self.adopt(now, view, drop);
         } else if let Some(finish) = &change.finish {
-            if let Some(dispatch) = finish.clone().filter(|newest| newest.tick == next) {
+            let own = self.dispatches.iter().chain(finish).find(|dispatch| dispatch.tick == next);
+            if let Some(dispatch) = own.cloned() {
                 self.step(dispatch);
+            } else if !change.drained {
+                self.drain();
             } else if !change.surveyed {
                 change.surveyed = true;
                 self.asked = Some(change.view);
@@ -271,7 +290,9 @@ impl Node {
             }
         }
         self.tick = view.tick;
-        self.dispatch = None;
+        self.dispatches.clear();
+        self.dispatched = view.tick;
+        self.holds.clear();
         self.change = None;
         self.phase = Phase::Computing(view.tick, 0);
         let regions =
@@ -308,7 +329,8 @@ impl Node {
                 arrived.insert(me, messages);
             } else {
                 let border = Border { view: number, tick, round, messages };
-                self.link.keep(node, &border);
+                let lag = self.lag();
+                self.link.keep(node, &border, lag);
                 self.send(Peer::Node(node), Message::Border(border));
             }
         }
@@ -321,11 +343,16 @@ impl Node {
     /// Hands the round to the physics once every other member has spoken.
     fn accept(&mut self) {
         let number = self.number();
-        let Phase::Exchanging(tick, round, arrived) = &mut self.phase else { return };
-        let (tick, round) = (*tick, *round);
+        let Phase::Exchanging(tick, round, _) = self.phase else { return };
+        let heard = self.heard_after(tick);
+        let Phase::Exchanging(_, _, arrived) = &mut self.phase else { return };
         for node in &self.others {
+            let Some(said) = heard else {
+                arrived.entry(*node).or_default();
+                continue;
+            };
             let Some(queue) = self.early.get_mut(node) else { continue };
-            let is_due = |border: &Border| (border.view, border.tick, border.round) == (number, tick, round);
+            let is_due = |border: &Border| (border.view, border.tick, border.round) == (number, said, round);
             if let Some(at) = queue.iter().position(is_due)
                 && let Some(border) = queue.remove(at)
             {
@@ -341,7 +368,8 @@ impl Node {
         for (node, messages) in std::mem::take(arrived) {
             for message in messages {
                 let between = |region, owner| view.allocation.get(&region) == Some(&owner);
-                if between(message.from, node) && between(message.to, me) && message.tick == tick {
+                let said = if node == me { Some(tick) } else { heard };
+                if between(message.from, node) && between(message.to, me) && Some(message.tick) == said {
                     incoming.push(message);
                 } else {
                     self.counters.refused += 1;
@@ -378,6 +406,55 @@ impl Node {
                 .collect(),
             (Phase::Resting, Some(leader)) => leader.missing().filter(linked).collect(),
             _ => Vec::new(),
+        }
+    }
+
+    /// The tick whose messages are taken in at the end of this one: an earlier one when members are not in step. `None`: none yet.
+    fn heard_after(&self, tick: Tick) -> Option<Tick> {
+        let view = self.view.as_ref().map_or(Tick(0), |view| view.tick);
+        let lag = self.lag();
+        match lag {
+            0 => Some(tick),
+            _ if tick <= view => Some(tick),
+            _ => Some(Tick(tick.0.saturating_sub(lag))).filter(|&heard| heard > view),
+        }
+    }
+
+    /// Before a survey: what members said in their last ticks is taken in, for nothing must be on its way.
+    fn drain(&mut self) {
+        let (number, last, lag) = (self.number(), self.tick, self.lag());
+        let Some(view) = self.view.as_ref() else {
+            if let Some(change) = &mut self.change {
+                change.drained = true;
+            }
+            return;
+        };
+        let from = self.heard_after(last).map_or(view.tick.next(), Tick::next).max(view.tick.next());
+        let mut messages = Vec::new();
+        if lag > 0 {
+            for tick in from.0..=last.0 {
+                for &node in &self.others {
+                    let queue = self.early.get(&node).into_iter().flatten();
+                    let mut said = queue.filter(|border| (border.view, border.tick) == (number, Tick(tick)));
+                    let Some(border) = said.next() else { return };
+                    messages.extend(border.messages.iter().map(|message| (node, message.clone())));
+                }
+            }
+        }
+        let me = self.config.id;
+        let between = |region, owner| view.allocation.get(&region) == Some(&owner);
+        let mut incoming: Vec<_> = messages
+            .into_iter()
+            .filter(|(node, message)| between(message.from, *node) && between(message.to, me))
+            .map(|(_, message)| message)
+            .collect();
+        incoming.sort_by_key(|message| (message.tick, message.from, message.to));
+        if let Some(change) = &mut self.change {
+            change.drained = true;
+        }
+        if lag > 0 && !incoming.is_empty() {
+            self.return_from_drift();
+            self.ask(PhysicsCommand::Drain { tick: last, incoming });
         }
     }
 

@@ -97,6 +97,7 @@ fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     let settled = PhysicsEvent::Settled {
         rounds_wanted: 1,
         stats: Default::default(),
+        holds: vec![],
         events: vec![],
         report: vec![],
         checkpoint: vec![],

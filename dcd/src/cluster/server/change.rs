@@ -15,7 +15,7 @@ pub(super) struct Change {
     pub number: ViewNumber,
     /// Members of the last view that live, those who are leaving included.
     survivors: BTreeSet<NodeId>,
-    settled: BTreeMap<NodeId, Option<Dispatch>>,
+    settled: BTreeMap<NodeId, Vec<Dispatch>>,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
     /// Made when all surveys are in.
     plan: Option<Plan>,
@@ -53,10 +53,10 @@ impl Group {
         self.finish(common);
     }
 
-    pub(super) fn settling(&mut self, common: &mut Common, node: NodeId, dispatch: Option<Dispatch>) -> bool {
+    pub(super) fn settling(&mut self, common: &mut Common, node: NodeId, dispatches: Vec<Dispatch>) -> bool {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.settled.contains_key(&node) => {
-                change.settled.insert(node, dispatch);
+                change.settled.insert(node, dispatches);
                 self.finish(common);
                 true
             }
@@ -70,11 +70,18 @@ impl Group {
         if change.settled.len() < change.survivors.len() {
             return;
         }
-        let dispatch = change.settled.values().flatten().max_by_key(|dispatch| dispatch.tick).cloned();
+        let mut dispatches: BTreeMap<Tick, Dispatch> = BTreeMap::new();
+        for dispatch in change.settled.values().flatten() {
+            let known = dispatches.entry(dispatch.tick).or_insert_with(|| dispatch.clone());
+            // Members are sent what concerns them; all of it concerns somebody.
+            let more = dispatch.ops.iter().filter(|op| !known.ops.contains(op)).cloned().collect::<Vec<_>>();
+            known.ops.extend(more);
+        }
+        let dispatches: Vec<_> = dispatches.into_values().collect();
         let survivors: Vec<_> = change.survivors.iter().copied().collect();
         for &node in &survivors {
-            let (view, dispatch, survivors) = (change.number, dispatch.clone(), survivors.clone());
-            common.send_node(node, ToNode::Finish { view, dispatch, survivors });
+            let (view, dispatches, survivors) = (change.number, dispatches.clone(), survivors.clone());
+            common.send_node(node, ToNode::Finish { view, dispatches, survivors });
         }
         self.plan(common);
     }

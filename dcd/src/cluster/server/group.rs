@@ -134,8 +134,8 @@ impl Group {
         let present = self.view.as_ref().map(|view| view.number);
         let coming = self.change.as_ref().map(|change| change.number);
         match message {
-            ToServer::Settling { view, dispatch } if Some(view) == coming => {
-                return self.settling(common, node, dispatch);
+            ToServer::Settling { view, dispatches } if Some(view) == coming => {
+                return self.settling(common, node, dispatches);
             }
             ToServer::Survey { view, tick, claims } if Some(view) == coming => {
                 return self.surveyed(common, node, tick, claims);

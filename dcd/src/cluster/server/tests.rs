@@ -99,7 +99,7 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     while server.poll_output().is_some() {}
     let answer = |server: &mut Server, claims| {
         let view = server.common.number;
-        tell(server, 1, Message::ToServer(ToServer::Settling { view, dispatch: None }));
+        tell(server, 1, Message::ToServer(ToServer::Settling { view, dispatches: Vec::new() }));
         tell(server, 1, Message::ToServer(ToServer::Survey { view, tick: Tick(0), claims }))
     };
     answer(&mut server, Vec::new());

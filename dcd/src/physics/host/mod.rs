@@ -6,7 +6,7 @@ mod repartition;
 mod replace;
 mod rounds;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -174,7 +174,7 @@ pub struct RegionHost {
     #[serde(skip)]
     pool: Option<Arc<rayon::ThreadPool>>,
     /// From regions computed elsewhere, for the exchange that is open.
-    incoming: BTreeMap<(RegionId, RegionId), BorderMessage>,
+    incoming: Vec<BorderMessage>,
     balancer: Option<repartition::Balancer>,
     tick: Tick,
     /// Rounds of the tick to come, and how many of them are done.
@@ -209,7 +209,7 @@ impl RegionHost {
             #[cfg(feature = "parallel")]
             threads: 1,
             pool: None,
-            incoming: BTreeMap::new(),
+            incoming: Vec::new(),
             balancer: None,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
@@ -329,7 +329,14 @@ impl RegionHost {
 
     /// Hands in what a region computed elsewhere said; the exchange takes it in.
     pub fn accept(&mut self, message: BorderMessage) {
-        self.incoming.insert((message.to, message.from), message);
+        self.incoming.push(message);
+    }
+
+    /// Takes in what was accepted, and nothing else: no tick ends with it.
+    pub fn drain(&mut self) -> Result<(), HostError> {
+        let tick = self.tick;
+        self.regions.iter_mut().for_each(|region| region.outbox.clear(tick));
+        self.exchange()
     }
 
     /// The second half: every region takes in what the others said, in rank order.
@@ -344,15 +351,15 @@ impl RegionHost {
             let failure = std::sync::Mutex::new(None);
             let mut inboxes = vec![Vec::new(); self.regions.len()];
             let here = outboxes.iter().flat_map(Outbox::letters);
-            let elsewhere = incoming.iter().map(|((to, _), message)| {
-                (ground.partition.rank_of(*to).expect("messages go to regions of this tree"), message)
+            let elsewhere = incoming.iter().map(|message| {
+                (ground.partition.rank_of(message.to).expect("messages go to regions of this tree"), message)
             });
             for (rank, message) in here.chain(elsewhere) {
                 if let Some(place) = place_of[rank] {
                     inboxes[place].push(message);
                 }
             }
-            // Ids are in rank order.
+            // Ids are in rank order; what one region said in several ticks stays in order.
             inboxes.iter_mut().for_each(|inbox| inbox.sort_by_key(|message| message.from));
             let inbox_of = |region: &Region| &inboxes[place_of[region.rank()].expect("hosted here")];
             let is_due = |region: &Region| {

@@ -27,12 +27,12 @@ pub enum ToNode {
         /// The view to come.
         view: ViewNumber,
     },
-    /// Complete this tick, waiting for survivors only; then answer [`ToServer::Survey`].
+    /// Complete these ticks, waiting for survivors only; then answer [`ToServer::Survey`].
     Finish {
         /// The view to come.
         view: ViewNumber,
-        /// The newest dispatch that any survivor knows of in the present view.
-        dispatch: Option<Dispatch>,
+        /// All dispatches of the present view that some survivor may not have completed, in order.
+        dispatches: Vec<Dispatch>,
         /// Who still answers, in id order.
         survivors: Vec<NodeId>,
     },
@@ -106,8 +106,8 @@ pub enum ToServer {
     Settling {
         /// The view to come.
         view: ViewNumber,
-        /// The newest dispatch received in the present view.
-        dispatch: Option<Dispatch>,
+        /// Dispatches received in the present view that another member may not have completed, in order.
+        dispatches: Vec<Dispatch>,
     },
     /// Answer to [`ToNode::Finish`]: what the node owns after its last tick.
     Survey {
@@ -285,6 +285,8 @@ pub struct Done {
     pub rounds_wanted: u32,
     /// What it cost.
     pub stats: TickStats,
+    /// Avatars of which it holds a copy, in id order, if that has changed since it last said so in this view.
+    pub holds: Option<Vec<BodyId>>,
     /// Contacts of avatars.
     pub events: Vec<RegionEvents>,
 }

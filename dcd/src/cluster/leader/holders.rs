@@ -1,0 +1,69 @@
+//! Which members hold which avatars: whoever does must hear where they are wanted, and nobody else (thesis 3.3.8).
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::space::{BodyId, NodeId};
+
+/// What members said they hold. An avatar that nobody spoke of yet concerns all.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Holders {
+    by_node: BTreeMap<NodeId, BTreeSet<BodyId>>,
+    known: BTreeMap<BodyId, u32>,
+    /// Members that held an avatar until lately, and are told of it once more.
+    former: BTreeSet<(BodyId, NodeId)>,
+}
+
+impl Holders {
+    pub(super) fn now_holds(&mut self, node: NodeId, bodies: Vec<BodyId>) {
+        let now: BTreeSet<_> = bodies.into_iter().collect();
+        for &id in &now {
+            *self.known.entry(id).or_default() += 1;
+            self.former.remove(&(id, node));
+        }
+        for id in self.by_node.insert(node, now).unwrap_or_default() {
+            let holders = self.known.entry(id).or_default();
+            *holders = holders.saturating_sub(1);
+            if !self.by_node[&node].contains(&id) {
+                self.former.insert((id, node));
+            }
+        }
+        self.known.retain(|_, holders| *holders > 0);
+    }
+
+    pub(super) fn concerns(&mut self, node: NodeId, body: BodyId) -> bool {
+        let holds = self.by_node.get(&node).is_some_and(|held| held.contains(&body));
+        holds || !self.known.contains_key(&body) || self.former.remove(&(body, node))
+    }
+
+    pub(super) fn forget(&mut self, body: BodyId) {
+        self.known.remove(&body);
+        self.former.retain(|&(id, _)| id != body);
+        for held in self.by_node.values_mut() {
+            held.remove(&body);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::ClientId;
+
+    const AVATAR: BodyId = BodyId::avatar(ClientId(1), 0);
+
+    #[test]
+    fn who_holds_an_avatar_hears_of_it_and_who_let_go_of_it_once_more() {
+        let (a, b, c) = (NodeId(1), NodeId(2), NodeId(3));
+        let mut holders = Holders::default();
+        assert!([a, b, c].iter().all(|&node| holders.concerns(node, AVATAR)), "nobody spoke of it yet");
+        holders.now_holds(a, vec![AVATAR]);
+        holders.now_holds(b, vec![AVATAR]);
+        holders.now_holds(c, vec![]);
+        assert_eq!([a, b, c].map(|node| holders.concerns(node, AVATAR)), [true, true, false]);
+        holders.now_holds(a, vec![]);
+        assert_eq!([a, b, c].map(|node| holders.concerns(node, AVATAR)), [true, true, false], "a once more");
+        assert_eq!([a, b, c].map(|node| holders.concerns(node, AVATAR)), [false, true, false]);
+        holders.now_holds(b, vec![]);
+        assert!(holders.concerns(c, AVATAR), "whoever may hold it, it is not known");
+    }
+}

@@ -148,6 +148,15 @@ impl BorderMessage {
             && self.steps == 0
     }
 
+    /// Whether all ranks in it are of a world of so many regions: others would name nobody.
+    pub fn names_only(&self, regions: usize) -> bool {
+        let transfers = self.transfers.iter().map(|transfer| transfer.holders);
+        let members = self.members.iter().flat_map(|member| [member.holders, member.shadows]);
+        let visitors = self.sight.iter().map(|sight| sight.visitors);
+        transfers.chain(members).chain(visitors).all(|ranks| ranks.iter().all(|rank| rank < regions))
+            && self.members.iter().all(|member| usize::from(member.owner) < regions)
+    }
+
     /// Where bodies are `seconds` after the message was written, as far as their velocities tell (dead reckoning, thesis 3.3.11).
     pub fn extrapolate(&mut self, seconds: f64) {
         let ahead = |pose: &mut WorldPose, velocity: &Velocity, sleeping: bool| {

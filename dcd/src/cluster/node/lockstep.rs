@@ -369,7 +369,12 @@ impl Node {
             for message in messages {
                 let between = |region, owner| view.allocation.get(&region) == Some(&owner);
                 let said = if node == me { Some(tick) } else { heard };
-                if between(message.from, node) && between(message.to, me) && Some(message.tick) == said {
+                let is_sound = node == me || message.names_only(view.allocation.len());
+                if between(message.from, node)
+                    && between(message.to, me)
+                    && Some(message.tick) == said
+                    && is_sound
+                {
                     incoming.push(message);
                 } else {
                     self.counters.refused += 1;
@@ -445,7 +450,11 @@ impl Node {
         let between = |region, owner| view.allocation.get(&region) == Some(&owner);
         let mut incoming: Vec<_> = messages
             .into_iter()
-            .filter(|(node, message)| between(message.from, *node) && between(message.to, me))
+            .filter(|(node, message)| {
+                between(message.from, *node)
+                    && between(message.to, me)
+                    && message.names_only(view.allocation.len())
+            })
             .map(|(_, message)| message)
             .collect();
         incoming.sort_by_key(|message| (message.tick, message.from, message.to));

@@ -91,6 +91,22 @@ fn a_member_speaks_for_its_own_regions_only() {
 }
 
 #[test]
+fn a_message_that_names_regions_which_are_not_there_is_refused() {
+    let mut node = member();
+    let mut holders = crate::space::RegionSet::EMPTY;
+    holders.insert(2);
+    let body = sim_body(BodyId::persistent(3), [9.0, 1.0, 1.0]);
+    let transfers = vec![crate::protocol::Transfer { body, holders, whole: false }];
+    let forged = BorderMessage { from: RegionId(1), to: RegionId(2), transfers, ..BorderMessage::default() };
+    let outputs = border(&mut node, 1, 0, vec![forged]);
+    assert!(
+        matches!(&outputs[..], [NodeOutput::Physics(PhysicsCommand::Accept { incoming, .. })] if incoming.is_empty()),
+        "{outputs:?}"
+    );
+    assert_eq!(node.counters().refused, 1);
+}
+
+#[test]
 fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     let mut node = member();
     border(&mut node, 1, 0, vec![]);

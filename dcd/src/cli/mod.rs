@@ -14,6 +14,7 @@ mod node;
 mod run;
 mod scenes;
 mod serve;
+mod simulate;
 mod summary;
 mod token;
 mod values;
@@ -52,6 +53,7 @@ subcommands! {
     Client in client,
     Token in token,
     Demo in demo,
+    Simulate in simulate,
     Completions in completions,
     Man in man,
 }

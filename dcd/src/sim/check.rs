@@ -1,62 +1,21 @@
-//! Invariant I (fault table of the design): every body has exactly one owner, at its highest epoch; none lost, none doubled.
+//! What must hold at all times, checked while a cluster runs.
+//!
+//! Invariant I: in each group every body has exactly one owner, at its highest epoch; none lost, none doubled. Further: no
+//! state goes back in time, neither in a group nor at a node nor at a client, and who computes a view that is over holds
+//! nothing at an epoch that would beat its successors'.
+
+mod violation;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::StandIn;
+use crate::cluster::Client;
 use crate::protocol::{View, ViewNumber};
-use crate::space::{BodyId, Epoch, NodeId, Tick};
+use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
 
-/// What a run must never show.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Violation {
-    /// Nobody owns it.
-    #[error("{body} is owned by nobody after {tick}")]
-    Lost {
-        /// Which body.
-        body: BodyId,
-        /// After which tick.
-        tick: Tick,
-    },
-    /// Two own it.
-    #[error("{body} has more than one owner after {tick}")]
-    Doubled {
-        /// Which body.
-        body: BodyId,
-        /// After which tick.
-        tick: Tick,
-    },
-    /// A replica has seen a later epoch than the owner's.
-    #[error("a replica of {body} is newer than its owner after {tick}")]
-    Outdated {
-        /// Which body.
-        body: BodyId,
-        /// After which tick.
-        tick: Tick,
-    },
-    /// An owner's epoch went down.
-    #[error("{body} went back from {before} to {after} after {tick}")]
-    WentBack {
-        /// Which body.
-        body: BodyId,
-        /// Its earlier epoch.
-        before: Epoch,
-        /// Its epoch now.
-        after: Epoch,
-        /// After which tick.
-        tick: Tick,
-    },
-    /// Members took unequal numbers of rounds, or not the most that any of them had wanted.
-    #[error("{tick} took {taken:?} rounds, where {wanted} were wanted")]
-    Rounds {
-        /// Which tick.
-        tick: Tick,
-        /// What members took.
-        taken: Vec<u32>,
-        /// The most that a member wanted after the tick before.
-        wanted: u32,
-    },
-}
+pub use violation::Violation;
 
+/// What the members of a view held after a tick, as far as they have completed it.
 #[derive(Clone, Debug, Default)]
 struct Snapshot {
     nodes: BTreeSet<NodeId>,
@@ -66,14 +25,31 @@ struct Snapshot {
     replicas: Vec<(BodyId, Epoch)>,
 }
 
+/// A group as far as it has been checked.
+#[derive(Clone, Debug, Default)]
+struct Checked {
+    /// The newest view of which a tick has been checked.
+    view: ViewNumber,
+    tick: Tick,
+    epochs: BTreeMap<BodyId, Epoch>,
+    /// After the last tick that was checked: in which view, and how many rounds members want.
+    wanted: Option<(ViewNumber, Tick, u32)>,
+}
+
 /// Collects what every member holds after each tick and checks it when all have completed that tick.
 #[derive(Clone, Debug, Default)]
 pub struct Checker {
     expected: BTreeSet<BodyId>,
+    groups: BTreeMap<GroupId, Checked>,
+    /// Of which group views are.
+    views: BTreeMap<ViewNumber, GroupId>,
+    /// Views whose last tick was completed by some members alone: what others sent in it may be lost until the next view.
+    crippled: BTreeSet<ViewNumber>,
     snapshots: BTreeMap<(ViewNumber, Tick), Snapshot>,
-    epochs: BTreeMap<BodyId, Epoch>,
-    /// After the last tick that was checked: in which view, and how many rounds members want.
-    wanted: Option<(ViewNumber, Tick, u32)>,
+    /// The newest epochs that nodes have seen of bodies, in the group that they are in.
+    nodes: BTreeMap<NodeId, (GroupId, BTreeMap<BodyId, Epoch>)>,
+    /// The newest that clients have seen.
+    clients: BTreeMap<ClientId, BTreeMap<BodyId, (Epoch, Tick)>>,
     owned: usize,
     last: Tick,
     checked: u64,
@@ -90,19 +66,65 @@ impl Checker {
         self.checked
     }
 
-    /// The newest tick that has been checked as a whole.
+    /// The newest tick of any group that has been checked as a whole.
     pub fn last(&self) -> Tick {
         self.last
     }
 
-    /// How many bodies were owned after it.
+    /// How many bodies were owned after the tick that was last checked.
     pub fn owned(&self) -> usize {
         self.owned
     }
 
-    /// A member has died: what it gave away in a tick that others have not completed may be lost until the next view.
-    pub fn died(&mut self) {
-        self.snapshots.clear();
+    /// The newest view and tick of a group that have been checked as a whole.
+    pub fn progress(&self, group: GroupId) -> Option<(ViewNumber, Tick)> {
+        self.groups.get(&group).map(|checked| (checked.view, checked.tick))
+    }
+
+    /// The bodies of a group, after the tick that was last checked.
+    pub fn bodies(&self, group: GroupId) -> impl Iterator<Item = BodyId> {
+        self.groups.get(&group).into_iter().flat_map(|checked| checked.epochs.keys().copied())
+    }
+
+    /// Of which group a view is.
+    pub(super) fn group_of(&self, view: ViewNumber) -> Option<GroupId> {
+        self.views.get(&view).copied()
+    }
+
+    /// A view begins.
+    pub(super) fn began(&mut self, group: GroupId, view: ViewNumber) {
+        self.views.insert(view, group);
+    }
+
+    /// Some members of a view complete its last tick without the others.
+    pub(super) fn crippled(&mut self, view: ViewNumber) {
+        if self.crippled.insert(view) {
+            self.snapshots.retain(|&(of, _), _| of != view);
+        }
+    }
+
+    /// A node begins anew, or is gone: what it knew is forgotten.
+    pub(super) fn forget_node(&mut self, node: NodeId) {
+        self.nodes.remove(&node);
+    }
+
+    /// The same of a client.
+    pub(super) fn forget_client(&mut self, client: ClientId) {
+        self.clients.remove(&client);
+    }
+
+    /// A client was told of bodies.
+    pub(super) fn told(&mut self, client: &Client) -> Result<(), Violation> {
+        let seen = self.clients.entry(client.id()).or_default();
+        for view in client.bodies().filter(|view| !view.provisional) {
+            let (id, now) = (view.body.id, (view.body.epoch, view.tick));
+            let before = seen.insert(id, now).unwrap_or_default();
+            if now < before {
+                return Err(Violation::ClientWentBack { client: client.id(), body: id, before, after: now });
+            }
+        }
+        seen.retain(|&id, _| client.body(id).is_some());
+        Ok(())
     }
 
     /// A member has completed a tick of this view.
@@ -113,29 +135,76 @@ impl Checker {
         tick: Tick,
         physics: &StandIn,
     ) -> Result<(), Violation> {
+        let claims: Vec<_> = physics.claims().iter().map(|claim| (claim.id, claim.epoch)).collect();
+        let replicas: Vec<_> = physics.replicas().collect();
+        let Some(&group) = self.views.get(&view.number) else { return Ok(()) };
+        self.check_node(node, group, tick, claims.iter().chain(&replicas).copied())?;
+        let checked = self.groups.entry(group).or_default();
+        if view.number < checked.view {
+            let beats =
+                |(id, epoch): &&(BodyId, Epoch)| checked.epochs.get(id).is_some_and(|newest| epoch >= newest);
+            return match claims.iter().find(beats) {
+                Some(&(body, epoch)) => {
+                    Err(Violation::Overreach { node, body, epoch, present: checked.epochs[&body] })
+                }
+                None => Ok(()),
+            };
+        }
+        if self.crippled.contains(&view.number) {
+            return Ok(());
+        }
         let key = (view.number, tick);
         let snapshot = self.snapshots.entry(key).or_default();
         snapshot.nodes.insert(node);
         snapshot.rounds.insert(physics.rounds());
         snapshot.wanted = snapshot.wanted.max(physics.rounds_wanted());
-        snapshot.owned.extend(physics.claims().iter().map(|claim| (claim.id, claim.epoch)));
-        snapshot.replicas.extend(physics.replicas());
+        snapshot.owned.extend(claims);
+        snapshot.replicas.extend(replicas);
         if snapshot.nodes.len() < view.members.len() {
             return Ok(());
         }
         let snapshot = self.snapshots.remove(&key).unwrap_or_default();
-        self.snapshots.retain(|&other, _| other > key);
-        self.check_rounds(key, &snapshot)?;
-        self.check(tick, snapshot)
+        let views = &self.views;
+        self.snapshots.retain(|&other, _| other > key || views.get(&other.0) != Some(&group));
+        self.check_rounds(group, key, &snapshot)?;
+        self.check(group, key, snapshot)
+    }
+
+    fn check_node(
+        &mut self,
+        node: NodeId,
+        group: GroupId,
+        tick: Tick,
+        held: impl Iterator<Item = (BodyId, Epoch)>,
+    ) -> Result<(), Violation> {
+        // Of several copies in regions of one node, the newest counts.
+        let mut present: BTreeMap<BodyId, Epoch> = BTreeMap::new();
+        for (body, epoch) in held {
+            let newest = present.entry(body).or_default();
+            *newest = epoch.max(*newest);
+        }
+        let (in_group, seen) = self.nodes.entry(node).or_default();
+        if std::mem::replace(in_group, group) != group {
+            // Each group has its own epochs.
+            seen.clear();
+        }
+        for (body, after) in present {
+            let before = seen.insert(body, after).unwrap_or_default();
+            if after < before {
+                return Err(Violation::NodeWentBack { node, body, before, after, tick });
+            }
+        }
+        Ok(())
     }
 
     fn check_rounds(
         &mut self,
+        group: GroupId,
         (view, tick): (ViewNumber, Tick),
         snapshot: &Snapshot,
     ) -> Result<(), Violation> {
-        let before = self.wanted.replace((view, tick, snapshot.wanted));
-        match before {
+        let checked = self.groups.entry(group).or_default();
+        match checked.wanted.replace((view, tick, snapshot.wanted)) {
             Some((seen, before, wanted))
                 if (seen, before.next()) == (view, tick) && snapshot.rounds != BTreeSet::from([wanted]) =>
             {
@@ -146,7 +215,12 @@ impl Checker {
         }
     }
 
-    fn check(&mut self, tick: Tick, snapshot: Snapshot) -> Result<(), Violation> {
+    fn check(
+        &mut self,
+        group: GroupId,
+        (view, tick): (ViewNumber, Tick),
+        snapshot: Snapshot,
+    ) -> Result<(), Violation> {
         let mut owned = BTreeMap::new();
         for (body, epoch) in snapshot.owned {
             if owned.insert(body, epoch).is_some() {
@@ -163,14 +237,16 @@ impl Checker {
                 Some(_) => {}
             }
         }
+        let checked = self.groups.entry(group).or_default();
         for (&body, &after) in &owned {
-            let before = self.epochs.insert(body, after).unwrap_or_default();
+            let before = checked.epochs.get(&body).copied().unwrap_or_default();
             if after < before {
                 return Err(Violation::WentBack { body, before, after, tick });
             }
         }
         self.owned = owned.len();
-        self.last = tick;
+        (checked.view, checked.tick, checked.epochs) = (view, tick, owned);
+        self.last = self.last.max(tick);
         self.checked += 1;
         Ok(())
     }

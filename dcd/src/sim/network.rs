@@ -1,166 +1,398 @@
-//! Links with seeded delays: ordered within a lane, unordered across lanes, cut by crashes.
+//! Links that behave like QUIC over a lossy path, in virtual time: reliable lanes stay in order and repair loss by sending
+//! again, datagrams do not; who hears nothing for the idle time-out drops the link, which the other end learns by a reset
+//! or by its own time-out; what a reader does not read is bounded.
+//!
+//! Keep-alives are not simulated one by one: an end *hears* the other as long as packets could pass. Only when that ends, by
+//! a cut, a stop or a death, is its time-out begun. Congestion is not simulated: paths are as wide as they need be.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod conditions;
+mod life;
+mod link;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
+use self::link::{Frame, LANES, Link, Side, State, index};
 use super::Random;
 use crate::cluster::{Peer, PhysicsEvent};
 use crate::protocol::Lane;
 use crate::space::NodeId;
 
-/// Something that will happen to a process.
+pub use conditions::{Bounds, Cut, NetworkConditions, Path, Who};
+pub(super) use link::LinkId;
+
+/// Who hears nothing for so long drops the link.
+const IDLE: Duration = Duration::from_millis(1_500);
+/// So often an end that has nothing to say says so.
+const KEEP_ALIVE: Duration = Duration::from_millis(250);
+/// How long closing waits for what was sent before.
+const LINGER: Duration = Duration::from_millis(500);
+/// When a dialler that was not answered tries again: QUIC's first probe time-out, three times 333 ms.
+const DIAL_AGAIN: Duration = Duration::from_secs(1);
+/// How long the other end may wait before it acknowledges.
+const ACK_DELAY: Duration = Duration::from_millis(25);
+/// What one packet carries.
+const PACKET_BYTES: usize = 1_200;
+
+/// Something that happens to a process.
 #[derive(Clone, Debug)]
 pub(super) enum Arrival {
     Connected(Peer),
     Disconnected(Peer),
-    /// The bytes of a message.
-    Frame(Peer, Vec<u8>),
+    /// A call was not answered.
+    Unanswered(Peer),
+    /// The bytes of a message, and whether they came as a datagram.
+    Frame(Peer, Vec<u8>, bool),
     Physics(PhysicsEvent),
 }
 
-/// The bytes of a message on its lane.
-type Waiting = (Lane, Vec<u8>);
+/// An arrival, to whom, and over which link.
+#[derive(Clone, Debug)]
+pub(super) struct Delivery {
+    pub(super) to: Peer,
+    pub(super) link: Option<LinkId>,
+    pub(super) arrival: Arrival,
+}
+
+#[derive(Clone, Debug)]
+enum Event {
+    /// The dialler's first packet is sent.
+    Dial(LinkId),
+    /// The handshake is complete at the listener's.
+    Listen(LinkId),
+    /// The handshake is complete at the dialler's.
+    Open(LinkId),
+    GiveUp(LinkId),
+    /// So many packets of a frame arrive; `Side` is the sender's.
+    Packets(LinkId, Side, usize, u64, u64),
+    Resend(LinkId, Side, usize, u64),
+    Datagram(LinkId, Side, Vec<u8>),
+    /// The end has heard nothing since this time.
+    Idle(LinkId, Side, Duration),
+    /// The end hears the other again.
+    Hears(LinkId, Side),
+    /// The end, whose other end is gone, sends a keep-alive.
+    Probe(LinkId, Side),
+    /// The other end's word that it has closed arrives at this end.
+    Closed(LinkId, Side),
+    Linger(LinkId, Side),
+    Healed,
+    Physics(NodeId, PhysicsEvent),
+}
+
+/// What went over the network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Frames and datagrams sent.
+    pub messages: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Datagrams that did not arrive.
+    pub datagrams_lost: u64,
+    /// Frames of which packets had to be sent again.
+    pub resent: u64,
+    /// Links that broke because of a reader that did not read.
+    pub overflows: u64,
+    /// The most that a sender kept for a reader, bytes.
+    pub most_queued: usize,
+    /// The most that waited for a link to be made, bytes.
+    pub most_waiting: usize,
+}
+
+impl std::ops::AddAssign for Traffic {
+    /// Sums, and the most of the most.
+    fn add_assign(&mut self, other: Self) {
+        self.messages += other.messages;
+        self.bytes += other.bytes;
+        self.datagrams_lost += other.datagrams_lost;
+        self.resent += other.resent;
+        self.overflows += other.overflows;
+        self.most_queued = self.most_queued.max(other.most_queued);
+        self.most_waiting = self.most_waiting.max(other.most_waiting);
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Network {
+    pub(super) conditions: NetworkConditions,
+    bounds: Bounds,
+    random: Random,
+    queue: BTreeMap<(Duration, u64), Event>,
+    pushed: u64,
+    /// Processes that live; those that are stopped since when.
+    alive: BTreeMap<Peer, Option<Duration>>,
+    links: BTreeMap<LinkId, Link>,
+    last_link: u64,
+    /// The newest open link of (own end, other end).
+    current: BTreeMap<(Peer, Peer), LinkId>,
+    /// Sent before the link was up.
+    waiting: BTreeMap<(Peer, Peer), Waiting>,
+    /// Links that a process has closed itself: it hears nothing more of them.
+    hung_up: BTreeSet<(Peer, LinkId)>,
+    /// Datagrams that processes have not read, bytes.
+    datagrams: BTreeMap<Peer, usize>,
+    cuts: Vec<Cut>,
+    ready: VecDeque<Delivery>,
+    traffic: Traffic,
+}
 
 #[derive(Clone, Debug, Default)]
-pub(super) struct Network {
-    /// What will happen, by time and order of sending.
-    queue: BTreeMap<(Duration, u64), (Peer, Lane, Arrival)>,
-    sent: u64,
-    links: BTreeSet<(Peer, Peer)>,
-    /// When the last thing on a lane arrives: nothing overtakes it.
-    last: BTreeMap<(Peer, Peer, Lane), Duration>,
-    /// Sent before the link was up.
-    waiting: BTreeMap<(Peer, Peer), Vec<Waiting>>,
+struct Waiting {
+    frames: Vec<(Lane, Vec<u8>)>,
+    bytes: usize,
 }
 
 impl Network {
+    pub(super) fn new(conditions: NetworkConditions, bounds: Bounds, seed: u64) -> Self {
+        Self {
+            conditions,
+            bounds,
+            random: Random::new(seed),
+            queue: BTreeMap::new(),
+            pushed: 0,
+            alive: BTreeMap::new(),
+            links: BTreeMap::new(),
+            last_link: 0,
+            current: BTreeMap::new(),
+            waiting: BTreeMap::new(),
+            hung_up: BTreeSet::new(),
+            datagrams: BTreeMap::new(),
+            cuts: Vec::new(),
+            ready: VecDeque::new(),
+            traffic: Traffic::default(),
+        }
+    }
+
+    /// When something happens next.
     pub(super) fn next_time(&self) -> Option<Duration> {
         self.queue.keys().next().map(|&(time, _)| time)
     }
 
-    pub(super) fn pop(&mut self) -> Option<(Duration, Peer, Arrival)> {
-        self.queue.pop_first().map(|((time, _), (to, _, arrival))| (time, to, arrival))
-    }
-
-    fn push(&mut self, time: Duration, to: Peer, lane: Lane, arrival: Arrival) {
-        self.sent += 1;
-        self.queue.insert((time, self.sent), (to, lane, arrival));
-    }
-
-    /// Puts an arrival on a lane, behind everything there.
-    fn deliver(&mut self, time: Duration, from: Peer, to: Peer, lane: Lane, arrival: Arrival) {
-        let last = self.last.entry((from, to, lane)).or_default();
-        *last = time.max(*last);
-        let time = *last;
-        self.push(time, to, lane, arrival);
-    }
-
-    pub(super) fn physics(&mut self, time: Duration, node: NodeId, event: PhysicsEvent) {
-        self.push(time, Peer::Node(node), Lane::Control, Arrival::Physics(event));
-    }
-
-    pub(super) fn send(&mut self, time: Duration, from: Peer, to: Peer, lane: Lane, bytes: Vec<u8>) {
-        if self.links.contains(&pair(from, to)) {
-            self.deliver(time, from, to, lane, Arrival::Frame(from, bytes));
-        } else {
-            self.waiting.entry((from, to)).or_default().push((lane, bytes));
+    /// Lets the next thing happen.
+    pub(super) fn step(&mut self) {
+        let Some(((now, _), event)) = self.queue.pop_first() else { return };
+        match event {
+            Event::Packets(id, sender, lane, number, count) => {
+                self.packets(now, id, sender, lane, number, count)
+            }
+            Event::Datagram(id, sender, bytes) => self.datagram(now, id, sender, bytes),
+            Event::Physics(node, event) => {
+                let arrival = Arrival::Physics(event);
+                self.ready.push_back(Delivery { to: Peer::Node(node), link: None, arrival });
+            }
+            Event::Resend(id, sender, lane, number) => self.resend(now, id, sender, lane, number),
+            event => self.live(now, event),
         }
     }
 
-    /// Makes a link; both ends hear of it before anything else arrives over it.
-    pub(super) fn connect(&mut self, time: Duration, a: Peer, b: Peer) {
-        if !self.links.insert(pair(a, b)) {
+    /// What has happened to processes.
+    pub(super) fn take(&mut self) -> Option<Delivery> {
+        self.ready.pop_front()
+    }
+
+    pub(super) fn traffic(&self) -> Traffic {
+        self.traffic
+    }
+
+    /// The physics of a node will answer.
+    pub(super) fn physics(&mut self, time: Duration, node: NodeId, event: PhysicsEvent) {
+        self.push(time, Event::Physics(node, event));
+    }
+
+    /// A process begins to exist.
+    pub(super) fn start(&mut self, who: Peer) {
+        self.alive.insert(who, None);
+    }
+
+    /// A process calls another, which answers if it is there.
+    pub(super) fn dial(&mut self, now: Duration, from: Peer, to: Peer) {
+        self.last_link += 1;
+        let id = LinkId(self.last_link);
+        self.links.insert(id, Link::new(from, to));
+        self.push(now, Event::Dial(id));
+        self.push(now + IDLE, Event::GiveUp(id));
+    }
+
+    /// Sends, now or when the link is there. The server, who answers links, has nobody to wait for.
+    pub(super) fn send(&mut self, now: Duration, from: Peer, to: Peer, lane: Lane, bytes: Vec<u8>) {
+        self.traffic.messages += 1;
+        self.traffic.bytes += bytes.len() as u64;
+        match (self.current.get(&(from, to)).copied(), index(lane)) {
+            (Some(id), Some(lane)) => self.send_frame(now, id, from, lane, bytes),
+            (Some(id), None) => self.send_datagram(now, id, from, to, bytes),
+            (None, None) => self.traffic.datagrams_lost += 1,
+            (None, Some(_)) if from == Peer::Server => {}
+            (None, Some(_)) => {
+                let waiting = self.waiting.entry((from, to)).or_default();
+                waiting.bytes += bytes.len();
+                waiting.frames.push((lane, bytes));
+                self.traffic.most_waiting = self.traffic.most_waiting.max(waiting.bytes);
+            }
+        }
+    }
+
+    /// A process has read this much.
+    pub(super) fn consumed(&mut self, reader: Peer, link: LinkId, bytes: usize, datagram: bool) {
+        if datagram {
+            let unread = self.datagrams.entry(reader).or_default();
+            *unread = unread.saturating_sub(bytes);
+        } else if let Some(link) = self.links.get_mut(&link) {
+            let sender = link.side_of(reader).other();
+            let end = link.end_mut(sender);
+            end.unread = end.unread.saturating_sub(bytes);
+        }
+    }
+
+    /// Whether a process still cares for what came over this link.
+    pub(super) fn is_heard(&self, reader: Peer, link: LinkId) -> bool {
+        self.hung_up.is_empty() || !self.hung_up.contains(&(reader, link))
+    }
+
+    /// Whether packets pass from one process to another.
+    pub(super) fn passes(&self, now: Duration, from: Peer, to: Peer) -> bool {
+        self.cuts.is_empty() || !self.cuts.iter().any(|cut| now < cut.until && cut.stops(from, to))
+    }
+
+    fn push(&mut self, time: Duration, event: Event) {
+        self.pushed += 1;
+        self.queue.insert((time, self.pushed), event);
+    }
+
+    fn delay(&mut self, from: Peer, to: Peer) -> Duration {
+        let path = self.conditions.path(from, to);
+        let mut delay = path.draw(&mut self.random);
+        if self.random.chance(self.conditions.reorder) {
+            delay += self.conditions.detour;
+        }
+        delay
+    }
+
+    /// After how long a packet that is not acknowledged is sent again: a round trip and some, doubled each time, and no
+    /// longer than until a keep-alive's acknowledgement tells of the loss.
+    fn patience(&self, from: Peer, to: Peer, retries: u32) -> Duration {
+        let trip =
+            self.conditions.path(from, to).longest() + self.conditions.path(to, from).longest() + ACK_DELAY;
+        (trip * (1 << retries.min(8))).min(trip.max(KEEP_ALIVE))
+    }
+
+    fn send_frame(&mut self, now: Duration, id: LinkId, from: Peer, lane: usize, bytes: Vec<u8>) {
+        let Some(link) = self.links.get_mut(&id) else { return };
+        let side = link.side_of(from);
+        let to = link.end(side.other()).who;
+        let end = link.end_mut(side);
+        let queued = (end.unread + bytes.len()).saturating_sub(self.bounds.inbox_bytes);
+        if queued > self.bounds.queue_for(to) && end.unread > 0 {
+            return self.overflow(now, id, side);
+        }
+        self.traffic.most_queued = self.traffic.most_queued.max(queued);
+        end.unread += bytes.len();
+        let missing = 1 + bytes.len() as u64 / PACKET_BYTES as u64;
+        let number = end.push(lane, Frame { bytes, missing, retries: 0 });
+        self.transmit(now, id, side, lane, number);
+    }
+
+    /// Sends what the other end lacks of a frame; what is lost is sent again later.
+    fn transmit(&mut self, now: Duration, id: LinkId, side: Side, lane: usize, number: u64) {
+        let Some(link) = self.links.get_mut(&id) else { return };
+        let to = link.end(side.other()).who;
+        let end = link.end_mut(side);
+        let from = end.who;
+        let Some(&mut Frame { missing, retries, .. }) = end.frame(lane, number) else { return };
+        let loss = self.conditions.loss;
+        let lost = match self.passes(now, from, to) {
+            false => missing,
+            true if loss == 0.0 => 0,
+            true => (0..missing).filter(|_| self.random.chance(loss)).count() as u64,
+        };
+        if lost < missing {
+            let delay = self.delay(from, to);
+            self.push(now + delay, Event::Packets(id, side, lane, number, missing - lost));
+        }
+        if lost > 0 {
+            let again = now + self.patience(from, to, retries);
+            self.push(again, Event::Resend(id, side, lane, number));
+        }
+    }
+
+    fn resend(&mut self, now: Duration, id: LinkId, side: Side, lane: usize, number: u64) {
+        let Some(link) = self.links.get_mut(&id) else { return };
+        let end = link.end_mut(side);
+        if end.state != State::Open && !end.lingers {
             return;
         }
-        for (from, to) in [(a, b), (b, a)] {
-            self.bury(time, from, to);
+        let who = end.who;
+        let Some(frame) = end.frame(lane, number).filter(|frame| frame.missing > 0) else { return };
+        frame.retries += 1;
+        if self.is_stopped(who) {
+            self.push(now + KEEP_ALIVE, Event::Resend(id, side, lane, number));
+        } else {
+            self.traffic.resent += 1;
+            self.transmit(now, id, side, lane, number);
         }
-        for (from, to) in [(a, b), (b, a)] {
-            for lane in [Lane::Control, Lane::Border, Lane::State] {
-                let last = self.last.entry((from, to, lane)).or_default();
-                *last = time.max(*last);
+    }
+
+    fn packets(&mut self, now: Duration, id: LinkId, side: Side, lane: usize, number: u64, count: u64) {
+        let Some(link) = self.links.get(&id) else { return };
+        let (from, to) = (link.end(side).who, link.end(side.other()).who);
+        if self.passes(now, from, to) {
+            let frame = self.links.get_mut(&id).and_then(|link| link.end_mut(side).frame(lane, number));
+            let Some(frame) = frame else { return };
+            frame.missing = frame.missing.saturating_sub(count);
+            self.hear(now, id, side.other());
+            self.give(now, id, side);
+        } else {
+            let again = now + self.patience(from, to, 0);
+            self.push(again, Event::Resend(id, side, lane, number));
+        }
+    }
+
+    /// Gives the reader what has arrived in order from this end.
+    fn give(&mut self, now: Duration, id: LinkId, side: Side) {
+        let Some(link) = self.links.get_mut(&id) else { return };
+        if !link.is_open(side.other()) {
+            return;
+        }
+        let to = link.end(side.other()).who;
+        let end = link.end_mut(side);
+        for lane in 0..LANES {
+            while let Some(bytes) = end.next(lane) {
+                let arrival = Arrival::Frame(end.who, bytes, false);
+                self.ready.push_back(Delivery { to, link: Some(id), arrival });
             }
-            self.deliver(time, from, to, Lane::Control, Arrival::Connected(from));
-            for (lane, bytes) in self.waiting.remove(&(from, to)).unwrap_or_default() {
-                self.deliver(time, from, to, lane, Arrival::Frame(from, bytes));
-            }
+        }
+        if end.lingers && end.is_empty() {
+            end.lingers = false;
+            self.tell_closed(now, id, side.other());
         }
     }
 
-    /// The end of an earlier link between the same two is heard of before its successor, and nothing of it afterwards.
-    fn bury(&mut self, time: Duration, from: Peer, to: Peer) {
-        let mut ended = false;
-        self.queue.retain(|&(due, _), (at, _, arrival)| match arrival {
-            Arrival::Disconnected(of) if *at == to && *of == from && due > time => {
-                ended = true;
-                false
-            }
-            Arrival::Frame(of, _) => *at != to || *of != from || due <= time,
-            _ => true,
-        });
-        if ended {
-            self.push(time, to, Lane::Control, Arrival::Disconnected(from));
+    fn send_datagram(&mut self, now: Duration, id: LinkId, from: Peer, to: Peer, bytes: Vec<u8>) {
+        let Some(side) = self.links.get(&id).map(|link| link.side_of(from)) else { return };
+        if !self.passes(now, from, to) || self.random.chance(self.conditions.loss) {
+            self.traffic.datagrams_lost += 1;
+            return;
         }
-    }
-
-    /// A link cannot be made.
-    pub(super) fn refuse(&mut self, time: Duration, dialler: Peer, to: Peer) {
-        self.waiting.remove(&(dialler, to));
-        self.push(time, dialler, Lane::Control, Arrival::Disconnected(to));
-    }
-
-    /// One end closes the link: what it has sent arrives, then the other end hears of it.
-    pub(super) fn close(&mut self, time: Duration, from: Peer, to: Peer) {
-        self.waiting.remove(&(from, to));
-        self.waiting.remove(&(to, from));
-        if self.links.remove(&pair(from, to)) {
-            let lanes = [Lane::Control, Lane::Border, Lane::State];
-            let behind = lanes.iter().filter_map(|&lane| self.last.get(&(from, to, lane))).max();
-            let time = time.max(behind.copied().unwrap_or_default());
-            self.push(time, to, Lane::Control, Arrival::Disconnected(from));
+        if self.random.chance(self.conditions.duplicate) {
+            let again = now + self.delay(from, to);
+            self.push(again, Event::Datagram(id, side, bytes.clone()));
         }
+        let time = now + self.delay(from, to);
+        self.push(time, Event::Datagram(id, side, bytes));
     }
 
-    /// The link breaks: what is under way is lost, and both ends hear of it.
-    pub(super) fn cut(&mut self, time: Duration, a: Peer, b: Peer) {
-        self.queue.retain(|_, (to, _, arrival)| {
-            !matches!(arrival, Arrival::Frame(from, _) if pair(*from, *to) == pair(a, b))
-        });
-        self.push(time, a, Lane::Control, Arrival::Disconnected(b));
-        self.close(time, a, b);
-    }
-
-    /// A process is gone: nothing reaches it, and of each of its lanes what is under way arrives or is lost.
-    pub(super) fn crash(&mut self, time: Duration, dead: Peer, random: &mut Random) {
-        let peers: Vec<_> = self
-            .links
-            .iter()
-            .filter_map(|&(a, b)| match dead {
-                dead if dead == a => Some(b),
-                dead if dead == b => Some(a),
-                _ => None,
-            })
-            .collect();
-        self.queue.retain(|_, (to, _, _)| *to != dead);
-        for &peer in &peers {
-            for lane in [Lane::Control, Lane::Border, Lane::State] {
-                if random.below(2) == 0 {
-                    self.queue.retain(|_, (to, of, arrival)| {
-                        !(*to == peer
-                            && *of == lane
-                            && matches!(arrival, Arrival::Frame(from, _) if *from == dead))
-                    });
-                }
-            }
-            // Some notice at once, some only by time-out.
-            let noticed = time + Duration::from_micros(random.below(40_000));
-            self.close(noticed, dead, peer);
+    fn datagram(&mut self, now: Duration, id: LinkId, side: Side, bytes: Vec<u8>) {
+        let Some(link) = self.links.get(&id) else { return };
+        let (from, to) = (link.end(side).who, link.end(side.other()).who);
+        let unread = self.datagrams.entry(to).or_default();
+        let has_room = *unread + bytes.len() <= self.bounds.datagram_bytes;
+        if !link.is_open(side.other()) || !has_room || !self.passes(now, from, to) {
+            self.traffic.datagrams_lost += 1;
+            return;
         }
-        self.waiting.retain(|&(from, to), _| from != dead && to != dead);
-        self.last.retain(|&(from, to, _), _| from != dead && to != dead);
+        *self.datagrams.entry(to).or_default() += bytes.len();
+        self.hear(now, id, side.other());
+        self.ready.push_back(Delivery { to, link: Some(id), arrival: Arrival::Frame(from, bytes, true) });
     }
-}
-
-fn pair(a: Peer, b: Peer) -> (Peer, Peer) {
-    (a.min(b), a.max(b))
 }

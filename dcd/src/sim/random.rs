@@ -1,5 +1,7 @@
 //! SplitMix64 (Steele, Lea, Flood 2014): all randomness of a run comes from its seed.
 
+use std::time::Duration;
+
 /// A seeded source of numbers.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
@@ -27,5 +29,25 @@ impl Random {
     /// A number from 0 up to 1.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Whether something of this probability happens.
+    pub fn chance(&mut self, probability: f64) -> bool {
+        probability > 0.0 && self.unit() < probability
+    }
+
+    /// A time from 0 up to this one.
+    pub fn up_to(&mut self, longest: Duration) -> Duration {
+        Duration::from_micros(self.below(longest.as_micros() as u64 + 1))
+    }
+
+    /// A time between these two, both in milliseconds.
+    pub fn between_ms(&mut self, least: u64, most: u64) -> Duration {
+        Duration::from_millis(least) + self.up_to(Duration::from_millis(most - least))
+    }
+
+    /// One of these.
+    pub fn pick<T: Copy>(&mut self, of: &[T]) -> Option<T> {
+        if of.is_empty() { None } else { Some(of[self.below(of.len() as u64) as usize]) }
     }
 }

@@ -1,12 +1,14 @@
 //! The cluster against its faults.
 
+use std::time::Duration;
+
 use super::*;
-use crate::cluster::{ClientEvent, ClientOutput, Peer};
+use crate::cluster::{ClientEvent, ClientOutput, NodeCounters, Peer};
 use crate::protocol::{Refusal, Velocity};
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
 fn config(seed: u64, nodes: u32) -> SimConfig {
-    SimConfig { seed, nodes, regions: 8, bodies: 40, delay_us: 2_000 }
+    SimConfig { seed, nodes, ..SimConfig::default() }
 }
 
 fn running(seed: u64, nodes: u32) -> Sim {
@@ -21,7 +23,12 @@ fn a_calm_run_keeps_every_body_and_checks_every_tick() {
     sim.run_to(Tick(300)).unwrap();
     assert!(sim.checker().checked() >= 300, "{} ticks checked", sim.checker().checked());
     assert_eq!(sim.checker().owned(), 40);
-    assert!(sim.nodes().all(|node| node.counters() == Default::default()), "a calm network drops nothing");
+    for node in sim.nodes() {
+        // What was said before a link was up is said again when it is.
+        let counters = NodeCounters { stale: 0, ..node.counters() };
+        assert_eq!(counters, NodeCounters::default(), "a calm network drops nothing");
+        assert!(node.counters().stale <= 2 * 2);
+    }
 }
 
 #[test]
@@ -130,7 +137,7 @@ fn a_state_recovered_from_a_checkpoint_is_at_most_half_a_second_old() {
         for (id, state) in sim.states() {
             let then = before[&id].pose.translation;
             let gap_m = (0..3).map(|i| (state.pose.translation[i] - then[i]).abs()).fold(0.0, f64::max);
-            assert!(gap_m <= 12.0 * 0.5, "seed {seed}: {id} jumped by {gap_m} m");
+            assert!(gap_m <= 12.0 * 0.5, "seed {seed}: {id} jumped by {gap_m} m\n{}", sim.timeline());
         }
     }
 }
@@ -195,7 +202,7 @@ fn chaos(seed: u64) {
             (6, Some(node)) => {
                 let other = nodes[random.below(nodes.len() as u64) as usize];
                 if other != node {
-                    sim.cut(Peer::Node(node), Peer::Node(other));
+                    sim.break_link(Peer::Node(node), Peer::Node(other));
                 }
             }
             (3, _) => {
@@ -230,7 +237,7 @@ fn chaos(seed: u64) {
     sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
     // A wish sent before the client was linked and welcomed may have been refused; those on record must be there.
     let present = sim.server().record().present().count();
-    assert_eq!(sim.checker().owned(), present, "seed {seed}");
+    assert_eq!(sim.checker().owned(), present, "seed {seed}:\n{}", sim.timeline());
 }
 
 #[test]
@@ -373,7 +380,7 @@ fn a_link_between_members_that_breaks_is_made_anew_and_the_world_goes_on() {
     for seed in 0..30 {
         let mut sim = running(seed, 3);
         sim.run_events(seed * 7).unwrap();
-        sim.cut(Peer::Node(NodeId(1 + (seed % 2) as u32)), Peer::Node(NodeId(3)));
+        sim.break_link(Peer::Node(NodeId(1 + (seed % 2) as u32)), Peer::Node(NodeId(3)));
         let view = sim.server().view().unwrap().number;
         let target = Tick(sim.tick().0 + 30);
         sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
@@ -397,9 +404,113 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
         sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
         let velocity = Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] };
         sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
-        let seen_x =
-            |sim: &Sim| sim.client(client).body(avatar(client)).unwrap().body.state.pose.translation[0];
-        sim.run_until(|sim| seen_x(sim) > 9.0).unwrap();
+        let is_seen = |sim: &Sim| {
+            let view = sim.client(client).body(avatar(client));
+            view.is_some_and(|view| view.body.state.pose.translation[0] > 9.0)
+        };
+        sim.run_until(is_seen).unwrap();
         assert!(sim.nodes().all(|node| node.counters().refused == 0));
+    }
+}
+
+/// A cluster with two clients that each have an avatar, and little room for who does not read.
+fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
+    let bounds = Bounds { inbox_bytes: 8_192, client_queue_bytes: 8_192, ..Bounds::default() };
+    let mut sim = Sim::new(SimConfig { bounds, ..config(seed, 3) });
+    let clients = [sim.start_client(None), sim.start_client(None)];
+    sim.run_until(|sim| clients.iter().all(|&client| sim.client(client).is_joined())).unwrap();
+    for client in clients {
+        let body = sim_body(avatar(client), [1.0, 4.0, 4.0]);
+        sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+    }
+    sim.run_to(Tick(60)).unwrap();
+    (sim, clients)
+}
+
+#[test]
+fn a_client_that_does_not_read_costs_nobody_else_anything_and_no_more_than_its_bound() {
+    for seed in 0..10 {
+        let ticks = |hangs: bool| {
+            let (mut sim, [silent, lively]) = with_two_clients(seed);
+            if hangs {
+                sim.hang(Peer::Client(silent));
+            }
+            // What the server tells all clients of, without end.
+            for index in 1..200 {
+                let body = sim_body(BodyId::avatar(lively, index), [2.0, 4.0, 4.0]);
+                sim.wish(lively, ClientEvent::Spawn { body, shapes: Vec::new() });
+                sim.run_for(Duration::from_millis(20)).unwrap();
+            }
+            let traffic = sim.traffic();
+            assert_eq!(traffic.overflows > 0, hangs, "seed {seed}: {traffic:?}");
+            assert!(traffic.most_queued <= 8_192, "seed {seed}: {traffic:?}");
+            assert_eq!(sim.client(lively).bodies().count(), if hangs { 240 } else { 241 }, "seed {seed}");
+            sim.tick().0
+        };
+        let (with, without) = (ticks(true), ticks(false));
+        assert!(with + 2 >= without, "seed {seed}: {with} ticks instead of {without}");
+    }
+}
+
+#[test]
+fn a_node_that_hangs_does_not_hold_the_others_up_for_long() {
+    for seed in 0..10 {
+        let mut sim = running(seed, 4);
+        sim.hang(Peer::Node(NodeId(1 + (seed % 4) as u32)));
+        let is_whole = |sim: &Sim| {
+            sim.server().view().is_some_and(|view| view.members.len() == 3) && sim.checker().owned() == 40
+        };
+        sim.run_for(Duration::from_secs(5)).unwrap();
+        assert!(is_whole(&sim), "seed {seed}:\n{}", sim.timeline());
+        let before = sim.checker().last();
+        sim.run_for(Duration::from_secs(1)).unwrap();
+        assert!(sim.checker().last().0 > before.0 + 50, "seed {seed}:\n{}", sim.timeline());
+    }
+}
+
+#[test]
+fn of_two_members_that_cannot_reach_each_other_one_goes_and_the_world_goes_on() {
+    for seed in 0..20 {
+        let mut sim = running(seed, 3);
+        sim.run_events(seed * 7).unwrap();
+        for cut in Cut::between(Peer::Node(NodeId(1)), Peer::Node(NodeId(3)), Duration::from_secs(60)) {
+            sim.cut(cut);
+        }
+        let view = |sim: &Sim| sim.server().view().map(|view| view.members.len());
+        sim.run_until(|sim| view(sim) == Some(2)).unwrap();
+        let target = Tick(sim.checker().last().0 + 30);
+        sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        assert!(sim.now() < Duration::from_secs(4), "seed {seed}:\n{}", sim.timeline());
+        assert_eq!((sim.nodes().count(), sim.checker().owned()), (3, 40), "seed {seed}");
+    }
+}
+
+#[test]
+fn a_server_that_is_killed_and_comes_back_finds_the_world_as_it_is() {
+    for seed in 0..40 {
+        let (mut sim, client) = playing(seed);
+        sim.run_events(seed * 13).unwrap();
+        let tick = sim.tick();
+        sim.crash(Peer::Server);
+        sim.run_for(Duration::from_secs(3)).unwrap();
+        assert!(sim.checker().last().0 > tick.0 + 150, "nobody needs the server to go on, seed {seed}");
+        sim.restart_server();
+        sim.run_until(|sim| sim.server().view().is_some_and(|view| view.members.len() == 3)).unwrap();
+        let target = Tick(sim.tick().0 + 30);
+        sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        assert_eq!((sim.nodes().count(), sim.checker().owned()), (3, 41), "seed {seed}");
+        sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
+        assert!(sim.client(client).body(avatar(client)).is_some(), "seed {seed}");
+    }
+}
+
+#[test]
+fn a_slow_node_slows_the_world_down_and_stays() {
+    for seed in 0..10 {
+        let mut sim = running(seed, 3);
+        sim.slow(Peer::Node(NodeId(2)), Duration::from_millis(3));
+        sim.run_for(Duration::from_secs(10)).unwrap();
+        assert_eq!(sim.tally().evictions, 0, "seed {seed}");
+        assert!((100..600).contains(&sim.tick().0), "seed {seed}: {}", sim.tick());
     }
 }

@@ -1,17 +1,20 @@
-//! A simulated cluster: processes, their links, and the loop that runs them.
+//! A cluster in virtual time: processes with hosts and machines, the network between them, and the checker that looks on.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-use super::network::{Arrival, Network};
-use super::{Checker, Random, StandIn, Violation, drifting, sim_world};
+use super::clock::Clock;
+use super::host::{Host, Skew};
+use super::network::{Bounds, Cut, Network, NetworkConditions, Path, Traffic};
+use super::{Checker, Random, StandIn, Timeline, Violation, drifting, sim_world};
+use crate::cluster::directory::{Directory, MemoryDirectory};
 use crate::cluster::{
-    Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsEvent, Record,
-    Server, ServerConfig, ServerEvent, ServerOutput,
+    Client, ClientEvent, ClientOutput, Grouping, Node, NodeConfig, NodeEvent, Peer, Record, Server,
+    ServerConfig,
 };
-use crate::protocol::{BodyState, DATAGRAM_BYTES, Message, ToClient, decode, encode};
-use crate::space::{BodyId, ClientId, NodeId, Tick};
+use crate::protocol::{BodyState, SyncProtocol, Thresholds};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// What a run is made of.
 #[derive(Clone, Debug)]
@@ -24,35 +27,115 @@ pub struct SimConfig {
     pub regions: usize,
     /// Persistent bodies.
     pub bodies: u32,
-    /// Longest delay of a message, microseconds; the shortest is a tenth of it.
-    pub delay_us: u64,
+    /// Simulated seconds a tick.
+    pub dt_s: f32,
+    /// What the network is like at the start.
+    pub network: NetworkConditions,
+    /// What may wait for a reader.
+    pub bounds: Bounds,
+    /// How long the physics takes for a command.
+    pub physics: Path,
+    /// How clocks differ; `None`: all show the true time.
+    pub skew: Option<Skew>,
+    /// How far apart is too far.
+    pub thresholds: Thresholds,
+    /// How ticks are kept in step.
+    pub protocol: SyncProtocol,
+    /// Who may be in one group.
+    pub grouping: Grouping,
+    /// Ticks between nodes' reports of moved bodies to their leader.
+    pub report_every: u64,
+    /// Ticks between nodes' checkpoints of moved bodies to the server.
+    pub checkpoint_every: u64,
+}
+
+impl Default for SimConfig {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            nodes: 3,
+            regions: 8,
+            bodies: 40,
+            dt_s: 1.0 / 60.0,
+            network: NetworkConditions::calm(Path::up_to(2_000)),
+            bounds: Bounds::default(),
+            physics: Path::up_to(2_000),
+            skew: None,
+            thresholds: Thresholds::default(),
+            protocol: SyncProtocol::Synchronised,
+            grouping: Grouping::default(),
+            report_every: 3,
+            checkpoint_every: 6,
+        }
+    }
 }
 
 #[derive(Clone, Debug)]
-struct NodeProcess {
-    machine: Node,
-    physics: StandIn,
+pub(super) struct NodeProcess {
+    pub(super) machine: Node,
+    pub(super) physics: StandIn,
     /// In the same process.
-    client: Option<ClientId>,
+    pub(super) client: Option<ClientId>,
+}
+
+/// What happened in a run, in numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Bodies that changed owner between regions.
+    pub transfers: u64,
+    /// Nodes that were told to go without having asked.
+    pub evictions: u64,
+    /// Views with another leader than the view before.
+    pub elections: u64,
+    /// Views that began.
+    pub views: u64,
+}
+
+impl std::ops::AddAssign for Tally {
+    fn add_assign(&mut self, other: Self) {
+        self.transfers += other.transfers;
+        self.evictions += other.evictions;
+        self.elections += other.elections;
+        self.views += other.views;
+    }
 }
 
 /// A running cluster.
 #[derive(Clone, Debug)]
 pub struct Sim {
-    config: SimConfig,
-    now: Duration,
-    random: Random,
-    network: Network,
-    server: Server,
-    nodes: BTreeMap<NodeId, NodeProcess>,
-    clients: BTreeMap<ClientId, Client>,
-    checker: Checker,
-    violation: Option<Violation>,
-    events: u64,
+    pub(super) config: SimConfig,
+    pub(super) now: Duration,
+    pub(super) random: Random,
+    pub(super) network: Network,
+    pub(super) hosts: BTreeMap<Peer, Host>,
+    /// `None` while it is dead.
+    pub(super) server: Option<Server>,
+    pub(super) disk: MemoryDirectory,
+    pub(super) nodes: BTreeMap<NodeId, NodeProcess>,
+    pub(super) clients: BTreeMap<ClientId, Client>,
+    pub(super) checker: Checker,
+    pub(super) violation: Option<Violation>,
+    pub(super) events: u64,
+    /// Of them, at this instant.
+    pub(super) at_once: u32,
+    pub(super) tally: Tally,
+    pub(super) timeline: Timeline,
+    /// Leaders of the newest views that the server began.
+    pub(super) leaders: BTreeMap<GroupId, NodeId>,
+    /// Nodes without which the server let the world go on.
+    pub(super) expelled: Vec<NodeId>,
+    /// When a tick was last checked, of each group.
+    pub(super) checked_at: BTreeMap<GroupId, Duration>,
+    /// The server dies after so many outputs, counted from its next durable batch on.
+    pub(super) crash_after_store: Option<u32>,
+    pub(super) has_stored: bool,
+    /// Whether that has happened.
+    pub(super) server_crashed: bool,
     /// Bugs to plant: transfers still to be dropped.
-    drop_transfers: u32,
+    pub(super) drop_transfers: u32,
     /// What clients were told, for tests.
-    told: Vec<(ClientId, ClientOutput)>,
+    pub(super) told: Vec<(ClientId, ClientOutput)>,
+    server_config: ServerConfig,
     last_node: NodeId,
     last_client: ClientId,
 }
@@ -64,31 +147,49 @@ impl Sim {
         let bodies: Vec<_> =
             (0..config.bodies).map(|i| drifting(BodyId::persistent(i), &mut random)).collect();
         let checker = Checker::new(bodies.iter().map(|body| body.id));
+        let mut world = sim_world(config.regions);
+        world.dt_s = config.dt_s;
+        (world.thresholds, world.protocol) = (config.thresholds, config.protocol);
         let server_config = ServerConfig {
-            world: sim_world(config.regions),
+            world,
             min_nodes: config.nodes.max(1) as usize,
-            grouping: Default::default(),
+            grouping: config.grouping.clone(),
         };
-        let server = Server::new(server_config, Record::new(bodies, Vec::new(), Vec::new()));
+        let server = Server::new(server_config.clone(), Record::new(bodies, Vec::new(), Vec::new()));
+        let network = Network::new(config.network.clone(), config.bounds, random.bits());
         let mut sim = Self {
             now: Duration::ZERO,
             random,
-            network: Network::default(),
-            server,
+            network,
+            hosts: BTreeMap::new(),
+            server: Some(server),
+            server_config,
+            disk: MemoryDirectory::new(),
             nodes: BTreeMap::new(),
             clients: BTreeMap::new(),
             checker,
             violation: None,
             events: 0,
+            at_once: 0,
+            tally: Tally::default(),
+            timeline: Timeline::default(),
+            leaders: BTreeMap::new(),
+            expelled: Vec::new(),
+            checked_at: BTreeMap::new(),
+            crash_after_store: None,
+            has_stored: false,
+            server_crashed: false,
             drop_transfers: 0,
             told: Vec::new(),
             last_node: NodeId(0),
             last_client: ClientId(0),
             config,
         };
+        sim.host(Peer::Server, true);
         for _ in 0..sim.config.nodes {
             sim.start_node();
         }
+        sim.drain_server();
         sim
     }
 
@@ -99,12 +200,11 @@ impl Sim {
 
     /// A client and a node in one process join (the thesis's normal participant).
     pub fn start_participant(&mut self) -> (NodeId, ClientId) {
-        self.last_client.0 += 1;
-        let client = self.last_client;
+        let client = self.new_client_id();
         let node = self.start_process(Some(client));
         self.clients.insert(client, Client::new(client, Some(node)));
-        let time = self.later();
-        self.network.connect(time, Peer::Client(client), Peer::Server);
+        self.host(Peer::Client(client), false);
+        self.network.dial(self.now, Peer::Client(client), Peer::Server);
         (node, client)
     }
 
@@ -116,47 +216,157 @@ impl Sim {
             id,
             address,
             client,
-            report_every: 3,
-            checkpoint_every: 6,
+            report_every: self.config.report_every,
+            checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),
         });
         self.nodes.insert(id, NodeProcess { machine, physics: StandIn::default(), client });
-        let time = self.later();
-        self.network.connect(time, Peer::Node(id), Peer::Server);
+        self.host(Peer::Node(id), self.now.is_zero());
+        self.network.dial(self.now, Peer::Node(id), Peer::Server);
         id
     }
 
     /// A client joins; with an id, one that was there before.
     pub fn start_client(&mut self, again: Option<ClientId>) -> ClientId {
-        let id = again.unwrap_or_else(|| {
-            self.last_client.0 += 1;
-            self.last_client
-        });
+        let id = again.unwrap_or_else(|| self.new_client_id());
         self.clients.insert(id, Client::new(id, None));
-        let time = self.later();
-        self.network.connect(time, Peer::Client(id), Peer::Server);
+        self.host(Peer::Client(id), false);
+        self.network.dial(self.now, Peer::Client(id), Peer::Server);
         id
+    }
+
+    fn new_client_id(&mut self) -> ClientId {
+        self.last_client.0 += 1;
+        self.last_client
+    }
+
+    /// A process begins, with a clock of its own; a veteran began some time before the simulation.
+    fn host(&mut self, who: Peer, veteran: bool) {
+        let clock = match self.config.skew {
+            None => Clock::new(Duration::ZERO, Duration::ZERO, 0),
+            Some(Skew { offset, drift_ppm }) => {
+                let shown = if veteran { self.random.up_to(2 * offset) } else { Duration::ZERO };
+                let drift_ppm = self.random.below(2 * drift_ppm as u64 + 1) as i64 - drift_ppm;
+                Clock::new(self.now, shown, drift_ppm)
+            }
+        };
+        self.hosts.insert(who, Host::new(clock));
+        self.network.start(who);
     }
 
     /// A process is gone from one instant to the next.
     pub fn crash(&mut self, peer: Peer) {
+        self.note(|| format!("{} is killed", name(peer)));
         match peer {
             Peer::Node(node) => {
                 let client = self.nodes.remove(&node).and_then(|process| process.client);
-                self.checker.died();
+                self.checker.forget_node(node);
                 if let Some(client) = client {
                     self.crash(Peer::Client(client));
                 }
             }
-            Peer::Client(client) => drop(self.clients.remove(&client)),
-            Peer::Server => panic!("the first cut does not survive the loss of its server"),
+            Peer::Client(client) => {
+                self.clients.remove(&client);
+                self.checker.forget_client(client);
+            }
+            Peer::Server => {
+                self.server = None;
+                // Of what need not last, the first few batches do.
+                let mut kept = self.random.below(self.disk.unsynced() as u64 + 1);
+                self.disk.crash(|_| {
+                    let is_kept = kept > 0;
+                    kept = kept.saturating_sub(1);
+                    is_kept
+                });
+            }
         }
-        self.network.crash(self.now, peer, &mut self.random);
+        self.hosts.remove(&peer);
+        self.network.crash(self.now, peer);
     }
 
-    /// The link between two processes breaks; both live.
-    pub fn cut(&mut self, a: Peer, b: Peer) {
-        self.network.cut(self.now, a, b);
+    /// The server is killed once it has written down something that must last, and has done so many of the things that
+    /// follow from it.
+    pub fn crash_after_store(&mut self, outputs: u32) {
+        self.crash_after_store = Some(outputs);
+    }
+
+    /// The server starts again from what it wrote down.
+    ///
+    /// # Panics
+    /// When it lives, or cannot go on from that.
+    pub fn restart_server(&mut self) {
+        assert!(self.server.is_none(), "the server lives");
+        self.note(|| "the server starts again".into());
+        let entries = self.disk.load().expect("memory can be read");
+        let server = Server::restore(self.server_config.clone(), entries);
+        self.server = Some(server.expect("what a server writes can be read"));
+        self.host(Peer::Server, false);
+        self.drain_server();
+        self.set_timer(Peer::Server);
+    }
+
+    /// A process is stopped (SIGSTOP): it handles nothing until it is resumed.
+    pub fn stop(&mut self, peer: Peer) {
+        self.note(|| format!("{} is stopped", name(peer)));
+        if let Some(host) = self.hosts.get_mut(&peer) {
+            host.stopped = true;
+            self.network.stop(self.now, peer);
+        }
+    }
+
+    /// A process does nothing any more, while its network goes on to say that it lives: its loop hangs.
+    pub fn hang(&mut self, peer: Peer) {
+        self.note(|| format!("{} hangs", name(peer)));
+        if let Some(host) = self.hosts.get_mut(&peer) {
+            host.stopped = true;
+        }
+    }
+
+    /// A stopped process goes on (SIGCONT).
+    pub fn resume(&mut self, peer: Peer) {
+        self.note(|| format!("{} is resumed", name(peer)));
+        let ended = self.network.resume(self.now, peer);
+        let Some(host) = self.hosts.get_mut(&peer) else { return };
+        host.stopped = false;
+        host.busy_until = self.now;
+        host.mailbox.retain(|delivery| delivery.link.is_none_or(|link| !ended.contains(&link)));
+        while let Some(delivery) = self.network.take() {
+            match self.hosts.get_mut(&delivery.to) {
+                Some(host) if delivery.to == peer => host.mailbox.push_front(delivery),
+                _ => self.deliver(delivery),
+            }
+        }
+    }
+
+    /// From now on every event costs a process so much time.
+    pub fn slow(&mut self, peer: Peer, cost: Duration) {
+        self.note(|| format!("{} takes {} us an event", name(peer), cost.as_micros()));
+        if let Some(host) = self.hosts.get_mut(&peer) {
+            host.cost = cost;
+        }
+    }
+
+    /// What the network is like from now on.
+    pub fn set_network(&mut self, conditions: NetworkConditions) {
+        self.network.conditions = conditions;
+    }
+
+    /// Nothing passes where this says so, until its end.
+    pub fn cut(&mut self, cut: Cut) {
+        self.network.cut(self.now, cut);
+    }
+
+    /// Nothing passes between these processes and all others for a time.
+    pub fn isolate(&mut self, island: BTreeSet<Peer>, time: Duration) {
+        for cut in Cut::partition(island, self.now + time) {
+            self.cut(cut);
+        }
+    }
+
+    /// The link between two processes breaks; both live, and can call each other.
+    pub fn break_link(&mut self, a: Peer, b: Peer) {
+        self.network.break_link(a, b);
+        self.deliver_all();
     }
 
     /// A node is asked to leave.
@@ -181,8 +391,17 @@ impl Sim {
     pub fn run_until(&mut self, mut holds: impl FnMut(&Self) -> bool) -> Result<(), Violation> {
         let deadline = self.now + Duration::from_secs(60);
         while !holds(self) {
-            assert!(self.now < deadline, "stuck at {:?} of seed {}", self.now, self.config.seed);
-            self.step();
+            assert!(
+                self.now < deadline,
+                "stuck at {:?} of seed {}:\n{}",
+                self.now,
+                self.config.seed,
+                self.timeline
+            );
+            // Where nothing happens, time passes.
+            if !self.step(self.now + Duration::from_millis(100)) {
+                self.events += 1;
+            }
             if let Some(violation) = self.violation.take() {
                 return Err(violation);
             }
@@ -201,6 +420,17 @@ impl Sim {
         self.run_until(|sim| sim.events >= target)
     }
 
+    /// Runs for a time.
+    pub fn run_for(&mut self, time: Duration) -> Result<(), Violation> {
+        let end = self.now + time;
+        while self.step(end) {
+            if let Some(violation) = self.violation.take() {
+                return Err(violation);
+            }
+        }
+        Ok(())
+    }
+
     /// The newest tick that any live node has completed.
     pub fn tick(&self) -> Tick {
         self.nodes().map(Node::tick).max().unwrap_or_default()
@@ -211,9 +441,22 @@ impl Sim {
         self.now
     }
 
+    /// What a process's clock shows.
+    pub fn clock_of(&self, peer: Peer) -> Option<Duration> {
+        self.hosts.get(&peer).map(|host| host.clock.read(self.now))
+    }
+
     /// The server.
+    ///
+    /// # Panics
+    /// While it is dead.
     pub fn server(&self) -> &Server {
-        &self.server
+        self.server.as_ref().expect("the server lives")
+    }
+
+    /// Whether the server lives.
+    pub fn has_server(&self) -> bool {
+        self.server.is_some()
     }
 
     /// A live client.
@@ -241,6 +484,21 @@ impl Sim {
         &self.told
     }
 
+    /// What happened, in numbers.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// What went over the network.
+    pub fn traffic(&self) -> Traffic {
+        self.network.traffic()
+    }
+
+    /// What happened, for people.
+    pub fn timeline(&self) -> &Timeline {
+        &self.timeline
+    }
+
     /// The states of all owned bodies.
     pub fn states(&self) -> BTreeMap<BodyId, BodyState> {
         let claims = |node: &NodeProcess| node.physics.claims();
@@ -252,204 +510,16 @@ impl Sim {
             .collect()
     }
 
-    fn later(&mut self) -> Duration {
-        let least = self.config.delay_us / 10;
-        self.now + Duration::from_micros(least + self.random.below(self.config.delay_us - least + 1))
+    pub(super) fn note(&mut self, what: impl FnOnce() -> String) {
+        self.timeline.note(self.now, what());
     }
+}
 
-    /// The next arrival or timer.
-    fn step(&mut self) {
-        self.events += 1;
-        let nodes =
-            self.nodes.iter().filter_map(|(&id, node)| Some((node.machine.poll_timeout()?, Peer::Node(id))));
-        let clients =
-            self.clients.iter().filter_map(|(&id, client)| Some((client.poll_timeout()?, Peer::Client(id))));
-        let server = self.server.poll_timeout().map(|time| (time, Peer::Server));
-        let timer = nodes.chain(clients).chain(server).min();
-        match (self.network.next_time(), timer) {
-            (arrival, Some((time, peer))) if arrival.is_none_or(|arrival| time < arrival) => {
-                self.now = self.now.max(time);
-                self.alarm(peer);
-            }
-            (Some(_), _) => {
-                let Some((time, to, arrival)) = self.network.pop() else { return };
-                self.now = self.now.max(time);
-                self.arrive(to, arrival);
-            }
-            (None, _) => self.now += Duration::from_millis(100),
-        }
-    }
-
-    fn alarm(&mut self, peer: Peer) {
-        match peer {
-            Peer::Server => {
-                self.server.handle_timeout(self.now);
-                self.drain_server();
-            }
-            Peer::Node(node) => {
-                if let Some(process) = self.nodes.get_mut(&node) {
-                    process.machine.handle_timeout(self.now);
-                }
-                self.drain_node(node);
-            }
-            Peer::Client(id) => {
-                if let Some(client) = self.clients.get_mut(&id) {
-                    client.handle_timeout(self.now);
-                }
-                self.drain_client(id);
-            }
-        }
-    }
-
-    fn arrive(&mut self, to: Peer, arrival: Arrival) {
-        let open = |bytes: Vec<u8>| decode(&bytes).expect("our own messages are valid");
-        match to {
-            Peer::Server => {
-                match arrival {
-                    Arrival::Disconnected(peer) => {
-                        self.server.handle(self.now, ServerEvent::Disconnected(peer))
-                    }
-                    Arrival::Frame(from, bytes) => {
-                        self.server.handle(self.now, ServerEvent::Message { from, message: open(bytes) });
-                    }
-                    Arrival::Connected(_) | Arrival::Physics(_) => {}
-                }
-                self.drain_server();
-            }
-            Peer::Node(node) => {
-                let event = match arrival {
-                    Arrival::Connected(peer) => NodeEvent::Connected(peer),
-                    Arrival::Disconnected(peer) => NodeEvent::Disconnected(peer),
-                    Arrival::Frame(from, bytes) => NodeEvent::Message { from, message: open(bytes) },
-                    Arrival::Physics(event) => NodeEvent::Physics(event),
-                };
-                self.node_event(node, event);
-            }
-            Peer::Client(client) => {
-                let event = match arrival {
-                    Arrival::Connected(peer) => ClientEvent::Connected(peer),
-                    Arrival::Disconnected(peer) => ClientEvent::Disconnected(peer),
-                    Arrival::Frame(from, bytes) => ClientEvent::Message { from, message: open(bytes) },
-                    Arrival::Physics(_) => return,
-                };
-                self.client_event(client, event);
-            }
-        }
-    }
-
-    fn node_event(&mut self, node: NodeId, event: NodeEvent) {
-        if let Some(process) = self.nodes.get_mut(&node) {
-            process.machine.handle(self.now, event);
-            self.drain_node(node);
-        }
-    }
-
-    fn client_event(&mut self, id: ClientId, event: ClientEvent) {
-        let Some(client) = self.clients.get_mut(&id) else { return };
-        client.handle(self.now, event);
-        self.drain_client(id);
-    }
-
-    fn drain_client(&mut self, id: ClientId) {
-        while let Some(output) = self.clients.get_mut(&id).and_then(Client::poll_output) {
-            match output {
-                ClientOutput::Send { to, message } => self.send(Peer::Client(id), to, message),
-                ClientOutput::Redial => {
-                    let time = self.later();
-                    self.network.connect(time, Peer::Client(id), Peer::Server);
-                }
-                ClientOutput::Connect(member) => self.dial(Peer::Client(id), member.node),
-                ClientOutput::Disconnect(node) => {
-                    self.network.close(self.now, Peer::Client(id), Peer::Node(node))
-                }
-                ClientOutput::Node(message) => {
-                    let with_client = |(_, process): &(&NodeId, &NodeProcess)| process.client == Some(id);
-                    if let Some((&node, _)) = self.nodes.iter().find(with_client) {
-                        self.node_event(node, NodeEvent::Client(message));
-                    }
-                }
-                other => self.told.push((id, other)),
-            }
-        }
-    }
-
-    fn dial(&mut self, from: Peer, node: NodeId) {
-        let time = self.later();
-        if self.nodes.contains_key(&node) {
-            self.network.connect(time, from, Peer::Node(node));
-        } else {
-            self.network.refuse(time, from, Peer::Node(node));
-        }
-    }
-
-    fn send(&mut self, from: Peer, to: Peer, mut message: Message) {
-        if let Message::Border(border) = &mut message {
-            for transfers in border.messages.iter_mut().map(|message| &mut message.transfers) {
-                while self.drop_transfers > 0 && transfers.pop().is_some() {
-                    self.drop_transfers -= 1;
-                }
-            }
-        }
-        let bytes = encode(&message);
-        if let Message::ToClient(_, ToClient::States { .. }) = message {
-            assert!(bytes.len() <= DATAGRAM_BYTES, "a datagram of {} bytes", bytes.len());
-        }
-        let time = self.later();
-        self.network.send(time, from, to, message.lane(), bytes);
-    }
-
-    fn drain_server(&mut self) {
-        while let Some(output) = self.server.poll_output() {
-            match output {
-                ServerOutput::Send { to, message } => self.send(Peer::Server, to, message),
-                ServerOutput::Close(peer) => self.network.close(self.now, Peer::Server, peer),
-                ServerOutput::Began { .. }
-                | ServerOutput::Store(_)
-                | ServerOutput::Dissolved(_)
-                | ServerOutput::Expelled(_)
-                | ServerOutput::Held(_)
-                | ServerOutput::Audited { .. }
-                | ServerOutput::Ended => {}
-            }
-        }
-    }
-
-    fn drain_node(&mut self, id: NodeId) {
-        while let Some(process) = self.nodes.get_mut(&id) {
-            let Some(output) = process.machine.poll_output() else { return };
-            match output {
-                NodeOutput::Send { to, message } => self.send(Peer::Node(id), to, message),
-                NodeOutput::Redial => {
-                    let time = self.later();
-                    self.network.connect(time, Peer::Node(id), Peer::Server);
-                }
-                NodeOutput::Connect(member) => self.dial(Peer::Node(id), member.node),
-                NodeOutput::Disconnect(node) => {
-                    self.network.close(self.now, Peer::Node(id), Peer::Node(node))
-                }
-                NodeOutput::Physics(command) => {
-                    let answer: Option<PhysicsEvent> = process.physics.execute(command);
-                    if let Some(event) = answer {
-                        let time = self.later();
-                        self.network.physics(time, id, event);
-                    }
-                }
-                NodeOutput::Settled(tick) => {
-                    let view = process.machine.view().expect("only members complete ticks");
-                    let checked = self.checker.settled(id, view, tick, &process.physics);
-                    self.violation = self.violation.take().or(checked.err());
-                }
-                NodeOutput::Client(message) => {
-                    if let Some(client) = process.client {
-                        self.client_event(client, ClientEvent::Node(message));
-                    }
-                }
-                NodeOutput::Stopped { .. } => {
-                    self.nodes.remove(&id);
-                    self.checker.died();
-                    self.network.crash(self.now, Peer::Node(id), &mut self.random);
-                }
-            }
-        }
+/// How a process is called in timelines.
+pub(super) fn name(peer: Peer) -> String {
+    match peer {
+        Peer::Server => "the server".into(),
+        Peer::Node(node) => node.to_string(),
+        Peer::Client(client) => client.to_string(),
     }
 }

@@ -1,0 +1,242 @@
+//! `dcd simulate`: whole clusters in virtual time, under faults, from seeds.
+
+use std::ops::Range;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::interrupt::Interrupt;
+use crate::sim::{FaultProfile, Row, TrialConfig, simulate};
+
+/// Runs whole clusters in virtual time, under faults, and checks that nothing is lost or doubled
+///
+/// The same machines that run over the network, with simulated processes, clocks, disks and links. One seed, one run: a
+/// seed that fails prints what happened, and fails again.
+///
+/// Examples:
+///   dcd simulate
+///   dcd simulate --faults kill-leader --seeds 0..1000
+///   dcd simulate --faults table --seeds 0..1000        (half an hour: the fault table)
+///   dcd simulate --faults all --seeds 17..18 --json
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment, after_long_help = profiles())]
+pub(super) struct Simulate {
+    /// Which seeds, from A up to but without B
+    #[arg(long, value_name = "A..B", default_value = "0..100", value_parser = seeds)]
+    seeds: Range<u64>,
+    /// Nodes of each cluster
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
+    nodes: u32,
+    /// Clients of each cluster, with an avatar each
+    #[arg(long, value_name = "M", default_value_t = 2, value_parser = clap::value_parser!(u32).range(0..=64))]
+    clients: u32,
+    /// Which faults; several are one row each: see below
+    #[arg(long, value_name = "NAME", default_value = "all", value_delimiter = ',', value_parser = named)]
+    faults: Vec<Profiles>,
+    /// Print one JSON object a row
+    #[arg(long)]
+    json: bool,
+}
+
+/// A profile, or several by one name.
+#[derive(Clone)]
+struct Profiles(Vec<FaultProfile>);
+
+impl Simulate {
+    pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        let interrupt = Interrupt::listen()?;
+        let config = TrialConfig { nodes: self.nodes, clients: self.clients, ..TrialConfig::default() };
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let profiles: Vec<_> = self.faults.iter().flat_map(|profiles| profiles.0.iter().copied()).collect();
+        let count = self.seeds.end - self.seeds.start;
+        let bar = common.progress(count * profiles.len() as u64, "runs", self.json);
+        // A machine that panics is a violation, which is reported with its seed.
+        std::panic::set_hook(Box::new(|_| {}));
+        if !self.json {
+            print(&heading())?;
+        }
+        let mut holds = true;
+        for profile in profiles {
+            let began = Instant::now();
+            let goes_on = || {
+                bar.inc(1);
+                !interrupt.asked()
+            };
+            let row = simulate(&config, profile, self.seeds.clone(), threads, &goes_on);
+            holds &= row.holds();
+            bar.suspend(|| self.show(&row, began.elapsed()))?;
+            if interrupt.asked() {
+                break;
+            }
+        }
+        bar.finish_and_clear();
+        drop(std::panic::take_hook());
+        Ok(if holds { interrupt.exit_code() } else { ExitCode::FAILURE })
+    }
+
+    fn show(&self, row: &Row, wall: Duration) -> Result<(), Failure> {
+        if self.json {
+            let text = serde_json::to_string(&Told::new(row, wall))
+                .map_err(|error| Failure::run(format!("cannot write JSON: {error}; leave --json out")))?;
+            return print(&text);
+        }
+        print(&line(&Told::new(row, wall)))?;
+        for failure in &row.failures {
+            print(&format!("\n{} fails, {failure}", row.profile))?;
+        }
+        Ok(())
+    }
+}
+
+/// A row, for programs.
+#[derive(Serialize)]
+struct Told {
+    faults: &'static str,
+    seeds: u64,
+    violations: u64,
+    worst_recovery_ms: u64,
+    worst_pause_ms: u64,
+    staleness_p99_ms: Option<u32>,
+    transfers: u64,
+    evictions: u64,
+    elections: u64,
+    messages: u64,
+    bytes: u64,
+    simulated_s: f64,
+    wall_s: f64,
+    holds: bool,
+    failures: Vec<ToldFailure>,
+}
+
+/// A seed that failed.
+#[derive(Serialize)]
+struct ToldFailure {
+    seed: u64,
+    violation: String,
+    faults: Vec<String>,
+    timeline: Vec<(f64, String)>,
+}
+
+impl Told {
+    fn new(row: &Row, wall: Duration) -> Self {
+        let failures = row.failures.iter().map(|failure| ToldFailure {
+            seed: failure.seed,
+            violation: failure.violation.to_string(),
+            faults: failure.schedule.faults.iter().map(ToString::to_string).collect(),
+            timeline: failure
+                .timeline
+                .entries()
+                .map(|(time, what)| (time.as_secs_f64(), what.to_owned()))
+                .collect(),
+        });
+        Self {
+            faults: row.profile.name(),
+            seeds: row.seeds,
+            violations: row.violations,
+            worst_recovery_ms: row.worst_recovery.as_millis() as u64,
+            worst_pause_ms: row.worst_pause.as_millis() as u64,
+            staleness_p99_ms: row.staleness_ms,
+            transfers: row.tally.transfers,
+            evictions: row.tally.evictions,
+            elections: row.tally.elections,
+            messages: row.traffic.messages,
+            bytes: row.traffic.bytes,
+            simulated_s: row.simulated.as_secs_f64(),
+            wall_s: wall.as_secs_f64(),
+            holds: row.holds(),
+            failures: failures.collect(),
+        }
+    }
+}
+
+fn heading() -> String {
+    format!(
+        "{:<13}{:>6}{:>11}{:>13}{:>10}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>8}",
+        "faults",
+        "seeds",
+        "violations",
+        "recovery ms",
+        "pause ms",
+        "stale ms",
+        "transfers",
+        "evictions",
+        "elections",
+        "messages",
+        "MB",
+        "wall s"
+    )
+}
+
+fn line(row: &Told) -> String {
+    format!(
+        "{:<13}{:>6}{:>11}{:>13}{:>10}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>8.1}",
+        row.faults,
+        row.seeds,
+        row.violations,
+        row.worst_recovery_ms,
+        row.worst_pause_ms,
+        row.staleness_p99_ms.map_or("-".to_owned(), |ms| ms.to_string()),
+        row.transfers,
+        row.evictions,
+        row.elections,
+        row.messages,
+        row.bytes / 1_000_000,
+        row.wall_s
+    )
+}
+
+fn seeds(text: &str) -> Result<Range<u64>, String> {
+    let wrong = || "write a range of seeds, as 0..1000 or 17..18".to_owned();
+    let (from, to) = text.split_once("..").ok_or_else(wrong)?;
+    let (from, to) = (from.parse().map_err(|_| wrong())?, to.parse().map_err(|_| wrong())?);
+    if from < to { Ok(from..to) } else { Err(wrong()) }
+}
+
+fn named(name: &str) -> Result<Profiles, String> {
+    use FaultProfile::{
+        KillLeader, KillNode, KillServer, Loss1, Loss5, Loss20, OneWay, Partition1, Partition5, Partition30,
+    };
+    Ok(Profiles(match name {
+        "table" => FaultProfile::TABLE.to_vec(),
+        "loss" => vec![Loss1, Loss5, Loss20],
+        "partition" => vec![Partition1, Partition5, Partition30, OneWay],
+        "crash" => vec![KillNode, KillLeader, KillServer],
+        name => vec![name.parse().map_err(|error| format!("{error}; or loss, partition, crash, table"))?],
+    }))
+}
+
+fn profiles() -> String {
+    let rows: Vec<_> = FaultProfile::TABLE
+        .iter()
+        .map(|profile| format!("  {:<13} {}", profile.name(), profile.summary()))
+        .collect();
+    format!(
+        "Faults:\n{}\n  loss, partition, crash: those rows; table: every row\n\n\
+         recovery ms: the longest time from a fault, or its end, until the group computed on; pause ms: the longest without a \
+         tick;\nstale ms: 99 % of what clients saw of their avatars was younger. Exit code 1 if anything was violated.",
+        rows.join("\n")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_are_a_range_that_holds_some() {
+        assert_eq!(seeds("3..5"), Ok(3..5));
+        for wrong in ["", "5", "5..5", "6..5", "a..b", "-1..3"] {
+            assert!(seeds(wrong).unwrap_err().contains("0..1000"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn faults_go_by_row_by_kind_or_all_together() {
+        assert_eq!(named("stop").map(|found| found.0), Ok(vec![FaultProfile::Stop]));
+        assert_eq!(named("table").map(|found| found.0.len()), Ok(FaultProfile::TABLE.len()));
+        assert!(named("lightning").err().unwrap().contains("kill-leader"));
+    }
+}

@@ -1,0 +1,158 @@
+//! What a run must never show.
+
+use std::time::Duration;
+
+use crate::protocol::ViewNumber;
+use crate::space::{BodyId, ClientId, Epoch, NodeId, Tick};
+
+/// What a run must never show.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Violation {
+    /// Nobody owns it.
+    #[error("{body} is owned by nobody after {tick}")]
+    Lost {
+        /// Which body.
+        body: BodyId,
+        /// After which tick.
+        tick: Tick,
+    },
+    /// Two own it.
+    #[error("{body} has more than one owner after {tick}")]
+    Doubled {
+        /// Which body.
+        body: BodyId,
+        /// After which tick.
+        tick: Tick,
+    },
+    /// A replica has seen a later epoch than the owner's.
+    #[error("a replica of {body} is newer than its owner after {tick}")]
+    Outdated {
+        /// Which body.
+        body: BodyId,
+        /// After which tick.
+        tick: Tick,
+    },
+    /// An owner's epoch went down.
+    #[error("{body} went back from {before} to {after} after {tick}")]
+    WentBack {
+        /// Which body.
+        body: BodyId,
+        /// Its earlier epoch.
+        before: Epoch,
+        /// Its epoch now.
+        after: Epoch,
+        /// After which tick.
+        tick: Tick,
+    },
+    /// A node holds an older copy than it held before.
+    #[error("{body} went back from {before} to {after} at {node} after {tick}")]
+    NodeWentBack {
+        /// Where.
+        node: NodeId,
+        /// Which body.
+        body: BodyId,
+        /// Its earlier epoch.
+        before: Epoch,
+        /// Its epoch now.
+        after: Epoch,
+        /// After which tick.
+        tick: Tick,
+    },
+    /// A client was shown something older than before.
+    #[error("{body} went back from {before:?} to {after:?} at {client}")]
+    ClientWentBack {
+        /// Where.
+        client: ClientId,
+        /// Which body.
+        body: BodyId,
+        /// Epoch and tick that it had seen.
+        before: (Epoch, Tick),
+        /// What it shows now.
+        after: (Epoch, Tick),
+    },
+    /// Who computes a view that is over holds a body at an epoch that its successors do not beat.
+    #[error("{node}, whose view is over, holds {body} at {epoch}, its owner at {present}")]
+    Overreach {
+        /// Who.
+        node: NodeId,
+        /// Which body.
+        body: BodyId,
+        /// At which epoch it holds it.
+        epoch: Epoch,
+        /// The owner's.
+        present: Epoch,
+    },
+    /// Members took unequal numbers of rounds, or not the most that any of them had wanted.
+    #[error("{tick} took {taken:?} rounds, where {wanted} were wanted")]
+    Rounds {
+        /// Which tick.
+        tick: Tick,
+        /// What members took.
+        taken: Vec<u32>,
+        /// The most that a member wanted after the tick before.
+        wanted: u32,
+    },
+    /// What a node computed in a view that is over got into the record.
+    #[error("a checkpoint of view {} from {node} changed {body} on record", view.0)]
+    StaleCommit {
+        /// Who.
+        node: NodeId,
+        /// Of which view.
+        view: ViewNumber,
+        /// Which body.
+        body: BodyId,
+    },
+    /// Two members of a group have not been able to reach each other for long.
+    #[error("{a} and {b} are of one group and have not reached each other for {} ms", time.as_millis())]
+    NoClique {
+        /// One.
+        a: NodeId,
+        /// The other.
+        b: NodeId,
+        /// For how long.
+        time: Duration,
+    },
+    /// Somebody was told to go though everybody lived and could reach the others.
+    #[error("{node} was expelled though nobody was dead or cut off")]
+    Expelled {
+        /// Who.
+        node: NodeId,
+    },
+    /// A node takes a peer's clock for something else than it shows.
+    #[error("{node} is wrong about a clock by {error_us} us")]
+    Clock {
+        /// Who.
+        node: NodeId,
+        /// By how much.
+        error_us: i64,
+    },
+    /// A queue held more than its bound.
+    #[error("{queue} held {held}, where {bound} is the bound")]
+    Queue {
+        /// Which.
+        queue: &'static str,
+        /// What it held.
+        held: usize,
+        /// What it may hold.
+        bound: usize,
+    },
+    /// Recovery took too long.
+    #[error("the group had not recovered {} ms after the last fault: {lack}", after.as_millis())]
+    Slow {
+        /// When it was given up.
+        after: Duration,
+        /// What was wrong then.
+        lack: String,
+    },
+    /// Not all was well at the end of a calm time.
+    #[error("all has been calm for {} s, and {lack}", after.as_secs())]
+    Unhealed {
+        /// How long.
+        after: Duration,
+        /// What is wrong.
+        lack: String,
+    },
+    /// A machine failed over its own error.
+    #[error("a machine panicked: {0}")]
+    Panicked(String),
+}

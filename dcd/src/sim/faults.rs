@@ -1,0 +1,369 @@
+//! Named fault profiles, and what each makes of a seed: a schedule of faults at seeded instants, then a calm end.
+
+mod planner;
+mod words;
+
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+use self::planner::Planner;
+use super::{NetworkConditions, Path, Random, Skew};
+
+/// Which faults a run has: the rows of the fault table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FaultProfile {
+    /// Nothing goes wrong.
+    None,
+    /// 1 % of packets are lost.
+    Loss1,
+    /// 5 % of packets are lost.
+    Loss5,
+    /// 20 % of packets are lost.
+    Loss20,
+    /// Packets take 100 ± 50 ms.
+    Delay,
+    /// 4 % of packets take 50 ms more than those after them.
+    Reorder,
+    /// 5 % of packets arrive twice.
+    Duplicate,
+    /// Some processes cannot reach the others for a second.
+    Partition1,
+    /// The same for 5 s.
+    Partition5,
+    /// The same for 30 s.
+    Partition30,
+    /// Nothing passes one way, for up to 8 s.
+    OneWay,
+    /// Nodes are killed.
+    KillNode,
+    /// Leaders are killed.
+    KillLeader,
+    /// The server is killed, and started again from its disk.
+    KillServer,
+    /// Processes of any role stop for up to 12 s, and go on.
+    Stop,
+    /// Clocks differ by up to ± 10 s and run up to 500 ppm fast or slow.
+    ClockSkew,
+    /// All of the above at once.
+    All,
+}
+
+/// What a profile promises.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Promise {
+    /// So long after the last fault was done or over, the group computes on in one membership of live nodes.
+    pub recovery: Duration,
+    /// Whether nobody may be evicted, since all live and reach one another.
+    pub no_eviction: bool,
+    /// Clocks are known this well, if that is looked at.
+    pub clock_error: Option<Duration>,
+}
+
+impl FaultProfile {
+    /// All rows in order.
+    pub const TABLE: [Self; 17] = [
+        Self::None,
+        Self::Loss1,
+        Self::Loss5,
+        Self::Loss20,
+        Self::Delay,
+        Self::Reorder,
+        Self::Duplicate,
+        Self::Partition1,
+        Self::Partition5,
+        Self::Partition30,
+        Self::OneWay,
+        Self::KillNode,
+        Self::KillLeader,
+        Self::KillServer,
+        Self::Stop,
+        Self::ClockSkew,
+        Self::All,
+    ];
+
+    /// How it is called.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Loss1 => "loss-1",
+            Self::Loss5 => "loss-5",
+            Self::Loss20 => "loss-20",
+            Self::Delay => "delay",
+            Self::Reorder => "reorder",
+            Self::Duplicate => "duplicate",
+            Self::Partition1 => "partition-1",
+            Self::Partition5 => "partition-5",
+            Self::Partition30 => "partition-30",
+            Self::OneWay => "one-way",
+            Self::KillNode => "kill-node",
+            Self::KillLeader => "kill-leader",
+            Self::KillServer => "kill-server",
+            Self::Stop => "stop",
+            Self::ClockSkew => "clock-skew",
+            Self::All => "all",
+        }
+    }
+
+    /// What it does, in a few words.
+    pub const fn summary(self) -> &'static str {
+        match self {
+            Self::None => "nothing goes wrong",
+            Self::Loss1 => "1 % of packets are lost",
+            Self::Loss5 => "5 % of packets are lost",
+            Self::Loss20 => "20 % of packets are lost",
+            Self::Delay => "packets take 100 ± 50 ms",
+            Self::Reorder => "4 % of packets take 50 ms longer, and are overtaken",
+            Self::Duplicate => "5 % of packets arrive twice",
+            Self::Partition1 => "some processes cannot reach the others for 1 s, again and again",
+            Self::Partition5 => "the same for 5 s",
+            Self::Partition30 => "the same for 30 s",
+            Self::OneWay => "nothing passes one way for up to 8 s",
+            Self::KillNode => "nodes are killed, also in the middle of transfers and view changes",
+            Self::KillLeader => "leaders are killed",
+            Self::KillServer => "the server is killed, and started again from its disk",
+            Self::Stop => "processes of any role stop for up to 12 s, and go on",
+            Self::ClockSkew => "clocks differ by up to 10 s and run 500 ppm fast or slow; a node is killed",
+            Self::All => "anything of that, several at a time, and slow processes",
+        }
+    }
+
+    /// What must hold.
+    pub fn promise(self) -> Promise {
+        let recovery_s = match self {
+            Self::KillLeader => 2,
+            Self::KillServer => 10,
+            // Loss, kills and cuts together: what each costs adds up.
+            Self::All => 15,
+            _ => 3,
+        };
+        let has_faults = self >= Self::Partition1 && self != Self::ClockSkew;
+        Promise {
+            recovery: Duration::from_secs(recovery_s),
+            no_eviction: !has_faults,
+            clock_error: (self == Self::ClockSkew).then_some(Duration::from_millis(5)),
+        }
+    }
+
+    /// What happens in the run of this seed.
+    pub fn schedule(self, seed: u64) -> Schedule {
+        let mut random = Random::new(seed ^ 0x5eed_0000_0000_0000);
+        let mut plan = Planner { at: Duration::from_secs(2), faults: Vec::new(), random: &mut random };
+        let mut network = NetworkConditions::calm(Path::up_to(2_000));
+        let mut skew = None;
+        match self {
+            Self::None => plan.wait(15_000, 15_000),
+            Self::Loss1 | Self::Loss5 | Self::Loss20 => {
+                network.loss = match self {
+                    Self::Loss1 => 0.01,
+                    Self::Loss5 => 0.05,
+                    _ => 0.2,
+                };
+                plan.wait(15_000, 15_000);
+            }
+            Self::Delay => {
+                network.near = Path { base_us: 50_000, jitter_us: 100_000 };
+                network.far = network.near;
+                plan.wait(25_000, 25_000);
+            }
+            Self::Reorder => {
+                network.reorder = 0.04;
+                plan.wait(15_000, 15_000);
+            }
+            Self::Duplicate => {
+                network.duplicate = 0.05;
+                plan.wait(15_000, 15_000);
+            }
+            Self::Partition1 => (0..4).for_each(|_| plan.cut(1_000, 1_000, false, 4_000)),
+            Self::Partition5 => (0..3).for_each(|_| plan.cut(5_000, 5_000, false, 5_000)),
+            Self::Partition30 => plan.cut(30_000, 30_000, false, 6_000),
+            Self::OneWay => (0..3).for_each(|_| plan.cut(300, 8_000, true, 5_000)),
+            Self::KillNode => (0..3).for_each(|_| plan.kill(Role::Member, 500, 4_000, 5_000)),
+            Self::KillLeader => (0..3).for_each(|_| plan.kill(Role::Leader, 500, 4_000, 5_000)),
+            Self::KillServer => (0..2).for_each(|_| plan.kill(Role::Server, 200, 5_000, 6_000)),
+            Self::Stop => (0..2).for_each(|_| plan.stop(5_000)),
+            Self::ClockSkew => {
+                skew = Some(Skew { offset: Duration::from_secs(10), drift_ppm: 500 });
+                plan.wait(15_000, 15_000);
+                plan.kill(Role::Member, 500, 1_000, 15_000);
+            }
+            Self::All => {
+                network.loss = plan.random.unit() * 0.03;
+                network.reorder = plan.random.unit() * 0.04;
+                network.duplicate = plan.random.unit() * 0.05;
+                skew = Some(Skew { offset: Duration::from_secs(10), drift_ppm: 500 });
+                (0..6).for_each(|_| plan.anything());
+            }
+        }
+        let over = plan.faults.iter().map(|planned| planned.at + planned.fault.lasts());
+        let calm_at = over.chain([plan.at]).max().unwrap_or_default();
+        plan.faults.sort_by_key(|planned| planned.at);
+        Schedule { network, skew, faults: plan.faults, calm_at }
+    }
+}
+
+impl fmt::Display for FaultProfile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for FaultProfile {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::TABLE.into_iter().find(|profile| profile.name() == text).ok_or_else(|| {
+            let names = Self::TABLE.map(Self::name).join(", ");
+            format!("there is no fault profile `{text}`; choose one of {names}")
+        })
+    }
+}
+
+/// What happens in a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schedule {
+    /// What the network is like until the calm end.
+    pub network: NetworkConditions,
+    /// How clocks differ.
+    pub skew: Option<Skew>,
+    /// Faults in order of time.
+    pub faults: Vec<Planned>,
+    /// From then on nothing goes wrong: cuts are over, who was stopped goes on.
+    pub calm_at: Duration,
+}
+
+/// A fault and its instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Planned {
+    /// Not before.
+    pub at: Duration,
+    /// At which moment after that.
+    pub moment: Moment,
+    /// What.
+    pub fault: Fault,
+}
+
+/// Which moment a fault waits for; after a second it waits no longer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// None.
+    Any,
+    /// So many events after a view change has begun.
+    Changing(u32),
+    /// So many events after a transfer between two nodes was sent.
+    Transferring(u32),
+}
+
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// Nothing passes between these and the others.
+    Cut {
+        /// Who is cut off.
+        island: Island,
+        /// Which ways.
+        ways: Ways,
+        /// For how long.
+        time: Duration,
+    },
+    /// A process dies, and one of its kind begins later.
+    Kill {
+        /// Which.
+        victim: Victim,
+        /// When a successor begins.
+        back_after: Duration,
+    },
+    /// A process does nothing for a time.
+    Stop {
+        /// Which.
+        victim: Victim,
+        /// For how long.
+        time: Duration,
+    },
+    /// Every event costs a process time.
+    Slow {
+        /// Which.
+        victim: Victim,
+        /// How much.
+        cost: Duration,
+        /// For how long.
+        time: Duration,
+    },
+}
+
+impl Fault {
+    fn lasts(self) -> Duration {
+        match self {
+            Self::Cut { time, .. } | Self::Stop { time, .. } | Self::Slow { time, .. } => time,
+            Self::Kill { back_after, .. } => back_after,
+        }
+    }
+}
+
+/// A process, as far as it can be named before the run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Victim {
+    /// Of which kind.
+    pub role: Role,
+    /// Which of them; any number.
+    pub pick: u64,
+}
+
+/// What processes are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The server.
+    Server,
+    /// The leader of a group.
+    Leader,
+    /// Any node.
+    Member,
+    /// A client.
+    Client,
+}
+
+/// Who is cut off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Island {
+    /// One process, from all others.
+    One(Victim),
+    /// So many nodes, with the server or without, from all others.
+    Nodes {
+        /// Which begin it.
+        pick: u64,
+        /// How many.
+        count: u64,
+        /// And the server?
+        with_server: bool,
+    },
+    /// Two nodes from one another.
+    Pair(u64),
+}
+
+/// Which ways a cut goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ways {
+    /// Nothing passes.
+    Both,
+    /// What those on the island send does not arrive.
+    Out,
+    /// What is sent to them does not arrive.
+    In,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_profile_has_a_name_of_its_own_and_the_same_schedule_for_the_same_seed() {
+        for profile in FaultProfile::TABLE {
+            assert_eq!(profile.name().parse(), Ok(profile));
+            assert_eq!(profile.schedule(7), profile.schedule(7));
+            let schedule = profile.schedule(7);
+            assert!(schedule.faults.iter().all(|planned| planned.at < schedule.calm_at), "{profile}");
+            assert!(schedule.calm_at <= Duration::from_secs(90), "{profile}: {:?}", schedule.calm_at);
+        }
+        assert!("kill".parse::<FaultProfile>().unwrap_err().contains("kill-node, kill-leader"));
+    }
+}

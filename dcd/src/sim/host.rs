@@ -1,0 +1,58 @@
+//! What a process runs on: its clock, what it has not read yet, whether it is slow or stopped.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use super::clock::Clock;
+use super::network::Delivery;
+
+/// How processes' clocks differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Skew {
+    /// Clocks show up to so much more or less than the true time.
+    pub offset: Duration,
+    /// And run up to so much faster or slower, parts in a million.
+    pub drift_ppm: i64,
+}
+
+/// The host of one process.
+#[derive(Clone, Debug)]
+pub(super) struct Host {
+    pub(super) clock: Clock,
+    pub(super) mailbox: VecDeque<Delivery>,
+    /// What handling one event costs it.
+    pub(super) cost: Duration,
+    pub(super) busy_until: Duration,
+    pub(super) stopped: bool,
+    /// The true time at which its machine wants to be called.
+    pub(super) timer: Option<Duration>,
+}
+
+impl Host {
+    pub(super) fn new(clock: Clock) -> Self {
+        Self {
+            clock,
+            mailbox: VecDeque::new(),
+            cost: Duration::ZERO,
+            busy_until: Duration::ZERO,
+            stopped: false,
+            timer: None,
+        }
+    }
+
+    /// Whether what arrives now has to wait.
+    pub(super) fn is_occupied(&self, now: Duration) -> bool {
+        self.stopped || now < self.busy_until || !self.mailbox.is_empty()
+    }
+
+    /// When it does the next thing by itself.
+    pub(super) fn wake(&self) -> Option<Duration> {
+        if self.stopped {
+            None
+        } else if self.mailbox.is_empty() {
+            self.timer.map(|timer| timer.max(self.busy_until))
+        } else {
+            Some(self.busy_until)
+        }
+    }
+}

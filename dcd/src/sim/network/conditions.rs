@@ -1,0 +1,189 @@
+//! What the network is like: how long packets take, how many are lost, who cannot reach whom.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use crate::cluster::Peer;
+use crate::sim::Random;
+
+/// How long packets take on a way: from `base_us` to `base_us + jitter_us`, microseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Path {
+    /// The quickest packet.
+    pub base_us: u64,
+    /// How much later the slowest may be.
+    pub jitter_us: u64,
+}
+
+impl Path {
+    /// Packets take up to `longest_us`, and at least a tenth of it.
+    pub const fn up_to(longest_us: u64) -> Self {
+        Self { base_us: longest_us / 10, jitter_us: longest_us - longest_us / 10 }
+    }
+
+    pub(in crate::sim) fn draw(self, random: &mut Random) -> Duration {
+        Duration::from_micros(self.base_us + random.below(self.jitter_us + 1))
+    }
+
+    pub(super) fn longest(self) -> Duration {
+        Duration::from_micros(self.base_us + self.jitter_us)
+    }
+}
+
+/// Delay, loss, duplication and reordering of packets.
+///
+/// Frames of reliable lanes keep their order whatever happens to their packets: loss shows as delay. Datagrams are lost,
+/// doubled and overtaken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NetworkConditions {
+    /// Between processes of one site.
+    pub near: Path,
+    /// Between sites.
+    pub far: Path,
+    /// Where processes are; those not named are at site 0.
+    pub sites: BTreeMap<Peer, u32>,
+    /// Ways (from, to) that are unlike all others.
+    pub special: BTreeMap<(Peer, Peer), Path>,
+    /// Share of packets that are lost.
+    pub loss: f64,
+    /// Share of packets that take a detour, so that later ones overtake them.
+    pub reorder: f64,
+    /// How much longer the detour takes.
+    pub detour: Duration,
+    /// Share of packets that arrive twice.
+    pub duplicate: f64,
+}
+
+impl NetworkConditions {
+    /// Nothing goes wrong, and all ways are alike.
+    pub const fn calm(near: Path) -> Self {
+        Self {
+            near,
+            far: near,
+            sites: BTreeMap::new(),
+            special: BTreeMap::new(),
+            loss: 0.0,
+            reorder: 0.0,
+            detour: Duration::from_millis(50),
+            duplicate: 0.0,
+        }
+    }
+
+    /// The way between two processes.
+    pub fn path(&self, from: Peer, to: Peer) -> Path {
+        if !self.special.is_empty()
+            && let Some(&path) = self.special.get(&(from, to))
+        {
+            return path;
+        }
+        let site = |peer| self.sites.get(&peer).copied().unwrap_or_default();
+        if self.sites.is_empty() || site(from) == site(to) { self.near } else { self.far }
+    }
+}
+
+/// Bounds on what waits between a sender and the machine that is to read it: those of `net/limits.rs`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bounds {
+    /// What a reader's process takes in before its machine has read it.
+    pub inbox_bytes: usize,
+    /// Then what the sender keeps for a server or node: in flight and waiting.
+    pub queue_bytes: usize,
+    /// The same for a client.
+    pub client_queue_bytes: usize,
+    /// Datagrams that a process takes in before its machine has read them.
+    pub datagram_bytes: usize,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self {
+            inbox_bytes: 32 << 20,
+            queue_bytes: (8 + 32) << 20,
+            client_queue_bytes: (64 + 64) << 10,
+            datagram_bytes: 64 << 10,
+        }
+    }
+}
+
+impl Bounds {
+    /// What a sender keeps for this peer.
+    pub(super) fn queue_for(&self, to: Peer) -> usize {
+        match to {
+            Peer::Client(_) => self.client_queue_bytes,
+            Peer::Server | Peer::Node(_) => self.queue_bytes,
+        }
+    }
+}
+
+/// A side of a cut.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Who {
+    /// These processes.
+    Only(BTreeSet<Peer>),
+    /// All others, those to come included.
+    AllBut(BTreeSet<Peer>),
+}
+
+impl Who {
+    /// One process.
+    pub fn one(peer: Peer) -> Self {
+        Self::Only(BTreeSet::from([peer]))
+    }
+
+    /// Whether a process is on this side.
+    pub fn has(&self, peer: Peer) -> bool {
+        match self {
+            Self::Only(peers) => peers.contains(&peer),
+            Self::AllBut(peers) => !peers.contains(&peer),
+        }
+    }
+}
+
+/// Nothing passes one way until a time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cut {
+    /// From here.
+    pub from: Who,
+    /// To there.
+    pub to: Who,
+    /// Until then.
+    pub until: Duration,
+}
+
+impl Cut {
+    /// Nothing passes between these processes and all others, either way.
+    pub fn partition(island: BTreeSet<Peer>, until: Duration) -> [Self; 2] {
+        let (inside, outside) = (Who::Only(island.clone()), Who::AllBut(island));
+        [Self { from: inside.clone(), to: outside.clone(), until }, Self { from: outside, to: inside, until }]
+    }
+
+    /// Nothing passes between these two, either way; all others reach both.
+    pub fn between(a: Peer, b: Peer, until: Duration) -> [Self; 2] {
+        [
+            Self { from: Who::one(a), to: Who::one(b), until },
+            Self { from: Who::one(b), to: Who::one(a), until },
+        ]
+    }
+
+    pub(super) fn stops(&self, from: Peer, to: Peer) -> bool {
+        self.from.has(from) && self.to.has(to)
+    }
+}
+
+#[cfg(all(test, feature = "net"))]
+mod tests {
+    use super::Bounds;
+    use crate::net::Limits;
+
+    #[test]
+    fn bounds_are_those_of_the_real_network() {
+        const WINDOW_BYTES: usize = 8 << 20;
+        let (bounds, limits) = (Bounds::default(), Limits::default());
+        assert_eq!(bounds.inbox_bytes, 2 * limits.frame_bytes);
+        assert_eq!(bounds.queue_bytes, WINDOW_BYTES + limits.queue_bytes);
+        assert_eq!(bounds.client_queue_bytes, 2 * limits.client_queue_bytes);
+        assert_eq!(super::super::IDLE, limits.idle_timeout);
+        assert_eq!(super::super::KEEP_ALIVE, limits.keep_alive);
+        assert_eq!(super::super::LINGER, limits.linger);
+    }
+}

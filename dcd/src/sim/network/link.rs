@@ -1,0 +1,154 @@
+//! One connection: two ends that may see it unlike each other, and what is under way between them.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::cluster::Peer;
+use crate::protocol::Lane;
+
+/// The number of a connection; later ones between the same two processes have higher numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(in crate::sim) struct LinkId(pub(super) u64);
+
+/// An end of a link: that of the process that dialled, or that of the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    Dialler,
+    Listener,
+}
+
+impl Side {
+    pub(super) const BOTH: [Self; 2] = [Self::Dialler, Self::Listener];
+
+    pub(super) const fn other(self) -> Self {
+        match self {
+            Self::Dialler => Self::Listener,
+            Self::Listener => Self::Dialler,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum State {
+    /// The handshake has not come to an end here.
+    Opening,
+    Open,
+    Closed,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct End {
+    pub(super) who: Peer,
+    pub(super) state: State,
+    /// Since when it hears nothing, if it does not hear the other end.
+    pub(super) deaf: Option<Duration>,
+    /// Both reliable lanes, towards the other end.
+    pub(super) lanes: [Frames; 2],
+    /// What the other end has not read of it, in bytes.
+    pub(super) unread: usize,
+    /// Its process has closed it and what it sent before is still to arrive.
+    pub(super) lingers: bool,
+}
+
+/// The frames of one reliable lane that have not been given to the reader yet.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Frames {
+    /// The number of the first.
+    pub(super) first: u64,
+    pub(super) waiting: VecDeque<Frame>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Frame {
+    pub(super) bytes: Vec<u8>,
+    /// Packets that the other end still lacks.
+    pub(super) missing: u64,
+    /// How often packets have been sent again.
+    pub(super) retries: u32,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Link {
+    ends: [End; 2],
+}
+
+impl Link {
+    pub(super) fn new(dialler: Peer, listener: Peer) -> Self {
+        let end = |who| End {
+            who,
+            state: State::Opening,
+            deaf: None,
+            lanes: Default::default(),
+            unread: 0,
+            lingers: false,
+        };
+        Self { ends: [end(dialler), end(listener)] }
+    }
+
+    pub(super) fn end(&self, side: Side) -> &End {
+        &self.ends[side as usize]
+    }
+
+    pub(super) fn end_mut(&mut self, side: Side) -> &mut End {
+        &mut self.ends[side as usize]
+    }
+
+    /// Which end a process has.
+    pub(super) fn side_of(&self, who: Peer) -> Side {
+        if self.ends[0].who == who { Side::Dialler } else { Side::Listener }
+    }
+
+    pub(super) fn is_open(&self, side: Side) -> bool {
+        self.end(side).state == State::Open
+    }
+
+    pub(super) fn is_over(&self) -> bool {
+        self.ends.iter().all(|end| end.state == State::Closed && !end.lingers)
+    }
+}
+
+impl End {
+    pub(super) fn frame(&mut self, lane: usize, number: u64) -> Option<&mut Frame> {
+        let lane = &mut self.lanes[lane];
+        lane.waiting.get_mut(number.checked_sub(lane.first)? as usize)
+    }
+
+    pub(super) fn push(&mut self, lane: usize, frame: Frame) -> u64 {
+        let lane = &mut self.lanes[lane];
+        lane.waiting.push_back(frame);
+        lane.first + lane.waiting.len() as u64 - 1
+    }
+
+    /// The next frame in order, if it has arrived.
+    pub(super) fn next(&mut self, lane: usize) -> Option<Vec<u8>> {
+        let lane = &mut self.lanes[lane];
+        if lane.waiting.front()?.missing > 0 {
+            return None;
+        }
+        lane.first += 1;
+        lane.waiting.pop_front().map(|frame| frame.bytes)
+    }
+
+    /// What it sent and the other end has not got is lost.
+    pub(super) fn drop_frames(&mut self, lane: usize) {
+        let lane = &mut self.lanes[lane];
+        lane.first += lane.waiting.len() as u64;
+        lane.waiting.clear();
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.lanes.iter().all(|lane| lane.waiting.is_empty())
+    }
+}
+
+/// The reliable lanes in order.
+pub(super) const LANES: usize = 2;
+
+/// The place of a reliable lane; `None` for datagrams.
+pub(super) const fn index(lane: Lane) -> Option<usize> {
+    match lane {
+        Lane::Control => Some(0),
+        Lane::Border => Some(1),
+        Lane::State => None,
+    }
+}

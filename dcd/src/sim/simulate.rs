@@ -1,0 +1,180 @@
+//! Many seeds of many profiles, over the cores: what the fault table says.
+
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use super::faults::{FaultProfile, Schedule};
+use super::trial::{Outcome, Staleness, TrialConfig, run_trial};
+use super::{Tally, Timeline, Traffic, Violation};
+
+/// The most failures of a row that are kept with their timelines.
+const KEPT_FAILURES: usize = 3;
+/// The most runs that shrinking a failure may take.
+const SHRINKING_RUNS: u32 = 40;
+/// What clients see of their avatars is to be younger, 99 times of 100, at 5 % loss.
+const STALENESS_MS: u32 = 250;
+
+/// A row of the fault table.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Which faults.
+    pub profile: FaultProfile,
+    /// How many seeds were run.
+    pub seeds: u64,
+    /// How many of them violated something.
+    pub violations: u64,
+    /// The longest recovery.
+    pub worst_recovery: Duration,
+    /// The longest time without a tick.
+    pub worst_pause: Duration,
+    /// 99 % of what clients saw of their avatars was no older, milliseconds.
+    pub staleness_ms: Option<u32>,
+    /// Sums over all seeds.
+    pub tally: Tally,
+    /// Sums over all seeds, but for the most that a queue held.
+    pub traffic: Traffic,
+    /// Simulated time of all seeds.
+    pub simulated: Duration,
+    /// The first failures by seed, with the smallest schedules that still fail.
+    pub failures: Vec<Failure>,
+}
+
+impl Row {
+    /// Whether all that the row promises holds.
+    pub fn holds(&self) -> bool {
+        let is_stale = self.staleness_ms.is_some_and(|ms| ms >= STALENESS_MS);
+        self.violations == 0 && !(self.profile == FaultProfile::Loss5 && is_stale)
+    }
+}
+
+/// A seed that violated something.
+#[derive(Clone, Debug)]
+pub struct Failure {
+    /// Which.
+    pub seed: u64,
+    /// What.
+    pub violation: Violation,
+    /// The faults that are needed for it, as far as that was found out.
+    pub schedule: Schedule,
+    /// What happened with these.
+    pub timeline: Timeline,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "seed {}: {}", self.seed, self.violation)?;
+        for planned in &self.schedule.faults {
+            writeln!(f, "  planned {planned}")?;
+        }
+        self.timeline.fmt(f)
+    }
+}
+
+/// Runs all these seeds of a profile. `goes_on` is asked before each.
+pub fn simulate(
+    config: &TrialConfig,
+    profile: FaultProfile,
+    seeds: Range<u64>,
+    threads: usize,
+    goes_on: &(dyn Fn() -> bool + Sync),
+) -> Row {
+    let next = AtomicU64::new(seeds.start);
+    let row = Mutex::new(Row {
+        profile,
+        seeds: 0,
+        violations: 0,
+        worst_recovery: Duration::ZERO,
+        worst_pause: Duration::ZERO,
+        staleness_ms: None,
+        tally: Tally::default(),
+        traffic: Traffic::default(),
+        simulated: Duration::ZERO,
+        failures: Vec::new(),
+    });
+    let staleness = Mutex::new(Staleness::default());
+    let lock = "no worker panics";
+    thread::scope(|scope| {
+        for _ in 0..threads.max(1) {
+            scope.spawn(|| {
+                loop {
+                    let seed = next.fetch_add(1, Ordering::Relaxed);
+                    if seed >= seeds.end || !goes_on() {
+                        return;
+                    }
+                    let schedule = profile.schedule(seed);
+                    let outcome = try_seed(config, profile, seed, &schedule);
+                    staleness.lock().expect(lock).merge(&outcome.staleness);
+                    row.lock().expect(lock).add(seed, schedule, outcome);
+                }
+            });
+        }
+    });
+    let mut row = row.into_inner().expect(lock);
+    row.staleness_ms = staleness.into_inner().expect(lock).quantile_ms(0.99);
+    for failure in &mut row.failures {
+        shrink(config, profile, failure);
+    }
+    row
+}
+
+impl Row {
+    /// Sums do not depend on the order, and of failures the first by seed are kept.
+    fn add(&mut self, seed: u64, schedule: Schedule, outcome: Outcome) {
+        self.seeds += 1;
+        self.worst_recovery = self.worst_recovery.max(outcome.worst_recovery);
+        self.worst_pause = self.worst_pause.max(outcome.worst_pause);
+        self.tally += outcome.tally;
+        self.traffic += outcome.traffic;
+        self.simulated += outcome.time;
+        if let Some(violation) = outcome.violation {
+            self.violations += 1;
+            let at = self.failures.partition_point(|failure| failure.seed < seed);
+            self.failures.insert(at, Failure { seed, violation, schedule, timeline: outcome.timeline });
+            self.failures.truncate(KEPT_FAILURES);
+        }
+    }
+}
+
+/// A run whose panics are violations.
+fn try_seed(config: &TrialConfig, profile: FaultProfile, seed: u64, schedule: &Schedule) -> Outcome {
+    catch_unwind(AssertUnwindSafe(|| run_trial(config, profile, seed, schedule))).unwrap_or_else(|payload| {
+        let text = payload.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("without a word");
+        Outcome::panicked(text)
+    })
+}
+
+/// Leaves out what faults it can: a schedule that still fails is kept, whatever the violation.
+fn shrink(config: &TrialConfig, profile: FaultProfile, failure: &mut Failure) {
+    let mut runs = 0;
+    let mut size = failure.schedule.faults.len().div_ceil(2);
+    while size > 0 {
+        let mut at = 0;
+        while at < failure.schedule.faults.len() {
+            if runs == SHRINKING_RUNS {
+                return;
+            }
+            runs += 1;
+            let mut smaller = failure.schedule.clone();
+            smaller.faults.drain(at..(at + size).min(smaller.faults.len()));
+            let outcome = try_seed(config, profile, failure.seed, &smaller);
+            match outcome.violation {
+                Some(violation) => {
+                    failure.schedule = smaller;
+                    failure.violation = violation;
+                    failure.timeline = outcome.timeline;
+                }
+                None => at += size,
+            }
+        }
+        size /= 2;
+    }
+}

@@ -1,0 +1,81 @@
+//! The fault table by a few seeds of each row, and whether what is wrong is found.
+
+use super::*;
+
+fn few(config: &TrialConfig, profile: FaultProfile, seeds: Range<u64>) -> Row {
+    simulate(config, profile, seeds, 2, &|| true)
+}
+
+fn hold(profiles: &[FaultProfile], seeds: Range<u64>) {
+    for &profile in profiles {
+        let row = few(&TrialConfig::default(), profile, seeds.clone());
+        let failures: String = row.failures.iter().map(|failure| format!("{profile}: {failure}")).collect();
+        assert_eq!((row.seeds, row.violations), (seeds.end - seeds.start, 0), "{failures}");
+    }
+}
+
+#[test]
+fn the_world_holds_in_bad_weather() {
+    use FaultProfile::{Delay, Duplicate, Loss1, Loss5, Loss20, None, Reorder};
+    hold(&[None, Loss1, Loss5, Loss20, Delay, Reorder, Duplicate], 0..10);
+}
+
+#[test]
+fn the_world_holds_when_processes_cannot_reach_one_another() {
+    use FaultProfile::{OneWay, Partition1, Partition5, Partition30};
+    hold(&[Partition1, Partition5, Partition30, OneWay], 0..10);
+}
+
+#[test]
+fn the_world_holds_when_processes_are_killed_or_stopped() {
+    use FaultProfile::{KillLeader, KillNode, KillServer, Stop};
+    hold(&[KillNode, KillLeader, KillServer, Stop], 0..10);
+}
+
+#[test]
+fn the_world_holds_when_clocks_differ() {
+    hold(&[FaultProfile::ClockSkew], 0..10);
+}
+
+#[test]
+fn the_world_holds_when_all_goes_wrong_at_once() {
+    hold(&[FaultProfile::All], 0..20);
+}
+
+#[test]
+#[ignore = "half an hour: cargo test --release -p dcd --lib -- --ignored fault_table"]
+fn the_whole_fault_table_holds_by_a_thousand_seeds() {
+    hold(&FaultProfile::TABLE, 0..1_000);
+}
+
+#[test]
+fn a_planted_bug_is_found_within_a_thousand_seeds_and_told_with_its_seed() {
+    let config = TrialConfig { lost_transfers: 1, ..TrialConfig::default() };
+    let found = (0..1_000).find_map(|seed| {
+        let row = few(&config, FaultProfile::All, seed..seed + 1);
+        row.failures.into_iter().find(|failure| matches!(failure.violation, Violation::Lost { .. }))
+    });
+    let failure = found.expect("a transfer that is lost leaves a body without an owner");
+    // What is left of the schedule still shows it.
+    let again = run_trial(&config, FaultProfile::All, failure.seed, &failure.schedule);
+    assert_eq!(again.violation, Some(failure.violation.clone()));
+    assert!(failure.schedule.faults.is_empty(), "a lost transfer needs no other fault: {failure}");
+    assert!(failure.to_string().contains(&format!("seed {}: ", failure.seed)));
+}
+
+#[test]
+fn a_seed_gives_the_same_run_and_the_report_does_not_depend_on_threads() {
+    let run = |threads| {
+        let row = simulate(&TrialConfig::default(), FaultProfile::All, 0..6, threads, &|| true);
+        (row.violations, row.tally, row.traffic, row.worst_recovery, row.staleness_ms, row.simulated)
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn a_row_that_is_interrupted_says_how_far_it_came() {
+    let asked = AtomicU64::new(0);
+    let goes_on = || asked.fetch_add(1, Ordering::Relaxed) < 3;
+    let row = simulate(&TrialConfig::default(), FaultProfile::None, 0..100, 1, &goes_on);
+    assert_eq!(row.seeds, 3);
+}

@@ -1,0 +1,315 @@
+//! One run of one seed: a cluster with users, faults by schedule, a calm end, and what must hold all the while.
+
+mod acts;
+mod looks;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+pub use self::looks::Staleness;
+use super::faults::{FaultProfile, Moment, Planned, Promise, Schedule};
+use super::{NetworkConditions, Path, Random, Sim, SimConfig, Tally, Timeline, Traffic, Violation};
+use crate::cluster::Peer;
+use crate::protocol::Velocity;
+use crate::space::{ClientId, NodeId, Tick};
+
+/// How long all is looked after once it is calm.
+const CALM: Duration = Duration::from_secs(15);
+/// And how long it has to stay well.
+const AFTERMATH: Duration = Duration::from_secs(1);
+/// How long a fault waits for its moment.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Between looks at what no event tells.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// The cluster of a trial.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrialConfig {
+    /// Nodes at the start.
+    pub nodes: u32,
+    /// Clients with an avatar each.
+    pub clients: u32,
+    /// Regions of the world.
+    pub regions: usize,
+    /// Persistent bodies.
+    pub bodies: u32,
+    /// Ticks a second.
+    pub rate: u32,
+    /// A bug to plant: so many transfers are lost after the third second.
+    pub lost_transfers: u32,
+}
+
+impl Default for TrialConfig {
+    fn default() -> Self {
+        Self { nodes: 4, clients: 2, regions: 8, bodies: 30, rate: 30, lost_transfers: 0 }
+    }
+}
+
+/// What became of a trial.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// What went wrong.
+    pub violation: Option<Violation>,
+    /// The longest time from a fault, or its end, until the main group computed on in one membership of live nodes.
+    pub worst_recovery: Duration,
+    /// The longest time in which the main group completed no tick.
+    pub worst_pause: Duration,
+    /// What happened, in numbers.
+    pub tally: Tally,
+    /// What went over the network.
+    pub traffic: Traffic,
+    /// Simulated time.
+    pub time: Duration,
+    /// Ages of what clients saw of their avatars, milliseconds.
+    pub staleness: Staleness,
+    /// What happened, for people.
+    pub timeline: Timeline,
+}
+
+impl Outcome {
+    /// A run that ended by a panic: nothing else is known of it.
+    pub(super) fn panicked(text: &str) -> Self {
+        Self {
+            violation: Some(Violation::Panicked(text.into())),
+            worst_recovery: Duration::ZERO,
+            worst_pause: Duration::ZERO,
+            tally: Tally::default(),
+            traffic: Traffic::default(),
+            time: Duration::ZERO,
+            staleness: Staleness::default(),
+            timeline: Timeline::default(),
+        }
+    }
+}
+
+/// Runs one seed.
+pub fn run_trial(config: &TrialConfig, profile: FaultProfile, seed: u64, schedule: &Schedule) -> Outcome {
+    let mut trial = Trial::new(config, profile.promise(), seed, schedule);
+    let violation = trial.run().err();
+    trial.outcome(violation)
+}
+
+/// Something that a trial does at a time.
+#[derive(Clone, Debug)]
+enum Action {
+    /// A fault may happen from now on.
+    Arm(Planned),
+    /// A node, the server, or a client begins.
+    Begin(Peer),
+    Resume(Peer),
+    Hasten(Peer),
+    /// A cut is over.
+    Healed,
+    /// The server dies now if it has not died after writing something down.
+    Doom,
+    /// The user of a client does something.
+    Use(ClientId),
+    Look,
+    Plant,
+    Calm,
+}
+
+/// A fault that waits for its moment.
+#[derive(Clone, Debug)]
+struct Armed {
+    planned: Planned,
+    until: Duration,
+    /// Events still to come, once the moment has begun.
+    left: Option<u32>,
+}
+
+struct Trial<'a> {
+    config: &'a TrialConfig,
+    promise: Promise,
+    sim: Sim,
+    random: Random,
+    agenda: BTreeMap<(Duration, u64), Action>,
+    planned: u64,
+    armed: Vec<Armed>,
+    transfers: u64,
+    checked: u64,
+    /// Cuts, stops and the like that last, because of which recovery is not expected yet.
+    hindered: u32,
+    /// Since when recovery is waited for.
+    watch: Option<Duration>,
+    worst_recovery: Duration,
+    worst_pause: Duration,
+    clients: Vec<ClientId>,
+    /// Clients that have asked for their avatar, and where they last asked it to go.
+    spawned: BTreeSet<ClientId>,
+    wishes: BTreeMap<ClientId, (Duration, Velocity)>,
+    /// The server is to die at its next word that must last; when it is to be back.
+    doomed: Option<Duration>,
+    /// Nodes that are to begin.
+    expected_nodes: u32,
+    calm_since: Option<Duration>,
+    healed_at: Option<Duration>,
+    staleness: Staleness,
+    settled_at: BTreeMap<Tick, Duration>,
+    apart: BTreeMap<(NodeId, NodeId), Duration>,
+}
+
+impl<'a> Trial<'a> {
+    fn new(config: &'a TrialConfig, promise: Promise, seed: u64, schedule: &Schedule) -> Self {
+        let sim = Sim::new(SimConfig {
+            seed,
+            nodes: config.nodes,
+            regions: config.regions,
+            bodies: config.bodies,
+            dt_s: 1.0 / config.rate as f32,
+            network: schedule.network.clone(),
+            skew: schedule.skew,
+            // 100 ms and 200 ms: what half the rate of a real world would take twice as long for.
+            report_every: (config.rate / 10).max(1).into(),
+            checkpoint_every: (config.rate / 5).max(1).into(),
+            ..SimConfig::default()
+        });
+        let mut trial = Self {
+            config,
+            promise,
+            sim,
+            random: Random::new(seed ^ 0x7e57_0000_0000_0000),
+            agenda: BTreeMap::new(),
+            planned: 0,
+            armed: Vec::new(),
+            transfers: 0,
+            checked: 0,
+            hindered: 0,
+            watch: None,
+            worst_recovery: Duration::ZERO,
+            worst_pause: Duration::ZERO,
+            clients: Vec::new(),
+            spawned: BTreeSet::new(),
+            wishes: BTreeMap::new(),
+            doomed: None,
+            expected_nodes: 0,
+            calm_since: None,
+            healed_at: None,
+            staleness: Staleness::default(),
+            settled_at: BTreeMap::new(),
+            apart: BTreeMap::new(),
+        };
+        for _ in 0..config.clients {
+            let client = trial.sim.start_client(None);
+            trial.clients.push(client);
+            trial.plan(Duration::from_millis(500), Action::Use(client));
+        }
+        for &planned in &schedule.faults {
+            trial.plan(planned.at, Action::Arm(planned));
+        }
+        trial.plan(LOOK, Action::Look);
+        trial.plan(schedule.calm_at, Action::Calm);
+        if config.lost_transfers > 0 {
+            trial.plan(Duration::from_secs(3), Action::Plant);
+        }
+        trial
+    }
+
+    fn outcome(self, violation: Option<Violation>) -> Outcome {
+        Outcome {
+            violation,
+            worst_recovery: self.worst_recovery,
+            worst_pause: self.worst_pause,
+            tally: self.sim.tally(),
+            traffic: self.sim.traffic(),
+            time: self.sim.now(),
+            staleness: self.staleness,
+            timeline: self.sim.timeline().clone(),
+        }
+    }
+
+    fn plan(&mut self, at: Duration, action: Action) {
+        self.planned += 1;
+        self.agenda.insert((at, self.planned), action);
+    }
+
+    fn plan_in(&mut self, time: Duration, action: Action) {
+        self.plan(self.sim.now() + time, action);
+    }
+
+    /// Until all has been well for a while after the calm has begun.
+    fn run(&mut self) -> Result<(), Violation> {
+        loop {
+            let next = self.agenda.keys().next().map(|&(time, _)| time).expect("there is always a next look");
+            let stepped = self.sim.step(next);
+            if let Some(violation) = self.sim.violation.take() {
+                return Err(violation);
+            }
+            if stepped {
+                if std::mem::take(&mut self.sim.server_crashed)
+                    && let Some(back_after) = self.doomed.take()
+                {
+                    self.died(Peer::Server, back_after);
+                }
+                self.moments();
+                if self.sim.checker.checked() != self.checked {
+                    self.progressed();
+                }
+                continue;
+            }
+            while let Some(entry) = self.agenda.first_entry().filter(|entry| entry.key().0 <= self.sim.now) {
+                let action = entry.remove();
+                self.act(action)?;
+            }
+            if self.healed_at.is_some_and(|at| at + AFTERMATH <= self.sim.now) {
+                return self.last_look();
+            }
+        }
+    }
+
+    /// Lets faults happen whose moment has come.
+    fn moments(&mut self) {
+        if self.armed.is_empty() {
+            return;
+        }
+        let transferred = std::mem::replace(&mut self.transfers, self.sim.tally.transfers);
+        let transfers = transferred != self.sim.tally.transfers;
+        let changes = self.sim.server.as_ref().is_some_and(|server| server.is_changing());
+        let now = self.sim.now;
+        let mut due = Vec::new();
+        self.armed.retain_mut(|armed| {
+            armed.left = match (armed.left, armed.planned.moment) {
+                (Some(left), _) => Some(left.saturating_sub(1)),
+                (None, Moment::Any) => Some(0),
+                (None, Moment::Changing(left)) => changes.then_some(left),
+                (None, Moment::Transferring(left)) => transfers.then_some(left),
+            };
+            let is_due = armed.left == Some(0) || armed.until <= now;
+            if is_due {
+                due.push(armed.planned.fault);
+            }
+            !is_due
+        });
+        due.into_iter().for_each(|fault| self.happen(fault));
+    }
+
+    /// A tick of some group has been completed and checked.
+    fn progressed(&mut self) {
+        self.checked = self.sim.checker.checked();
+        let tick = self.sim.checker.last();
+        self.settled_at.entry(tick).or_insert(self.sim.now);
+        if self.settled_at.len() > 1_024 {
+            self.settled_at.pop_first();
+        }
+        if let Some(since) = self.watch
+            && self.hindered == 0
+            && self.lacks_steadiness(since).is_none()
+        {
+            self.worst_recovery = self.worst_recovery.max(self.sim.now - since);
+            self.watch = None;
+        }
+    }
+
+    /// Something has gone wrong, or has ceased to: recovery is waited for from now on.
+    fn disturbed(&mut self) {
+        self.watch = Some(self.sim.now);
+    }
+}
+
+/// What the network is like when all is calm.
+fn calm() -> NetworkConditions {
+    NetworkConditions::calm(Path::up_to(2_000))
+}
+
+/// Processes that cannot all be reached from one another.
+type Island = BTreeSet<Peer>;

@@ -1,0 +1,238 @@
+//! What a trial does: faults and their ends, and what users do.
+
+use std::time::Duration;
+
+use super::{Action, Armed, Island, PATIENCE, Trial, calm};
+use crate::cluster::{ClientEvent, Peer};
+use crate::protocol::Velocity;
+use crate::sim::faults::{Fault, Island as Cutoff, Moment, Role, Victim, Ways};
+use crate::sim::{Cut, Violation, sim_body};
+use crate::space::{BodyId, ClientId, NodeId};
+
+impl Trial<'_> {
+    pub(super) fn act(&mut self, action: Action) -> Result<(), Violation> {
+        match action {
+            Action::Arm(planned) => {
+                if matches!(planned.moment, Moment::Changing(_)) {
+                    self.stir();
+                }
+                self.armed.push(Armed { planned, until: self.sim.now + PATIENCE, left: None });
+            }
+            Action::Begin(Peer::Node(_)) => {
+                self.expected_nodes -= 1;
+                let node = self.sim.start_node();
+                self.sim.note(|| format!("{node} begins"));
+            }
+            Action::Begin(Peer::Server) => {
+                if !self.sim.has_server() {
+                    self.sim.restart_server();
+                }
+            }
+            Action::Begin(Peer::Client(client)) => {
+                if !self.sim.clients.contains_key(&client) {
+                    self.sim.note(|| format!("{client} begins again"));
+                    self.spawned.remove(&client);
+                    self.wishes.remove(&client);
+                    self.sim.start_client(Some(client));
+                }
+            }
+            Action::Resume(peer) => {
+                if self.sim.hosts.get(&peer).is_some_and(|host| host.stopped) {
+                    self.sim.resume(peer);
+                }
+                self.relieved(peer == Peer::Server);
+            }
+            Action::Hasten(peer) => {
+                self.sim.slow(peer, Duration::ZERO);
+                self.relieved(true);
+            }
+            Action::Healed => {
+                self.sim.note(|| "a cut is over".into());
+                self.relieved(true);
+            }
+            Action::Doom => {
+                if let Some(back_after) = self.doomed.take() {
+                    self.sim.crash_after_store = None;
+                    self.sim.crash(Peer::Server);
+                    self.died(Peer::Server, back_after);
+                }
+            }
+            Action::Use(client) => self.use_client(client),
+            Action::Look => self.look()?,
+            Action::Plant => self.sim.drop_transfers(self.config.lost_transfers),
+            Action::Calm if self.hindered > 0 || !self.armed.is_empty() => {
+                self.plan_in(Duration::from_millis(100), Action::Calm);
+            }
+            Action::Calm => {
+                self.sim.note(|| "all is calm".into());
+                self.sim.set_network(calm());
+                self.calm_since = Some(self.sim.now);
+            }
+        }
+        Ok(())
+    }
+
+    /// A fault is over.
+    fn relieved(&mut self, hindered: bool) {
+        if hindered {
+            self.hindered -= 1;
+        }
+        self.disturbed();
+    }
+
+    /// A fault happens.
+    pub(super) fn happen(&mut self, fault: Fault) {
+        match fault {
+            Fault::Cut { island, ways, time } => self.cut(island, ways, time),
+            Fault::Kill { victim, back_after } => self.kill(victim, back_after),
+            Fault::Stop { victim, time } => {
+                let Some(peer) = self.find(victim) else { return };
+                if self.sim.hosts[&peer].stopped {
+                    return;
+                }
+                self.sim.stop(peer);
+                self.hindered += u32::from(peer == Peer::Server);
+                self.disturbed();
+                self.plan_in(time, Action::Resume(peer));
+            }
+            Fault::Slow { victim, cost, time } => {
+                let Some(peer) = self.find(victim) else { return };
+                self.sim.slow(peer, cost);
+                self.hindered += 1;
+                self.plan_in(time, Action::Hasten(peer));
+            }
+        }
+    }
+
+    /// The process that is meant, if there is one.
+    fn find(&self, victim: Victim) -> Option<Peer> {
+        let nodes: Vec<NodeId> = self.sim.nodes.keys().copied().collect();
+        let node = || Some(Peer::Node(*nodes.get(victim.pick as usize % nodes.len().max(1))?));
+        match victim.role {
+            Role::Server => self.sim.server.is_some().then_some(Peer::Server),
+            Role::Leader => {
+                let leader = self.sim.server.as_ref().and_then(|server| Some(server.view()?.leader));
+                let leader = leader.filter(|leader| self.sim.nodes.contains_key(leader));
+                leader.map(Peer::Node).or_else(node)
+            }
+            Role::Member => node(),
+            Role::Client => {
+                let clients: Vec<_> = self.sim.clients.keys().copied().collect();
+                Some(Peer::Client(*clients.get(victim.pick as usize % clients.len().max(1))?))
+            }
+        }
+    }
+
+    fn kill(&mut self, victim: Victim, back_after: Duration) {
+        let Some(peer) = self.find(victim) else { return };
+        let peer = match peer {
+            // Deaths between writing down and saying so are met on purpose half of the time.
+            Peer::Server if victim.pick.is_multiple_of(2) => {
+                self.sim.crash_after_store((victim.pick / 2 % 8) as u32);
+                self.stir();
+                self.doomed = Some(back_after);
+                return self.plan_in(PATIENCE, Action::Doom);
+            }
+            peer => peer,
+        };
+        self.sim.crash(peer);
+        self.died(peer, back_after);
+    }
+
+    /// A process is dead; another one follows.
+    pub(super) fn died(&mut self, peer: Peer, back_after: Duration) {
+        self.expected_nodes += u32::from(matches!(peer, Peer::Node(_)));
+        self.disturbed();
+        self.plan_in(back_after, Action::Begin(peer));
+    }
+
+    fn cut(&mut self, island: Cutoff, ways: Ways, time: Duration) {
+        let until = self.sim.now + time;
+        let nodes: Vec<NodeId> = self.sim.nodes.keys().copied().collect();
+        let at = |pick: u64, step: u64| {
+            (!nodes.is_empty()).then(|| Peer::Node(nodes[(pick.wrapping_add(step)) as usize % nodes.len()]))
+        };
+        let peers: Island = match island {
+            Cutoff::One(victim) => self.find(victim).into_iter().collect(),
+            Cutoff::Nodes { pick, count, with_server } => {
+                let nodes = (0..count).filter_map(|step| at(pick, step));
+                nodes.chain(with_server.then_some(Peer::Server)).collect()
+            }
+            Cutoff::Pair(pick) => at(pick, 0).into_iter().chain(at(pick, 1)).collect(),
+        };
+        let cuts = match (island, peers.iter().next().zip(peers.iter().nth(1))) {
+            (Cutoff::Pair(_), None) => return,
+            (Cutoff::Pair(_), Some((&a, &b))) => Cut::between(a, b, until),
+            _ => Cut::partition(peers.clone(), until),
+        };
+        let [out, into] = cuts;
+        let names: Vec<_> = peers.iter().map(|&peer| crate::sim::world::name(peer)).collect();
+        let from = if matches!(island, Cutoff::Pair(_)) { "each other" } else { "all others" };
+        self.sim.note(|| {
+            format!("{} cut off from {from} for {} ms, {ways:?}", names.join(", "), time.as_millis())
+        });
+        if ways != Ways::In {
+            self.sim.cut(out);
+        }
+        if ways != Ways::Out {
+            self.sim.cut(into);
+        }
+        self.hindered += 1;
+        self.plan(until, Action::Healed);
+    }
+
+    /// A node joins, or one leaves, so that a view change begins.
+    fn stir(&mut self) {
+        let nodes: Vec<_> = self.sim.nodes.keys().copied().collect();
+        if nodes.len() as u32 + self.expected_nodes <= self.config.nodes {
+            let node = self.sim.start_node();
+            self.sim.note(|| format!("{node} begins, one more"));
+        } else if let Some(node) = self.random.pick(&nodes)
+            && !self.sim.hosts[&Peer::Node(node)].stopped
+        {
+            self.sim.note(|| format!("{node} wishes to leave"));
+            self.sim.leave(node);
+        }
+    }
+
+    /// A user has an avatar and moves it about.
+    fn use_client(&mut self, client: ClientId) {
+        if self.healed_at.is_some() {
+            return;
+        }
+        let pause = self.random.between_ms(300, 1_200);
+        self.plan_in(pause, Action::Use(client));
+        let is_stopped = self.sim.hosts.get(&Peer::Client(client)).is_none_or(|host| host.stopped);
+        let Some(machine) = self.sim.clients.get(&client).filter(|client| client.is_joined()) else { return };
+        if is_stopped {
+            return;
+        }
+        let avatar = BodyId::avatar(client, 0);
+        if machine.body(avatar).is_none() {
+            // At most one wish at a time: it is kept until it is answered.
+            if self.spawned.insert(client) {
+                let place = [self.random.unit() * 16.0, 4.0, 4.0];
+                self.sim
+                    .wish(client, ClientEvent::Spawn { body: sim_body(avatar, place), shapes: Vec::new() });
+            }
+            return;
+        }
+        let linear = std::array::from_fn(|_| (self.random.unit() * 10.0 - 5.0) as f32);
+        let velocity = Velocity { linear, angular: [0.0; 3] };
+        self.wishes.insert(client, (self.sim.now, velocity));
+        self.sim.wish(client, ClientEvent::Drive { body: avatar, velocity, pose: None });
+    }
+}
+
+impl Trial<'_> {
+    /// Whether packets pass between two processes, both ways.
+    pub(super) fn reach(&self, a: Peer, b: Peer) -> bool {
+        let network = &self.sim.network;
+        network.passes(self.sim.now, a, b) && network.passes(self.sim.now, b, a)
+    }
+
+    /// Whether a process lives and is not stopped.
+    pub(super) fn runs(&self, peer: Peer) -> bool {
+        self.sim.hosts.get(&peer).is_some_and(|host| !host.stopped)
+    }
+}

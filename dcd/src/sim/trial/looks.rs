@@ -1,0 +1,271 @@
+//! What a trial looks at while it runs, beside what the checker sees at every tick.
+
+use std::time::Duration;
+
+use super::{Action, CALM, LOOK, Trial};
+use crate::cluster::{Peer, Server};
+use crate::protocol::{Velocity, View};
+use crate::sim::Violation;
+use crate::space::{BodyId, ClientId, GroupId};
+
+/// For how long members of a group may be cut off from one another: until their links end, they have complained, and the
+/// server has done something about it.
+const APART: Duration = Duration::from_secs(6);
+/// How long it may take until a client sees its avatar do what it wishes, when all is calm.
+const OBEYED: Duration = Duration::from_millis(500);
+/// Clocks are known once there were some pings.
+const CLOCKS_KNOWN: Duration = Duration::from_secs(10);
+
+/// How old things were, in bins of a millisecond; the last is for all that was older.
+#[derive(Clone, Debug)]
+pub struct Staleness {
+    bins: Vec<u32>,
+}
+
+impl Default for Staleness {
+    fn default() -> Self {
+        Self { bins: vec![0; 4_096] }
+    }
+}
+
+impl Staleness {
+    fn add(&mut self, age: Duration) {
+        let bin = (age.as_millis() as usize).min(self.bins.len() - 1);
+        self.bins[bin] += 1;
+    }
+
+    /// Adds those of another run.
+    pub fn merge(&mut self, other: &Self) {
+        self.bins.iter_mut().zip(&other.bins).for_each(|(bin, other)| *bin += other);
+    }
+
+    /// The age that this share is not older than, milliseconds; `None` when nothing was looked at.
+    pub fn quantile_ms(&self, share: f64) -> Option<u32> {
+        let total: u64 = self.bins.iter().map(|&bin| u64::from(bin)).sum();
+        let mut left = (total as f64 * share).ceil() as u64;
+        let reaches = |&bin: &u32| {
+            left = left.saturating_sub(bin.into());
+            left == 0
+        };
+        (total > 0).then(|| self.bins.iter().position(reaches).map_or(u32::MAX, |bin| bin as u32))
+    }
+}
+
+impl Trial<'_> {
+    pub(super) fn look(&mut self) -> Result<(), Violation> {
+        self.plan_in(LOOK, Action::Look);
+        self.note_staleness();
+        self.note_pause();
+        self.check_members()?;
+        self.check_clocks()?;
+        self.check_queues()?;
+        self.replace_nodes();
+        let now = self.sim.now;
+        if let Some(since) = self.watch
+            && self.hindered == 0
+            && since + self.promise.recovery < now
+        {
+            let lack = self.lacks_steadiness(since).unwrap_or_else(|| "no tick since".into());
+            return Err(Violation::Slow { after: now - since, lack });
+        }
+        if let Some(since) = self.calm_since.filter(|_| self.healed_at.is_none()) {
+            match self.lack(since) {
+                None => {
+                    self.sim.note(|| "all is well".into());
+                    self.healed_at = Some(now);
+                }
+                Some(lack) if since + CALM < now => {
+                    return Err(Violation::Unhealed { after: now - since, lack });
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// After all has been well for a while.
+    pub(super) fn last_look(&self) -> Result<(), Violation> {
+        match self.lack(self.calm_since.unwrap_or_default()) {
+            None => Ok(()),
+            Some(lack) => Err(Violation::Unhealed { after: self.sim.now, lack }),
+        }
+    }
+
+    /// What keeps the main group from computing on, all members live, since a time.
+    pub(super) fn lacks_steadiness(&self, since: Duration) -> Option<String> {
+        let Some(server) = &self.sim.server else { return Some("the server is dead".into()) };
+        let Some(view) = server.view() else { return Some("nobody computes the main group".into()) };
+        self.lacks_ticks(server.main_group(), view, since)
+    }
+
+    fn lacks_ticks(&self, group: GroupId, view: &View, since: Duration) -> Option<String> {
+        for member in &view.members {
+            if !self.runs(Peer::Node(member.node)) {
+                return Some(format!("{} is dead or stopped, and a member of {group}", member.node));
+            }
+        }
+        let number = self.sim.checker.progress(group).map(|(number, _)| number);
+        let at = self.sim.checked_at.get(&group).copied().unwrap_or_default();
+        if number != Some(view.number) || at < since {
+            return Some(format!("{group} has completed no tick in view {}", view.number.0));
+        }
+        None
+    }
+
+    /// What is not as it should be once all is calm.
+    fn lack(&self, since: Duration) -> Option<String> {
+        let Some(server) = &self.sim.server else { return Some("the server is dead".into()) };
+        let recently = since.max(self.sim.now.saturating_sub(Duration::from_millis(500)));
+        if server.is_changing() {
+            return Some("a membership changes".into());
+        }
+        if self.expected_nodes > 0 {
+            return Some("a node is still to begin".into());
+        }
+        let members = |(_, view): (GroupId, &View)| view.members.clone();
+        let members: Vec<_> = server.views().flat_map(members).map(|member| member.node).collect();
+        if let Some(node) = self.sim.nodes.keys().find(|node| !members.contains(node)) {
+            return Some(format!("{node} is a member of no group"));
+        }
+        for (group, view) in server.views() {
+            if let Some(lack) = self.lacks_ticks(group, view, recently) {
+                return Some(lack);
+            }
+        }
+        let recorded = server.record().present().map(|body| body.id);
+        if recorded.ne(self.sim.checker.bodies(server.main_group())) {
+            return Some("the record lists other bodies than the world has".into());
+        }
+        self.clients.iter().find_map(|&client| self.lacks_avatar(server, client))
+    }
+
+    fn lacks_avatar(&self, server: &Server, client: ClientId) -> Option<String> {
+        let avatar = BodyId::avatar(client, 0);
+        let Some(machine) = self.sim.clients.get(&client) else { return Some(format!("{client} is dead")) };
+        if !machine.is_joined() {
+            return Some(format!("{client} has not joined"));
+        }
+        let Some(view) = machine.body(avatar) else {
+            return Some(format!("{client} does not see its avatar"));
+        };
+        if view.provisional {
+            return Some(format!("what {client} sees is provisional"));
+        }
+        let tick = self.sim.checker.progress(server.main_group()).map_or(0, |(_, tick)| tick.0);
+        if view.tick.0 + 30 < tick {
+            return Some(format!("{client} sees its avatar as of {}, while it is t{tick}", view.tick));
+        }
+        let speeds = |velocity: Velocity| velocity.linear.map(f32::abs);
+        match self.wishes.get(&client) {
+            Some(&(at, _)) if self.sim.now < at + OBEYED => None,
+            // It may have bounced since.
+            Some(&(_, wish)) if speeds(wish) != speeds(view.body.state.velocity) => {
+                Some(format!("the avatar of {client} does not move as it was told to"))
+            }
+            Some(_) => None,
+            None => Some(format!("{client} has not been able to move its avatar")),
+        }
+    }
+
+    fn note_staleness(&mut self) {
+        for &client in &self.clients {
+            let Some(machine) = self.sim.clients.get(&client).filter(|machine| machine.is_joined()) else {
+                continue;
+            };
+            let Some(view) = machine.body(BodyId::avatar(client, 0)) else { continue };
+            if let Some(&at) = self.settled_at.get(&view.tick) {
+                self.staleness.add(self.sim.now - at);
+            }
+        }
+    }
+
+    fn note_pause(&mut self) {
+        if let Some((_, &at)) = self.settled_at.last_key_value() {
+            self.worst_pause = self.worst_pause.max(self.sim.now - at);
+        }
+    }
+
+    /// A node that has ended is followed by another, as a supervisor would have it.
+    fn replace_nodes(&mut self) {
+        let missing = self.config.nodes.saturating_sub(self.sim.nodes.len() as u32 + self.expected_nodes);
+        for _ in 0..missing {
+            self.expected_nodes += 1;
+            let pause = self.random.between_ms(100, 1_000);
+            self.plan_in(pause, Action::Begin(Peer::Node(Default::default())));
+        }
+    }
+
+    /// Groups are cliques, as far as the server can know; nobody was expelled who need not go.
+    fn check_members(&mut self) -> Result<(), Violation> {
+        if let Some(&node) = self.sim.expelled.first().filter(|_| self.promise.no_eviction) {
+            return Err(Violation::Expelled { node });
+        }
+        let Some(server) = &self.sim.server else {
+            self.apart.clear();
+            return Ok(());
+        };
+        let now = self.sim.now;
+        let mut apart = std::collections::BTreeMap::new();
+        for (_, view) in server.views() {
+            for (i, a) in view.members.iter().enumerate() {
+                for b in &view.members[i + 1..] {
+                    let (a, b) = (a.node, b.node);
+                    let (at_a, at_b) = (Peer::Node(a), Peer::Node(b));
+                    let known = self.reach(Peer::Server, at_a) || self.reach(Peer::Server, at_b);
+                    if known && self.runs(at_a) && self.runs(at_b) && !self.reach(at_a, at_b) {
+                        let since = self.apart.get(&(a, b)).copied().unwrap_or(now);
+                        if since + APART < now {
+                            return Err(Violation::NoClique { a, b, time: now - since });
+                        }
+                        apart.insert((a, b), since);
+                    }
+                }
+            }
+        }
+        self.apart = apart;
+        Ok(())
+    }
+
+    fn check_clocks(&self) -> Result<(), Violation> {
+        let Some(bound) = self.promise.clock_error.filter(|_| self.sim.now > CLOCKS_KNOWN) else {
+            return Ok(());
+        };
+        for node in self.sim.nodes() {
+            let Some(own) = self.sim.clock_of(Peer::Node(node.id())) else { continue };
+            for (&peer, host) in &self.sim.hosts {
+                let Some(offset_us) = node.pinger().offset_us(peer) else { continue };
+                let true_us = host.clock.read(self.sim.now).as_micros() as i64 - own.as_micros() as i64;
+                let error_us = offset_us - true_us;
+                if error_us.unsigned_abs() > bound.as_micros() as u64 {
+                    return Err(Violation::Clock { node: node.id(), error_us });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_queues(&self) -> Result<(), Violation> {
+        let (traffic, bound) = (self.sim.traffic(), self.sim.config.bounds.queue_bytes);
+        if traffic.most_queued > bound {
+            return Err(Violation::Queue { queue: "what a sender keeps", held: traffic.most_queued, bound });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quantile_is_the_age_that_its_share_is_not_older_than() {
+        let mut ages = Staleness::default();
+        assert_eq!(ages.quantile_ms(0.99), None);
+        for ms in 1..=100 {
+            ages.add(Duration::from_millis(ms));
+        }
+        assert_eq!((ages.quantile_ms(0.5), ages.quantile_ms(0.99)), (Some(50), Some(99)));
+        ages.add(Duration::from_secs(60));
+        assert_eq!(ages.quantile_ms(1.0), Some(4_095));
+    }
+}

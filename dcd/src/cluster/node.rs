@@ -127,6 +127,10 @@ pub struct Node {
     /// Since when nothing that counts has been computed or heard, and how long the last tick took.
     since: Duration,
     tick_takes: Duration,
+    /// When the leader last said anything.
+    since_leader: Option<Duration>,
+    /// When a leader that waits says so again.
+    reassure_at: Duration,
     complained_at: Duration,
     drift: Drift,
     /// Of the present view: those that another member may not have completed, and the newest of all.
@@ -193,6 +197,8 @@ impl Node {
             void: 0,
             since: Duration::ZERO,
             tick_takes: Duration::ZERO,
+            since_leader: None,
+            reassure_at: Duration::ZERO,
             complained_at: Duration::ZERO,
             drift: Drift::default(),
             dispatches: VecDeque::new(),
@@ -244,6 +250,7 @@ impl Node {
         }
         self.tend_links(now);
         self.complain_of_stalled(now);
+        self.reassure(now);
         self.progress(now);
         self.drift(now);
     }
@@ -262,6 +269,7 @@ impl Node {
             .chain(self.pinger.timeout())
             .chain(self.link.timeout(&self.others))
             .chain(self.stalled_at())
+            .chain(self.reassurance_at())
             .chain(self.drift_at())
             .min()
     }
@@ -363,6 +371,9 @@ impl Node {
     }
 
     fn message(&mut self, now: Duration, from: Peer, message: Message) {
+        if self.view.as_ref().is_some_and(|view| from == Peer::Node(view.leader)) {
+            self.since_leader = Some(now);
+        }
         match (from, message) {
             (Peer::Server, Message::ToNode(message)) => self.hear_server(now, message),
             (Peer::Node(node), Message::Dispatch(dispatch)) => self.dispatched(node, dispatch),

@@ -63,15 +63,20 @@ impl Pinger {
             // 10 ms to 1 s of delay give 5 to 500 s: the thesis's example.
             if peer == Peer::Server {
                 entry.next = now + SERVER_EVERY;
-                pings.push((peer, Message::Ping(Ping { sent_us: micros(now) })));
+                pings.push((peer, Self::ask(now)));
                 continue;
             }
             let delay_ms = average_us(&entry.trips).map_or(0.0, |us| us / 1e3);
             let interval_s = ping_interval_s(delay_ms, [10.0, 1_000.0], [5.0, 500.0]);
             entry.next = now + Duration::from_secs_f64(interval_s);
-            pings.push((peer, Message::Ping(Ping { sent_us: micros(now) })));
+            pings.push((peer, Self::ask(now)));
         }
         pings
+    }
+
+    /// A ping.
+    pub fn ask(now: Duration) -> Message {
+        Message::Ping(Ping { sent_us: micros(now) })
     }
 
     /// The answer to a ping.

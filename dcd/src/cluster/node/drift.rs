@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::{Node, NodeOutput};
+use super::{Node, NodeOutput, Phase};
 use crate::cluster::PhysicsCommand;
 use crate::protocol::{Drive, Pace, SharedState, ToClient, WorldOp};
 use crate::space::{BodyId, Tick};
@@ -30,6 +30,11 @@ impl Drift {
 }
 
 impl Node {
+    /// Whether a tick is complete here and the next has not begun.
+    pub(super) fn is_resting(&self) -> bool {
+        matches!(self.phase, Phase::Resting)
+    }
+
     /// When the next provisional tick is due, if all stays as it is.
     pub(super) fn drift_at(&self) -> Option<Duration> {
         let world = self.world.as_ref().filter(|world| world.pace == Pace::RealTime)?;

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use super::{Node, NodeOutput};
-use crate::cluster::Peer;
+use crate::cluster::{Peer, Pinger};
 use crate::protocol::{Border, Delay, Hello, Member, Message, Pong, Role, ToServer, VERSION};
 use crate::space::NodeId;
 
@@ -226,8 +226,12 @@ impl Node {
     /// When members that are linked, but say nothing, are complained of.
     pub(super) fn stalled_at(&self) -> Option<Duration> {
         let waits = self.view.is_some() && self.change.is_none() && self.link.server_up;
-        (waits && !self.laggards().is_empty())
-            .then(|| self.complained_at.max(self.since + STALL + 20 * self.tick_takes))
+        let since = match self.since_leader {
+            Some(heard) if self.leader.is_none() && self.is_resting() => self.since.max(heard),
+            _ => self.since,
+        };
+        let waited = since + STALL + 20 * self.tick_takes;
+        (waits && !self.laggards().is_empty()).then(|| self.complained_at.max(waited))
     }
 
     pub(super) fn complain_of_stalled(&mut self, now: Duration) {
@@ -235,6 +239,23 @@ impl Node {
             self.complained_at = now + AGAIN;
             let laggards = self.laggards();
             self.complain(laggards);
+        }
+    }
+
+    /// When a leader that waits for members is to say that it lives.
+    pub(super) fn reassurance_at(&self) -> Option<Duration> {
+        let waits = self.leader.as_ref().is_some_and(|leader| leader.missing().next().is_some());
+        (waits && self.change.is_none()).then(|| self.reassure_at.max(self.since + STALL / 4))
+    }
+
+    /// A ping: members hear that it is not the leader who hangs.
+    pub(super) fn reassure(&mut self, now: Duration) {
+        if self.reassurance_at().is_none_or(|at| now < at) {
+            return;
+        }
+        self.reassure_at = now + STALL / 4;
+        for node in self.others.clone() {
+            self.send(Peer::Node(node), Pinger::ask(now));
         }
     }
 

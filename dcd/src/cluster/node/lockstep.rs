@@ -399,6 +399,11 @@ impl Node {
         self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint });
     }
 
+    /// Whether the world has ended here.
+    fn is_over(&self) -> bool {
+        self.world.as_ref().is_some_and(|world| world.last_tick == Some(self.tick))
+    }
+
     /// Members that are waited for though they are linked.
     pub(super) fn laggards(&self) -> Vec<NodeId> {
         let linked = |node: &NodeId| self.link.is_up(*node);
@@ -410,6 +415,11 @@ impl Node {
                 .copied()
                 .collect(),
             (Phase::Resting, Some(leader)) => leader.missing().filter(linked).collect(),
+            // A leader that waits for others says so.
+            (Phase::Resting, None) => {
+                let leader = self.view.as_ref().map(|view| view.leader);
+                leader.filter(|node| linked(node) && !self.is_over()).into_iter().collect()
+            }
             _ => Vec::new(),
         }
     }

@@ -168,8 +168,8 @@ impl Group {
         true
     }
 
-    /// Members that cannot reach one another cannot share a tree. Those that others complain of most go, of equals the
-    /// youngest; each is named once, dead ones first.
+    /// Members that cannot reach one another cannot share a tree. Those that most others complain of go, of equals the
+    /// youngest; each is named once, dead ones first. Who is dead or hangs does not complain itself.
     pub(super) fn decide_complaints(&mut self, common: &Common) -> Vec<NodeId> {
         self.hearing = None;
         let mut open: BTreeSet<_> = std::mem::take(&mut self.complaints)
@@ -179,10 +179,8 @@ impl Group {
         let mut going = Vec::new();
         while !open.is_empty() {
             let mut votes: BTreeMap<NodeId, usize> = BTreeMap::new();
-            let links: BTreeSet<_> = open.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
-            for (a, b) in links {
-                *votes.entry(a).or_default() += 1;
-                *votes.entry(b).or_default() += 1;
+            for &(_, accused) in &open {
+                *votes.entry(accused).or_default() += 1;
             }
             let is_gone = |node| !common.nodes.get(node).is_some_and(|entry| entry.linked);
             let worst = votes.iter().max_by_key(|&(node, &count)| (is_gone(node), count, *node));

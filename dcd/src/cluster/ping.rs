@@ -16,6 +16,9 @@ pub fn ping_interval_s(delay_ms: f64, delays_ms: [f64; 2], intervals_s: [f64; 2]
     (intervals_s[0] + (intervals_s[1] - intervals_s[0]) * share).clamp(intervals_s[0], intervals_s[1])
 }
 
+/// Of these, how many tell of clocks: they drift apart by up to a millisecond a second.
+const FOR_CLOCKS: usize = 8;
+
 /// What four time stamps tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RoundTrip {
@@ -107,7 +110,8 @@ impl Pinger {
 
     /// The peer's clock minus ours by the quickest of the last round trips, microseconds.
     pub fn offset_us(&self, peer: Peer) -> Option<i64> {
-        self.peers.get(&peer)?.trips.iter().min_by_key(|trip| trip.delay_us).map(|trip| trip.offset_us)
+        let trips = self.peers.get(&peer)?.trips.iter().rev().take(FOR_CLOCKS);
+        trips.min_by_key(|trip| trip.delay_us).map(|trip| trip.offset_us)
     }
 }
 

@@ -40,7 +40,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            idle_timeout: Duration::from_millis(1250),
+            idle_timeout: Duration::from_millis(1100),
             keep_alive: Duration::from_millis(250),
             handshake_timeout: Duration::from_secs(5),
             linger: Duration::from_millis(500),

@@ -24,7 +24,7 @@ pub use conditions::{Bounds, Cut, NetworkConditions, Path, Who};
 pub(super) use link::LinkId;
 
 /// Who hears nothing for so long drops the link.
-const IDLE: Duration = Duration::from_millis(1_500);
+const IDLE: Duration = Duration::from_millis(1_100);
 /// So often an end that has nothing to say says so.
 const KEEP_ALIVE: Duration = Duration::from_millis(250);
 /// How long closing waits for what was sent before.

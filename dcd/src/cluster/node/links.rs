@@ -12,7 +12,9 @@ use crate::space::NodeId;
 /// Rounds said again when a link is back, beside those of the ticks that members may be apart: nobody is farther behind.
 const SAID_AGAIN: usize = 2;
 /// How long a link may be down before it is complained of.
-const COMPLAIN_AFTER: Duration = Duration::from_millis(300);
+const COMPLAIN_AFTER: Duration = Duration::from_millis(200);
+/// The same for one that never was up: a lost first packet is sent again after a second.
+const NEVER_UP: Duration = Duration::from_millis(2_500);
 /// How long a member that is linked may keep the others waiting, beside twenty times what a tick takes.
 const STALL: Duration = Duration::from_secs(2);
 /// Between complaints, and between attempts to dial the server or another member.
@@ -102,7 +104,7 @@ impl Node {
                 up: self.links.contains(&Peer::Node(member.node)),
                 down_since: now,
                 dial_at: (me < member.node).then_some(now),
-                complain_at: now + 2 * COMPLAIN_AFTER,
+                complain_at: now + NEVER_UP,
                 told_ms: None,
                 said: VecDeque::new(),
             });
@@ -121,6 +123,9 @@ impl Node {
             let gone: Vec<_> = self.link.nodes.keys().filter(|node| !is_known(node)).copied().collect();
             for node in gone {
                 self.link.nodes.remove(&node);
+                // Who closes a link hears no more of it.
+                self.links.remove(&Peer::Node(node));
+                self.pinger.remove(Peer::Node(node));
                 if let Some(watch) = &mut self.watch {
                     watch.forget(node);
                 }

@@ -11,7 +11,7 @@ use crate::protocol::{Member, ToClient, ToNode, ToServer, View, WorldOp};
 use crate::space::{BodyId, GroupId, NodeId, Tick};
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
-const HEARING: Duration = Duration::from_millis(100);
+const HEARING: Duration = Duration::from_millis(50);
 
 /// Who complains that it cannot reach whom.
 type Complaint = (NodeId, NodeId);
@@ -81,8 +81,10 @@ impl Group {
 
     /// Nodes that are to be the members of the next view.
     pub(super) fn wanted<'a>(&self, common: &'a Common) -> impl Iterator<Item = (NodeId, &'a NodeEntry)> {
-        let id = self.id;
-        let belongs = move |entry: &NodeEntry| entry.group == Some(id) && entry.is_ready();
+        let (id, view) = (self.id, self.view.as_ref().map(|view| view.number));
+        // Who still computes in another group is waited for.
+        let is_free = move |entry: &NodeEntry| entry.serving.is_none() || entry.serving == view;
+        let belongs = move |entry: &NodeEntry| entry.group == Some(id) && entry.is_ready() && is_free(entry);
         common.nodes.iter().filter(move |(_, entry)| belongs(entry)).map(|(&node, entry)| (node, entry))
     }
 

@@ -63,12 +63,14 @@ impl Server {
     fn is_measured(&self, node: NodeId) -> bool {
         let Some(entry) = self.common.nodes.get(&node) else { return false };
         let others = self.common.nodes.iter().filter(|&(&other, entry)| entry.linked && other != node);
-        let knows = |other: &NodeId| {
-            entry.delays.contains_key(other) && self.common.nodes[other].delays.contains_key(&node)
+        let by_delay = self.common.config.world.thresholds.delay.is_some();
+        let knows = |from: NodeId, to: NodeId| match self.common.nodes[&from].delays.get(&to) {
+            None => !by_delay,
+            // Its link may be on its way back.
+            Some(delay) => delay.is_some(),
         };
-        self.common.config.world.thresholds.delay.is_none()
-            || entry.in_group_since + MEASURE <= self.common.now
-            || others.map(|(other, _)| other).all(knows)
+        entry.in_group_since + MEASURE <= self.common.now
+            || others.map(|(&other, _)| other).all(|other| knows(node, other) && knows(other, node))
     }
 
     /// Gives nodes without a group one.

@@ -38,11 +38,9 @@ fn strewn() -> Delays {
 /// Near are the pairs that `near` names by the lower and the higher.
 fn pairs(mut near: impl FnMut(usize, usize) -> bool) -> Delays {
     let mut rows = vec![vec![100.0; NODES]; NODES];
-    for a in 0..NODES {
-        for b in a + 1..NODES {
-            if near(a, b) {
-                (rows[a][b], rows[b][a]) = (1.0, 1.0);
-            }
+    for (a, b) in (0..NODES).flat_map(|a| (a + 1..NODES).map(move |b| (a, b))) {
+        if near(a, b) {
+            (rows[a][b], rows[b][a]) = (1.0, 1.0);
         }
     }
     Delays(rows.concat())

@@ -3,7 +3,7 @@
 
 use super::near::{Graph, Ranks};
 
-/// Words of bits that the searches of one grouping may go over, beyond what every group costs anyway: some 60 ms.
+/// Words of bits that the searches of one grouping may go over, beyond what every group costs anyway: 30 to 60 ms.
 const WORK: u64 = 50_000_000;
 
 /// What is left of the work, in words of bits.

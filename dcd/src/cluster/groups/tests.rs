@@ -177,6 +177,14 @@ fn of_equal_groups_a_newcomer_joins_its_like_else_the_first() {
 }
 
 #[test]
+fn nobody_joins_a_group_of_nobody_or_its_own() {
+    let best =
+        |groups: &[Vec<NodeId>]| best_group(NodeId(3), groups, |_, _| Some(1.0), &rules(LARGEST, 32), &[]);
+    assert_eq!(best(&[vec![]]), None);
+    assert_eq!(best(&[vec![NodeId(2), NodeId(3)]]), None);
+}
+
+#[test]
 fn rules_that_cannot_be_are_refused() {
     assert_eq!(rules(LARGEST, 0).checked(), Err(GroupError::NoSize));
     for ms in [0.0, -1.0] {

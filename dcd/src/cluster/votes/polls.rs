@@ -24,8 +24,8 @@ pub struct PollRules {
     pub window: Duration,
     /// So long a node stays in its group before it may be voted elsewhere.
     pub min_stay: Duration,
-    /// So long a node that was evicted stays out of groups: after its second eviction three times as long, and so on, up to
-    /// `forgiven_after`.
+    /// So long a node that was evicted stays out of groups: after its second eviction three times as long, and so on, until it is
+    /// forgiven.
     pub return_after: Duration,
     /// After so long without another, evictions are forgotten.
     pub forgiven_after: Duration,
@@ -314,7 +314,7 @@ impl Standing {
             (Motion::Reject(_), _) | (_, 0) => rules.min_stay,
             (Motion::Include(_), evictions) => {
                 let times = 3_u32.saturating_pow(evictions - 1);
-                rules.return_after.saturating_mul(times).min(rules.forgiven_after).max(rules.min_stay)
+                rules.return_after.saturating_mul(times).max(rules.min_stay)
             }
         };
         self.since.map_or(Duration::ZERO, |since| since + stay)

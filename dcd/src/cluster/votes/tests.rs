@@ -186,6 +186,24 @@ fn no_vote_is_held_while_a_group_concerned_changes() {
 }
 
 #[test]
+fn a_vote_that_concerns_a_node_that_is_gone_is_void() {
+    let mut polls = polls();
+    call(&mut polls, 0, 1, include(6)).unwrap();
+    polls.forget(NodeId(2));
+    assert_eq!(polls.handle_timeout(at(9)), []);
+}
+
+#[test]
+fn who_comes_back_is_not_held_to_what_it_was_evicted_for() {
+    let none = Duration::ZERO;
+    let rules = PollRules { rest: none, min_stay: none, return_after: none, ..PollRules::default() };
+    let mut polls = Polls::new(rules);
+    moved(&mut polls, 0, reject(3));
+    moved(&mut polls, 2, include(3));
+    first(&mut polls, 3, 1, reject(3));
+}
+
+#[test]
 fn caller_and_candidate_rest_after_a_vote() {
     let mut polls = polls();
     call(&mut polls, 0, 1, include(6)).unwrap();
@@ -243,7 +261,7 @@ fn a_node_stays_for_a_while_wherever_it_comes() {
 /// Votes a node out, or in, at the first second from `from` at which that is allowed.
 fn moved(polls: &mut Polls, from: u64, motion: Motion) -> u64 {
     let candidate = motion.candidate();
-    let rest = nodes([1, 2, 3]);
+    let rest = if candidate.0 == 3 { nodes([1, 2, 4]) } else { nodes([1, 2, 3]) };
     let all = [rest.as_slice(), &[candidate]].concat();
     let (group, present): (Vec<NodeId>, Vec<NodeId>) = match motion {
         Motion::Include(_) => (rest.to_vec(), vec![candidate]),

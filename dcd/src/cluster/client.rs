@@ -9,7 +9,7 @@ use crate::protocol::{
     Message, Refusal, Role, ShapeHash, ShapeRecord, SharedState, ToClient, Touch, VERSION, Velocity,
     WorldPose,
 };
-use crate::space::{BodyId, ClientId, Epoch, NodeId, Tick};
+use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
 
 /// Contacts kept for a user who does not ask; the oldest go first.
 const MAX_CONTACTS: usize = 4_096;
@@ -149,6 +149,7 @@ pub struct Client {
     unspoken: BTreeSet<BodyId>,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
     joints: Vec<JointRecord>,
+    group: Option<GroupId>,
     leader: Option<Member>,
     linked: bool,
     server_linked: bool,
@@ -177,6 +178,7 @@ impl Client {
             unspoken: BTreeSet::new(),
             shapes: BTreeMap::new(),
             joints: Vec::new(),
+            group: None,
             leader: None,
             linked: false,
             server_linked: false,
@@ -399,7 +401,13 @@ impl Client {
                 self.say_again();
                 self.outputs.push_back(ClientOutput::Joined);
             }
-            ToClient::LeaderIs { leader, .. } => self.follow(leader),
+            ToClient::LeaderIs { group, leader, .. } => {
+                if self.group.replace(group) != Some(group) {
+                    // Another lineage of epochs: whatever it says first counts.
+                    self.bodies.values_mut().for_each(|view| view.settled = Default::default());
+                }
+                self.follow(leader);
+            }
             ToClient::Inserted { body, shapes } => {
                 self.learn(shapes);
                 let id = body.id;
@@ -414,13 +422,15 @@ impl Client {
                 self.joints.retain(|joint| joint.a != id && joint.b != id);
                 self.outputs.push_back(ClientOutput::Removed(id));
             }
-            ToClient::States { tick, provisional, states } => {
+            ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 for state in states {
                     if let Some(view) = self.bodies.get_mut(&state.id) {
-                        view.learn(&state, tick, provisional);
+                        view.learn(&state, stamp.tick, stamp.provisional);
                     }
                 }
             }
+            // A leader that is no longer ours.
+            ToClient::States { .. } => {}
             ToClient::Contacts { tick, touches, forces } => {
                 keep(&mut self.touches, tick, touches);
                 keep(&mut self.forces, tick, forces);

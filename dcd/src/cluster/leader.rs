@@ -14,10 +14,10 @@ use self::holders::Holders;
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
     ContactForce, ContactKey, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, Pace, Refusal,
-    RegionEvents, Report, SharedState, Thresholds, TickStats, ToClient, Touch, View, ViewNumber, WorldEvents,
-    WorldOp,
+    RegionEvents, Report, SharedState, Stamp, Thresholds, TickStats, ToClient, Touch, View, ViewNumber,
+    WorldEvents, WorldOp,
 };
-use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 
 /// Resting bodies told again with each batch of states, so that a client that missed their last move hears of it.
 const REMINDERS: usize = 16;
@@ -29,6 +29,7 @@ const EARLY_TICKS: u64 = 60;
 #[derive(Clone, Debug)]
 pub struct Leader {
     view: ViewNumber,
+    group: GroupId,
     members: BTreeSet<NodeId>,
     dt: Duration,
     pace: Pace,
@@ -69,6 +70,7 @@ impl Leader {
             view.members.iter().filter_map(|member| Some((member.client?, Peer::Node(member.node))));
         Self {
             view: view.number,
+            group: view.group,
             members: view.members.iter().map(|member| member.node).collect(),
             dt: Duration::from_secs_f32(world.dt_s),
             pace: world.pace,
@@ -110,7 +112,8 @@ impl Leader {
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
         let states = self.latest.values().map(|&(state, _)| state).collect();
-        let message = ToClient::States { tick: self.tick, provisional: false, states };
+        let stamp = Stamp { group: self.group, tick: self.tick, provisional: false };
+        let message = ToClient::States { stamp, states };
         self.messages.push((client, message));
     }
 
@@ -336,7 +339,8 @@ impl Leader {
     fn tell_all(&mut self, tick: Tick, provisional: bool, states: &[SharedState]) {
         for &client in self.clients.keys() {
             let states = states.to_vec();
-            self.messages.push((client, ToClient::States { tick, provisional, states }));
+            let stamp = Stamp { group: self.group, tick, provisional };
+            self.messages.push((client, ToClient::States { stamp, states }));
         }
     }
 
@@ -381,6 +385,7 @@ mod tests {
     fn leader() -> Leader {
         let member = |id| Member { node: NodeId(id), address: ([127, 0, 0, 1], 1).into(), client: None };
         let view = View {
+            group: GroupId(1),
             number: ViewNumber(1),
             tick: Tick(0),
             leader: NodeId(1),

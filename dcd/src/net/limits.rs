@@ -40,9 +40,9 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            idle_timeout: Duration::from_millis(1100),
+            idle_timeout: Duration::from_millis(1000),
             keep_alive: Duration::from_millis(250),
-            handshake_timeout: Duration::from_secs(5),
+            handshake_timeout: Duration::from_millis(2500),
             linger: Duration::from_millis(500),
             frame_bytes: 16 << 20,
             client_frame_bytes: 64 << 10,
@@ -63,6 +63,8 @@ const RECEIVE_WINDOW_BYTES: u32 = 4 << 20;
 const UNPROVEN_WINDOW_BYTES: u32 = 32 << 10;
 /// Three lanes fit into the connection's window together, so that a stalled one leaves room for the others.
 const STREAM_WINDOW_BYTES: u32 = 5 << 18;
+/// What a round trip is taken to be before it is known.
+const INITIAL_RTT: Duration = Duration::from_millis(60);
 const DATAGRAM_BUFFER_BYTES: usize = 64 << 10;
 
 impl Limits {
@@ -102,6 +104,8 @@ impl Limits {
                 IdleTimeout::try_from(self.idle_timeout).unwrap_or(IdleTimeout::from(VarInt::MAX)),
             ))
             .keep_alive_interval(Some(self.keep_alive))
+            // A lost first packet is sent again after three times this: the usual second is as long as a peer may be silent.
+            .initial_rtt(INITIAL_RTT)
             .max_concurrent_uni_streams(VarInt::from_u32(3))
             .max_concurrent_bidi_streams(VarInt::from(bidirectional_streams))
             .receive_window(VarInt::from_u32(UNPROVEN_WINDOW_BYTES))

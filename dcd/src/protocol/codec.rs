@@ -14,9 +14,9 @@ use bincode::{
 #[cfg(feature = "physics")]
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::{Check, Chunk, Invalid, Message, ToClient};
+use super::{Check, Chunk, Invalid, Message, Stamp, ToClient};
 use crate::protocol::SharedState;
-use crate::space::{ClientId, Tick};
+use crate::space::ClientId;
 
 /// Grows with every change of the message set; peers of unequal versions refuse each other.
 pub const VERSION: u32 = 4;
@@ -146,20 +146,19 @@ pub fn chunks<T: Encode>(items: impl IntoIterator<Item = T>, chunk: fn(Vec<T>) -
 /// States for a client as messages that each fit a datagram.
 pub fn pack_states(
     client: ClientId,
-    tick: Tick,
-    provisional: bool,
+    stamp: Stamp,
     states: impl IntoIterator<Item = SharedState>,
 ) -> Vec<Message> {
     datagrams(states)
         .into_iter()
-        .map(|states| Message::ToClient(client, ToClient::States { tick, provisional, states }))
+        .map(|states| Message::ToClient(client, ToClient::States { stamp, states }))
         .collect()
 }
 
 /// States in parts that each fit a datagram with its envelope.
 pub fn datagrams(states: impl IntoIterator<Item = SharedState>) -> Vec<Vec<SharedState>> {
-    // The envelope: three tags, client id or view, tick, a flag and length, each at its longest.
-    const ENVELOPE_BYTES: usize = 3 + 9 + 9 + 1 + 9;
+    // The envelope: three tags, client id or view, group, tick, a flag and length, each at its longest.
+    const ENVELOPE_BYTES: usize = 3 + 9 + 5 + 9 + 1 + 9;
     split(states, DATAGRAM_BYTES - ENVELOPE_BYTES)
 }
 
@@ -171,7 +170,7 @@ mod tests {
     use crate::protocol::{
         Border, Dispatch, FromClient, Ping, ToNode, Velocity, ViewNumber, WorldOp, WorldPose,
     };
-    use crate::space::{BodyId, Epoch};
+    use crate::space::{BodyId, Epoch, Tick};
 
     fn state(index: u32) -> SharedState {
         SharedState {
@@ -181,6 +180,10 @@ mod tests {
             velocity: Velocity { linear: [1.0, f32::MIN_POSITIVE, -0.0], angular: [0.0; 3] },
             sleeping: false,
         }
+    }
+
+    fn stamp(tick: u64) -> Stamp {
+        Stamp { group: crate::space::GroupId(u32::MAX), tick: Tick(tick), provisional: true }
     }
 
     fn sample() -> Message {
@@ -234,10 +237,8 @@ mod tests {
         let with = |change: fn(&mut SharedState)| {
             let mut state = state(0);
             change(&mut state);
-            let message = Message::ToClient(
-                ClientId(1),
-                ToClient::States { tick: Tick(1), provisional: false, states: vec![state] },
-            );
+            let message =
+                Message::ToClient(ClientId(1), ToClient::States { stamp: stamp(1), states: vec![state] });
             decode(&encode(&message)).unwrap_err().to_string()
         };
         assert!(with(|s| s.pose.translation[1] = f64::NAN).contains("pose.translation"));
@@ -251,7 +252,7 @@ mod tests {
     fn packed_states_fit_datagrams_and_lose_nothing() {
         let states: Vec<_> = (0..500).map(|i| state(u32::MAX - i)).collect();
         let mut unpacked = Vec::new();
-        for message in pack_states(ClientId(u32::MAX), Tick(u64::MAX), true, states.clone()) {
+        for message in pack_states(ClientId(u32::MAX), stamp(u64::MAX), states.clone()) {
             let bytes = encode(&message);
             assert!(bytes.len() <= DATAGRAM_BYTES, "{} bytes", bytes.len());
             let Ok(Message::ToClient(_, ToClient::States { states, .. })) = decode(&bytes) else { panic!() };

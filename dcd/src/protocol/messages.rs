@@ -9,9 +9,9 @@ use std::net::SocketAddr;
 use bincode::{Decode, Encode};
 
 use super::{BodyRecord, JointRecord, ShapeRecord};
-use crate::space::{Allocation, ClientId, DistributionTree, NodeId, RegionId, Tick};
+use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
-pub use client::{Drive, FromClient, Refusal, ToClient};
+pub use client::{Drive, FromClient, Refusal, Stamp, ToClient};
 pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Motion, Report, Stance, TickStats, ToNode,
     ToServer, WorldOp,
@@ -220,6 +220,8 @@ pub struct Member {
 /// A membership: who computes what from `tick` on.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct View {
+    /// Of which group.
+    pub group: GroupId,
     /// Its number.
     pub number: ViewNumber,
     /// The last tick before it; the leader dispatches the next.

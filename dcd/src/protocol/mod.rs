@@ -30,8 +30,8 @@ pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
     EnvironmentProperties, FromClient, Hello, Lane, Member, Message, Motion, Pace, Ping, Placed, Pong,
-    Refusal, Report, Role, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View,
-    ViewNumber, WorldOp,
+    Refusal, Report, Role, Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer,
+    View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

@@ -24,13 +24,15 @@ pub use conditions::{Bounds, Cut, NetworkConditions, Path, Who};
 pub(super) use link::LinkId;
 
 /// Who hears nothing for so long drops the link.
-const IDLE: Duration = Duration::from_millis(1_100);
+const IDLE: Duration = Duration::from_millis(1_000);
 /// So often an end that has nothing to say says so.
 const KEEP_ALIVE: Duration = Duration::from_millis(250);
 /// How long closing waits for what was sent before.
 const LINGER: Duration = Duration::from_millis(500);
 /// When a dialler that was not answered tries again: QUIC's first probe time-out, three times 333 ms.
-const DIAL_AGAIN: Duration = Duration::from_secs(1);
+/// When an attempt to dial is given up.
+const DIAL_FOR: Duration = Duration::from_millis(2_500);
+const DIAL_AGAIN: Duration = Duration::from_millis(300);
 /// How long the other end may wait before it acknowledges.
 const ACK_DELAY: Duration = Duration::from_millis(25);
 /// What one packet carries.
@@ -212,7 +214,7 @@ impl Network {
         let id = LinkId(self.last_link);
         self.links.insert(id, Link::new(from, to));
         self.push(now, Event::Dial(id));
-        self.push(now + IDLE, Event::GiveUp(id));
+        self.push(now + DIAL_FOR, Event::GiveUp(id));
     }
 
     /// Sends, now or when the link is there. The server, who answers links, has nobody to wait for.

@@ -86,8 +86,8 @@ impl Node {
             (Peer::Node(node), message) if node == self.config.id => {
                 self.outputs.push_back(NodeOutput::Client(message));
             }
-            (route, ToClient::States { tick, provisional, states }) => {
-                for message in pack_states(client, tick, provisional, states) {
+            (route, ToClient::States { stamp, states }) => {
+                for message in pack_states(client, stamp, states) {
                     self.send(route, message);
                 }
             }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::{Node, NodeOutput, Phase};
 use crate::cluster::PhysicsCommand;
-use crate::protocol::{Drive, Pace, SharedState, ToClient, WorldOp};
+use crate::protocol::{Drive, Pace, SharedState, Stamp, ToClient, WorldOp};
 use crate::space::{BodyId, Tick};
 
 #[derive(Clone, Debug, Default)]
@@ -67,7 +67,9 @@ impl Node {
         match &mut self.leader {
             Some(leader) => leader.tell_provisional(tick, &states),
             None if self.config.client.is_some() => {
-                let message = ToClient::States { tick, provisional: true, states };
+                let group = self.view.as_ref().map_or_else(Default::default, |view| view.group);
+                let stamp = Stamp { group, tick, provisional: true };
+                let message = ToClient::States { stamp, states };
                 self.outputs.push_back(NodeOutput::Client(message));
             }
             None => {}

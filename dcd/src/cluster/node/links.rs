@@ -12,7 +12,7 @@ use crate::space::NodeId;
 /// Rounds said again when a link is back, beside those of the ticks that members may be apart: nobody is farther behind.
 const SAID_AGAIN: usize = 2;
 /// How long a link may be down before it is complained of.
-const COMPLAIN_AFTER: Duration = Duration::from_millis(200);
+const COMPLAIN_AFTER: Duration = Duration::from_millis(350);
 /// The same for one that never was up: a lost first packet is sent again after a second.
 const NEVER_UP: Duration = Duration::from_millis(2_500);
 /// How long a member that is linked may keep the others waiting, beside twenty times what a tick takes.

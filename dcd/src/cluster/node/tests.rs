@@ -34,6 +34,7 @@ fn member() -> Node {
     server(&mut node, ToNode::Chunk(Chunk::Placed(vec![Placed { region: RegionId(2), body }])));
     let member = |id| Member { node: NodeId(id), address, client: None };
     let view = View {
+        group: crate::space::GroupId(1),
         number: ViewNumber(1),
         tick: Tick(0),
         leader: NodeId(1),

@@ -252,6 +252,7 @@ impl Group {
             }
             placed.sort_by_key(|placed| placed.body.id);
             let view = View {
+                group: self.id,
                 number: change.number,
                 tick: self.tick,
                 leader: members.iter().map(|member| member.node).min().expect("a group has a leader"),

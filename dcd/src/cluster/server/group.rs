@@ -92,7 +92,7 @@ impl Group {
         let leader = |view: &View| view.members.iter().find(|member| member.node == view.leader).cloned();
         let number = self.view.as_ref().map_or_else(Default::default, |view| view.number);
         let leader: Option<Member> = self.view.as_ref().filter(|_| !self.held).and_then(leader);
-        ToClient::LeaderIs { view: number, leader }
+        ToClient::LeaderIs { group: self.id, view: number, leader }
     }
 
     /// Tells the leader what to do to the world; while membership changes, `Adopt` takes care of it.

@@ -4,7 +4,7 @@ use bincode::{Decode, Encode};
 
 use super::{Chunk, EnvironmentProperties, Member, ViewNumber};
 use crate::protocol::{BodyRecord, ContactForce, ShapeRecord, SharedState, Touch, Velocity, WorldPose};
-use crate::space::{BodyId, ClientId, Tick};
+use crate::space::{BodyId, ClientId, GroupId, Tick};
 
 /// Client to leader, or to the server when there is none.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -40,6 +40,8 @@ pub enum ToClient {
     WorldEnd,
     /// Who leads the group; `None` while nobody computes the world.
     LeaderIs {
+        /// The client's group: states of others do not concern it.
+        group: GroupId,
         /// Since which view.
         view: ViewNumber,
         /// Whom to connect to.
@@ -56,10 +58,8 @@ pub enum ToClient {
     Removed(BodyId),
     /// Bodies that moved; fits a datagram.
     States {
-        /// After which tick.
-        tick: Tick,
-        /// Computed without the other members, and not to be relied on: the next that is not counts whatever its tick.
-        provisional: bool,
+        /// Of when and whose.
+        stamp: Stamp,
         /// In id order.
         states: Vec<SharedState>,
     },
@@ -79,6 +79,17 @@ pub enum ToClient {
         /// Why.
         reason: Refusal,
     },
+}
+
+/// What states are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub struct Stamp {
+    /// The group that computed them: epochs and ticks of unlike groups do not compare.
+    pub group: GroupId,
+    /// After which tick.
+    pub tick: Tick,
+    /// Computed without the other members, and not to be relied on: the next that is not counts whatever its tick.
+    pub provisional: bool,
 }
 
 /// Why a client's wish, or a join, was refused.

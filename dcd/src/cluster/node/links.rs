@@ -65,6 +65,11 @@ impl Links {
         }
     }
 
+    /// The server knows nothing of our delays any more.
+    pub(super) fn tell_again(&mut self) {
+        self.nodes.values_mut().for_each(|link| link.told_ms = None);
+    }
+
     pub(super) fn is_up(&self, node: NodeId) -> bool {
         self.nodes.get(&node).is_some_and(|link| link.up)
     }
@@ -80,7 +85,7 @@ impl Node {
         self.link.server_up = true;
         self.link.dial_server_at = None;
         self.link.delays_at = Some(now + DELAYS);
-        self.link.nodes.values_mut().for_each(|link| link.told_ms = None);
+        self.link.tell_again();
         self.placed.clear();
         self.joints.clear();
         let resume = self.view.as_ref().map(|view| view.number);

@@ -101,6 +101,7 @@ impl Node {
         self.early.clear();
         self.leader = None;
         self.done = None;
+        self.link.tell_again();
     }
 
     pub(super) fn dispatched(&mut self, from: NodeId, dispatch: Dispatch) {

@@ -127,6 +127,10 @@ impl Trial<'_> {
         if let Some(node) = self.sim.nodes.keys().find(|node| !members.contains(node)) {
             return Some(format!("{node} is a member of no group"));
         }
+        // All reach one another, and groups do not depend on delay here.
+        if server.views().count() > 1 {
+            return Some("nodes that reach one another are in several groups".into());
+        }
         for (group, view) in server.views() {
             if let Some(lack) = self.lacks_ticks(group, view, recently) {
                 return Some(lack);

@@ -130,6 +130,11 @@ impl BodyView {
         }
     }
 
+    /// After which tick the newest state was that is no guess.
+    pub fn settled_tick(&self) -> Tick {
+        self.settled.1
+    }
+
     /// Where the body is `seconds` later if nothing touches it (dead reckoning, thesis 3.3.11): the velocity holds.
     pub fn extrapolated(&self, seconds: f64) -> WorldPose {
         self.body.state.pose.moved(&self.body.state.velocity, seconds)

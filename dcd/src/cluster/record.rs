@@ -37,6 +37,13 @@ pub(super) struct StoredBody {
     life: Life,
 }
 
+impl StoredBody {
+    /// The last tick after which its state was told.
+    pub(super) fn tick(&self) -> Tick {
+        self.tick
+    }
+}
+
 impl Check for StoredBody {
     fn check(&self) -> Result<(), Invalid> {
         self.body.check()

@@ -349,6 +349,10 @@ impl Server {
                     Some(group) => self.resume(member, group),
                     None => {
                         self.lose(node);
+                        // Who could not reach it before may do so now.
+                        for entry in self.common.nodes.values_mut() {
+                            entry.delays.remove(&node);
+                        }
                         self.welcome_node(member);
                     }
                 }

@@ -193,7 +193,11 @@ impl PhysicsDevice {
                     host.shapes_mut().add(shape).map_err(HostError::from)?;
                 }
             }
-            Chunk::Bodies(bodies) => host.insert(bodies, &[])?,
+            // A server that was restarted does not know what its nodes hold already.
+            Chunk::Bodies(mut bodies) => {
+                bodies.retain(|body| host.record(body.id).is_none());
+                host.insert(bodies, &[])?;
+            }
             Chunk::Placed(_) | Chunk::Joints(_) => {
                 unreachable!("placed bodies and joints come with a rebuild")
             }

@@ -180,13 +180,11 @@ fn is_back_after(cut: impl Fn(&Cluster, SocketAddr)) {
 }
 
 #[test]
-#[ignore = "needs nodes that join afresh when they were given up"]
 fn a_node_cut_off_for_five_seconds_is_back_within_three() {
     is_back_after(Cluster::isolate);
 }
 
 #[test]
-#[ignore = "needs nodes that join afresh when they were given up"]
 fn a_node_that_hears_but_is_not_heard_is_back_within_three() {
     is_back_after(|cluster, node| cluster.proxy.cut(Some(node), None));
 }
@@ -206,7 +204,6 @@ fn two_nodes_that_reach_the_server_but_not_one_another_do_not_stop_the_world() {
 }
 
 #[test]
-#[ignore = "needs members that dial the server again"]
 fn a_server_that_is_cut_off_is_not_missed() {
     let _alone = alone();
     let cluster = Cluster::start(8);

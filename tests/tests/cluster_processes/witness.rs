@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use dcd::cluster::BodyView;
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::runtime::{ClientWorld, JoinConfig};
 use dcd::space::BodyId;
@@ -30,35 +31,87 @@ impl Witness {
         witness
     }
 
+    /// The newest tick that counts: provisional ones do not.
     pub(crate) fn tick(&self) -> u64 {
-        self.world.body(self.avatar).expect("the avatar stays in the world").tick.0
+        self.view().settled_tick().0
+    }
+
+    fn view(&self) -> BodyView {
+        self.world.body(self.avatar).expect("the avatar stays in the world")
     }
 
     /// Watches so many ticks, and says how long the world stood still at most: a tick needs every region.
     pub(crate) fn advance(&self, ticks: u64) -> Duration {
         let goal = self.tick() + ticks;
-        self.watch(|tick, _| tick >= goal)
+        self.watch(|tick, _| tick >= goal).stood
     }
 
     /// Watches for so long, and says how long the world stood still at most.
     pub(crate) fn watch_for(&self, time: Duration) -> Duration {
+        self.see_for(time).stood
+    }
+
+    /// Watches for so long.
+    pub(crate) fn see_for(&self, time: Duration) -> Sight {
         self.watch(|_, since| since >= time)
     }
 
-    fn watch(&self, enough: impl Fn(u64, Duration) -> bool) -> Duration {
-        let (start, mut since, mut longest) = (Instant::now(), Instant::now(), Duration::ZERO);
-        let mut tick = self.tick();
+    fn watch(&self, enough: impl Fn(u64, Duration) -> bool) -> Sight {
+        let start = Instant::now();
+        let (mut stood, mut frozen) = (Longest::since(start), Longest::since(start));
+        let (mut tick, mut shown, mut guesses) = (self.tick(), self.view().tick, 0);
         while !enough(tick, start.elapsed()) {
             let seen = self.world.updates();
             self.world.wait_update(seen, Duration::from_millis(100));
             self.world.check().unwrap();
-            let now = self.tick();
-            if now > tick {
-                longest = longest.max(since.elapsed());
-                (tick, since) = (now, Instant::now());
+            let view = self.view();
+            if view.settled_tick().0 > tick {
+                tick = view.settled_tick().0;
+                stood.moved();
             }
-            assert!(since.elapsed() < LIMIT, "the world stands still at tick {tick}");
+            if view.tick != shown {
+                shown = view.tick;
+                guesses += u64::from(view.provisional);
+                frozen.moved();
+            }
+            assert!(stood.lasts() < LIMIT, "the world stands still at tick {tick}");
         }
-        longest.max(since.elapsed())
+        Sight { stood: stood.longest(), frozen: frozen.longest(), guesses }
+    }
+}
+
+/// What a witness saw.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sight {
+    /// The longest time between two ticks that count.
+    pub(crate) stood: Duration,
+    /// The longest time between two pictures, provisional ones too.
+    pub(crate) frozen: Duration,
+    /// Provisional pictures.
+    pub(crate) guesses: u64,
+}
+
+/// The longest time without something.
+struct Longest {
+    since: Instant,
+    longest: Duration,
+}
+
+impl Longest {
+    fn since(since: Instant) -> Self {
+        Self { since, longest: Duration::ZERO }
+    }
+
+    fn lasts(&self) -> Duration {
+        self.since.elapsed()
+    }
+
+    fn moved(&mut self) {
+        self.longest = self.longest();
+        self.since = Instant::now();
+    }
+
+    fn longest(&self) -> Duration {
+        self.longest.max(self.lasts())
     }
 }

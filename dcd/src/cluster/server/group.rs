@@ -79,11 +79,10 @@ impl Group {
         view.members.iter().map(|member| member.node).filter(serves).collect()
     }
 
-    /// Nodes that are to be the members of the next view.
+    /// Nodes that are to be the members of the next view. Who computes another group's view must be let go of there first.
     pub(super) fn wanted<'a>(&self, common: &'a Common) -> impl Iterator<Item = (NodeId, &'a NodeEntry)> {
-        let (id, view) = (self.id, self.view.as_ref().map(|view| view.number));
-        // Who still computes in another group is waited for.
-        let is_free = move |entry: &NodeEntry| entry.serving.is_none() || entry.serving == view;
+        let (id, present) = (self.id, self.view.as_ref().map(|view| view.number));
+        let is_free = move |entry: &NodeEntry| entry.serving.is_none() || entry.serving == present;
         let belongs = move |entry: &NodeEntry| entry.group == Some(id) && entry.is_ready() && is_free(entry);
         common.nodes.iter().filter(move |(_, entry)| belongs(entry)).map(|(&node, entry)| (node, entry))
     }
@@ -163,7 +162,10 @@ impl Group {
             }
             ToServer::LinkLost { view, node: other } if Some(view) == present && self.is_member(other) => {
                 self.complaints.insert((node, other));
-                self.hearing.get_or_insert(common.now + HEARING);
+                // If the server misses it too, nobody else needs to be heard.
+                let misses_it = !common.nodes.get(&other).is_some_and(|entry| entry.linked);
+                let at = if misses_it { common.now } else { common.now + HEARING };
+                self.hearing = Some(self.hearing.map_or(at, |hearing| hearing.min(at)));
             }
             _ => return false,
         }

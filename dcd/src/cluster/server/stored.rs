@@ -87,6 +87,9 @@ impl Server {
         if stored.world != config.world {
             return Err(RestoreError::OtherWorld);
         }
+        // Where bodies are is written down more often than the world.
+        let views = groups.values().map(|group| group.view.tick);
+        let tick = bodies.iter().map(StoredBody::tick).chain(views).fold(stored.tick, Tick::max);
         let record = Record::restored(bodies, shapes, joints);
         let mut server = Self::new(config, record);
         server.main_mut().record.forget_changes();
@@ -97,9 +100,9 @@ impl Server {
         let main = server.groups.pop_first().map(|(_, group)| group).expect("a server has a group");
         for (id, group) in groups {
             let record = if id == stored.main { main.record.clone() } else { main.record.copied(true) };
-            server.expect_back(id, record, stored.tick, group.view, group.former);
+            server.expect_back(id, record, tick, group.view, group.former);
         }
-        server.groups.entry(stored.main).or_insert_with(|| main.renamed(stored.main, stored.tick));
+        server.groups.entry(stored.main).or_insert_with(|| main.renamed(stored.main, tick));
         Ok(server)
     }
 

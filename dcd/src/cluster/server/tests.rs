@@ -1,7 +1,7 @@
 //! Rules of the server that a calm simulation does not show.
 
 use super::*;
-use crate::protocol::Claim;
+use crate::protocol::{Claim, Delay};
 use crate::sim::{sim_body, sim_world};
 use crate::space::Epoch;
 
@@ -59,6 +59,91 @@ fn the_world_begins_when_enough_nodes_have_loaded_it() {
     assert_eq!(placed.len(), 3);
     let epoch = Epoch::placed_in(server.view().unwrap().number.0);
     assert!(placed.iter().all(|placed| placed.body.epoch == epoch), "beyond all of earlier views");
+}
+
+/// Answers of a node that computes nothing, until it is asked no more; what else was wanted.
+fn obey(server: &mut Server, node: u32, mut outputs: Vec<ServerOutput>) -> Vec<ServerOutput> {
+    let mut seen = 0;
+    while let Some(output) = outputs.get(seen).cloned() {
+        seen += 1;
+        let ServerOutput::Send { to, message: Message::ToNode(message) } = output else { continue };
+        if to != Peer::Node(NodeId(node)) {
+            continue;
+        }
+        let answer = match message {
+            ToNode::WorldEnd => ToServer::Loaded,
+            ToNode::Settle { view } => ToServer::Settling { view, dispatches: Vec::new() },
+            ToNode::Finish { view, .. } => ToServer::Survey { view, tick: Tick(0), claims: Vec::new() },
+            ToNode::Fetch { view, .. } => ToServer::Found { view, bodies: Vec::new(), last: true },
+            _ => continue,
+        };
+        outputs.extend(tell(server, node, Message::ToServer(answer)));
+    }
+    outputs
+}
+
+#[test]
+fn a_node_is_let_go_of_by_one_group_before_another_takes_it() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let is =
+        |delay_ms, node| Message::ToServer(ToServer::Delays(vec![Delay { node: NodeId(node), delay_ms }]));
+    let outputs = hello(&mut server, 2, VERSION);
+    tell(&mut server, 1, is(None, 2));
+    obey(&mut server, 2, outputs);
+    let sizes = |server: &Server| server.views().map(|(_, view)| view.members.len()).collect::<Vec<_>>();
+    assert_eq!(sizes(&server), [1, 1], "they cannot reach one another");
+    tell(&mut server, 1, is(Some(1.0), 2));
+    tell(&mut server, 2, is(Some(1.0), 1));
+    while !server.is_changing() {
+        server.handle_timeout(server.poll_timeout().expect("it is looked who reaches whom"));
+    }
+    let outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+    let to_one = obey(&mut server, 1, outputs.clone());
+    assert_eq!(sizes(&server), [1, 1], "it computes another group's world still");
+    let outputs = obey(&mut server, 2, outputs);
+    obey(&mut server, 1, outputs);
+    assert_eq!(sizes(&server), [2], "{to_one:?}");
+    server.handle(server.common.now, ServerEvent::Stop);
+    let outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+    let mut outputs = obey(&mut server, 1, outputs);
+    outputs = obey(&mut server, 2, outputs);
+    assert_eq!(obey(&mut server, 1, outputs).last(), Some(&ServerOutput::Ended));
+}
+
+#[test]
+fn what_was_said_of_a_node_that_came_anew_is_forgotten() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    tell(
+        &mut server,
+        1,
+        Message::ToServer(ToServer::Delays(vec![Delay { node: NodeId(2), delay_ms: None }])),
+    );
+    let outputs = hello(&mut server, 2, VERSION);
+    let outputs = obey(&mut server, 2, outputs);
+    obey(&mut server, 1, outputs);
+    assert_eq!(server.view().map(|view| view.members.len()), Some(2));
+    assert_eq!(server.views().count(), 1);
+}
+
+#[test]
+fn a_member_that_the_server_misses_too_goes_at_once() {
+    let mut server = server();
+    for node in [1, 2] {
+        let outputs = hello(&mut server, node, VERSION);
+        let outputs = obey(&mut server, node, outputs);
+        obey(&mut server, 1, outputs);
+    }
+    let view = server.view().expect("it has begun").number;
+    server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(2))));
+    tell(&mut server, 1, Message::ToServer(ToServer::LinkLost { view, node: NodeId(2) }));
+    assert_eq!(server.poll_timeout(), Some(NOW));
+    server.handle_timeout(NOW);
+    let said = std::iter::from_fn(|| server.poll_output()).collect::<Vec<_>>();
+    assert!(said.contains(&ServerOutput::Expelled(NodeId(2))), "{said:?}");
 }
 
 #[test]

@@ -17,6 +17,9 @@ const MAX_CONTACTS: usize = 4_096;
 /// Between attempts to dial the server, or a leader that cannot be reached.
 const AGAIN: Duration = Duration::from_millis(250);
 
+/// A wish older than this is not said again only because the membership has changed: much may have happened since.
+const STILL_MEANT: Duration = Duration::from_secs(5);
+
 /// What happens to a client.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientEvent {
@@ -161,8 +164,9 @@ pub struct Client {
     dial_server_at: Option<Duration>,
     dial_leader_at: Option<Duration>,
     logical_time: u64,
-    /// The newest wish for each avatar: said again when a link is back.
-    newest: BTreeMap<BodyId, Drive>,
+    /// The newest wish for each avatar and its time: said again when a link is back, and to a new leader.
+    newest: BTreeMap<BodyId, (Drive, Duration)>,
+    now: Duration,
     /// What the server has not answered yet, in order: said again when it is back.
     unanswered: Vec<FromClient>,
     touches: VecDeque<(Tick, Touch)>,
@@ -191,6 +195,7 @@ impl Client {
             dial_leader_at: None,
             logical_time: 0,
             newest: BTreeMap::new(),
+            now: Duration::ZERO,
             unanswered: Vec::new(),
             touches: VecDeque::new(),
             forces: VecDeque::new(),
@@ -200,6 +205,7 @@ impl Client {
 
     /// Takes an event in; [`Client::poll_output`] tells what follows from it.
     pub fn handle(&mut self, now: Duration, event: ClientEvent) {
+        self.now = now;
         match event {
             ClientEvent::Connected(Peer::Server) => {
                 self.server_linked = true;
@@ -209,7 +215,7 @@ impl Client {
             ClientEvent::Connected(peer) if self.is_leader(peer) => {
                 self.linked = true;
                 self.dial_leader_at = None;
-                for drive in self.newest.values().copied().collect::<Vec<_>>() {
+                for drive in self.newest.values().map(|&(drive, _)| drive).collect::<Vec<_>>() {
                     self.send_drive(drive);
                 }
             }
@@ -236,7 +242,7 @@ impl Client {
             ClientEvent::Drive { body, velocity, pose } => {
                 self.logical_time += 1;
                 let drive = Drive { body, logical_time: self.logical_time, velocity, pose };
-                self.newest.insert(body, drive);
+                self.newest.insert(body, (drive, now));
                 self.send_drive(drive);
             }
             ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
@@ -412,6 +418,14 @@ impl Client {
                     self.bodies.values_mut().for_each(|view| view.settled = Default::default());
                 }
                 self.follow(leader);
+                // What the last leader had taken in and not passed on is gone with it.
+                if self.linked || self.node.is_some() {
+                    let now = self.now;
+                    let fresh = self.newest.values().filter(|(_, at)| now < *at + STILL_MEANT);
+                    for drive in fresh.map(|&(drive, _)| drive).collect::<Vec<_>>() {
+                        self.send_drive(drive);
+                    }
+                }
             }
             ToClient::Inserted { body, shapes } => {
                 self.learn(shapes);

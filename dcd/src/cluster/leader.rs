@@ -148,7 +148,11 @@ impl Leader {
             self.early.insert(drive.body, (drive, since));
             return Ok(());
         };
-        if last.is_some_and(|last| drive.logical_time <= last) {
+        // Said again because it might have been lost.
+        if *last == Some(drive.logical_time) {
+            return Ok(());
+        }
+        if last.is_some_and(|last| drive.logical_time < last) {
             return Err(Refusal::Late);
         }
         *last = Some(drive.logical_time);

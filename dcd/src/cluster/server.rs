@@ -211,6 +211,10 @@ impl Server {
             let going = self.groups.get_mut(&id).map(|group| group.decide_complaints(&self.common));
             going.unwrap_or_default().into_iter().for_each(|node| self.set_apart(node));
         }
+        let mute: Vec<_> = self.groups.values_mut().flat_map(|group| group.mute(now)).collect();
+        for node in mute {
+            self.begin_anew(node);
+        }
         self.handle_regrouping();
         self.finish(mark);
     }
@@ -219,7 +223,7 @@ impl Server {
     pub fn poll_timeout(&self) -> Option<Duration> {
         let nodes = self.common.nodes.values().filter_map(|entry| entry.absent_until);
         let clients = self.common.clients.values().filter_map(|entry| entry.absent_until);
-        let groups = self.groups.values().filter_map(|group| group.hearing);
+        let groups = self.groups.values().flat_map(|group| group.hearing.into_iter().chain(group.mute_at()));
         nodes
             .chain(clients)
             .chain(groups)
@@ -373,8 +377,9 @@ impl Server {
     fn resumes(&mut self, node: NodeId, view: ViewNumber) -> bool {
         let Some(id) = self.group_of(node) else { return false };
         let Some(group) = self.groups.get_mut(&id) else { return false };
-        // A restarted server may have stored a view that nobody heard of: then the one before it goes on.
-        if group.held
+        // Nobody may have heard of the newest view, because the server or the links died in that moment: then the one
+        // before it goes on.
+        if (group.held || !group.confirmed)
             && let Some(former) = group.former.take_if(|former| former.number == view)
         {
             for member in group.view.iter().flat_map(|view| &view.members) {
@@ -549,6 +554,19 @@ impl Server {
         }
     }
 
+    /// A member does not do its part: whatever it computes counts for nothing, and it gets the world anew.
+    fn begin_anew(&mut self, node: NodeId) {
+        let Some(entry) = self.common.nodes.get(&node) else { return };
+        let member = entry.member.clone();
+        let linked = entry.linked;
+        self.lose(node);
+        if linked {
+            self.welcome_node(member);
+        } else {
+            self.common.tell_roster();
+        }
+    }
+
     /// A member cannot be reached by others: it goes on alone, or is gone.
     fn set_apart(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
@@ -609,8 +627,11 @@ impl Server {
             .filter(|(node, entry)| entry.leaving && self.group_of(**node).is_none())
             .map(|(&node, _)| node)
             .collect();
-        for node in free {
-            self.common.dismiss(node, false, "leave granted".into());
+        if !free.is_empty() {
+            for node in free {
+                self.common.dismiss(node, false, "leave granted".into());
+            }
+            self.common.tell_roster();
         }
     }
 

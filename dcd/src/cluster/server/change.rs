@@ -1,6 +1,7 @@
 //! View changes of a group: who is a member, who computes what, and how no body is lost or doubled on the way.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use super::ServerOutput;
 use super::common::Common;
@@ -9,10 +10,15 @@ use crate::cluster::Life;
 use crate::protocol::{BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks};
 use crate::space::{Allocation, BodyId, Epoch, NodeId, RegionId, Tick, allocate};
 
+/// Who keeps a view change waiting for so long is not waited for.
+const MUTE: Duration = Duration::from_secs(5);
+
 /// A view change under way. A death begins it anew with the next number.
 #[derive(Clone, Debug)]
 pub(super) struct Change {
     pub number: ViewNumber,
+    /// When somebody last did what was asked.
+    at: Duration,
     /// Members of the last view that live, those who are leaving included.
     survivors: BTreeSet<NodeId>,
     settled: BTreeMap<NodeId, Vec<Dispatch>>,
@@ -49,13 +55,34 @@ impl Group {
             common.send_node(node, ToNode::Settle { view: number });
         }
         let (settled, surveys) = (BTreeMap::new(), BTreeMap::new());
-        self.change = Some(Change { number, survivors, settled, surveys, plan: None });
+        self.change = Some(Change { number, at: common.now, survivors, settled, surveys, plan: None });
         self.finish(common);
+    }
+
+    /// When members that owe an answer are given up.
+    pub(super) fn mute_at(&self) -> Option<Duration> {
+        self.change.as_ref().filter(|change| !change.survivors.is_empty()).map(|change| change.at + MUTE)
+    }
+
+    /// Members that owe an answer for too long.
+    pub(super) fn mute(&mut self, now: Duration) -> Vec<NodeId> {
+        if self.mute_at().is_none_or(|at| now < at) {
+            return Vec::new();
+        }
+        let Some(change) = &mut self.change else { return Vec::new() };
+        change.at = now;
+        let owes = |node: &&NodeId| match &change.plan {
+            Some(plan) => plan.fetching.contains(node),
+            None if change.settled.len() < change.survivors.len() => !change.settled.contains_key(node),
+            None => !change.surveys.contains_key(node),
+        };
+        change.survivors.iter().filter(owes).copied().collect()
     }
 
     pub(super) fn settling(&mut self, common: &mut Common, node: NodeId, dispatches: Vec<Dispatch>) -> bool {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.settled.contains_key(&node) => {
+                change.at = common.now;
                 change.settled.insert(node, dispatches);
                 self.finish(common);
                 true
@@ -95,6 +122,7 @@ impl Group {
     ) -> bool {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.surveys.contains_key(&node) => {
+                change.at = common.now;
                 change.surveys.insert(node, claims);
                 self.tick = self.tick.max(tick);
                 self.plan(common);
@@ -173,6 +201,9 @@ impl Group {
         bodies: Vec<BodyRecord>,
         last: bool,
     ) -> bool {
+        if let Some(change) = &mut self.change {
+            change.at = common.now;
+        }
         let plan = self.change.as_mut().and_then(|change| change.plan.as_mut());
         let Some(plan) = plan.filter(|plan| plan.fetching.contains(&node)) else { return false };
         if last {
@@ -296,6 +327,7 @@ impl Group {
         }
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();
+        self.confirmed = false;
         common.outputs.push_back(ServerOutput::Began { group: self.id, view: view.clone() });
         self.view = Some(view);
     }

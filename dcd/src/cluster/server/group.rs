@@ -34,6 +34,8 @@ pub(super) struct Group {
     pub hearing: Option<Duration>,
     /// Whether a member's link broke, so that what was said over it may be lost: all is to be compared.
     pub unsure: bool,
+    /// Whether anything was heard of the present view: if not, nobody may have heard of it.
+    pub confirmed: bool,
     /// Since when no member has a link, though some may go on computing.
     pub silent_since: Option<Duration>,
     /// Whether that has been told.
@@ -56,6 +58,7 @@ impl Group {
             complaints: BTreeSet::new(),
             hearing: None,
             unsure: false,
+            confirmed: false,
             silent_since: None,
             held: false,
             audit: None,
@@ -145,20 +148,9 @@ impl Group {
                 return self.found(common, node, bodies, last);
             }
             _ if !self.is_member(node) => return false,
-            ToServer::Checkpoint { view, tick, bodies } if Some(view) == present => {
-                for checkpoint in &bodies {
-                    self.arriving.remove(&checkpoint.id);
-                    self.record.checkpoint(tick, checkpoint);
-                }
-                self.tick = self.tick.max(tick);
-                if common.config.world.last_tick == Some(tick) {
-                    self.at_last_tick.insert(node);
-                }
-            }
-            ToServer::Removed { view, tick, bodies } if Some(view) == present => {
-                for body in bodies {
-                    self.removed(common, tick, body);
-                }
+            ToServer::Checkpoint { view, .. } | ToServer::Removed { view, .. } if Some(view) == present => {
+                self.confirmed = true;
+                self.hear_of_bodies(common, node, message);
             }
             ToServer::LinkLost { view, node: other } if Some(view) == present && self.is_member(other) => {
                 self.complaints.insert((node, other));
@@ -170,6 +162,27 @@ impl Group {
             _ => return false,
         }
         true
+    }
+
+    fn hear_of_bodies(&mut self, common: &mut Common, node: NodeId, message: ToServer) {
+        match message {
+            ToServer::Checkpoint { tick, bodies, .. } => {
+                for checkpoint in &bodies {
+                    self.arriving.remove(&checkpoint.id);
+                    self.record.checkpoint(tick, checkpoint);
+                }
+                self.tick = self.tick.max(tick);
+                if common.config.world.last_tick == Some(tick) {
+                    self.at_last_tick.insert(node);
+                }
+            }
+            ToServer::Removed { tick, bodies, .. } => {
+                for body in bodies {
+                    self.removed(common, tick, body);
+                }
+            }
+            _ => {}
+        }
     }
 
     /// Members that cannot reach one another cannot share a tree. Those that most others complain of go, of equals the

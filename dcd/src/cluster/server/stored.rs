@@ -109,7 +109,8 @@ impl Server {
     /// Writes down what has changed, before anything is said that follows from it: `mark` outputs were there before.
     pub(super) fn store(&mut self, mark: usize, soft: bool) {
         let mut writes = Vec::new();
-        if self.common.world_changed {
+        let tick_alone = soft && !self.common.world_changed;
+        if self.common.world_changed || soft {
             let stored = StoredWorld {
                 world: self.common.config.world.clone(),
                 number: self.common.number,
@@ -130,7 +131,7 @@ impl Server {
         }
         let record = &mut self.main_mut().record;
         writes.extend(record.take_changes(false));
-        let durable = !writes.is_empty();
+        let durable = writes.len() > usize::from(tick_alone);
         if soft {
             writes.extend(record.take_changes(true));
         }

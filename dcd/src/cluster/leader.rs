@@ -358,6 +358,13 @@ impl Leader {
         self.drives.values().copied()
     }
 
+    /// Wishes that are not dispatched yet, by client.
+    pub fn into_wishes(self) -> Vec<(ClientId, Drive)> {
+        let early = self.early.into_values().map(|(drive, _)| drive);
+        let drives = self.drives.into_values().chain(early);
+        drives.filter_map(|drive| Some((drive.body.client()?, drive))).collect()
+    }
+
     /// Whether anybody is told what happens.
     pub fn has_clients(&self) -> bool {
         !self.clients.is_empty()

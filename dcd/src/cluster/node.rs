@@ -148,6 +148,7 @@ pub struct Node {
     /// The newest word to the leader, and whether the next report is to be of all bodies.
     done: Option<Done>,
     report_all: bool,
+    leaving: bool,
     watch: Option<DelayWatch>,
     pinger: Pinger,
     counters: NodeCounters,
@@ -214,6 +215,7 @@ impl Node {
             link: Links::default(),
             done: None,
             report_all: false,
+            leaving: false,
             watch: None,
             pinger: Pinger::default(),
             counters: NodeCounters::default(),
@@ -233,7 +235,10 @@ impl Node {
             NodeEvent::Message { from, message } => self.message(now, from, message),
             NodeEvent::Physics(event) => self.physics(now, event),
             NodeEvent::Client(message) => self.own_client(message),
-            NodeEvent::Leave => self.send_server(ToServer::Leave),
+            NodeEvent::Leave => {
+                self.leaving = true;
+                self.send_server(ToServer::Leave);
+            }
         }
         if !self.stopped {
             self.progress(now);

@@ -91,6 +91,9 @@ impl Node {
         let resume = self.view.as_ref().map(|view| view.number);
         let role = Role::Node { address: self.config.address, client: self.config.client, resume };
         self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role }));
+        if self.leaving {
+            self.send_server(ToServer::Leave);
+        }
         self.pinger.add(now, Peer::Server);
     }
 

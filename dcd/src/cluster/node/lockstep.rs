@@ -27,7 +27,13 @@ impl Node {
             ToNode::Chunk(Chunk::Placed(placed)) => self.placed.extend(placed),
             ToNode::Chunk(Chunk::Joints(joints)) => self.joints.extend(joints),
             ToNode::Chunk(chunk) => self.order(PhysicsCommand::Load(chunk)),
-            ToNode::WorldEnd => self.send_server(ToServer::Loaded),
+            ToNode::WorldEnd => {
+                self.send_server(ToServer::Loaded);
+                // The server may have forgotten.
+                if self.leaving {
+                    self.send_server(ToServer::Leave);
+                }
+            }
             ToNode::Settle { view } => {
                 if view > present && self.change.as_ref().is_none_or(|change| change.view < view) {
                     self.change = Some(Change::to(view));
@@ -283,8 +289,11 @@ impl Node {
             queue.retain(|border| border.view >= view.number);
             !queue.is_empty()
         });
+        // What clients wished and was not passed on yet is not lost with the view.
+        let pending = self.leader.take().map(Leader::into_wishes).unwrap_or_default();
         self.leader =
             self.world.as_ref().filter(|_| view.leader == me).map(|world| Leader::new(now, &view, world));
+        self.wishes.extend(pending);
         for peer in &self.links {
             if let (Peer::Client(client), Some(leader)) = (peer, &mut self.leader) {
                 leader.admit(*client);

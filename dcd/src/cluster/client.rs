@@ -385,7 +385,8 @@ impl Client {
 
     fn told(&mut self, message: ToClient) {
         match message {
-            ToClient::Welcome { world, .. } => {
+            ToClient::Welcome { world, logical_time, .. } => {
+                self.logical_time = self.logical_time.max(logical_time);
                 self.world = Some(world);
                 self.joined = false;
                 self.unspoken = self.bodies.keys().copied().collect();

@@ -111,6 +111,7 @@ pub struct Server {
     polls: Polls,
     looked_at: Duration,
     store_at: Option<Duration>,
+    welcomes: u64,
     ended: bool,
 }
 
@@ -146,6 +147,7 @@ impl Server {
             last_group: main,
             arbiter,
             store_at: None,
+            welcomes: 0,
             ended: false,
         }
     }
@@ -463,7 +465,10 @@ impl Server {
         // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
         self.bring_back(client);
         let world = self.common.config.world.clone();
-        self.common.send_client(client, ToClient::Welcome { id: client, world });
+        // Room for 2^28 wishes a stay, for 2^16 stays a view.
+        self.welcomes = (self.welcomes + 1) & 0xffff;
+        let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
+        self.common.send_client(client, ToClient::Welcome { id: client, logical_time, world });
         let Some(group) = self.groups.get(&group) else { return };
         let mut parts = group.record.shape_chunks(&mut BTreeSet::new());
         // Those that are still on their way out stand where they were until they are back.

@@ -140,9 +140,11 @@ impl Server {
         members.retain(|id, _| is_calm(id));
         let rank = |id: &GroupId| (members[id].len(), *id == self.main, std::cmp::Reverse(*id));
         let Some(largest) = members.keys().copied().max_by_key(|id| rank(id)) else { return };
-        let reaches = |a: NodeId, b: NodeId| {
-            let entry = |of: NodeId, to: NodeId| self.common.nodes[&of].delays.get(&to).copied().flatten();
-            entry(a, b).is_some() && entry(b, a).is_some()
+        // One side's word is enough: what the other once said may have been forgotten with a rejoin.
+        let told = |of: NodeId, to: NodeId| self.common.nodes[&of].delays.get(&to).copied();
+        let reaches = |a: NodeId, b: NodeId| match (told(a, b), told(b, a)) {
+            (Some(None), _) | (_, Some(None)) | (None, None) => false,
+            (Some(Some(_)), _) | (_, Some(Some(_))) => true,
         };
         let returning =
             members.iter().filter(|(id, _)| **id != largest).flat_map(|(_, nodes)| nodes).find(|&&node| {

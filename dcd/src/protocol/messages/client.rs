@@ -31,6 +31,8 @@ pub enum ToClient {
     Welcome {
         /// The client's id.
         id: ClientId,
+        /// Where its logical time begins: beyond all that an earlier process of the same client came to.
+        logical_time: u64,
         /// The world.
         world: EnvironmentProperties,
     },

@@ -34,7 +34,7 @@ pub use directory::{Batch, Key};
 pub use groups::{GroupError, GroupPolicy, GroupRules, Hint, HintUse, best_group, form_groups};
 pub use leader::{Deviations, Leader};
 pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
-pub use ping::{Pinger, RoundTrip, ping_interval_s};
+pub use ping::{ClockOffset, Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
 pub use server::{Grouping, MAX_AVATARS, RestoreError, Server, ServerConfig, ServerEvent, ServerOutput};
 pub use votes::{

@@ -1,4 +1,5 @@
-//! Round trips to peers (thesis 3.3.9, 4.3.1.5): pinged the more rarely the farther they are, averaged over the last few.
+//! Round trips to peers (thesis 3.3.9, 4.3.1.5): pinged the more rarely the farther they are, averaged over the last few. They
+//! tell of clocks as well.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -16,8 +17,8 @@ pub fn ping_interval_s(delay_ms: f64, delays_ms: [f64; 2], intervals_s: [f64; 2]
     (intervals_s[0] + (intervals_s[1] - intervals_s[0]) * share).clamp(intervals_s[0], intervals_s[1])
 }
 
-/// Of these, how many tell of clocks: they drift apart by up to a millisecond a second.
-const FOR_CLOCKS: usize = 8;
+/// Two clocks drift apart by no more, parts in a million: each is taken to run up to 500 ppm fast or slow.
+const DRIFT_PPM: u64 = 1_000;
 
 /// What four time stamps tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,16 +29,30 @@ pub struct RoundTrip {
     pub offset_us: i64,
 }
 
+/// What is known of a peer's clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClockOffset {
+    /// The peer's clock minus ours, microseconds.
+    pub offset_us: i64,
+    /// By how much that may be wrong.
+    pub error_us: u64,
+}
+
 /// The server is pinged this often whatever the delay: its clock is everybody's, and clocks drift apart.
 const SERVER_EVERY: Duration = Duration::from_millis(250);
 
 #[derive(Clone, Debug)]
 struct Entry {
     next: Duration,
-    trips: VecDeque<RoundTrip>,
+    /// And when each was complete.
+    trips: VecDeque<(Duration, RoundTrip)>,
 }
 
 /// Pings every linked peer on a schedule of its own.
+///
+/// Of every peer's clock it is known how much it may be off from what is taken for it ([`Pinger::clock`]). Small is that error
+/// for the server's alone: under 5 ms where round trips take less than 7 ms and pings arrive. Others are pinged at
+/// the thesis's intervals, between which clocks drift apart by 5 ms at least.
 #[derive(Clone, Debug, Default)]
 pub struct Pinger {
     peers: BTreeMap<Peer, Entry>,
@@ -92,7 +107,7 @@ impl Pinger {
         let (Some(entry), Some(trip)) = (self.peers.get_mut(&from), round_trip(pong, micros(now))) else {
             return;
         };
-        entry.trips.push_back(trip);
+        entry.trips.push_back((now, trip));
         if entry.trips.len() > KEPT {
             entry.trips.pop_front();
         }
@@ -105,13 +120,17 @@ impl Pinger {
 
     /// The newest round trip to a peer, microseconds.
     pub fn latest_us(&self, peer: Peer) -> Option<u64> {
-        self.peers.get(&peer)?.trips.back().map(|trip| trip.delay_us)
+        self.peers.get(&peer)?.trips.back().map(|(_, trip)| trip.delay_us)
     }
 
-    /// The peer's clock minus ours by the quickest of the last round trips, microseconds.
-    pub fn offset_us(&self, peer: Peer) -> Option<i64> {
-        let trips = self.peers.get(&peer)?.trips.iter().rev().take(FOR_CLOCKS);
-        trips.min_by_key(|trip| trip.delay_us).map(|trip| trip.offset_us)
+    /// The peer's clock by that of the last round trips which may be off the least: quick, and not long ago.
+    pub fn clock(&self, now: Duration, peer: Peer) -> Option<ClockOffset> {
+        let of = |&(at, trip): &(Duration, RoundTrip)| {
+            let drift_us = micros(now.saturating_sub(at)) * DRIFT_PPM / 1_000_000;
+            // Stamps are whole microseconds.
+            ClockOffset { offset_us: trip.offset_us, error_us: trip.delay_us / 2 + drift_us + 2 }
+        };
+        self.peers.get(&peer)?.trips.iter().map(of).min_by_key(|clock| clock.error_us)
     }
 }
 
@@ -123,9 +142,9 @@ fn round_trip(pong: Pong, now_us: u64) -> Option<RoundTrip> {
     Some(RoundTrip { delay_us, offset_us: i64::try_from((outward + homeward) / 2).ok()? })
 }
 
-fn average_us(trips: &VecDeque<RoundTrip>) -> Option<f64> {
+fn average_us(trips: &VecDeque<(Duration, RoundTrip)>) -> Option<f64> {
     (!trips.is_empty())
-        .then(|| trips.iter().map(|trip| trip.delay_us as f64).sum::<f64>() / trips.len() as f64)
+        .then(|| trips.iter().map(|(_, trip)| trip.delay_us as f64).sum::<f64>() / trips.len() as f64)
 }
 
 fn micros(time: Duration) -> u64 {
@@ -153,7 +172,28 @@ mod tests {
         // 10 ms each way, the peer's clock 1 s ahead, 5 ms until it answers.
         let pong = Pong { sent_us: 0, received_us: 1_010_000, answered_us: 1_015_000 };
         pinger.pong(Duration::from_millis(25), peer, pong);
-        assert_eq!((pinger.delay_us(peer), pinger.offset_us(peer)), (Some(20_000.0), Some(1_000_000)));
+        assert_eq!(pinger.delay_us(peer), Some(20_000.0));
+        let clock = ClockOffset { offset_us: 1_000_000, error_us: 10_002 };
+        assert_eq!(pinger.clock(Duration::from_millis(25), peer), Some(clock));
+    }
+
+    #[test]
+    fn a_clock_is_known_by_a_quick_trip_until_drift_makes_a_later_one_better() {
+        let (mut pinger, peer) = (Pinger::default(), Peer::Server);
+        pinger.add(Duration::ZERO, peer);
+        let trip = |pinger: &mut Pinger, at_us: u64, delay_us: u64, ahead_us: u64| {
+            let middle_us = at_us + delay_us / 2 + ahead_us;
+            let pong = Pong { sent_us: at_us, received_us: middle_us, answered_us: middle_us };
+            pinger.pong(Duration::from_micros(at_us + delay_us), peer, pong);
+        };
+        trip(&mut pinger, 0, 1_000, 50);
+        trip(&mut pinger, 2_000_000, 4_000, 70);
+        let now = Duration::from_millis(2_004);
+        // 0.5 ms and 1 ms for each second since, against 2 ms.
+        assert_eq!(pinger.clock(now, peer).unwrap(), ClockOffset { offset_us: 70, error_us: 2_002 });
+        trip(&mut pinger, 60_000_000, 200_000, 90);
+        let clock = pinger.clock(Duration::from_millis(60_200), peer).unwrap();
+        assert_eq!((clock.offset_us, clock.error_us), (70, 2_000 + 58_196 + 2), "slow trips tell little");
     }
 
     #[test]

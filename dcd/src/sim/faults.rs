@@ -54,9 +54,9 @@ pub enum FaultProfile {
 pub struct Promise {
     /// So long after the last fault was done or over, the group computes on in one membership of live nodes.
     pub recovery: Duration,
-    /// Whether nobody may be evicted, since all live and reach one another.
+    /// Whether nobody who lives may be evicted, since all who do reach one another.
     pub no_eviction: bool,
-    /// Clocks are known this well, if that is looked at.
+    /// The server's clock is known this well, if that is looked at.
     pub clock_error: Option<Duration>,
 }
 
@@ -183,6 +183,8 @@ impl FaultProfile {
             Self::KillServer => (0..2).for_each(|_| plan.kill(Role::Server, 200, 5_000, 6_000)),
             Self::Stop => (0..2).for_each(|_| plan.stop(5_000)),
             Self::ClockSkew => {
+                // A LAN.
+                network = NetworkConditions::calm(Path::up_to(1_000));
                 skew = Some(Skew { offset: Duration::from_secs(10), drift_ppm: 500 });
                 plan.wait(15_000, 15_000);
                 plan.kill(Role::Member, 500, 1_000, 15_000);

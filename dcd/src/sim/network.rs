@@ -252,6 +252,12 @@ impl Network {
         self.hung_up.is_empty() || !self.hung_up.contains(&(reader, link))
     }
 
+    /// Whether a process has a link to another that the other has as well.
+    pub(super) fn is_linked(&self, own: Peer, other: Peer) -> bool {
+        let link = self.current.get(&(own, other)).and_then(|id| self.links.get(id));
+        link.is_some_and(|link| Side::BOTH.into_iter().all(|side| link.is_open(side)))
+    }
+
     /// Whether packets pass from one process to another.
     pub(super) fn passes(&self, now: Duration, from: Peer, to: Peer) -> bool {
         self.cuts.is_empty() || !self.cuts.iter().any(|cut| now < cut.until && cut.stops(from, to))

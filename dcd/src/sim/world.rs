@@ -441,11 +441,6 @@ impl Sim {
         self.now
     }
 
-    /// What a process's clock shows.
-    pub fn clock_of(&self, peer: Peer) -> Option<Duration> {
-        self.hosts.get(&peer).map(|host| host.clock.read(self.now))
-    }
-
     /// The server.
     ///
     /// # Panics

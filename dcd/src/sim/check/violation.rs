@@ -119,12 +119,14 @@ pub enum Violation {
         node: NodeId,
     },
     /// A node takes a peer's clock for something else than it shows.
-    #[error("{node} is wrong about a clock by {error_us} us")]
+    #[error("{node} is wrong about a clock by {error_us} us, where {bound_us} us is the most")]
     Clock {
         /// Who.
         node: NodeId,
         /// By how much.
         error_us: i64,
+        /// By how much it may be.
+        bound_us: u64,
     },
     /// A queue held more than its bound.
     #[error("{queue} held {held}, where {bound} is the bound")]

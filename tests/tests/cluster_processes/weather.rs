@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::process::{Process, Server, alone, dcd};
 use crate::proxy::{Proxy, Weather, free_address};
-use crate::witness::Witness;
+use crate::witness::{Sight, Witness};
 
 /// Until a world that lost a node, or has it again, goes on.
 const TAKEOVER: Duration = Duration::from_secs(3);
@@ -97,9 +97,12 @@ fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) {
     let cluster = Cluster::start(seed);
     cluster.proxy.set(weather);
     let tick = cluster.witness.tick();
-    let stood = cluster.witness.watch_for(time);
+    let Sight { stood, frozen, guesses } = cluster.witness.see_for(time);
     let ticks_per_s = (cluster.witness.tick() - tick) as f64 / time.as_secs_f64();
-    println!("{ticks_per_s:.1} ticks a second; the world stood still for {stood:.2?} at most");
+    println!(
+        "{ticks_per_s:.1} ticks a second; the world stood still for {stood:.2?} at most, the picture for {frozen:.2?} ({guesses} \
+         provisional)"
+    );
     assert!(ticks_per_s >= pace.least_ticks_per_s, "{ticks_per_s}");
     assert!(stood < pace.longest_stop, "{stood:?}");
     cluster.end(Some(1));

@@ -1,5 +1,6 @@
 //! kill -9 and stops of every role, in the demo's world: it goes on, and nothing is lost or doubled.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use crate::process::{Process, Server, alone};
@@ -45,20 +46,22 @@ impl Demo {
         }
     }
 
-    /// The end: nothing lost, nothing doubled, and everybody who still lives ends well.
-    fn end(self, dead: &[&str]) {
+    /// The end: nothing lost, nothing doubled, and everybody who still lives ends well. How many ticks each of them computed
+    /// provisionally.
+    fn end(self, dead: &[&str]) -> BTreeMap<String, u64> {
         self.witness.advance(60);
         let tick = self.witness.tick();
         drop(self.witness);
         let served = self.server.stop();
         assert_eq!(served["bodies"], 155);
-        for (name, node) in self.nodes {
-            if !dead.contains(&&*name) {
-                let ended = node.end();
-                assert_eq!(ended.code(), Some(0), "{name}: {ended:?}");
-                assert!(ended.json()["tick"].as_u64().unwrap() >= tick, "{name}: {ended:?}");
-            }
+        let mut provisional = BTreeMap::new();
+        for (name, node) in self.nodes.into_iter().filter(|(name, _)| !dead.contains(&&**name)) {
+            let ended = node.end();
+            assert_eq!(ended.code(), Some(0), "{name}: {ended:?}");
+            assert!(ended.json()["tick"].as_u64().unwrap() >= tick, "{name}: {ended:?}");
+            provisional.insert(name, ended.json()["provisional"].as_u64().unwrap());
         }
+        provisional
     }
 }
 
@@ -150,19 +153,20 @@ fn stop_and_resume_a_node(stop: Duration) {
     for name in ["n2", "n1"] {
         let mut demo = Demo::start();
         demo.node(name).signal("-STOP");
-        let Sight { stood, frozen, guesses } = demo.witness.see_for(stop);
+        let Sight { stood, frozen, guesses, back_m } = demo.witness.see_for(stop);
         assert!(stood < TAKEOVER, "{name}: {stood:?}");
         demo.node(name).signal("-CONT");
         let (view, back) = demo.both();
         println!(
             "{name} stopped for {stop:?}: the world stood still for {stood:.2?}, the picture for {frozen:.2?} ({guesses} \
-             provisional); back after {back:.2?}: {view}"
+             provisional, {back_m:.2} m put back); back after {back:.2?}: {view}"
         );
         assert!(back < RETURN, "{name}: {back:?}");
         // The leader shows its clients how things go on, while it waits for the other; nobody does if it is the leader.
         assert_eq!(guesses > 0, name == "n2", "{guesses}");
         assert!(name == "n1" || frozen < stood / 2, "{frozen:?} {stood:?}");
-        demo.end(&[]);
+        let provisional = demo.end(&[]);
+        assert!(provisional["n1"] >= guesses && provisional["n2"] == 0, "{provisional:?}");
     }
 }
 

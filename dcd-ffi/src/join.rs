@@ -204,6 +204,7 @@ impl Entry {
                 identity: self.identity.clone(),
                 timeout: deadline.saturating_duration_since(Instant::now()) / left,
                 threads,
+                ..JoinConfig::new(server, "")
             };
             match join(&config) {
                 Err(ProcessError::Net(NetError::Unreachable { .. })) if left > 1 => {}

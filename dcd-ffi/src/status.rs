@@ -80,7 +80,10 @@ impl From<ProcessError> for Failure {
             | ProcessError::Net(NetError::Unreachable { .. }) => DCD_ERR_TIMEOUT,
             ProcessError::Net(
                 NetError::File { .. } | NetError::Damaged { .. } | NetError::FolderTaken { .. },
-            ) => DCD_ERR_IO,
+            )
+            | ProcessError::Directory(_)
+            | ProcessError::Restore(_) => DCD_ERR_IO,
+            ProcessError::Fault => DCD_ERR_PANIC,
             ProcessError::Thread(_) | ProcessError::Net(NetError::Threads(_)) => DCD_ERR_LIMIT,
             ProcessError::Net(NetError::Token(_))
             | ProcessError::Token(_)
@@ -92,6 +95,7 @@ impl From<ProcessError> for Failure {
             ProcessError::Net(_)
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
+            | ProcessError::GivenUp { .. }
             | ProcessError::Superseded { .. }
             | ProcessError::Evicted { .. }
             | ProcessError::Refused(_)

@@ -39,6 +39,7 @@ fn serve_world(
         ServeConfig {
             listen: "127.0.0.1:0".parse().unwrap(),
             data: data.path().to_owned(),
+            fresh: false,
             world,
             nodes,
             pace,
@@ -273,6 +274,7 @@ fn what_is_wrong_on_entering_is_said() {
     let twice = ServeConfig {
         listen: server.address,
         data: data.path().join("other"),
+        fresh: false,
         world: WorldConfig::for_scene(&scene),
         nodes: 1,
         pace: Pace::RealTime,

@@ -13,7 +13,7 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::summary::Summary;
-use super::values::{SERVER, address, speed, wall_seconds};
+use super::values::{GIVE_UP, SERVER, address, speed, wall_seconds};
 use crate::protocol::{Velocity, WorldPose};
 use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
@@ -35,8 +35,9 @@ const HALF_M: f32 = 0.4;
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
-    after_long_help = "Prints `joined as CLIENT` first and a summary last; with --json as an object with the keys client avatars updates\n\
-                       contacts refusals moved_m seconds."
+    after_long_help = "Prints `joined as CLIENT` first, `listening ADDR` next with --compute, and a summary last; with --json as an object\n\
+                       with the keys client avatars updates contacts refusals moved_m seconds. A server that is out of reach is\n\
+                       dialled again; the avatars go on as long as nodes compute the world."
 )]
 pub(super) struct Client {
     /// Where the server is
@@ -57,6 +58,15 @@ pub(super) struct Client {
     /// Also compute a share of the world, as players' machines do
     #[arg(long)]
     compute: bool,
+    /// With --compute: where to listen for other nodes and clients [default: any free port]
+    #[arg(long, value_name = "ADDR", value_parser = address, requires = "compute")]
+    listen: Option<SocketAddr>,
+    /// With --compute: the address that others reach this process at, if it is not the one it listens on
+    #[arg(long, value_name = "ADDR", value_parser = address, requires = "compute")]
+    advertise: Option<SocketAddr>,
+    /// How long to wait for a server that is out of reach, in seconds
+    #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
+    give_up: Duration,
     /// File that keeps who the client is: with it, it continues with the same avatars where they were
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
@@ -96,9 +106,18 @@ impl Client {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let interrupt = Interrupt::listen()?;
         let (json, compute, limit) = (self.json, self.compute, self.seconds);
-        let join = JoinConfig { identity: self.identity, ..JoinConfig::new(self.server, self.token) };
+        let join = JoinConfig {
+            identity: self.identity,
+            give_up: self.give_up,
+            listen: self.listen,
+            advertise: self.advertise,
+            ..JoinConfig::new(self.server, self.token)
+        };
         let world = if compute { ClientWorld::participate(&join)? } else { ClientWorld::connect(&join)? };
         print(&format!("joined as {}", world.id()))?;
+        if let Some(address) = world.address() {
+            print(&format!("listening {address}"))?;
+        }
         let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed)?;
         let end = loop {
             let late = limit.is_some_and(|limit| crowd.start.elapsed() >= limit);

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use crate::cluster::directory::DirectoryError;
 use crate::net::NetError;
 use crate::runtime::{ProcessError, WorldError};
 use crate::scene::SceneError;
@@ -58,7 +59,14 @@ impl From<ProcessError> for Failure {
         match error {
             ProcessError::World(error) => error.into(),
             // What the user gave cannot be used, and nothing was said to a server yet.
-            ProcessError::Token(_)
+            ProcessError::Restore(_)
+            | ProcessError::Directory(
+                DirectoryError::Damaged { .. }
+                | DirectoryError::Foreign { .. }
+                | DirectoryError::Format { .. }
+                | DirectoryError::Unreadable { .. },
+            )
+            | ProcessError::Token(_)
             | ProcessError::Tree(_)
             | ProcessError::Shape(_)
             | ProcessError::Role { .. }

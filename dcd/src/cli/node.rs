@@ -9,7 +9,7 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::summary::{Computed, Summary};
-use super::values::{SERVER, address};
+use super::values::{GIVE_UP, SERVER, address, wall_seconds};
 use crate::net::Role;
 use crate::runtime::{JoinConfig, Member, MemberConfig};
 
@@ -21,13 +21,15 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Example:
 ///   dcd node --server 192.0.2.7:7420 --token $(dcd token --role node)
 ///
-/// Prints `joined as NODE` first and a summary last. Ctrl-C hands its regions over to other nodes, or back to the server.
+/// Prints `joined as NODE` first, `listening ADDR` next and a summary last. Ctrl-C hands its regions over to other nodes, or
+/// back to the server. While the server is out of reach the node computes on with the others, and dials it again.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_long_help = "--json prints the summary with the keys node tick bodies regions tick_ms{mean,p50,p99,max} transfers replicas_mean\n\
-        exchanges_mean disagreement_max_m_s bytes\n\
-                       bytes_per_s seconds; tick_ms is the time of computing, without waiting for others, from the 31st tick on."
+        exchanges_mean disagreement_max_m_s provisional\n\
+                       bytes bytes_per_s seconds; tick_ms is the time of computing, without waiting for others, from the 31st tick on;\n\
+                       provisional counts ticks that were computed for clients alone while other nodes were waited for."
 )]
 pub(super) struct Node {
     /// Where the server is
@@ -48,6 +50,9 @@ pub(super) struct Node {
     /// File that keeps who the node is: with it, it joins under the same name again
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
+    /// How long to wait for a server that is out of reach, in seconds
+    #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
+    give_up: Duration,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -66,11 +71,12 @@ impl Node {
         let mut config = MemberConfig::new(self.server, join.join(Role::Node)?);
         config.listen = self.listen.unwrap_or(config.listen);
         config.advertise = self.advertise;
+        config.give_up = self.give_up;
         config.threads = self
             .threads
             .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
         let node = Member::start(config)?;
-        print(&format!("joined as {}", node.summary().node))?;
+        print(&format!("joined as {}\nlistening {}", node.summary().node, node.address))?;
         while !node.wait_over(LOOK) && !interrupt.asked() {}
         if interrupt.asked() {
             common.say("leaving: regions are handed over first");

@@ -42,6 +42,9 @@ pub(super) struct Serve {
     /// it is started again in the same way
     #[arg(long, value_name = "DIR", default_value = "dcd-data")]
     data: PathBuf,
+    /// Begins anew, and forgets a world that --data holds
+    #[arg(long)]
+    fresh: bool,
     /// Nodes to wait for before the first tick
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     nodes: u16,
@@ -85,6 +88,7 @@ impl Serve {
         let config = ServeConfig {
             listen: self.listen,
             data: self.data.clone(),
+            fresh: self.fresh,
             world,
             nodes: self.nodes.into(),
             pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
@@ -93,7 +97,14 @@ impl Serve {
         };
         let server = ServerProcess::start(&scene, config)?;
         print(&format!("listening {}", server.address))?;
-        let waits_for = if self.nodes == 1 { "a node".to_owned() } else { format!("{} nodes", self.nodes) };
+        if let Some(tick) = server.resumed {
+            print(&format!("going on with the world at tick {}", tick.0))?;
+        }
+        let waits_for = match (server.resumed, self.nodes) {
+            (Some(_), _) => "its nodes, or others".to_owned(),
+            (None, 1) => "a node".to_owned(),
+            (None, nodes) => format!("{nodes} nodes"),
+        };
         common.say(&format!(
             "the world waits for {waits_for}: dcd node --server {} --token $(dcd token --data {} --role node)",
             server.address,
@@ -166,10 +177,14 @@ fn membership(view: Option<&View>) -> String {
 
 fn after_help() -> String {
     format!(
-        "Prints `listening ADDR` first, then a line `view NUMBER at tick T: n1 r1, n2 r2; n1 leads` whenever the nodes or\n\
-         their shares change, and the summary last; with --json as an object with the keys tick bodies regions nodes\n\
-         views lost doubled state_hash bytes seconds (state_hash with --ticks only). Exits with 1 when the last look at\n\
-         the world finds bodies lost or doubled.\n\n{}",
+        "Prints `listening ADDR` first, then `going on with the world at tick N` if --data holds one that has not ended, a line\n\
+         `view NUMBER at tick T: n1 r1, n2 r2; n1 leads` whenever the nodes or their shares change, and the summary last; with\n\
+         --json as an object with the keys tick bodies regions nodes views lost doubled state_hash bytes seconds (state_hash\n\
+         with --ticks only; views and seconds since this start). Exits with 1 when the last look at the world finds bodies\n\
+         lost or doubled.\n\n\
+         A server that dies is to be started again with the same options: nodes compute on meanwhile, and they and clients dial\n\
+         it again. Nodes may be some seconds ahead of tick N. Ctrl-C ends the world for all, and nothing of it stays in --data,\n\
+         unless nodes do not say what they own, or Ctrl-C is pressed twice.\n\n{}",
         scenes::overview()
     )
 }

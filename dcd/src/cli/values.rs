@@ -6,6 +6,9 @@ use std::time::Duration;
 /// Where servers listen and are looked for unless told otherwise.
 pub(super) const SERVER: &str = "127.0.0.1:7420";
 
+/// How long a server that is out of reach is waited for unless told otherwise, in seconds.
+pub(super) const GIVE_UP: &str = "30";
+
 /// An address with its port; names are looked up.
 pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
     if let Ok(address) = text.parse() {

@@ -142,7 +142,7 @@ pub enum DirectoryError {
         cause: String,
     },
     /// Its content contradicts itself.
-    #[error("{place} is damaged ({what}); restore it from a copy, or move it away to begin the world anew")]
+    #[error("{place} is damaged ({what}); restore it from a copy, or begin the world anew (--fresh)")]
     Damaged {
         /// Where it is.
         place: String,
@@ -157,8 +157,8 @@ pub enum DirectoryError {
     },
     /// Written by an unlike dcd.
     #[error(
-        "{place} has format {found}, this dcd reads {known}; run the version that wrote it, or move it away to begin the \
-         world anew"
+        "{place} has format {found}, this dcd reads {known}; run the version that wrote it, or begin the world anew \
+         (--fresh)"
     )]
     Format {
         /// Where it is.

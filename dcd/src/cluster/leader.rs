@@ -238,8 +238,11 @@ impl Leader {
     fn sort_early(&mut self) {
         for (id, (drive, since)) in std::mem::take(&mut self.early) {
             if let Some(last) = self.avatars.get_mut(&id) {
-                *last = Some(drive.logical_time);
-                self.drives.insert(id, drive);
+                // A later wish may have come since the avatar appeared.
+                if *last < Some(drive.logical_time) {
+                    *last = Some(drive.logical_time);
+                    self.drives.insert(id, drive);
+                }
             } else if self.tick.0 - since.0 < EARLY_TICKS {
                 self.early.insert(id, (drive, since));
             } else if let Some(client) = id.client() {
@@ -471,6 +474,25 @@ mod tests {
         both_done(&mut leader, 1, vec![], vec![]);
         let ops = leader.dispatch(Duration::from_secs(1)).unwrap().ops;
         assert_eq!(ops, [WorldOp::Drive(drive(7, 2.0))]);
+    }
+
+    #[test]
+    fn a_wish_that_waited_for_its_avatar_does_not_undo_a_later_one() {
+        let mut leader = leader();
+        assert_eq!(leader.drive(CLIENT, drive(5, 1.0)), Ok(()), "the avatar has not appeared yet");
+        let (id, epoch) = (AVATAR, crate::space::Epoch(0));
+        let state = SharedState {
+            id,
+            epoch,
+            pose: WorldPose::default(),
+            velocity: Velocity::default(),
+            sleeping: false,
+        };
+        leader.report(Report { view: ViewNumber(1), tick: Tick(0), states: vec![state] });
+        assert_eq!(leader.drive(CLIENT, drive(6, 2.0)), Ok(()));
+        let ops = leader.dispatch(Duration::ZERO).unwrap().ops;
+        let drives: Vec<_> = ops.iter().filter(|op| matches!(op, WorldOp::Drive(_))).collect();
+        assert_eq!(drives, [&WorldOp::Drive(drive(6, 2.0))]);
     }
 
     #[test]

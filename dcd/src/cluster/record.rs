@@ -114,6 +114,19 @@ impl Record {
         copy
     }
 
+    /// Names the world as it is now: another scene has another name.
+    pub fn fingerprint(&self) -> u64 {
+        let mut hasher = blake3::Hasher::new();
+        let parts = self.bodies.values().map(encode_value);
+        let parts = parts.chain(self.shapes.values().map(encode_value));
+        for part in parts.chain(self.joints.values().map(encode_value)) {
+            hasher.update(&part);
+        }
+        let mut first = [0; 8];
+        first.copy_from_slice(&hasher.finalize().as_bytes()[..8]);
+        u64::from_le_bytes(first)
+    }
+
     /// Everything is to be written down.
     pub(super) fn mark_all(&mut self) {
         self.changes.lives = self.bodies.keys().copied().collect();

@@ -41,7 +41,7 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             idle_timeout: Duration::from_millis(1000),
-            keep_alive: Duration::from_millis(250),
+            keep_alive: Duration::from_millis(100),
             handshake_timeout: Duration::from_millis(2500),
             linger: Duration::from_millis(500),
             frame_bytes: 16 << 20,

@@ -7,6 +7,7 @@ use rapier3d::prelude::*;
 
 use std::net::SocketAddr;
 
+use super::member::GIVE_UP;
 use super::{Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
@@ -25,14 +26,29 @@ pub struct JoinConfig {
     pub identity: Option<PathBuf>,
     /// How long to wait for the server and the world.
     pub timeout: Duration,
+    /// How long the server may be out of reach later on before we give up. Meanwhile it is dialled again and again.
+    pub give_up: Duration,
     /// Regions that a participant's node steps at a time.
     pub threads: usize,
+    /// Where others reach a participant's node; `None`: any free port, on the interface that leads to the server.
+    pub listen: Option<SocketAddr>,
+    /// The address to give others, if it is not the one listened on.
+    pub advertise: Option<SocketAddr>,
 }
 
 impl JoinConfig {
-    /// No identity file, ten seconds, one thread.
+    /// No identity file, ten seconds to join, thirty for a server that is lost, one thread, any port.
     pub fn new(server: SocketAddr, token: impl Into<String>) -> Self {
-        Self { server, token: token.into(), identity: None, timeout: Duration::from_secs(10), threads: 1 }
+        Self {
+            server,
+            token: token.into(),
+            identity: None,
+            timeout: Duration::from_secs(10),
+            give_up: GIVE_UP,
+            threads: 1,
+            listen: None,
+            advertise: None,
+        }
     }
 
     /// Trades the token for an identity of this role.
@@ -90,9 +106,13 @@ impl ClientWorld {
         let start = Instant::now();
         let identity = config.join(role)?;
         let client = identity.client().ok_or(ProcessError::Role { has: identity.role(), needs: role })?;
+        let usual = MemberConfig::new(config.server, identity);
         let member = Member::start(MemberConfig {
             threads: config.threads,
-            ..MemberConfig::new(config.server, identity)
+            give_up: config.give_up,
+            listen: config.listen.unwrap_or(usual.listen),
+            advertise: config.advertise,
+            ..usual
         })?;
         let left = config.timeout.saturating_sub(start.elapsed());
         let joined = |state: &super::member::State| {
@@ -116,7 +136,12 @@ impl ClientWorld {
         self.member.who.node()
     }
 
-    /// An error once the link to the server is gone or the world has ended.
+    /// Where our node listens, for a participant.
+    pub fn address(&self) -> Option<SocketAddr> {
+        self.node().map(|_| self.member.address)
+    }
+
+    /// An error once the server has been out of reach for too long, or the world has ended.
     pub fn check(&self) -> Result<(), ProcessError> {
         let mut state = self.member.shared.lock();
         match &state.end {

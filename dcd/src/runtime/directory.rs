@@ -69,6 +69,18 @@ impl RedbDirectory {
         Ok(Self { database, path, synced_at: Instant::now(), _lock: lock })
     }
 
+    /// The same for a world that is to be forgotten: what is damaged, or of another format, makes room for an empty one.
+    pub fn open_or_replace(folder: &Path) -> Result<Self, DirectoryError> {
+        match Self::open(folder) {
+            Err(DirectoryError::Damaged { .. } | DirectoryError::Format { .. }) => {}
+            opened => return opened,
+        }
+        let path = folder.join("world.redb");
+        let lock = lock(&folder.join("world.lock"), &path)?;
+        std::fs::remove_file(&path).map_err(|error| unreadable(&path, &error))?;
+        Ok(Self { database: created(&path)?, path, synced_at: Instant::now(), _lock: lock })
+    }
+
     fn read(&self) -> Result<Vec<Entry>, redb::Error> {
         let entries = self.database.begin_read()?.open_table(ENTRIES)?;
         let mut read = Vec::new();

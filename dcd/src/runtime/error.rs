@@ -55,6 +55,20 @@ pub enum ProcessError {
         /// As the network or the server put it.
         reason: String,
     },
+    /// It was waited for, and did not come back.
+    #[error(
+        "the server at {server} has been out of reach for {} s ({reason}); start it again with its --data and --listen, and \
+         this process with a new token; --give-up lets it wait longer",
+        waited.as_secs_f64()
+    )]
+    GivenUp {
+        /// Where it was.
+        server: SocketAddr,
+        /// How long we waited.
+        waited: Duration,
+        /// As the network put it last.
+        reason: String,
+    },
     /// Another process took its name.
     #[error(
         "another process has joined the server at {server} with this one's identity, and took its place; give each process \

@@ -89,6 +89,8 @@ pub struct NodeSummary {
     pub replicas_sum: u64,
     /// Exchanges between regions, summed over all ticks.
     pub exchanges_sum: u64,
+    /// Ticks computed provisionally, for clients alone, while others were waited for.
+    pub provisional: u64,
     /// How far copies of bodies held here were from agreement in any tick at most, m/s.
     pub disagreement_max_m_s: f32,
     /// Microseconds of computing of each tick.
@@ -360,8 +362,8 @@ impl Loop {
                 && let Some((since, reason)) = &self.lost
                 && since.saturating_add(self.give_up) <= now
             {
-                let reason = reason.clone();
-                self.end = Some(Err(ProcessError::ServerGone { server: self.server, reason }));
+                let (reason, waited) = (reason.clone(), self.give_up);
+                self.end = Some(Err(ProcessError::GivenUp { server: self.server, waited, reason }));
             }
             if self.count_at <= now {
                 self.count_at = now + COUNT;
@@ -416,7 +418,10 @@ impl Loop {
         match event {
             LinkEvent::Connected(peer) => {
                 if peer == Peer::Server {
-                    (self.lost, self.joined) = (None, true);
+                    self.joined = true;
+                    if self.lost.take().is_some() {
+                        info!(server = %self.server, "the server is back");
+                    }
                 }
                 if let Some(node) = &mut self.node {
                     node.handle(now, NodeEvent::Connected(peer));
@@ -437,10 +442,11 @@ impl Loop {
                         self.end = Some(Err(ProcessError::ServerGone { server, reason }));
                         return;
                     }
-                    if self.lost.is_none() {
+                    let since = self.lost.as_ref().map(|(since, _)| *since);
+                    if since.is_none() {
                         warn!(%server, reason, "the server is out of reach; going on without it, and dialling it again");
-                        self.lost = Some((now, reason));
                     }
+                    self.lost = Some((since.unwrap_or(now), reason));
                 } else {
                     debug!(?peer, reason, "a link is gone");
                 }
@@ -535,6 +541,9 @@ impl Loop {
                     if summary.compute_us.len() < TIMES {
                         summary.compute_us.push(stats.compute_us);
                     }
+                }
+                if matches!(event, PhysicsEvent::Drifted(_)) {
+                    self.shared.lock().summary.provisional += 1;
                 }
                 if let Some(node) = &mut self.node {
                     node.handle(self.start.elapsed(), NodeEvent::Physics(event));

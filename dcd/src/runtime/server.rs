@@ -13,7 +13,7 @@ use tracing::{error, info, warn};
 use super::links::{ENDED, LinkEvent, Links, THE_END};
 use super::member::forward;
 use super::{ProcessError, RedbDirectory, WorldConfig};
-use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
+use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
 use crate::cluster::{Record, Server, ServerConfig, ServerEvent, ServerOutput};
 use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, Role, check_address};
 use crate::physics::{Partition, RegionHost, ShapeLibrary};
@@ -37,6 +37,8 @@ pub struct ServeConfig {
     /// Folder of the authority (keys, used tokens) and of the world: a server that died and is started again with the same
     /// scene and settings goes on with it.
     pub data: PathBuf,
+    /// Begin anew, and forget a world that is stored there.
+    pub fresh: bool,
     /// How the world is cut and stepped.
     pub world: WorldConfig,
     /// Nodes to wait for before the first tick.
@@ -60,7 +62,7 @@ pub struct ServerSummary {
     pub regions: usize,
     /// Members now.
     pub nodes: usize,
-    /// Membership changes so far.
+    /// Membership changes since the start of the server.
     pub views: u64,
     /// Of the last audit: bodies that no node owned.
     pub lost: usize,
@@ -72,7 +74,7 @@ pub struct ServerSummary {
     pub state_hash: Option<u64>,
     /// Bytes received and sent.
     pub bytes: u64,
-    /// Seconds since the world first began.
+    /// Seconds since the world first began, or went on.
     pub seconds: f64,
 }
 
@@ -84,6 +86,8 @@ pub struct ServerProcess {
     authority: Arc<Authority>,
     /// Where it listens.
     pub address: SocketAddr,
+    /// The tick from which it goes on with a world that was stored; the nodes may be farther already.
+    pub resumed: Option<Tick>,
 }
 
 struct Shared {
@@ -135,18 +139,24 @@ impl ServerProcess {
         forward(events, inbox.clone())?;
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         shared.lock().summary.regions = environment.tree.leaf_count();
-        let mut directory = RedbDirectory::open(&config.data)?;
+        let mut directory = match config.fresh {
+            true => RedbDirectory::open_or_replace(&config.data)?,
+            false => RedbDirectory::open(&config.data)?,
+        };
         let entries = directory.load()?;
-        let stored = entries.iter().find(|entry| entry.key == Key::World).map(|entry| entry.revision);
         let server_config =
             ServerConfig { world: environment, min_nodes: config.nodes.max(1), grouping: Default::default() };
-        let server = match entries.is_empty() {
-            true => Server::new(server_config, record),
-            false => {
-                let server = Server::restore(server_config, entries)?;
-                info!(tick = server.tick().0, "going on with the world in the data folder");
-                server
-            }
+        let (mut stored, mut resumed) = (None, None);
+        let server = if config.fresh {
+            forget(&mut directory, &entries)?;
+            Server::instead(server_config, record, &entries)
+        } else if entries.is_empty() {
+            Server::new(server_config, record)
+        } else {
+            stored = entries.iter().find(|entry| entry.key == Key::World).map(|entry| entry.revision);
+            let server = Server::restore(server_config, entries)?;
+            resumed = Some(server.tick());
+            server
         };
         let running = Loop {
             links: Some(Links::new(net)),
@@ -172,7 +182,7 @@ impl ServerProcess {
                 }
             })
             .map_err(ProcessError::Thread)?;
-        Ok(Self { inbox, shared, thread: Some(thread), authority, address })
+        Ok(Self { inbox, shared, thread: Some(thread), authority, address, resumed })
     }
 
     /// A token for one process of this role to join with.
@@ -252,8 +262,9 @@ fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentPropertie
         host.shapes_mut().add(record)?;
     }
     host.insert(bodies.clone(), &joints)?;
+    let record = Record::new(bodies, shapes.records(), joints);
     let environment = EnvironmentProperties {
-        world: 1,
+        world: record.fingerprint(),
         gravity: step.gravity,
         dt_s: step.dt_s,
         solver_iterations: step.solver_iterations as u32,
@@ -271,7 +282,13 @@ fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentPropertie
         last_tick: config.last_tick,
         extension: Vec::new(),
     };
-    Ok((environment, Record::new(bodies, shapes.records(), joints)))
+    Ok((environment, record))
+}
+
+/// Takes entries out of a directory.
+fn forget(directory: &mut RedbDirectory, entries: &[Entry]) -> Result<(), DirectoryError> {
+    let writes = entries.iter().map(|entry| (entry.key, None)).collect();
+    directory.commit(&Batch { writes, durable: true }, &[]).map(|_| ())
 }
 
 struct Loop {

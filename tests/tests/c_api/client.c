@@ -269,6 +269,44 @@ static void loses(const char *server, const char *token)
     OK(dcd_world_destroy(world));
 }
 
+/* The server dies, and is back: the world goes on in between, and what was asked meanwhile is done then. */
+static void survives(const char *server, const char *token)
+{
+    DcdWorld world = connect(server, token, NULL);
+    DcdBodyDef def = avatar_def(world);
+    DcdBodyId avatar, second, found[2];
+    OK(dcd_body_create(world, &def, &avatar));
+    await_change(world, avatar, DCD_BODY_APPEARED);
+    DcdVelocity east = { { 1.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    OK(dcd_body_set_velocity(world, avatar, &east));
+    OK(step(world));
+    puts("ready");
+    fflush(stdout);
+    getchar(); /* it is dead */
+    OK(step(world));
+    double from = pose_of(world, avatar).p[0];
+    OK(dcd_body_create(world, &def, &second));
+    for (int i = 0; i < 180; i++) {
+        OK(step(world));
+        OK(dcd_body_set_velocity(world, avatar, &east));
+    }
+    HOLDS(pose_of(world, avatar).p[0] > from + 1.0);
+    size_t count;
+    OK(dcd_own_avatars(world, found, 2, &count));
+    HOLDS(count == 2 && found[1].v == second.v);
+    puts("alone");
+    fflush(stdout);
+    HOLDS(await_change(world, second, DCD_BODY_APPEARED).user_data == 7); /* it is back */
+    from = pose_of(world, avatar).p[0];
+    HOLDS(gets_beyond(world, avatar, from + 1.0));
+    OK(dcd_body_destroy(world, second));
+    await_change(world, second, DCD_BODY_REMOVED);
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_state_view(world, &view));
+    HOLDS(view.count == 101);
+    OK(dcd_world_destroy(world));
+}
+
 /* What is wrong on entering is said. */
 static void fails(const char *server, const char *token, const char *node_token, const char *other)
 {
@@ -336,10 +374,12 @@ int main(int argc, char **argv)
         comes_back(argv[2], argv[3], argv[4], argv[5]);
     } else if (strcmp(mode, "lose") == 0) {
         loses(argv[2], argv[3]);
+    } else if (strcmp(mode, "survive") == 0) {
+        survives(argv[2], argv[3]);
     } else if (strcmp(mode, "fail") == 0 && argc == 6) {
         fails(argv[2], argv[3], argv[4], argv[5]);
     } else {
-        fprintf(stderr, "usage: client play|participate|return|lose|fail SERVER TOKEN…\n");
+        fprintf(stderr, "usage: client play|participate|return|lose|survive|fail SERVER TOKEN…\n");
         return EXIT_FAILURE;
     }
     printf("%d checks, %d failures\n", checks, failures);

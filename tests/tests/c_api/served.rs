@@ -1,7 +1,8 @@
 //! C programs in a world that a server of this process holds and nodes of this process compute.
 
-use std::io::{BufRead, BufReader, Read};
-use std::process::{Command, Stdio};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use dcd::net::Role;
@@ -30,6 +31,7 @@ impl Cluster {
             ServeConfig {
                 listen: "127.0.0.1:0".parse().unwrap(),
                 data: folder.path().join("server"),
+                fresh: false,
                 world: WorldConfig {
                     partitioning: Partitioning::Regions(2),
                     ..WorldConfig::for_scene(&scene)
@@ -160,6 +162,66 @@ fn a_lost_server_is_said_by_every_step() {
     said.read_to_string(&mut rest).unwrap();
     assert!(child.wait().unwrap().success(), "{rest}");
     check(&rest);
+}
+
+/// A process that a crash ends.
+struct Victim(Child);
+
+impl Drop for Victim {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A server, and where it listens; one that is back must say so.
+fn serve(folder: &Path, listen: &str) -> (Victim, String) {
+    let mut serve = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
+    serve.args(["serve", "pile", "--set", "n=100", "--regions", "2", "--nodes", "2", "--listen", listen]);
+    let mut server = serve.arg("--data").arg(folder).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(server.stdout.take().unwrap()).lines().map(Result::unwrap);
+    let address = lines.next().and_then(|line| Some(line.strip_prefix("listening ")?.to_owned())).unwrap();
+    if listen == address {
+        let next = lines.next().unwrap();
+        assert!(next.starts_with("going on with the world at tick "), "{next}");
+    }
+    // It goes on to write, and must have a reader.
+    std::thread::spawn(move || lines.for_each(drop));
+    (Victim(server), address)
+}
+
+#[test]
+fn a_client_plays_on_while_the_server_is_killed_and_started_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (server, address) = serve(folder.path(), "127.0.0.1:0");
+    let token = |role: &str| {
+        let mut token = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
+        run_well(token.args(["token", "--role", role, "--data"]).arg(folder.path())).trim().to_owned()
+    };
+    let nodes = [0, 1].map(|_| {
+        let address = address.parse().unwrap();
+        let identity = JoinConfig::new(address, token("node")).join(Role::Node).unwrap();
+        Member::start(MemberConfig::new(address, identity)).unwrap()
+    });
+    let mut program = Command::new(build(&root().join("tests/tests/c_api/client.c"), folder.path(), &[]));
+    program.args(["survive", &address, &token("client")]).stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut program = Victim(program.spawn().unwrap());
+    let mut said = BufReader::new(program.0.stdout.take().unwrap());
+    let mut hears = |expected: &str| {
+        let mut line = String::new();
+        said.read_line(&mut line).unwrap();
+        assert_eq!(line.trim(), expected);
+    };
+    hears("ready");
+    drop(server);
+    program.0.stdin.take().unwrap().write_all(b"\n").unwrap();
+    hears("alone");
+    let _server = serve(folder.path(), &address);
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    check(&rest);
+    assert!(program.0.wait().unwrap().success(), "{rest}");
+    assert!(nodes.iter().all(|node| !node.is_over()), "nodes dial the server again");
 }
 
 #[test]

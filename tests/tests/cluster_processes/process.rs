@@ -160,11 +160,12 @@ impl Server {
         Self { process, address, folder, args }
     }
 
-    /// Another process with the same folder and address; the former one must have ended.
-    pub(crate) fn restart(&mut self) {
+    /// Another process with the same folder and address; the former one must have ended. From which tick it goes on.
+    pub(crate) fn restart(&mut self) -> u64 {
         let (process, address) = serve(&self.address, &self.data(), &self.args);
         assert_eq!(address, self.address);
         self.process = process;
+        self.process.line("going on with the world at tick ").parse().expect("a number")
     }
 
     /// The demo's world, in two regions.
@@ -182,9 +183,13 @@ impl Server {
 
     /// A node, with its name.
     pub(crate) fn node(&self) -> (String, Process) {
+        self.node_with(&[])
+    }
+
+    pub(crate) fn node_with(&self, more: &[&str]) -> (String, Process) {
         let token = self.token("node");
         let args = ["node", "--json", "--threads", "1", "--server", &self.address, "--token", &token];
-        let mut node = Process::start(&mut dcd(&args));
+        let mut node = Process::start(dcd(&args).args(more));
         let name = node.line("joined as ");
         (name, node)
     }

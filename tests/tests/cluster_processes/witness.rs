@@ -10,7 +10,7 @@ use rapier3d::prelude::*;
 
 use crate::process::LIMIT;
 
-/// Its avatar is told of after every third tick, and goes sideways.
+/// Its avatar is in the first region, is told of after every third tick, and goes sideways.
 pub(crate) struct Witness {
     pub(crate) world: ClientWorld,
     pub(crate) avatar: BodyId,
@@ -22,7 +22,7 @@ impl Witness {
         let mut world = ClientWorld::connect(&config).unwrap();
         let body = RigidBodyBuilder::kinematic_velocity_based();
         let avatar =
-            world.spawn(WorldPose::at([0.0, 20.0, 0.0]), &body, &[ColliderBuilder::ball(0.5)]).unwrap();
+            world.spawn(WorldPose::at([-4.0, 20.0, 0.0]), &body, &[ColliderBuilder::ball(0.5)]).unwrap();
         let witness = Self { world, avatar };
         assert!(witness.world.wait_body(avatar, LIMIT));
         let sideways = Velocity { linear: [0.0, 0.0, 0.5], angular: [0.0; 3] };
@@ -59,7 +59,8 @@ impl Witness {
     fn watch(&self, enough: impl Fn(u64, Duration) -> bool) -> Sight {
         let start = Instant::now();
         let (mut stood, mut frozen) = (Longest::since(start), Longest::since(start));
-        let (mut tick, mut shown, mut guesses) = (self.tick(), self.view().tick, 0);
+        let (mut tick, mut shown, mut guesses) = (self.tick(), self.view(), 0);
+        let mut back_m = 0.0_f64;
         while !enough(tick, start.elapsed()) {
             let seen = self.world.updates();
             self.world.wait_update(seen, Duration::from_millis(100));
@@ -69,14 +70,16 @@ impl Witness {
                 tick = view.settled_tick().0;
                 stood.moved();
             }
-            if view.tick != shown {
-                shown = view.tick;
+            if view.tick != shown.tick {
+                let way = |view: &BodyView| view.body.state.pose.translation[2];
+                back_m = back_m.max(way(&shown) - way(&view));
                 guesses += u64::from(view.provisional);
+                shown = view;
                 frozen.moved();
             }
             assert!(stood.lasts() < LIMIT, "the world stands still at tick {tick}");
         }
-        Sight { stood: stood.longest(), frozen: frozen.longest(), guesses }
+        Sight { stood: stood.longest(), frozen: frozen.longest(), guesses, back_m }
     }
 }
 
@@ -89,6 +92,8 @@ pub(crate) struct Sight {
     pub(crate) frozen: Duration,
     /// Provisional pictures.
     pub(crate) guesses: u64,
+    /// How far the avatar was put back at most when a guess was over, metres: it goes half a metre a second.
+    pub(crate) back_m: f64,
 }
 
 /// The longest time without something.

@@ -1,7 +1,7 @@
 //! What is wrong is said, with its cause and remedy, and nothing hangs.
 
 use std::net::UdpSocket;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::process::{LIMIT, Process, Server, dcd, token};
 
@@ -97,16 +97,20 @@ fn a_server_that_is_not_there_or_goes_away_is_named() {
     let said = error(&["node", "--server", &closed, "--token", &token(folder.path(), "node")], 1);
     has(&said, &[&closed, "no answer", "check that it is running"]);
     let mut server = Server::playground("1");
-    let (_, mut node) = server.node();
+    let (_, mut node) = server.node_with(&["--give-up", "2"]);
     server.view();
     let token = server.token("client");
-    let mut client = Process::start(&mut dcd(&["client", "--server", &server.address, "--token", &token]));
+    let args = ["client", "--server", &server.address, "--give-up", "2.5", "--token", &token];
+    let mut client = Process::start(&mut dcd(&args));
     client.line("joined as ");
     server.process.kill();
-    for process in [&mut node, &mut client] {
+    let killed = Instant::now();
+    for (process, waited) in [(&mut node, "2"), (&mut client, "2.5")] {
         let ended = process.end_within(LIMIT);
+        assert!(killed.elapsed() > Duration::from_secs_f64(waited.parse().unwrap()));
         assert_eq!(ended.code(), Some(1), "{ended:?}");
-        has(&ended.errors, &[&server.address, "is gone", "start the server again"]);
+        let waited = format!("has been out of reach for {waited} s");
+        has(&ended.errors, &[&server.address, &waited, "start it again", "a new token", "--give-up"]);
     }
 }
 
@@ -137,5 +141,5 @@ fn a_hung_server_does_not_keep_a_node_that_wants_to_go() {
     node.interrupt();
     let ended = node.end();
     assert_eq!(ended.code(), Some(1), "{ended:?}");
-    has(&ended.errors, &["is gone"]);
+    has(&ended.errors, &[&server.address, "did not take this process's share over", "it is gone without"]);
 }

@@ -21,19 +21,27 @@ const NUMBERS_AHEAD: u64 = 1 << 10;
 #[derive(Debug, thiserror::Error)]
 pub enum RestoreError {
     /// There is something, but no world.
-    #[error("the directory holds parts of a world, but not the world itself: choose an empty data folder")]
+    #[error(
+        "the directory holds parts of a world, but not the world itself: forget them (--fresh), or choose another data folder"
+    )]
     NoWorld,
     /// Another world than the server is to serve.
     #[error(
         "the data folder holds another world that has not ended: serve the same scene with the same options to go on with \
-         it, or choose another folder"
+         it, forget it (--fresh), or choose another folder"
     )]
     OtherWorld,
     /// An entry cannot be read.
     #[error(
-        "an entry of the directory cannot be read ({0}): it is damaged or of another version; choose another data folder"
+        "an entry of the directory cannot be read ({0}): it is damaged or of another version; forget it (--fresh), or choose \
+         another data folder"
     )]
     Entry(#[from] CodecError),
+}
+
+/// After all that can have been begun since this one was written down.
+fn ahead_of(number: ViewNumber) -> ViewNumber {
+    ViewNumber(number.0.saturating_add(NUMBERS_AHEAD))
 }
 
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -66,6 +74,16 @@ impl Check for StoredGroup {
 }
 
 impl Server {
+    /// A server with a world that begins in place of the one that another server stored: its views are numbered after those of
+    /// that one, so that whatever anybody still has of it counts for nothing.
+    pub fn instead(config: ServerConfig, record: Record, entries: &[Entry]) -> Self {
+        let former = entries.iter().find(|entry| entry.key == Key::World);
+        let former = former.and_then(|entry| decode_value::<StoredWorld>(&entry.value).ok());
+        let mut server = Self::new(config, record);
+        server.common.number = former.map_or(ViewNumber(0), |world| ahead_of(world.number));
+        server
+    }
+
     /// A server that goes on from what another one stored. Members of its groups are waited for; then each group
     /// goes on with those who came.
     pub fn restore(config: ServerConfig, entries: Vec<Entry>) -> Result<Self, RestoreError> {
@@ -93,7 +111,7 @@ impl Server {
         let record = Record::restored(bodies, shapes, joints);
         let mut server = Self::new(config, record);
         server.main_mut().record.forget_changes();
-        server.common.number = ViewNumber(stored.number.0 + NUMBERS_AHEAD);
+        server.common.number = ahead_of(stored.number);
         server.common.begun = stored.begun;
         server.main = stored.main;
         server.last_group = stored.last_group;

@@ -1,0 +1,121 @@
+//! What a server leaves behind in its data folder, and what the next one makes of it.
+
+use crate::process::{Process, Server, dcd, playground};
+
+/// A server process with these options on the data folder of another, which has ended.
+fn serve(server: &Server, args: &[&str]) -> Process {
+    let mut serve = dcd(&["serve", "--listen", "127.0.0.1:0", "--json", "--data"]);
+    Process::start(serve.arg(server.data()).args(args))
+}
+
+/// It goes on with nothing.
+fn begins(mut process: Process) {
+    process.line("listening ");
+    process.interrupt();
+    let ended = process.end();
+    assert_eq!(ended.code(), Some(130), "{ended:?}");
+    assert!(!ended.lines.iter().any(|line| line.starts_with("going on")), "{ended:?}");
+}
+
+fn refused(server: &Server, args: &[&str], expected: &[&str]) {
+    let ended = serve(server, args).end();
+    assert_eq!(ended.code(), Some(2), "{args:?}: {ended:?}");
+    for part in expected.iter().chain(&["--fresh"]) {
+        assert!(ended.errors.contains(part), "`{part}` is missing: {ended:?}");
+    }
+}
+
+/// The demo's world after its server was killed; `seconds` go by before.
+fn killed(seconds: f32) -> Server {
+    let mut server = Server::playground("1");
+    let (_, mut node) = server.node();
+    server.view();
+    std::thread::sleep(std::time::Duration::from_secs_f32(seconds));
+    server.process.kill();
+    node.kill();
+    server
+}
+
+#[test]
+fn a_server_says_from_which_tick_it_goes_on_and_an_ended_world_is_forgotten() {
+    let mut server = killed(4.0);
+    let tick = server.restart();
+    assert!(tick > 60, "it is written down every two seconds where bodies are, not at tick {tick}");
+    // Another crash changes nothing about that.
+    server.process.kill();
+    let now = server.restart();
+    assert!(now >= tick);
+    let (name, _node) = server.node();
+    let view = server.view();
+    assert!(view.contains(&format!("at tick {now}: {name} r1 r2")), "{view}");
+    server.process.interrupt();
+    let ended = server.process.end_within(crate::process::LIMIT);
+    assert_eq!(ended.code(), Some(130), "{ended:?}");
+    assert!(ended.json()["tick"].as_u64().unwrap() >= tick, "{ended:?}");
+    begins(serve(&server, &[playground().to_str().unwrap()]));
+}
+
+#[test]
+fn another_world_than_the_stored_one_is_refused() {
+    let server = killed(0.0);
+    let scene = playground();
+    let scene = scene.to_str().unwrap();
+    let other = ["another world that has not ended", "the same scene with the same options"];
+    refused(&server, &["tower"], &other);
+    refused(&server, &[scene, "--regions", "4"], &other);
+    // Of the same size, and cut alike.
+    let same_size = server.folder.path().join("other.toml");
+    let text = std::fs::read_to_string(scene).unwrap();
+    let changed = text.replacen("density = 4.0", "density = 5.0", 1);
+    assert_ne!(text, changed, "the test needs a number to change");
+    std::fs::write(&same_size, changed).unwrap();
+    refused(&server, &[same_size.to_str().unwrap()], &other);
+    begins(serve(&server, &["tower", "--fresh"]));
+}
+
+#[test]
+fn a_fresh_world_takes_the_place_of_a_stored_one_and_is_stored_itself() {
+    let mut server = killed(2.5);
+    let scene = playground();
+    let mut fresh = serve(&server, &[scene.to_str().unwrap(), "--fresh"]);
+    server.address = fresh.line("listening ");
+    server.process = fresh;
+    let (_, mut node) = server.node();
+    let view = server.view();
+    assert!(view.contains("at tick 0: "), "{view}");
+    let number: u64 = view.split(' ').next().unwrap().parse().unwrap();
+    assert!(number > 1_000, "its views are after all those of the world before it: {view}");
+    server.process.kill();
+    node.kill();
+    assert!(server.restart() < 60);
+}
+
+#[test]
+fn a_damaged_world_is_refused_and_can_be_begun_anew() {
+    let server = killed(0.0);
+    let path = server.data().join("world.redb");
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    refused(&server, &[playground().to_str().unwrap()], &["world.redb is damaged", "restore it from a copy"]);
+    begins(serve(&server, &[playground().to_str().unwrap(), "--fresh"]));
+    begins(serve(&server, &[playground().to_str().unwrap()]));
+}
+
+#[test]
+fn a_node_and_a_participant_say_where_they_listen() {
+    let server = Server::playground("1");
+    let (_, mut node) = server.node();
+    let address: std::net::SocketAddr = node.line("listening ").parse().unwrap();
+    assert!(address.ip().is_loopback() && address.port() > 0);
+    let free = crate::proxy::free_address().to_string();
+    let token = server.token("participant");
+    let args = ["client", "--avatars", "0", "--server", &server.address, "--token", &token];
+    let mut client = Process::start(dcd(&args).args(["--compute", "--listen", &free, "--advertise", &free]));
+    client.line("joined as ");
+    assert_eq!(client.line("listening "), free);
+    for option in ["--listen", "--advertise"] {
+        let ended = Process::start(dcd(&args).args([option, &free])).end();
+        assert_eq!(ended.code(), Some(2), "{ended:?}");
+        assert!(ended.errors.contains("--compute"), "{ended:?}");
+    }
+}

@@ -1,9 +1,12 @@
 //! What a server writes down, and how it goes on from it (thesis 4.3.3 assumes that it never fails; this one may).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use bincode::{Decode, Encode};
 
+use super::common::{ClientEntry, NodeEntry, RETURN};
+use super::group::Group;
 use super::{Server, ServerConfig, ServerOutput};
 use crate::cluster::directory::Entry;
 use crate::cluster::record::StoredBody;
@@ -122,6 +125,38 @@ impl Server {
         }
         server.groups.entry(stored.main).or_insert_with(|| main.renamed(stored.main, tick));
         Ok(server)
+    }
+
+    /// A group of a stored world: its members are waited for.
+    fn expect_back(&mut self, id: GroupId, record: Record, tick: Tick, view: View, former: Option<View>) {
+        for member in former.iter().chain([&view]).flat_map(|view| &view.members) {
+            let entry = NodeEntry {
+                member: member.clone(),
+                absent_until: Some(RETURN),
+                linked: false,
+                loaded: true,
+                leaving: false,
+                group: Some(id),
+                in_group_since: Duration::ZERO,
+                moved: false,
+                serving: Some(view.number),
+                shapes: BTreeSet::new(),
+                scenery: BTreeSet::new(),
+                delays: BTreeMap::new(),
+            };
+            self.common.nodes.insert(member.node, entry);
+        }
+        let clients: BTreeSet<_> = record.lives().filter_map(|(id, _)| id.client()).collect();
+        for client in clients {
+            let entry = ClientEntry { linked: false, absent_until: Some(RETURN), group: id };
+            self.common.clients.entry(client).or_insert(entry);
+        }
+        let mut group = Group::new(id, record, tick);
+        group.view = Some(view);
+        group.former = former;
+        group.held = true;
+        group.silent_since = Some(Duration::ZERO);
+        self.groups.insert(id, group);
     }
 
     /// Writes down what has changed, before anything is said that follows from it: `mark` outputs were there before.

@@ -1,0 +1,256 @@
+//! Nodes as they come, break their links, come back, hang, leave and die (thesis 4.3.2.10, 4.3.3).
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use super::common::{ABSENCE, NodeEntry};
+use super::group::Group;
+use super::{Server, ServerOutput};
+use crate::protocol::{Member, ToNode, ToServer, ViewNumber};
+use crate::space::{GroupId, NodeId};
+
+/// How long a group whose members are all out of reach is left alone before others take over.
+const HOLD: Duration = Duration::from_secs(3);
+
+impl Server {
+    /// The group whose view the node computes.
+    pub(super) fn group_of(&self, node: NodeId) -> Option<GroupId> {
+        let serving = self.common.nodes.get(&node)?.serving?;
+        let is_view = |group: &&Group| group.view.as_ref().is_some_and(|view| view.number == serving);
+        self.groups.values().find(is_view).map(|group| group.id)
+    }
+
+    /// Whether a node that computes this view is where the server takes it to be.
+    pub(super) fn resumes(&mut self, node: NodeId, view: ViewNumber) -> bool {
+        let Some(id) = self.group_of(node) else { return false };
+        let Some(group) = self.groups.get_mut(&id) else { return false };
+        // Nobody may have heard of the newest view, because the server or the links died in that moment: then the one
+        // before it goes on.
+        if (group.held || !group.confirmed)
+            && let Some(former) = group.former.take_if(|former| former.number == view)
+        {
+            for member in group.view.iter().flat_map(|view| &view.members) {
+                if let Some(entry) = self.common.nodes.get_mut(&member.node) {
+                    entry.serving = None;
+                }
+            }
+            for member in &former.members {
+                if let Some(entry) = self.common.nodes.get_mut(&member.node) {
+                    entry.serving = Some(former.number);
+                }
+            }
+            group.view = Some(former);
+        }
+        self.common.nodes.get(&node).is_some_and(|entry| entry.serving == Some(view))
+    }
+
+    /// A member's link broke and is back: what was said over it may be lost, so all is compared.
+    pub(super) fn resume(&mut self, member: Member, id: GroupId) {
+        let (node, until) = (member.node, self.common.now + ABSENCE);
+        if let Some(entry) = self.common.nodes.get_mut(&node) {
+            entry.member = member;
+            entry.linked = true;
+            entry.absent_until = None;
+        }
+        let Some(group) = self.groups.get_mut(&id) else { return };
+        if std::mem::replace(&mut group.held, false) {
+            group.silent_since = None;
+            // The others should be back about now as well.
+            for node in group.serving(&self.common) {
+                if let Some(entry) = self.common.nodes.get_mut(&node).filter(|entry| !entry.linked) {
+                    entry.absent_until = Some(entry.absent_until.map_or(until, |at| at.max(until)));
+                }
+            }
+            let leader = group.leader_is();
+            self.common.send_clients(id, &leader);
+        }
+        if let Some(group) = self.groups.get_mut(&id) {
+            group.unsure = true;
+            if group.change.is_some() {
+                group.begin_change(&mut self.common);
+            }
+        }
+        self.common.tell_roster();
+    }
+
+    pub(super) fn welcome_node(&mut self, member: Member) {
+        let node = member.node;
+        let (mut shapes, mut scenery) = (BTreeSet::new(), BTreeSet::new());
+        let mut parts = self.main().record.shape_chunks(&mut shapes);
+        parts.extend(self.main().record.scenery_chunks(&mut scenery));
+        let entry = NodeEntry {
+            member,
+            absent_until: None,
+            linked: true,
+            loaded: false,
+            leaving: false,
+            group: None,
+            in_group_since: self.common.now,
+            moved: false,
+            serving: None,
+            shapes,
+            scenery,
+            delays: BTreeMap::new(),
+        };
+        self.common.nodes.insert(node, entry);
+        let world = self.common.config.world.clone();
+        self.common.send_node(node, ToNode::Welcome { id: node, world });
+        for chunk in parts {
+            self.common.send_node(node, ToNode::Chunk(chunk));
+        }
+        self.common.send_node(node, ToNode::WorldEnd);
+        self.common.tell_roster();
+    }
+
+    pub(super) fn hear_node(&mut self, node: NodeId, message: ToServer) {
+        let Some(entry) = self.common.nodes.get_mut(&node) else { return };
+        match message {
+            ToServer::Loaded => entry.loaded = true,
+            ToServer::Leave => entry.leaving = true,
+            ToServer::Delays(delays) => entry.learn(delays),
+            ToServer::Call(motion) => self.call(node, motion),
+            ToServer::Ballot { poll, delay_ms } => self.cast(node, poll, delay_ms),
+            ToServer::Abroad { view, tick, states } => self.abroad(node, view, tick, states),
+            ToServer::Touched { view, bodies } => self.touched(node, view, bodies),
+            message => {
+                let heard = self.group_of(node).and_then(|id| self.groups.get_mut(&id));
+                if !heard.is_some_and(|group| group.hear(&mut self.common, node, message)) {
+                    self.common.stale += 1;
+                }
+            }
+        }
+    }
+
+    pub(super) fn unlink_node(&mut self, node: NodeId) {
+        let serves = self.group_of(node).is_some();
+        let until = self.common.now + ABSENCE;
+        match self.common.nodes.get_mut(&node) {
+            Some(entry) if serves => {
+                entry.linked = false;
+                entry.absent_until = Some(until);
+            }
+            // Nothing depends on it yet.
+            Some(_) => {
+                self.lose(node);
+                self.common.tell_roster();
+            }
+            None => {}
+        }
+    }
+
+    /// A node has been without a link for too long.
+    pub(super) fn give_up(&mut self, node: NodeId) {
+        let Some(entry) = self.common.nodes.get_mut(&node) else { return };
+        entry.absent_until = None;
+        let Some(id) = self.group_of(node) else {
+            self.lose(node);
+            return self.common.tell_roster();
+        };
+        let Some(group) = self.groups.get_mut(&id) else { return };
+        let serving = group.serving(&self.common);
+        let is_linked = |node: &NodeId| self.common.nodes[node].linked;
+        let may_return = |node: &NodeId| self.common.nodes[node].absent_until.is_some();
+        if serving.iter().any(is_linked) {
+            self.lose(node);
+            self.common.tell_roster();
+        } else if !serving.iter().any(may_return) {
+            group.fall_silent(&mut self.common);
+        }
+    }
+
+    /// A node is dead, or has begun anew: the world goes on without what it computed.
+    pub(super) fn lose(&mut self, node: NodeId) {
+        let group = self.group_of(node);
+        if self.common.nodes.remove(&node).is_none() {
+            return;
+        }
+        self.polls.group_changes(&[node]);
+        if group.is_some() {
+            self.common.outputs.push_back(ServerOutput::Expelled(node));
+        }
+        if let Some(group) = group.and_then(|id| self.groups.get_mut(&id)) {
+            group.begin_change(&mut self.common);
+        }
+    }
+
+    /// A member does not do its part: whatever it computes counts for nothing, and it gets the world anew.
+    pub(super) fn begin_anew(&mut self, node: NodeId) {
+        let Some(entry) = self.common.nodes.get(&node) else { return };
+        let member = entry.member.clone();
+        let linked = entry.linked;
+        self.lose(node);
+        if linked {
+            self.welcome_node(member);
+        } else {
+            self.common.tell_roster();
+        }
+    }
+
+    /// A member cannot be reached by others: it goes on alone, or is gone.
+    pub(super) fn set_apart(&mut self, node: NodeId) {
+        let Some(entry) = self.common.nodes.get(&node) else { return };
+        if !entry.linked {
+            self.lose(node);
+            return self.common.tell_roster();
+        }
+        let member = entry.member.clone();
+        self.lose(node);
+        self.welcome_node(member);
+        let group = self.new_group();
+        self.put(node, group);
+    }
+
+    /// When others may take over from groups that are out of reach.
+    pub(super) fn takeover_at(&self) -> Option<Duration> {
+        let is_silent = |group: &&Group| group.held && group.view.is_some() && self.has_successors(group);
+        self.groups.values().filter(is_silent).filter_map(|group| Some(group.silent_since? + HOLD)).min()
+    }
+
+    /// Whether nodes are linked that could compute the world in place of this group.
+    pub(super) fn has_successors(&self, group: &Group) -> bool {
+        let serving = group.serving(&self.common);
+        let can = |(node, entry): (&NodeId, &NodeEntry)| {
+            entry.linked && entry.loaded && !entry.leaving && !serving.contains(node)
+        };
+        self.common.nodes.iter().any(can)
+    }
+
+    /// Others are there, and the members of a silent group have had their time: what they do now counts for nothing.
+    pub(super) fn take_over(&mut self) {
+        if self.takeover_at().is_none_or(|at| at > self.common.now) {
+            return;
+        }
+        let now = self.common.now;
+        let is_due =
+            |group: &&Group| group.held && group.silent_since.is_some_and(|since| since + HOLD <= now);
+        let due: Vec<_> = self.groups.values().filter(is_due).map(|group| group.id).collect();
+        for id in due {
+            let Some(group) = self.groups.get(&id) else { continue };
+            for node in group.serving(&self.common) {
+                self.common.nodes.remove(&node);
+                self.common.outputs.push_back(ServerOutput::Expelled(node));
+            }
+            if let Some(group) = self.groups.get_mut(&id) {
+                group.held = false;
+                group.begin_change(&mut self.common);
+            }
+        }
+    }
+
+    /// Nodes that wish to go, and compute nothing any more, go.
+    pub(super) fn release(&mut self) {
+        let free: Vec<_> = self
+            .common
+            .nodes
+            .iter()
+            .filter(|(node, entry)| entry.leaving && self.group_of(**node).is_none())
+            .map(|(&node, _)| node)
+            .collect();
+        if !free.is_empty() {
+            for node in free {
+                self.common.dismiss(node, false, "leave granted".into());
+            }
+            self.common.tell_roster();
+        }
+    }
+}

@@ -73,8 +73,10 @@ unsafe impl Sized32 for DcdParticipantDef {
 ///   id is stale.
 /// - dcd_body_set_velocity drives an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends what was set. The
 ///   server may set a limit to speed and refuse by DCD_BODY_REFUSED.
-/// - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. Once the link to the
-///   server is gone it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
+/// - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. A server that is out of
+///   reach is dialled again for half a minute: meanwhile the world goes on as long as nodes compute it, avatars can be
+///   driven, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
+///   it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
 /// - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
 ///   your own avatars, if they ask for them.
 /// - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, rays, dcd_state_hash.

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use self::process::Process;
-use self::story::{Cast, Played, Takeover, told};
+use self::story::{Cast, Played, Restart, Takeover, told};
 use super::common::Common;
 use super::failure::Failure;
 use super::interrupt::Interrupt;
@@ -23,6 +23,10 @@ use crate::scene::{AvatarHint, Params, Scene};
 
 /// What a step that takes a second or two may take on a busy machine.
 const STEP: Duration = Duration::from_secs(30);
+/// How often the user's wish to end is looked for.
+const LOOK: Duration = Duration::from_millis(20);
+/// How long there is no server after one was killed: nodes take a second to miss it.
+const DOWN: Duration = Duration::from_millis(1500);
 
 /// Shows a world that several processes compute and that a C program plays in
 ///
@@ -49,6 +53,9 @@ pub(super) struct Demo {
     /// Kill one of the nodes half-way (needs two at least): the others take its regions over
     #[arg(long)]
     kill: bool,
+    /// Kill the server after a third of the time, and start it again soon after: the nodes compute on meanwhile
+    #[arg(long)]
+    kill_server: bool,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
@@ -80,7 +87,7 @@ impl Demo {
             folder: folder.path(),
             authority: Authority::load_or_create(folder.path())?,
         };
-        let played = show.play(&self, &self.scene, &program, &hint)?;
+        let played = show.play(&self, &program, &hint)?;
         if !self.json {
             super::common::print(&told(&played))?;
         } else {
@@ -111,13 +118,8 @@ struct Show<'a> {
 }
 
 impl Show<'_> {
-    fn play(&self, demo: &Demo, scene: &str, program: &Path, hint: &AvatarHint) -> Result<Played, Failure> {
-        let mut serving = self.command("serve");
-        serving.arg(scene).args(["--listen", "127.0.0.1:0", "--nodes", &demo.nodes.to_string(), "--data"]);
-        serving.arg(self.folder);
-        let mut server = self.start("the server", &mut serving)?;
-        let line = server.line("listening ", STEP, self.interrupt)?;
-        let address = line.trim_start_matches("listening ").to_owned();
+    fn play(&self, demo: &Demo, program: &Path, hint: &AvatarHint) -> Result<Played, Failure> {
+        let (mut server, address) = self.serve(demo, "127.0.0.1:0")?;
         self.common.say(&format!("the server listens on {address}"));
 
         let mut nodes = Vec::new();
@@ -140,8 +142,18 @@ impl Show<'_> {
         let client = Process::start("the C program", &mut playing, false)?;
         self.common.say("the C program plays");
         let began = Instant::now();
+        let mut restart = None;
+        if demo.kill_server {
+            let after = demo.seconds / 3;
+            self.wait_until(began + after)?;
+            let (back, told) = self.restart(demo, server, &address, after)?;
+            (server, restart) = (back, Some(told));
+        }
         let takeover = match demo.kill {
-            true => Some(self.kill(&mut nodes, &mut server, demo.seconds / 2)?),
+            true => {
+                self.wait_until(began + demo.seconds / 2)?;
+                Some(self.kill(&mut nodes, &mut server, began.elapsed())?)
+            }
             false => None,
         };
         let said = client.succeed(demo.seconds + STEP, self.interrupt)?;
@@ -157,24 +169,66 @@ impl Show<'_> {
         for (name, node) in nodes {
             computed.push(self.summary(node, &format!("node {name}"))?);
         }
-        let cast = Cast { address, scene: scene.to_owned(), view, hint: *hint, nodes: demo.nodes, takeover };
+        let cast = Cast {
+            address,
+            scene: demo.scene.clone(),
+            view,
+            hint: *hint,
+            nodes: demo.nodes,
+            takeover,
+            restart,
+        };
         Played::new(cast, &joined, &served, &computed)
     }
 
-    /// A node dies half-way.
+    /// The server, and where it listens.
+    fn serve(&self, demo: &Demo, listen: &str) -> Result<(Process, String), Failure> {
+        let mut serving = self.command("serve");
+        serving.arg(&demo.scene).args(["--listen", listen, "--nodes", &demo.nodes.to_string(), "--data"]);
+        serving.arg(self.folder);
+        let mut server = self.start("the server", &mut serving)?;
+        let line = server.line("listening ", STEP, self.interrupt)?;
+        Ok((server, line.trim_start_matches("listening ").to_owned()))
+    }
+
+    /// Waits, but not if the user wants the end.
+    fn wait_until(&self, due: Instant) -> Result<(), Failure> {
+        while Instant::now() < due {
+            if self.interrupt.asked() {
+                return Err(Failure::interrupted());
+            }
+            std::thread::sleep(due.saturating_duration_since(Instant::now()).min(LOOK));
+        }
+        Ok(())
+    }
+
+    /// The server dies, and another one goes on.
+    fn restart(
+        &self,
+        demo: &Demo,
+        server: Process,
+        address: &str,
+        after: Duration,
+    ) -> Result<(Process, Restart), Failure> {
+        server.kill();
+        self.common.say("the server is killed");
+        self.wait_until(Instant::now() + DOWN)?;
+        let started = Instant::now();
+        let (mut server, _) = self.serve(demo, address)?;
+        let goes_on = server.line("going on ", STEP, self.interrupt)?;
+        let view = server.line("view ", STEP, self.interrupt)?;
+        let took_s = started.elapsed().as_secs_f64();
+        self.common.say(&format!("the server is back after {took_s:.2} s, {goes_on}: {view}"));
+        Ok((server, Restart { after_s: after.as_secs_f64(), took_s, view }))
+    }
+
+    /// A node dies.
     fn kill(
         &self,
         nodes: &mut Vec<(String, Process)>,
         server: &mut Process,
         after: Duration,
     ) -> Result<Takeover, Failure> {
-        let due = Instant::now() + after;
-        while Instant::now() < due {
-            if self.interrupt.asked() {
-                return Err(Failure::interrupted());
-            }
-            std::thread::sleep(Duration::from_millis(20).min(after));
-        }
         let (name, node) = nodes.pop().expect("there are two at least");
         node.kill();
         let killed = Instant::now();

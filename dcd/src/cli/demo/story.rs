@@ -16,11 +16,20 @@ pub(super) struct Cast {
     pub hint: AvatarHint,
     pub nodes: u8,
     pub takeover: Option<Takeover>,
+    pub restart: Option<Restart>,
 }
 
 /// How a node died and what became of its regions.
 pub(super) struct Takeover {
     pub killed: String,
+    pub after_s: f64,
+    pub took_s: f64,
+    /// The next membership, as the server put it.
+    pub view: String,
+}
+
+/// How the server died and another one went on.
+pub(super) struct Restart {
     pub after_s: f64,
     pub took_s: f64,
     /// The next membership, as the server put it.
@@ -112,7 +121,7 @@ impl Played {
 
 /// The story, for people.
 pub(super) fn told(played: &Played) -> String {
-    let Cast { address, scene, view, hint, nodes, takeover } = &played.cast;
+    let Cast { address, scene, view, hint, nodes, takeover, restart } = &played.cast;
     let place = hint.pose.translation;
     let mut rows = vec![
         ("server", format!("held {scene} on {address}")),
@@ -125,6 +134,14 @@ pub(super) fn told(played: &Played) -> String {
             ),
         ),
     ];
+    if let Some(Restart { after_s, took_s, view }) = restart {
+        rows.push((
+            "restarted",
+            format!(
+                "the server, killed after {after_s:.1} s; back within {took_s:.2} s of its start: {view}"
+            ),
+        ));
+    }
     if let Some(Takeover { killed, after_s, took_s, view }) = takeover {
         rows.push((
             "killed",
@@ -160,6 +177,7 @@ mod tests {
             hint,
             nodes: 2,
             takeover: None,
+            restart: None,
         };
         let served = json!({"tick": 60, "bodies": 9, "regions": 2, "lost": 0, "doubled": 1, "bytes": 100, "seconds": 2.0});
         let node = |p50, transfers| {

@@ -88,6 +88,7 @@ impl From<ProcessError> for Failure {
             ProcessError::Net(NetError::Token(_))
             | ProcessError::Token(_)
             | ProcessError::Role { .. }
+            | ProcessError::Lag { .. }
             | ProcessError::Tree(_)
             | ProcessError::World(_)
             | ProcessError::Shape(_)

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use dcd::net::Role;
 use dcd::physics::{Coupling, StepSettings};
-use dcd::protocol::{Pace, Velocity, WorldPose};
+use dcd::protocol::{DelayThresholds, Pace, Thresholds, Velocity, WorldPose};
 use dcd::runtime::{
-    ClientWorld, DcdWorld, JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, Stats,
-    WorldConfig,
+    ClientWorld, DcdWorld, GroupConfig, JoinConfig, Member, MemberConfig, Partitioning, ServeConfig,
+    ServerProcess, Stats, WorldConfig,
 };
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, Tick};
@@ -33,6 +33,17 @@ fn serve_world(
     pace: Pace,
     last_tick: Option<u64>,
 ) -> (ServerProcess, tempfile::TempDir) {
+    serve_groups(scene, world, nodes, pace, last_tick, GroupConfig::default())
+}
+
+fn serve_groups(
+    scene: &Scene,
+    world: WorldConfig,
+    nodes: usize,
+    pace: Pace,
+    last_tick: Option<u64>,
+    groups: GroupConfig,
+) -> (ServerProcess, tempfile::TempDir) {
     let data = tempfile::tempdir().unwrap();
     let server = ServerProcess::start(
         scene,
@@ -45,6 +56,7 @@ fn serve_world(
             pace,
             last_tick: last_tick.map(Tick),
             avatar_speed_limit: 20.0,
+            groups,
         },
     )
     .unwrap();
@@ -258,6 +270,60 @@ fn a_participant_computes_and_plays_in_one_process() {
     assert_eq!(node.finish().unwrap().regions, 2);
 }
 
+/// Members six ticks ahead of one another at most: what they say arrives late everywhere, and nothing is lost on the way.
+#[test]
+fn members_that_are_not_in_step_lose_and_double_nothing() {
+    let scene = rain();
+    let mut world = WorldConfig { partitioning: Partitioning::Regions(8), ..WorldConfig::for_scene(&scene) };
+    world.step = world.step.with_coupling(Coupling::Owner);
+    let groups = GroupConfig { lag_ticks: 6, ..GroupConfig::default() };
+    let (server, _data) = serve_groups(&scene, world.clone(), 3, Pace::Unpaced, Some(400), groups.clone());
+    let members: Vec<_> = (0..3).map(|_| start_node(&server)).collect();
+    assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
+    let summary = server.stop();
+    let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();
+    assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(400), 0, 0));
+    assert!(transfers > 20, "the test needs traffic: {transfers}");
+    // Means cannot be agreed on by those who are not in step.
+    world.step = world.step.with_coupling(Coupling::Overlap);
+    let data = tempfile::tempdir().unwrap();
+    let config = ServeConfig {
+        listen: "127.0.0.1:0".parse().unwrap(),
+        data: data.path().to_owned(),
+        fresh: false,
+        world,
+        nodes: 1,
+        pace: Pace::Unpaced,
+        last_tick: None,
+        avatar_speed_limit: 20.0,
+        groups,
+    };
+    let error = ServerProcess::start(&scene, config).err().unwrap().to_string();
+    assert!(error.contains("overlap") && error.contains("--coupling owner"), "{error}");
+}
+
+/// Delays that no pair of nodes can keep below make each a group of its own, and each computes the whole world.
+#[test]
+fn nodes_far_from_one_another_compute_the_world_each_and_agree() {
+    let scene = Scene::named("pile", &Params::new().with("n", 60)).unwrap();
+    let delay = DelayThresholds { inclusion_ms: 1e-4, rejection_ms: 1e4, deviation_ms: 0.0 };
+    let thresholds = Thresholds { delay: Some(delay), ..Thresholds::default() };
+    let groups = GroupConfig { thresholds, ..GroupConfig::default() };
+    let world = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
+    let (server, _data) = serve_groups(&scene, world, 2, Pace::RealTime, None, groups);
+    let members = [start_node(&server), start_node(&server)];
+    assert!(server.wait(LIMIT, |_, _| members.iter().all(|node| node.tick().0 > 60)));
+    let client = connect(&server);
+    let seen = client.updates();
+    assert!(client.wait_update(seen, LIMIT));
+    let summary = server.stop();
+    assert_eq!((summary.nodes, summary.lost, summary.doubled), (1, 0, 0), "one in the main group");
+    for member in members {
+        let done = member.finish().unwrap();
+        assert_eq!((done.regions, done.bodies as usize), (2, 60), "{done:?}");
+    }
+}
+
 #[test]
 fn what_is_wrong_on_entering_is_said() {
     let scene = Scene::named("tower", &Params::new()).unwrap();
@@ -280,6 +346,7 @@ fn what_is_wrong_on_entering_is_said() {
         pace: Pace::RealTime,
         last_tick: None,
         avatar_speed_limit: 20.0,
+        groups: Default::default(),
     };
     let error = ServerProcess::start(&scene, twice).err().unwrap().to_string();
     assert!(error.contains("port") || error.contains("in use"), "{error}");

@@ -10,10 +10,11 @@ use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::scenes;
 use super::summary::{Served, Summary};
-use super::values::{SERVER, address, speed};
+use super::values::{SERVER, address, positive, speed};
 use super::world::{CutArgs, explained};
-use crate::protocol::{Pace, View, ViewNumber};
-use crate::runtime::{ServeConfig, ServerProcess};
+use crate::cluster::{GroupPolicy, Grouping, PollRules};
+use crate::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds, View, ViewNumber};
+use crate::runtime::{GroupConfig, ServeConfig, ServerProcess};
 use crate::scene::Params;
 use crate::space::MAX_REGIONS;
 use crate::space::Tick;
@@ -62,6 +63,25 @@ pub(super) struct Serve {
     /// The fastest that clients may move their avatars, m/s
     #[arg(long, value_name = "M_S", default_value_t = 20.0, value_parser = speed)]
     avatar_speed: f32,
+    /// Nodes run ahead of one another by at most so many ticks, and extrapolate: for links slower than a tick. Needs
+    /// --coupling owner
+    #[arg(long, value_name = "TICKS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=MAX_LAG as i64))]
+    lag: u32,
+    /// Nodes share a group whose round trips are below this, ms; needs --far [default: all that reach each other]
+    #[arg(long, value_name = "MS", requires = "far", value_parser = positive)]
+    near: Option<f32>,
+    /// Members above this round trip are voted out of their group, ms; above --near
+    #[arg(long, value_name = "MS", requires = "near", value_parser = positive)]
+    far: Option<f32>,
+    /// Nodes in a group at most
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    group_size: u16,
+    /// Groups of 2, 4, 8 … nodes, which share a world evenly, and nobody alone where that can be
+    #[arg(long)]
+    powers_of_two: bool,
+    /// How far a body may be from where the group that is believed about it has it, metres
+    #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = positive)]
+    agree: f32,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -94,6 +114,7 @@ impl Serve {
             pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
             last_tick,
             avatar_speed_limit: self.avatar_speed,
+            groups: self.groups()?,
         };
         let server = ServerProcess::start(&scene, config)?;
         print(&format!("listening {}", server.address))?;
@@ -131,6 +152,27 @@ impl Serve {
             )));
         }
         Ok(interrupt.exit_code())
+    }
+
+    fn groups(&self) -> Result<GroupConfig, Failure> {
+        let delay = match (self.near, self.far) {
+            (Some(near), Some(far)) if near >= far => {
+                return Err(Failure::usage(format!(
+                    "--near {near} must be below --far {far}: else nodes would come and go for ever"
+                )));
+            }
+            (Some(inclusion_ms), Some(rejection_ms)) => {
+                let deviation_ms = rejection_ms - inclusion_ms;
+                Some(DelayThresholds { inclusion_ms, rejection_ms, deviation_ms })
+            }
+            _ => None,
+        };
+        let thresholds = Thresholds { delay, between_groups_m: self.agree, ..Thresholds::default() };
+        let max_size = usize::from(self.group_size);
+        let policy = if self.powers_of_two { GroupPolicy::PowersOfTwo } else { GroupPolicy::Largest };
+        let votes = PollRules { max_size, ..PollRules::default() };
+        let grouping = Grouping { max_size, policy, votes, ..Grouping::default() };
+        Ok(GroupConfig { lag_ticks: self.lag, thresholds, grouping })
     }
 
     /// Tells of memberships until the world ends or the user wants it to.

@@ -62,6 +62,13 @@ pub(super) fn speed(text: &str) -> Result<f32, String> {
     if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
 }
 
+/// Milliseconds or metres.
+pub(super) fn positive(text: &str) -> Result<f32, String> {
+    let wrong = || "write a number above 0 and up to 100000".to_owned();
+    let value: f32 = text.parse().map_err(|_| wrong())?;
+    if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

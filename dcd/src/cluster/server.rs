@@ -19,8 +19,8 @@ use self::common::{ABSENCE, ClientEntry, Common};
 use self::group::Group;
 use super::{Batch, Life, Peer, Pinger, Polls, Record};
 use crate::protocol::{
-    Chunk, EnvironmentProperties, Hello, Member, Message, Refusal, Role, ToClient, ToNode, ToServer, VERSION,
-    View, ViewNumber, chunks,
+    Chunk, EnvironmentProperties, Hello, Member, Message, Refusal, Role, ToClient, VERSION, View, ViewNumber,
+    chunks,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 

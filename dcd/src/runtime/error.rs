@@ -116,6 +116,14 @@ pub enum ProcessError {
     /// What is stored of a world cannot be gone on with.
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),
+    /// Members that are not in step cannot agree on means.
+    #[error(
+        "members that run ahead of one another (--lag) agree by `owner` only, not by `{coupling}`: add --coupling owner"
+    )]
+    Lag {
+        /// What was asked for.
+        coupling: &'static str,
+    },
     /// Our own mistake.
     #[error(
         "a fault of dcd ended this process's part in the world; please report it with the message printed above"

@@ -14,9 +14,9 @@ use super::links::{ENDED, LinkEvent, Links, THE_END};
 use super::member::forward;
 use super::{ProcessError, RedbDirectory, WorldConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{Record, Server, ServerConfig, ServerEvent, ServerOutput};
+use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput};
 use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, Role, check_address};
-use crate::physics::{Partition, RegionHost, ShapeLibrary};
+use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary};
 use crate::protocol::{BodyKind, EnvironmentProperties, Pace, StateHasher, SyncProtocol, Thresholds, View};
 use crate::scene::Scene;
 use crate::space::Tick;
@@ -49,6 +49,20 @@ pub struct ServeConfig {
     pub last_tick: Option<Tick>,
     /// The fastest that avatars may be asked to move, m/s.
     pub avatar_speed_limit: f32,
+    /// How members of a group keep in step, who may share one, and how far apart groups may be.
+    pub groups: GroupConfig,
+}
+
+/// How nodes form groups and keep in step.
+#[derive(Clone, Debug, Default)]
+pub struct GroupConfig {
+    /// Members run ahead of one another by at most so many ticks and extrapolate (the thesis's unsynchronised mode); 0: in
+    /// lock-step. With the coupling `owner` only.
+    pub lag_ticks: u32,
+    /// How far apart is too far.
+    pub thresholds: Thresholds,
+    /// Sizes, policies, votes.
+    pub grouping: Grouping,
 }
 
 /// What became of the world, from the server's record.
@@ -144,8 +158,11 @@ impl ServerProcess {
             false => RedbDirectory::open(&config.data)?,
         };
         let entries = directory.load()?;
-        let server_config =
-            ServerConfig { world: environment, min_nodes: config.nodes.max(1), grouping: Default::default() };
+        let server_config = ServerConfig {
+            world: environment,
+            min_nodes: config.nodes.max(1),
+            grouping: config.groups.grouping,
+        };
         let (mut stored, mut resumed) = (None, None);
         let server = if config.fresh {
             forget(&mut directory, &entries)?;
@@ -263,21 +280,31 @@ fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentPropertie
     }
     host.insert(bodies.clone(), &joints)?;
     let record = Record::new(bodies, shapes.records(), joints);
+    let lag_ticks = config.groups.lag_ticks;
+    if lag_ticks > 0 && step.coupling != Coupling::Owner {
+        return Err(ProcessError::Lag { coupling: step.coupling.name() });
+    }
+    let protocol = match lag_ticks {
+        0 => SyncProtocol::Synchronised,
+        lag_ticks => SyncProtocol::Unsynchronised { lag_ticks },
+    };
+    // What is told later must be told farther ahead.
+    let ahead_m = f64::from(config.avatar_speed_limit * step.dt_s) * f64::from(lag_ticks);
     let environment = EnvironmentProperties {
         world: record.fingerprint(),
         gravity: step.gravity,
         dt_s: step.dt_s,
         solver_iterations: step.solver_iterations as u32,
         tree,
-        halo_m: Some(host.partition().halo_m()),
+        halo_m: Some(host.partition().halo_m() + ahead_m),
         coupling: step.coupling.name().to_owned(),
         exchanges: step.exchanges as u32,
         depth: step.depth as u32,
         island_limit: step.island_limit as u32,
         tolerance_m_s: step.tolerance_m_s,
         avatar_speed_limit: config.avatar_speed_limit,
-        protocol: SyncProtocol::Synchronised,
-        thresholds: Thresholds::default(),
+        protocol,
+        thresholds: config.groups.thresholds,
         pace: config.pace,
         last_tick: config.last_tick,
         extension: Vec::new(),

@@ -40,6 +40,7 @@ impl Cluster {
                 pace: Pace::RealTime,
                 last_tick: None,
                 avatar_speed_limit: 20.0,
+                groups: Default::default(),
             },
         )
         .unwrap();

@@ -49,7 +49,8 @@ impl Row {
     /// Whether all that the row promises holds.
     pub fn holds(&self) -> bool {
         let bound = self.profile.promise().staleness;
-        let is_stale = |bound: Duration| self.staleness_ms.is_none_or(|ms| u128::from(ms) >= bound.as_millis());
+        let is_stale =
+            |bound: Duration| self.staleness_ms.is_none_or(|ms| u128::from(ms) >= bound.as_millis());
         self.violations == 0 && !bound.is_some_and(is_stale)
     }
 }

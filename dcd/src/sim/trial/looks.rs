@@ -178,7 +178,9 @@ impl Trial<'_> {
             let Some(machine) = self.sim.clients.get(&client).filter(|machine| machine.is_joined()) else {
                 continue;
             };
-            let (Some(view), Some(present)) = (machine.body(avatar), self.sim.state(avatar)) else { continue };
+            let (Some(view), Some(present)) = (machine.body(avatar), self.sim.state(avatar)) else {
+                continue;
+            };
             let seen = &view.body.state;
             if (seen.pose, seen.velocity) == (present.pose, present.velocity) {
                 self.staleness.add(Duration::ZERO);

@@ -38,8 +38,9 @@ pub struct ClockOffset {
     pub error_us: u64,
 }
 
-/// The server is pinged this often whatever the delay: its clock is everybody's, and clocks drift apart.
-const SERVER_EVERY: Duration = Duration::from_millis(250);
+/// The server is pinged this often whatever the delay: its clock is everybody's, and clocks drift apart. So is a peer that has
+/// not answered yet: groups form by delays.
+const OFTEN: Duration = Duration::from_millis(250);
 
 #[derive(Clone, Debug)]
 struct Entry {
@@ -78,15 +79,15 @@ impl Pinger {
     pub fn due(&mut self, now: Duration) -> Vec<(Peer, Message)> {
         let mut pings = Vec::new();
         for (&peer, entry) in self.peers.iter_mut().filter(|(_, entry)| entry.next <= now) {
-            // 10 ms to 1 s of delay give 5 to 500 s: the thesis's example.
-            if peer == Peer::Server {
-                entry.next = now + SERVER_EVERY;
-                pings.push((peer, Self::ask(now)));
-                continue;
-            }
-            let delay_ms = average_us(&entry.trips).map_or(0.0, |us| us / 1e3);
-            let interval_s = ping_interval_s(delay_ms, [10.0, 1_000.0], [5.0, 500.0]);
-            entry.next = now + Duration::from_secs_f64(interval_s);
+            let interval = match average_us(&entry.trips) {
+                Some(delay_us) if peer != Peer::Server => {
+                    // 10 ms to 1 s of delay give 5 to 500 s: the thesis's example.
+                    let interval_s = ping_interval_s(delay_us / 1e3, [10.0, 1_000.0], [5.0, 500.0]);
+                    Duration::from_secs_f64(interval_s)
+                }
+                _ => OFTEN,
+            };
+            entry.next = now + interval;
             pings.push((peer, Self::ask(now)));
         }
         pings
@@ -168,13 +169,33 @@ mod tests {
         let peer = Peer::Node(NodeId(2));
         pinger.add(Duration::ZERO, peer);
         assert_eq!(pinger.due(Duration::ZERO).len(), 1);
-        assert!(pinger.due(Duration::from_secs(1)).is_empty());
+        assert!(pinger.due(Duration::from_millis(10)).is_empty());
         // 10 ms each way, the peer's clock 1 s ahead, 5 ms until it answers.
         let pong = Pong { sent_us: 0, received_us: 1_010_000, answered_us: 1_015_000 };
         pinger.pong(Duration::from_millis(25), peer, pong);
         assert_eq!(pinger.delay_us(peer), Some(20_000.0));
         let clock = ClockOffset { offset_us: 1_000_000, error_us: 10_002 };
         assert_eq!(pinger.clock(Duration::from_millis(25), peer), Some(clock));
+    }
+
+    #[test]
+    fn who_has_not_answered_is_asked_again_soon_and_who_has_not_for_long() {
+        let (mut pinger, peer) = (Pinger::default(), Peer::Node(NodeId(2)));
+        pinger.add(Duration::ZERO, peer);
+        let mut asked = Vec::new();
+        for ms in (0..20_000).step_by(50) {
+            let now = Duration::from_millis(ms);
+            if !pinger.due(now).is_empty() {
+                asked.push(ms);
+                // The first two get lost.
+                if asked.len() > 2 {
+                    let sent_us = micros(now);
+                    let pong = Pong { sent_us, received_us: sent_us, answered_us: sent_us };
+                    pinger.pong(now, peer, pong);
+                }
+            }
+        }
+        assert_eq!(asked, [0, 250, 500, 750, 5_750, 10_750, 15_750]);
     }
 
     #[test]

@@ -6,9 +6,10 @@ use std::time::Duration;
 use quinn::{IdleTimeout, TransportConfig, VarInt};
 
 use super::PeerName;
+use crate::protocol::link;
 
 /// Datagrams are never longer: they must fit into one packet on every path.
-pub const MAX_DATAGRAM_BYTES: usize = 1_100;
+pub const MAX_DATAGRAM_BYTES: usize = crate::protocol::DATAGRAM_BYTES;
 
 /// Time-outs and sizes of a process's network. The defaults suit a cluster that steps 60 times a second.
 #[derive(Clone, Debug)]
@@ -40,14 +41,14 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            idle_timeout: Duration::from_millis(1000),
-            keep_alive: Duration::from_millis(100),
-            handshake_timeout: Duration::from_millis(2500),
-            linger: Duration::from_millis(500),
-            frame_bytes: 16 << 20,
-            client_frame_bytes: 64 << 10,
-            queue_bytes: 32 << 20,
-            client_queue_bytes: 64 << 10,
+            idle_timeout: link::IDLE_TIMEOUT,
+            keep_alive: link::KEEP_ALIVE,
+            handshake_timeout: link::HANDSHAKE_TIMEOUT,
+            linger: link::LINGER,
+            frame_bytes: link::FRAME_BYTES,
+            client_frame_bytes: link::CLIENT_FRAME_BYTES,
+            queue_bytes: link::QUEUE_BYTES,
+            client_queue_bytes: link::CLIENT_QUEUE_BYTES,
             connections: 4096,
             handshakes: 256,
             handshakes_before_retry: 32,
@@ -55,17 +56,12 @@ impl Default for Limits {
     }
 }
 
-/// Data that the peer has not acknowledged, per connection with a server or node.
-const SEND_WINDOW_BYTES: u64 = 8 << 20;
 /// What a server or node may send ahead of our reading.
 const RECEIVE_WINDOW_BYTES: u32 = 4 << 20;
 /// The same for one that has not proved its name yet: a flood of them must not cost much.
 const UNPROVEN_WINDOW_BYTES: u32 = 32 << 10;
 /// Three lanes fit into the connection's window together, so that a stalled one leaves room for the others.
 const STREAM_WINDOW_BYTES: u32 = 5 << 18;
-const DATAGRAM_BUFFER_BYTES: usize = 64 << 10;
-/// Until there is a measurement. A first packet that is not answered is sent again after thrice as long.
-const INITIAL_RTT: Duration = Duration::from_millis(100);
 
 impl Limits {
     /// Frames *from* `who` may be so long.
@@ -80,7 +76,7 @@ impl Limits {
 
     /// So much may be in flight to `who`.
     pub(super) fn send_window_of(&self, who: PeerName) -> u64 {
-        if is_client_only(who) { self.client_queue_bytes as u64 } else { SEND_WINDOW_BYTES }
+        if is_client_only(who) { self.client_queue_bytes as u64 } else { link::WINDOW_BYTES as u64 }
     }
 
     /// So much may `who` send ahead of our reading.
@@ -94,7 +90,7 @@ impl Limits {
 
     /// So much of what `who` sent may wait for the role's loop; then the connection alone is held back.
     pub(super) fn inbox_bytes_of(&self, who: PeerName) -> usize {
-        2 * self.frame_bytes_of(who)
+        link::inbox_bytes(self.frame_bytes_of(who))
     }
 
     pub(super) fn transport(&self, bidirectional_streams: u8) -> Arc<TransportConfig> {
@@ -104,16 +100,14 @@ impl Limits {
                 IdleTimeout::try_from(self.idle_timeout).unwrap_or(IdleTimeout::from(VarInt::MAX)),
             ))
             .keep_alive_interval(Some(self.keep_alive))
-            // QUIC guesses 333 ms, and so speaks again after one, two and four seconds: too late for a link that is to
-            // be back within three.
-            .initial_rtt(INITIAL_RTT)
+            .initial_rtt(link::FIRST_TRIP)
             .max_concurrent_uni_streams(VarInt::from_u32(3))
             .max_concurrent_bidi_streams(VarInt::from(bidirectional_streams))
             .receive_window(VarInt::from_u32(UNPROVEN_WINDOW_BYTES))
             .stream_receive_window(VarInt::from_u32(STREAM_WINDOW_BYTES))
-            .send_window(SEND_WINDOW_BYTES)
-            .datagram_receive_buffer_size(Some(DATAGRAM_BUFFER_BYTES))
-            .datagram_send_buffer_size(DATAGRAM_BUFFER_BYTES)
+            .send_window(link::WINDOW_BYTES as u64)
+            .datagram_receive_buffer_size(Some(link::DATAGRAM_QUEUE_BYTES))
+            .datagram_send_buffer_size(link::DATAGRAM_QUEUE_BYTES)
             // With the default loss detection, reordering alone cut throughput six- to tenfold (measured).
             .packet_threshold(128)
             .time_threshold(3.0);

@@ -6,6 +6,7 @@ mod codec;
 mod contacts;
 mod hash;
 mod joint;
+pub mod link;
 mod messages;
 mod shape;
 mod validate;

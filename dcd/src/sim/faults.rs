@@ -58,6 +58,8 @@ pub struct Promise {
     pub no_eviction: bool,
     /// The server's clock is known this well, if that is looked at.
     pub clock_error: Option<Duration>,
+    /// What clients see of their avatars is younger, 99 times of 100 over all seeds.
+    pub staleness: Option<Duration>,
 }
 
 impl FaultProfile {
@@ -142,6 +144,7 @@ impl FaultProfile {
             recovery: Duration::from_secs(recovery_s),
             no_eviction: !has_faults,
             clock_error: (self == Self::ClockSkew).then_some(Duration::from_millis(5)),
+            staleness: (self == Self::Loss5).then_some(Duration::from_millis(250)),
         }
     }
 
@@ -150,7 +153,7 @@ impl FaultProfile {
         let mut random = Random::new(seed ^ 0x5eed_0000_0000_0000);
         let mut plan = Planner { at: Duration::from_secs(2), faults: Vec::new(), random: &mut random };
         let mut network = NetworkConditions::calm(Path::up_to(2_000));
-        let mut skew = None;
+        let (mut skew, mut rate) = (None, None);
         match self {
             Self::None => plan.wait(15_000, 15_000),
             Self::Loss1 | Self::Loss5 | Self::Loss20 => {
@@ -159,6 +162,7 @@ impl FaultProfile {
                     Self::Loss5 => 0.05,
                     _ => 0.2,
                 };
+                rate = Some(60);
                 plan.wait(15_000, 15_000);
             }
             Self::Delay => {
@@ -200,7 +204,7 @@ impl FaultProfile {
         let over = plan.faults.iter().map(|planned| planned.at + planned.fault.lasts());
         let calm_at = over.chain([plan.at]).max().unwrap_or_default();
         plan.faults.sort_by_key(|planned| planned.at);
-        Schedule { network, skew, faults: plan.faults, calm_at }
+        Schedule { network, skew, rate, faults: plan.faults, calm_at }
     }
 }
 
@@ -228,6 +232,8 @@ pub struct Schedule {
     pub network: NetworkConditions,
     /// How clocks differ.
     pub skew: Option<Skew>,
+    /// Ticks a second with a report each, where ages are measured; `None`: as the trial has it.
+    pub rate: Option<u32>,
     /// Faults in order of time.
     pub faults: Vec<Planned>,
     /// From then on nothing goes wrong: cuts are over, who was stopped goes on.

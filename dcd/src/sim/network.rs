@@ -18,21 +18,12 @@ use self::link::{Frame, LANES, Link, Side, State, index};
 use super::Random;
 use crate::cluster::{Peer, PhysicsEvent};
 use crate::protocol::Lane;
+use crate::protocol::link::{HANDSHAKE_TIMEOUT, KEEP_ALIVE};
 use crate::space::NodeId;
 
 pub use conditions::{Bounds, Cut, NetworkConditions, Path, Who};
 pub(super) use link::LinkId;
 
-/// Who hears nothing for so long drops the link.
-const IDLE: Duration = Duration::from_millis(1_000);
-/// So often an end that has nothing to say says so.
-const KEEP_ALIVE: Duration = Duration::from_millis(250);
-/// How long closing waits for what was sent before.
-const LINGER: Duration = Duration::from_millis(500);
-/// When a dialler that was not answered tries again: QUIC's first probe time-out, three times 333 ms.
-/// When an attempt to dial is given up.
-const DIAL_FOR: Duration = Duration::from_millis(2_500);
-const DIAL_AGAIN: Duration = Duration::from_millis(300);
 /// How long the other end may wait before it acknowledges.
 const ACK_DELAY: Duration = Duration::from_millis(25);
 /// What one packet carries.
@@ -60,10 +51,10 @@ pub(super) struct Delivery {
 
 #[derive(Clone, Debug)]
 enum Event {
-    /// The dialler's first packet is sent.
-    Dial(LinkId),
+    /// The dialler's first packet is sent, for the so-manieth time.
+    Dial(LinkId, u32),
     /// The handshake is complete at the listener's.
-    Listen(LinkId),
+    Listen(LinkId, u32),
     /// The handshake is complete at the dialler's.
     Open(LinkId),
     GiveUp(LinkId),
@@ -213,8 +204,8 @@ impl Network {
         self.last_link += 1;
         let id = LinkId(self.last_link);
         self.links.insert(id, Link::new(from, to));
-        self.push(now, Event::Dial(id));
-        self.push(now + DIAL_FOR, Event::GiveUp(id));
+        self.push(now, Event::Dial(id, 0));
+        self.push(now + HANDSHAKE_TIMEOUT, Event::GiveUp(id));
     }
 
     /// Sends, now or when the link is there. The server, who answers links, has nobody to wait for.

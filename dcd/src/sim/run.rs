@@ -267,7 +267,10 @@ impl Sim {
                 }
                 ServerOutput::Expelled(node) => {
                     self.tally.evictions += 1;
-                    self.expelled.push(node);
+                    // Who was alone is not parted from anybody.
+                    if self.company.get(&node).is_some_and(|&size| size > 1) {
+                        self.expelled.push(node);
+                    }
                     self.note(|| format!("{node} is expelled"));
                 }
                 ServerOutput::Audited { .. } | ServerOutput::Ended => {}
@@ -282,6 +285,7 @@ impl Sim {
             self.tally.elections += 1;
         }
         self.checker.began(group, view.number);
+        self.company.extend(view.members.iter().map(|member| (member.node, view.members.len())));
         self.note(|| {
             let members: Vec<_> = view.members.iter().map(|member| member.node.to_string()).collect();
             let (number, tick, leader) = (view.number.0, view.tick, view.leader);

@@ -19,8 +19,6 @@ use super::{Tally, Timeline, Traffic, Violation};
 const KEPT_FAILURES: usize = 3;
 /// The most runs that shrinking a failure may take.
 const SHRINKING_RUNS: u32 = 40;
-/// What clients see of their avatars is to be younger, 99 times of 100, at 5 % loss.
-const STALENESS_MS: u32 = 250;
 
 /// A row of the fault table.
 #[derive(Clone, Debug)]
@@ -50,8 +48,10 @@ pub struct Row {
 impl Row {
     /// Whether all that the row promises holds.
     pub fn holds(&self) -> bool {
-        let is_stale = self.staleness_ms.is_some_and(|ms| ms >= STALENESS_MS);
-        self.violations == 0 && !(self.profile == FaultProfile::Loss5 && is_stale)
+        let bound = self.profile.promise().staleness;
+        let is_stale =
+            |bound: Duration| self.staleness_ms.is_none_or(|ms| u128::from(ms) >= bound.as_millis());
+        self.violations == 0 && !bound.is_some_and(is_stale)
     }
 }
 

@@ -19,8 +19,8 @@ const CALM: Duration = Duration::from_secs(15);
 const AFTERMATH: Duration = Duration::from_secs(1);
 /// How long a fault waits for its moment.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Between looks at what no event tells.
-const LOOK: Duration = Duration::from_millis(50);
+/// Between looks at what no event tells; out of step with ticks.
+const LOOK: Duration = Duration::from_millis(47);
 
 /// The cluster of a trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -151,17 +151,21 @@ struct Trial<'a> {
 
 impl<'a> Trial<'a> {
     fn new(config: &'a TrialConfig, promise: Promise, seed: u64, schedule: &Schedule) -> Self {
+        // 100 ms are three ticks of half the rate of a real world, or a sixth of what it does.
+        let (rate, report_every) = match schedule.rate {
+            Some(rate) => (rate, 1),
+            None => (config.rate, (config.rate / 10).max(1).into()),
+        };
         let sim = Sim::new(SimConfig {
             seed,
             nodes: config.nodes,
             regions: config.regions,
             bodies: config.bodies,
-            dt_s: 1.0 / config.rate as f32,
+            dt_s: 1.0 / rate as f32,
             network: schedule.network.clone(),
             skew: schedule.skew,
-            // 100 ms and 200 ms: what half the rate of a real world would take twice as long for.
-            report_every: (config.rate / 10).max(1).into(),
-            checkpoint_every: (config.rate / 5).max(1).into(),
+            report_every,
+            checkpoint_every: (rate / 5).max(1).into(),
             ..SimConfig::default()
         });
         let mut trial = Self {

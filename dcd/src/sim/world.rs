@@ -122,7 +122,9 @@ pub struct Sim {
     pub(super) timeline: Timeline,
     /// Leaders of the newest views that the server began.
     pub(super) leaders: BTreeMap<GroupId, NodeId>,
-    /// Nodes without which the server let the world go on.
+    /// With how many a node computed last, itself included.
+    pub(super) company: BTreeMap<NodeId, usize>,
+    /// Nodes without which the server let a group go on.
     pub(super) expelled: Vec<NodeId>,
     /// When a tick was last checked, of each group.
     pub(super) checked_at: BTreeMap<GroupId, Duration>,
@@ -174,6 +176,7 @@ impl Sim {
             tally: Tally::default(),
             timeline: Timeline::default(),
             leaders: BTreeMap::new(),
+            company: BTreeMap::new(),
             expelled: Vec::new(),
             checked_at: BTreeMap::new(),
             crash_after_store: None,
@@ -503,6 +506,11 @@ impl Sim {
                 claims(node).into_iter().filter_map(|claim| Some((claim.id, node.physics.state(claim.id)?)))
             })
             .collect()
+    }
+
+    /// The state of a body as its owner has it.
+    pub fn state(&self, id: BodyId) -> Option<BodyState> {
+        self.nodes.values().find_map(|node| node.physics.state(id))
     }
 
     pub(super) fn note(&mut self, what: impl FnOnce() -> String) {

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::{Node, NodeOutput};
 use crate::cluster::{Peer, Pinger};
+use crate::protocol::link::HANDSHAKE_TIMEOUT;
 use crate::protocol::{Border, Delay, Hello, Member, Message, Pong, Role, ToServer, VERSION};
 use crate::space::NodeId;
 
@@ -13,8 +14,8 @@ use crate::space::NodeId;
 const SAID_AGAIN: usize = 2;
 /// How long a link may be down before it is complained of.
 const COMPLAIN_AFTER: Duration = Duration::from_millis(350);
-/// The same for one that never was up: a lost first packet is sent again after a second.
-const NEVER_UP: Duration = Duration::from_millis(2_500);
+/// The same for one that never was up.
+const NEVER_UP: Duration = HANDSHAKE_TIMEOUT;
 /// How long a member that is linked may keep the others waiting, beside twenty times what a tick takes.
 const STALL: Duration = Duration::from_secs(2);
 /// Between complaints, and between attempts to dial the server or another member.

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use crate::cluster::Peer;
+use crate::protocol::link;
 use crate::sim::Random;
 
 /// How long packets take on a way: from `base_us` to `base_us + jitter_us`, microseconds.
@@ -81,7 +82,7 @@ impl NetworkConditions {
     }
 }
 
-/// Bounds on what waits between a sender and the machine that is to read it: those of `net/limits.rs`.
+/// Bounds on what waits between a sender and the machine that is to read it; by default those of real links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bounds {
     /// What a reader's process takes in before its machine has read it.
@@ -97,10 +98,10 @@ pub struct Bounds {
 impl Default for Bounds {
     fn default() -> Self {
         Self {
-            inbox_bytes: 32 << 20,
-            queue_bytes: (8 + 32) << 20,
-            client_queue_bytes: (64 + 64) << 10,
-            datagram_bytes: 64 << 10,
+            inbox_bytes: link::inbox_bytes(link::FRAME_BYTES),
+            queue_bytes: link::WINDOW_BYTES + link::QUEUE_BYTES,
+            client_queue_bytes: 2 * link::CLIENT_QUEUE_BYTES,
+            datagram_bytes: link::DATAGRAM_QUEUE_BYTES,
         }
     }
 }
@@ -167,23 +168,5 @@ impl Cut {
 
     pub(super) fn stops(&self, from: Peer, to: Peer) -> bool {
         self.from.has(from) && self.to.has(to)
-    }
-}
-
-#[cfg(all(test, feature = "net"))]
-mod tests {
-    use super::Bounds;
-    use crate::net::Limits;
-
-    #[test]
-    fn bounds_are_those_of_the_real_network() {
-        const WINDOW_BYTES: usize = 8 << 20;
-        let (bounds, limits) = (Bounds::default(), Limits::default());
-        assert_eq!(bounds.inbox_bytes, 2 * limits.frame_bytes);
-        assert_eq!(bounds.queue_bytes, WINDOW_BYTES + limits.queue_bytes);
-        assert_eq!(bounds.client_queue_bytes, 2 * limits.client_queue_bytes);
-        assert_eq!(super::super::IDLE, limits.idle_timeout);
-        assert_eq!(super::super::KEEP_ALIVE, limits.keep_alive);
-        assert_eq!(super::super::LINGER, limits.linger);
     }
 }

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use super::link::{LANES, LinkId, Side, State};
-use super::{Arrival, Cut, DIAL_AGAIN, Delivery, Event, IDLE, KEEP_ALIVE, LINGER, Network};
+use super::{Arrival, Cut, Delivery, Event, Network};
 use crate::cluster::Peer;
+use crate::protocol::link::{FIRST_PROBE, IDLE_TIMEOUT, KEEP_ALIVE, LINGER};
 
 impl Network {
     /// A process closes its link to another: what it has sent arrives, then the other end hears of it.
@@ -91,7 +92,7 @@ impl Network {
             }
             let link = &self.links[&id];
             let heard = link.end(side).deaf.map_or(since, |deaf| deaf.min(since));
-            if !link.is_open(side) || heard + IDLE > now {
+            if !link.is_open(side) || heard + IDLE_TIMEOUT > now {
                 continue;
             }
             // Packets lie in its buffer unless it was deaf before; whether they or the time-out come first is chance.
@@ -118,8 +119,8 @@ impl Network {
     /// What happens to links, frames apart.
     pub(super) fn live(&mut self, now: Duration, event: Event) {
         match event {
-            Event::Dial(id) => self.dialled(now, id),
-            Event::Listen(id) => self.listened(now, id),
+            Event::Dial(id, attempt) => self.dialled(now, id, attempt),
+            Event::Listen(id, attempt) => self.listened(now, id, attempt),
             Event::Open(id) => self.opened(now, id),
             Event::GiveUp(id) if self.is_opening(id) => self.expire(now, id, Side::Dialler),
             Event::GiveUp(_) => {}
@@ -194,7 +195,7 @@ impl Network {
         let Some(link) = self.links.get_mut(&id) else { return };
         if link.is_open(side) && link.end(side).deaf.is_none() {
             link.end_mut(side).deaf = Some(since);
-            self.push(since + IDLE, Event::Idle(id, side, since));
+            self.push(since + IDLE_TIMEOUT, Event::Idle(id, side, since));
         }
     }
 
@@ -220,7 +221,7 @@ impl Network {
         time
     }
 
-    fn dialled(&mut self, now: Duration, id: LinkId) {
+    fn dialled(&mut self, now: Duration, id: LinkId, attempt: u32) {
         if !self.is_opening(id) {
             return;
         }
@@ -232,19 +233,24 @@ impl Network {
             && !self.random.chance(self.conditions.loss);
         if is_answered {
             let time = now + self.flight(from, to) + self.flight(to, from) + self.flight(from, to);
-            self.push(time, Event::Listen(id));
+            self.push(time, Event::Listen(id, attempt));
         } else {
-            self.push(now + DIAL_AGAIN, Event::Dial(id));
+            self.dial_again(now, id, attempt);
         }
     }
 
-    fn listened(&mut self, now: Duration, id: LinkId) {
+    /// A first packet that was not answered is sent again, each time after twice as long.
+    fn dial_again(&mut self, now: Duration, id: LinkId, attempt: u32) {
+        self.push(now + FIRST_PROBE * (1 << attempt.min(8)), Event::Dial(id, attempt + 1));
+    }
+
+    fn listened(&mut self, now: Duration, id: LinkId, attempt: u32) {
         if !self.is_opening(id) {
             return;
         }
         let [from, to] = Side::BOTH.map(|side| self.links[&id].end(side).who);
         if !self.is_running(to) || !self.passes(now, from, to) {
-            return self.push(now + DIAL_AGAIN, Event::Dial(id));
+            return self.dial_again(now, id, attempt);
         }
         self.begin(now, id, Side::Listener);
         let time = now + self.flight(to, from);

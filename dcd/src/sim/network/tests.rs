@@ -1,12 +1,16 @@
 //! The network alone: what arrives, in which order, and when links end.
 
 use super::*;
+use crate::protocol::link::{FIRST_PROBE, HANDSHAKE_TIMEOUT, IDLE_TIMEOUT};
 use crate::space::ClientId;
 
 const A: Peer = Peer::Node(NodeId(1));
 const B: Peer = Peer::Node(NodeId(2));
 const C: Peer = Peer::Client(ClientId(1));
 const MS: Duration = Duration::from_millis(1);
+/// An end may have heard the last keep-alive a while before, and hears the next a while after.
+const SHORT: Duration =
+    Duration::from_millis((IDLE_TIMEOUT.as_millis() - 2 * KEEP_ALIVE.as_millis()) as u64 - 10);
 
 struct World {
     network: Network,
@@ -125,12 +129,12 @@ fn loss_shows_as_delay_on_reliable_lanes() {
 fn a_cut_shorter_than_the_time_out_ends_no_link_and_loses_no_frame() {
     for seed in 0..50 {
         let mut world = World::linked(calm(), seed);
-        for cut in Cut::between(A, B, world.now + 900 * MS) {
+        for cut in Cut::between(A, B, world.now + SHORT) {
             world.network.cut(world.now, cut);
         }
         world.send(A, B, Lane::Control, 1);
         world.send(B, A, Lane::State, 2);
-        world.run_to(999 * MS);
+        world.run_to(100 * MS + SHORT);
         assert!(world.frames(B, false).is_empty());
         world.run_to(3_000 * MS);
         assert_eq!((world.told(A, false), world.told(B, false)), (0, 0), "seed {seed}");
@@ -149,7 +153,7 @@ fn a_longer_cut_ends_the_link_at_both_ends_and_loses_what_was_under_way() {
         world.run_to(10_000 * MS);
         for end in [A, B] {
             let after = world.ended(end).unwrap() - 100 * MS;
-            assert!(after >= IDLE - KEEP_ALIVE && after <= IDLE, "seed {seed}: {after:?}");
+            assert!(after >= IDLE_TIMEOUT - KEEP_ALIVE && after <= IDLE_TIMEOUT, "seed {seed}: {after:?}");
             assert_eq!(world.told(end, false), 1);
         }
         assert!(world.frames(B, false).is_empty());
@@ -165,8 +169,8 @@ fn of_a_one_way_cut_the_deaf_end_ends_first_and_the_other_by_its_own_time_out() 
         world.send(B, A, Lane::Control, 1);
         world.run_to(10_000 * MS);
         let (a, b) = (world.ended(A).unwrap() - 100 * MS, world.ended(B).unwrap() - 100 * MS);
-        assert!(b <= IDLE, "seed {seed}: {b:?}");
-        assert!(a >= b + IDLE - KEEP_ALIVE && a <= b + IDLE, "seed {seed}: {a:?} {b:?}");
+        assert!(b <= IDLE_TIMEOUT, "seed {seed}: {b:?}");
+        assert!(a >= b + IDLE_TIMEOUT - KEEP_ALIVE && a <= b + IDLE_TIMEOUT, "seed {seed}: {a:?} {b:?}");
         assert_eq!(world.frames(A, false), [1], "the open way carries until then");
     }
 }
@@ -191,7 +195,28 @@ fn a_call_that_nobody_answers_ends_with_the_time_out() {
     world.network.dial(Duration::ZERO, A, B);
     world.network.send(Duration::ZERO, A, B, Lane::Control, vec![1]);
     world.run_to(5_000 * MS);
-    assert_eq!((world.ended(A), world.told(A, true)), (Some(IDLE), 0));
+    assert_eq!((world.ended(A), world.told(A, true)), (Some(HANDSHAKE_TIMEOUT), 0));
+}
+
+#[test]
+fn a_first_packet_is_sent_again_after_a_while_and_then_each_time_after_twice_as_long() {
+    let connected =
+        |heals_ms: u64| {
+            let mut world = World::new(calm(), 1);
+            for cut in Cut::between(A, B, Duration::from_millis(heals_ms)) {
+                world.network.cut(Duration::ZERO, cut);
+            }
+            world.network.dial(Duration::ZERO, A, B);
+            world.run_to(5_000 * MS);
+            world.log.iter().find(|(_, to, _)| *to == A).map(|(time, _, arrival)| {
+                (time.as_millis() / 50 * 50, matches!(arrival, Arrival::Connected(_)))
+            })
+        };
+    assert_eq!(FIRST_PROBE, 300 * MS);
+    let heals_ms = [0, 290, 310, 890, 910, 2_090, 2_110];
+    let answered_ms = [0, 300, 900, 900, 2_100, 2_100].map(|ms| Some((ms, true)));
+    assert_eq!(heals_ms.map(connected)[..6], answered_ms);
+    assert_eq!(connected(2_110), Some((2_500, false)));
 }
 
 #[test]
@@ -244,7 +269,7 @@ fn the_links_of_a_dead_process_end_by_time_out_or_sooner() {
         world.network.crash(world.now, A);
         world.run_to(5_000 * MS);
         let after = world.ended(B).unwrap() - 100 * MS;
-        assert!(after <= IDLE);
+        assert!(after <= IDLE_TIMEOUT);
         quick += u32::from(after < 50 * MS);
         assert!(world.network.links.is_empty(), "seed {seed}");
     }
@@ -258,7 +283,7 @@ fn who_was_stopped_for_long_has_lost_its_links_and_hears_of_it_before_or_after_w
         let mut world = World::linked(calm(), seed);
         world.network.stop(world.now, A);
         world.run_to(5_000 * MS);
-        assert!(world.ended(B).unwrap() - 100 * MS <= IDLE);
+        assert!(world.ended(B).unwrap() - 100 * MS <= IDLE_TIMEOUT);
         let ended = world.network.resume(world.now, A);
         world.collect(true);
         match ended.len() {
@@ -277,7 +302,7 @@ fn a_short_stop_ends_no_link() {
     for seed in 0..50 {
         let mut world = World::linked(calm(), seed);
         world.network.stop(world.now, A);
-        world.run_to(1_300 * MS);
+        world.run_to(world.now + SHORT);
         world.network.resume(world.now, A);
         world.run_to(9_000 * MS);
         assert_eq!((world.told(A, false), world.told(B, false)), (0, 0), "seed {seed}");

@@ -11,6 +11,7 @@ fn hold(profiles: &[FaultProfile], seeds: Range<u64>) {
         let row = few(&TrialConfig::default(), profile, seeds.clone());
         let failures: String = row.failures.iter().map(|failure| format!("{profile}: {failure}")).collect();
         assert_eq!((row.seeds, row.violations), (seeds.end - seeds.start, 0), "{failures}");
+        assert!(row.holds(), "{profile}: p99 of what clients see is {:?} ms old", row.staleness_ms);
     }
 }
 

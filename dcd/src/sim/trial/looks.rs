@@ -171,13 +171,20 @@ impl Trial<'_> {
         }
     }
 
+    /// How long ago the world was as clients see their avatars; what was computed without the others does not count.
     fn note_staleness(&mut self) {
         for &client in &self.clients {
+            let avatar = BodyId::avatar(client, 0);
             let Some(machine) = self.sim.clients.get(&client).filter(|machine| machine.is_joined()) else {
                 continue;
             };
-            let Some(view) = machine.body(BodyId::avatar(client, 0)) else { continue };
-            if let Some(&at) = self.settled_at.get(&view.tick) {
+            let (Some(view), Some(present)) = (machine.body(avatar), self.sim.state(avatar)) else {
+                continue;
+            };
+            let seen = &view.body.state;
+            if (seen.pose, seen.velocity) == (present.pose, present.velocity) {
+                self.staleness.add(Duration::ZERO);
+            } else if let Some(&at) = self.settled_at.get(&view.settled_tick()) {
                 self.staleness.add(self.sim.now - at);
             }
         }

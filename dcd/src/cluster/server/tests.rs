@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::protocol::{Claim, Delay};
+use crate::protocol::{ToNode, ToServer};
 use crate::sim::{sim_body, sim_world};
 use crate::space::Epoch;
 

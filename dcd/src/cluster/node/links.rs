@@ -15,9 +15,9 @@ const SAID_AGAIN: usize = 2;
 /// How long a link may be down before it is complained of.
 const COMPLAIN_AFTER: Duration = Duration::from_millis(350);
 /// The same for one that never was up.
-const NEVER_UP: Duration = HANDSHAKE_TIMEOUT;
+const NEVER_UP: Duration = HANDSHAKE_TIMEOUT.saturating_mul(2);
 /// How long a member that is linked may keep the others waiting, beside twenty times what a tick takes.
-const STALL: Duration = Duration::from_secs(2);
+const STALL: Duration = Duration::from_millis(2_500);
 /// Between complaints, and between attempts to dial the server or another member.
 const AGAIN: Duration = Duration::from_millis(250);
 /// Between attempts to dial a node of another group.

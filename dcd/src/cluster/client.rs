@@ -290,6 +290,11 @@ impl Client {
         self.leader.as_ref().map(|member| member.node)
     }
 
+    /// The group that it plays with, as far as known: epochs and ticks of unlike groups do not compare.
+    pub fn group(&self) -> Option<GroupId> {
+        self.group
+    }
+
     /// A body as last heard of.
     pub fn body(&self, id: BodyId) -> Option<&BodyView> {
         self.bodies.get(&id)

@@ -36,6 +36,14 @@ struct Checked {
     wanted: Option<(ViewNumber, Tick, u32)>,
 }
 
+/// What a client has seen of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Seen {
+    at: (Epoch, Tick),
+    /// In a group that it was in before: whatever the present one says first counts.
+    elsewhere: bool,
+}
+
 /// Collects what every member holds after each tick and checks it when all have completed that tick.
 #[derive(Clone, Debug, Default)]
 pub struct Checker {
@@ -48,8 +56,8 @@ pub struct Checker {
     snapshots: BTreeMap<(ViewNumber, Tick), Snapshot>,
     /// The newest epochs that nodes have seen of bodies, in the group that they are in.
     nodes: BTreeMap<NodeId, (GroupId, BTreeMap<BodyId, Epoch>)>,
-    /// The newest that clients have seen.
-    clients: BTreeMap<ClientId, BTreeMap<BodyId, (Epoch, Tick)>>,
+    /// The newest that clients have seen, in the group that they are in.
+    clients: BTreeMap<ClientId, (Option<GroupId>, BTreeMap<BodyId, Seen>)>,
     owned: usize,
     last: Tick,
     checked: u64,
@@ -115,12 +123,22 @@ impl Checker {
 
     /// A client was told of bodies.
     pub(super) fn told(&mut self, client: &Client) -> Result<(), Violation> {
-        let seen = self.clients.entry(client.id()).or_default();
+        let (group, seen) = self.clients.entry(client.id()).or_default();
+        if std::mem::replace(group, client.group()) != client.group() {
+            seen.values_mut().for_each(|seen| seen.elsewhere = true);
+        }
         for view in client.bodies().filter(|view| !view.provisional) {
-            let (id, now) = (view.body.id, (view.body.epoch, view.tick));
-            let before = seen.insert(id, now).unwrap_or_default();
-            if now < before {
-                return Err(Violation::ClientWentBack { client: client.id(), body: id, before, after: now });
+            let (id, at) = (view.body.id, (view.body.epoch, view.tick));
+            let now = Seen { at, elsewhere: false };
+            match seen.insert(id, now) {
+                Some(before) if before.elsewhere && before.at == at => {
+                    seen.insert(id, before);
+                }
+                Some(before) if !before.elsewhere && at < before.at => {
+                    let (before, after) = (before.at, at);
+                    return Err(Violation::ClientWentBack { client: client.id(), body: id, before, after });
+                }
+                _ => {}
             }
         }
         seen.retain(|&id, _| client.body(id).is_some());

@@ -401,10 +401,7 @@ impl Client {
             ToClient::Chunk(Chunk::Bodies(bodies)) => {
                 for body in bodies {
                     self.unspoken.remove(&body.id);
-                    // What the leader told before is newer than the server's record.
-                    if self.bodies.get(&body.id).is_none_or(|view| view.settled.0 < body.epoch) {
-                        self.bodies.insert(body.id, BodyView::new(body));
-                    }
+                    self.know(body);
                 }
             }
             ToClient::Chunk(Chunk::Joints(joints)) => self.joints.extend(joints),
@@ -437,7 +434,7 @@ impl Client {
                 self.learn(shapes);
                 let id = body.id;
                 self.answered(id);
-                self.bodies.insert(id, BodyView::new(body));
+                self.know(body);
                 self.outputs.push_back(ClientOutput::Inserted(id));
             }
             ToClient::Removed(id) => {
@@ -467,6 +464,13 @@ impl Client {
         }
     }
 
+    /// A body of the server's record; what the leader told before may be newer.
+    fn know(&mut self, body: BodyRecord) {
+        if self.bodies.get(&body.id).is_none_or(|view| view.settled.0 < body.epoch) {
+            self.bodies.insert(body.id, BodyView::new(body));
+        }
+    }
+
     fn learn(&mut self, shapes: Vec<ShapeRecord>) {
         self.shapes.extend(shapes.into_iter().map(|shape| (shape.hash(), shape)));
     }
@@ -490,4 +494,33 @@ fn keep<T>(queue: &mut VecDeque<(Tick, T)>, tick: Tick, items: Vec<T>) {
     queue.extend(items.into_iter().map(|item| (tick, item)));
     let excess = queue.len().saturating_sub(MAX_CONTACTS);
     queue.drain(..excess);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::Stamp;
+    use crate::sim::sim_body;
+
+    #[test]
+    fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
+        let mut client = Client::new(ClientId(1), None);
+        let mut tell = |message: ToClient| {
+            let message = Message::ToClient(ClientId(1), message);
+            client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Server, message });
+            client.bodies().map(|view| (view.body.epoch, view.tick)).next()
+        };
+        let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
+        let returned = |epoch| ToClient::Inserted {
+            body: BodyRecord { epoch: Epoch(epoch), ..body.clone() },
+            shapes: Vec::new(),
+        };
+        assert_eq!(tell(returned(1)), Some((Epoch(1), Tick(0))));
+        let (pose, velocity) = (body.state.pose, body.state.velocity);
+        let state = SharedState { id: body.id, epoch: Epoch(3), pose, velocity, sleeping: false };
+        let stamp = Stamp { group: GroupId(1), tick: Tick(7), provisional: false };
+        assert_eq!(tell(ToClient::States { stamp, states: vec![state] }), Some((Epoch(3), Tick(7))));
+        assert_eq!(tell(returned(2)), Some((Epoch(3), Tick(7))), "it comes over another link");
+        assert_eq!(tell(returned(4)), Some((Epoch(4), Tick(0))));
+    }
 }

@@ -25,8 +25,10 @@ impl Server {
         let Some(id) = self.group_of(node) else { return false };
         let Some(group) = self.groups.get_mut(&id) else { return false };
         // Nobody may have heard of the newest view, because the server or the links died in that moment: then the one
-        // before it goes on.
-        if (group.held || !group.confirmed)
+        // before it goes on. Whose link has not broken since has heard of it, or will.
+        let is_heard = |member: &NodeId| *member != node && self.common.nodes[member].linked;
+        let is_unheard = !group.confirmed && !group.serving(&self.common).iter().any(is_heard);
+        if (group.held || is_unheard)
             && let Some(former) = group.former.take_if(|former| former.number == view)
         {
             for member in group.view.iter().flat_map(|view| &view.members) {

@@ -88,6 +88,11 @@ impl Process {
         }
     }
 
+    /// What it has said since it was last asked.
+    pub(crate) fn heard(&mut self) -> Vec<String> {
+        self.lines.try_iter().collect()
+    }
+
     /// What Ctrl-C does.
     pub(crate) fn interrupt(&self) {
         self.signal("-INT");

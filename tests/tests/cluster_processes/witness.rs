@@ -46,6 +46,11 @@ impl Witness {
         self.watch(|tick, _| tick >= goal).stood
     }
 
+    /// Watches until this tick.
+    pub(crate) fn reach(&self, goal: u64) {
+        self.watch(|tick, _| tick >= goal);
+    }
+
     /// Watches for so long, and says how long the world stood still at most.
     pub(crate) fn watch_for(&self, time: Duration) -> Duration {
         self.see_for(time).stood

@@ -13,7 +13,6 @@ use super::scene::{GROUPS, MEMBERS};
 /// Deviations after one tick, metres.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Deviating {
-    pub(super) tick: Tick,
     /// Of persistent bodies, in every group but the one that is believed about them.
     pub(super) bodies: Vec<f64>,
     /// The same of avatars.
@@ -59,20 +58,16 @@ impl Comparer {
         for tick in complete {
             let groups = self.ticks.remove(&tick).unwrap_or_default();
             self.ticks.retain(|&other, _| other > tick);
-            compared.push(deviating(tick, &groups, |id| sim.server().believed(id)));
+            compared.push(deviating(&groups, |id| sim.server().believed(id)));
         }
         compared
     }
 }
 
-fn deviating(
-    tick: Tick,
-    groups: &BTreeMap<GroupId, Group>,
-    believed: impl Fn(BodyId) -> GroupId,
-) -> Deviating {
+fn deviating(groups: &BTreeMap<GroupId, Group>, believed: impl Fn(BodyId) -> GroupId) -> Deviating {
     let times = || groups.values().map(|group| group.time);
     let apart = times().max().unwrap_or_default() - times().min().unwrap_or_default();
-    let mut all = Deviating { tick, apart, ..Deviating::default() };
+    let mut all = Deviating { apart, ..Deviating::default() };
     for (&id, group) in groups {
         for (body, pose) in &group.replicas {
             all.replicas.extend(group.owned.get(body).map(|owner| deviation_m(pose, owner)));

@@ -96,7 +96,9 @@ impl Running {
             sim.server().views().filter(|(_, view)| view.members.len() == MEMBERS as usize).count()
                 == GROUPS as usize
         };
-        sim.run_until(|sim| is_formed(sim) && clients.iter().all(|&client| sim.client(client).leader().is_some()))?;
+        sim.run_until(|sim| {
+            is_formed(sim) && clients.iter().all(|&client| sim.client(client).leader().is_some())
+        })?;
         let mut running =
             Self { turns_at: sim.now(), sim, bounds, random: Random::new(seed ^ 0xA7), avatars: Vec::new() };
         for client in clients {

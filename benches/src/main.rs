@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod chart;
+mod consistency;
 mod draw;
 mod machine;
 mod maps;
@@ -28,6 +29,8 @@ enum Suite {
     Accuracy(accuracy::Accuracy),
     /// Speed against accuracy, as CSV, SVG and PNG; and whether any fixed setting is better than `auto`.
     Chart(chart::Chart),
+    /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
+    Consistency(consistency::Consistency),
     /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
     #[command(alias = "scaling")]
     Speed(speed::Speed),
@@ -42,6 +45,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().suite {
         Suite::Accuracy(accuracy) => accuracy.run(),
         Suite::Chart(chart) => chart.run().map(done),
+        Suite::Consistency(consistency) => consistency.run().map(done),
         Suite::Speed(speed) => speed.run().map(done),
         Suite::Maps(maps) => maps.run().map(done),
         Suite::SpeedWorker(worker) => worker.run().map(done),

@@ -8,7 +8,7 @@ mod violation;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::StandIn;
+use super::Engine;
 use crate::cluster::Client;
 use crate::protocol::{View, ViewNumber};
 use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
@@ -151,10 +151,10 @@ impl Checker {
         node: NodeId,
         view: &View,
         tick: Tick,
-        physics: &StandIn,
+        physics: &dyn Engine,
     ) -> Result<(), Violation> {
         let claims: Vec<_> = physics.claims().iter().map(|claim| (claim.id, claim.epoch)).collect();
-        let replicas: Vec<_> = physics.replicas().collect();
+        let replicas: Vec<_> = physics.replicas().into_iter().map(|(id, epoch, _)| (id, epoch)).collect();
         let Some(&group) = self.views.get(&view.number) else { return Ok(()) };
         self.check_node(node, group, tick, claims.iter().chain(&replicas).copied())?;
         let checked = self.groups.entry(group).or_default();

@@ -4,6 +4,7 @@
 
 mod check;
 mod clock;
+mod engine;
 mod faults;
 mod fixtures;
 mod host;
@@ -11,6 +12,7 @@ mod network;
 mod physics;
 mod random;
 mod run;
+mod sent;
 mod simulate;
 mod timeline;
 mod trial;
@@ -18,12 +20,14 @@ mod world;
 
 pub use check::{Checker, Violation};
 pub use clock::Clock;
+pub use engine::{Engine, Sample};
 pub use faults::{Fault, FaultProfile, Island, Moment, Planned, Promise, Role, Schedule, Victim, Ways};
 pub use fixtures::{sim_body, sim_world};
 pub use host::Skew;
 pub use network::{Bounds, Cut, NetworkConditions, Path, Traffic, Who};
 pub use physics::StandIn;
 pub use random::Random;
+pub use sent::{Scope, Sent};
 pub use simulate::{Failure, Row, simulate};
 pub use timeline::Timeline;
 pub use trial::{Outcome, Staleness, TrialConfig, run_trial};

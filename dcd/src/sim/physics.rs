@@ -3,10 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::Engine;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction};
 use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, EnvironmentProperties, Placed,
-    SharedState, TickStats, Transfer, WorldOp,
+    SharedState, TickStats, Transfer, WorldOp, WorldPose,
 };
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
@@ -87,9 +88,8 @@ fn fly(state: &mut BodyState, bounds: &Bounds, dt_s: f64) {
     }
 }
 
-impl StandIn {
-    /// Executes a command; `None` for those without an answer.
-    pub fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
+impl Engine for StandIn {
+    fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
         match command {
             PhysicsCommand::World(world) => {
                 *self = Self { world: Some(world), ..Self::default() };
@@ -137,8 +137,7 @@ impl StandIn {
         }
     }
 
-    /// Every owned body, in id order.
-    pub fn claims(&self) -> Vec<Claim> {
+    fn claims(&self) -> Vec<Claim> {
         let of = |(&region, content): (&RegionId, &Region)| {
             let claim = move |(&id, owned): (&BodyId, &Owned)| Claim { id, epoch: owned.body.epoch, region };
             content.owned.iter().map(claim).collect::<Vec<_>>()
@@ -148,28 +147,28 @@ impl StandIn {
         claims
     }
 
-    /// Every replica and the epoch of its owner as known here.
-    pub fn replicas(&self) -> impl Iterator<Item = (BodyId, Epoch)> {
-        self.regions.values().flat_map(|region| region.replicas.values().map(|body| (body.id, body.epoch)))
+    fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)> {
+        let of = |body: &BodyRecord| (body.id, body.epoch, body.state.pose);
+        self.regions.values().flat_map(|region| region.replicas.values().map(of)).collect()
     }
 
-    /// The state of an owned body.
-    pub fn state(&self, id: BodyId) -> Option<BodyState> {
+    fn state(&self, id: BodyId) -> Option<BodyState> {
         self.regions.values().find_map(|region| region.owned.get(&id)).map(|owned| owned.body.state)
     }
 
-    /// Rounds of the last tick; 0 when a rebuild took its place.
-    pub fn rounds(&self) -> u32 {
+    fn rounds(&self) -> u32 {
         self.rounds
     }
 
-    /// What the regions here want for the next tick: the world's first region something that changes, all others 1.
-    pub fn rounds_wanted(&self) -> u32 {
+    // What the regions here want for the next tick: the world's first region something that changes, all others 1.
+    fn rounds_wanted(&self) -> u32 {
         let first = self.world().tree.leaves().next();
         let bodies = first.and_then(|first| self.regions.get(&first)).map(|region| region.owned.len());
         bodies.map_or(1, |bodies| 1 + bodies as u32 % 3)
     }
+}
 
+impl StandIn {
     fn world(&self) -> &EnvironmentProperties {
         self.world.as_ref().expect("the world comes first")
     }

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use super::Violation;
 use super::network::{Arrival, Delivery};
 use super::world::{NodeProcess, Sim, name};
+use super::{Sample, Scope, Violation};
 use crate::cluster::directory::Directory;
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, Server,
@@ -226,6 +226,8 @@ impl Sim {
             _ => {}
         }
         let bytes = encode(&message);
+        let sent = self.sent.entry(Scope::of(&message)).or_default();
+        (sent.messages, sent.bytes) = (sent.messages + 1, sent.bytes + bytes.len() as u64);
         if let Message::ToClient(_, ToClient::States { .. }) = message {
             assert!(bytes.len() <= DATAGRAM_BYTES, "a datagram of {} bytes", bytes.len());
         }
@@ -317,8 +319,13 @@ impl Sim {
                 }
                 NodeOutput::Settled(tick) => {
                     let view = process.machine.view().expect("only members complete ticks");
+                    if self.sample_every.is_some_and(|every| tick.0.is_multiple_of(every)) {
+                        let group = self.checker.group_of(view.number);
+                        let sample = |group| Sample::of(self.now, group, id, tick, &*process.physics);
+                        self.samples.extend(group.map(sample));
+                    }
                     let before = self.checker.checked();
-                    let checked = self.checker.settled(id, view, tick, &process.physics);
+                    let checked = self.checker.settled(id, view, tick, &*process.physics);
                     self.violation = self.violation.take().or(checked.err());
                     if self.checker.checked() > before
                         && let Some(group) = self.checker.group_of(view.number)

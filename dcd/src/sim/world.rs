@@ -7,13 +7,15 @@ use std::time::Duration;
 use super::clock::Clock;
 use super::host::{Host, Skew};
 use super::network::{Bounds, Cut, Network, NetworkConditions, Path, Traffic};
-use super::{Checker, Random, StandIn, Timeline, Violation, drifting, sim_world};
+use super::{
+    Checker, Engine, Random, Sample, Scope, Sent, StandIn, Timeline, Violation, drifting, sim_world,
+};
 use crate::cluster::directory::{Directory, MemoryDirectory};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Grouping, Node, NodeConfig, NodeEvent, Peer, Record, Server,
     ServerConfig,
 };
-use crate::protocol::{BodyState, SyncProtocol, Thresholds};
+use crate::protocol::{BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// What a run is made of.
@@ -70,10 +72,10 @@ impl Default for SimConfig {
     }
 }
 
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct NodeProcess {
     pub(super) machine: Node,
-    pub(super) physics: StandIn,
+    pub(super) physics: Box<dyn Engine>,
     /// In the same process.
     pub(super) client: Option<ClientId>,
 }
@@ -101,7 +103,7 @@ impl std::ops::AddAssign for Tally {
 }
 
 /// A running cluster.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Sim {
     pub(super) config: SimConfig,
     pub(super) now: Duration,
@@ -137,6 +139,12 @@ pub struct Sim {
     pub(super) drop_transfers: u32,
     /// What clients were told, for tests.
     pub(super) told: Vec<(ClientId, ClientOutput)>,
+    /// What messages were sent, by what they are for.
+    pub(super) sent: BTreeMap<Scope, Sent>,
+    /// Ticks between samples, and those not taken yet.
+    pub(super) sample_every: Option<u64>,
+    pub(super) samples: Vec<Sample>,
+    engine: fn() -> Box<dyn Engine>,
     server_config: ServerConfig,
     last_node: NodeId,
     last_client: ClientId,
@@ -148,16 +156,39 @@ impl Sim {
         let mut random = Random::new(config.seed);
         let bodies: Vec<_> =
             (0..config.bodies).map(|i| drifting(BodyId::persistent(i), &mut random)).collect();
-        let checker = Checker::new(bodies.iter().map(|body| body.id));
         let mut world = sim_world(config.regions);
         world.dt_s = config.dt_s;
+        let record = Record::new(bodies, Vec::new(), Vec::new());
+        Self::start(config, world, record, || Box::<StandIn>::default(), random)
+    }
+
+    /// The same with another world and another physics; of the configuration `regions`, `bodies` and `dt_s` do not count.
+    pub fn with_world(
+        config: SimConfig,
+        world: EnvironmentProperties,
+        record: Record,
+        engine: fn() -> Box<dyn Engine>,
+    ) -> Self {
+        let random = Random::new(config.seed);
+        Self::start(config, world, record, engine, random)
+    }
+
+    fn start(
+        config: SimConfig,
+        mut world: EnvironmentProperties,
+        record: Record,
+        engine: fn() -> Box<dyn Engine>,
+        mut random: Random,
+    ) -> Self {
+        let movable = record.present().filter(|body| body.traits.kind != BodyKind::Fixed);
+        let checker = Checker::new(movable.map(|body| body.id));
         (world.thresholds, world.protocol) = (config.thresholds, config.protocol);
         let server_config = ServerConfig {
             world,
             min_nodes: config.nodes.max(1) as usize,
             grouping: config.grouping.clone(),
         };
-        let server = Server::new(server_config.clone(), Record::new(bodies, Vec::new(), Vec::new()));
+        let server = Server::new(server_config.clone(), record);
         let network = Network::new(config.network.clone(), config.bounds, random.bits());
         let mut sim = Self {
             now: Duration::ZERO,
@@ -184,6 +215,10 @@ impl Sim {
             server_crashed: false,
             drop_transfers: 0,
             told: Vec::new(),
+            sent: BTreeMap::new(),
+            sample_every: None,
+            samples: Vec::new(),
+            engine,
             last_node: NodeId(0),
             last_client: ClientId(0),
             config,
@@ -223,7 +258,7 @@ impl Sim {
             checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),
         });
-        self.nodes.insert(id, NodeProcess { machine, physics: StandIn::default(), client });
+        self.nodes.insert(id, NodeProcess { machine, physics: (self.engine)(), client });
         self.host(Peer::Node(id), self.now.is_zero());
         self.network.dial(self.now, Peer::Node(id), Peer::Server);
         id
@@ -490,6 +525,21 @@ impl Sim {
     /// What went over the network.
     pub fn traffic(&self) -> Traffic {
         self.network.traffic()
+    }
+
+    /// Messages sent, by what they are for; those that were lost count.
+    pub fn sent(&self) -> &BTreeMap<Scope, Sent> {
+        &self.sent
+    }
+
+    /// From now on every node is sampled after each of so many ticks.
+    pub fn sample_every(&mut self, ticks: u64) {
+        self.sample_every = Some(ticks);
+    }
+
+    /// Samples since the last call, in the order in which nodes completed ticks.
+    pub fn take_samples(&mut self) -> Vec<Sample> {
+        std::mem::take(&mut self.samples)
     }
 
     /// What happened, for people.

@@ -1,0 +1,78 @@
+//! Rapier in a simulated cluster.
+
+use std::fmt;
+
+use dcd::cluster::{PhysicsCommand, PhysicsEvent};
+use dcd::physics::Role;
+use dcd::protocol::{BodyState, Claim, WorldPose};
+use dcd::runtime::PhysicsDevice;
+use dcd::sim::Engine;
+use dcd::space::{BodyId, Epoch};
+
+/// The physics of a real node.
+pub(super) struct Device {
+    device: PhysicsDevice,
+    rounds: u32,
+}
+
+impl Device {
+    pub(super) fn boxed() -> Box<dyn Engine> {
+        Box::new(Self { device: PhysicsDevice::new(1), rounds: 0 })
+    }
+}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Device").field("rounds", &self.rounds).finish_non_exhaustive()
+    }
+}
+
+impl Engine for Device {
+    fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
+        match &command {
+            PhysicsCommand::Step { rounds, .. } => self.rounds = *rounds,
+            PhysicsCommand::World(_) | PhysicsCommand::Rebuild { .. } => self.rounds = 0,
+            _ => {}
+        }
+        let mut event = self.device.run(command).expect("what is simulated fits the physics");
+        if let Some(PhysicsEvent::Settled { stats, .. }) = &mut event {
+            // The only thing that is told of the machine's own time: a seed is to give the same run.
+            stats.compute_us = 0;
+        }
+        event
+    }
+
+    fn claims(&self) -> Vec<Claim> {
+        let host = self.device.host().into_iter();
+        let mut claims: Vec<_> = host
+            .flat_map(|host| host.owned_bodies())
+            .map(|(id, region, handle)| Claim { id, epoch: region.epoch_of(handle), region: region.id() })
+            .collect();
+        claims.sort_by_key(|claim| claim.id);
+        claims
+    }
+
+    fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)> {
+        let regions = self.device.host().into_iter().flat_map(|host| host.regions());
+        regions
+            .flat_map(|region| {
+                region
+                    .bodies()
+                    .filter(|&(_, role, ..)| matches!(role, Role::Replica { .. }))
+                    .map(|(id, _, handle, _)| (id, region.epoch_of(handle), region.world_pose(handle)))
+            })
+            .collect()
+    }
+
+    fn state(&self, id: BodyId) -> Option<BodyState> {
+        self.device.host()?.owned(id).map(|(region, handle)| region.body_state(handle))
+    }
+
+    fn rounds(&self) -> u32 {
+        self.rounds
+    }
+
+    fn rounds_wanted(&self) -> u32 {
+        self.device.host().map_or(1, |host| host.rounds_wanted() as u32)
+    }
+}

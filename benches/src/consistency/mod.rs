@@ -1,0 +1,224 @@
+//! What the thesis of 2006 could not measure: how far groups are from one another over time, how far replicas are from their
+//! owners inside a group, and what keeping groups together costs on the wire. Whole clusters in virtual time, with real physics.
+
+mod deviation;
+mod device;
+mod picture;
+mod scene;
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use dcd::protocol::SyncProtocol;
+use dcd::sim::{Scope, Sent};
+use serde::{Deserialize, Serialize};
+
+use self::deviation::{Comparer, Deviating, Spread};
+use self::scene::{Running, SETTINGS, Setting};
+use crate::machine::Machine;
+use crate::page;
+use crate::results::{self, Measured};
+
+/// Groups have begun and avatars move.
+const SETTLING: Duration = Duration::from_secs(5);
+const SECOND: Duration = Duration::from_secs(1);
+const TICKS_A_SECOND: u64 = 60;
+
+/// How long the scene is run.
+#[derive(Args)]
+pub(crate) struct Consistency {
+    /// One simulated minute instead of ten.
+    #[arg(long)]
+    quick: bool,
+    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Of everything random.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Draws pictures and table from the files, without measuring.
+    #[arg(long)]
+    draw: bool,
+}
+
+/// One simulated second of one setting.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Row {
+    setting: String,
+    second: u64,
+    bodies_mean_m: f64,
+    bodies_p99_m: f64,
+    bodies_max_m: f64,
+    avatars_mean_m: f64,
+    avatars_max_m: f64,
+    replicas_mean_m: f64,
+    replicas_max_m: f64,
+    /// Persistent bodies that another group than the main one is believed about.
+    claimed: usize,
+    /// Between the first and the last group's completion of the same tick.
+    apart_ms: f64,
+    between_bytes_s: u64,
+    inside_bytes_s: u64,
+    server_bytes_s: u64,
+    client_bytes_s: u64,
+}
+
+/// One setting as a whole.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Summary {
+    setting: String,
+    seconds: u64,
+    threshold_m: f32,
+    lag_ticks: u64,
+    bodies_mean_m: f64,
+    bodies_p99_m: f64,
+    bodies_max_m: f64,
+    avatars_mean_m: f64,
+    avatars_p99_m: f64,
+    avatars_max_m: f64,
+    replicas_mean_m: f64,
+    replicas_p99_m: f64,
+    replicas_max_m: f64,
+    between_bytes_s: u64,
+    inside_bytes_s: u64,
+}
+
+impl Consistency {
+    pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
+        let folder = results::folder(self.out.as_deref(), self.quick)?;
+        if !self.draw {
+            self.measure(&folder)?;
+        }
+        publish(&folder)
+    }
+
+    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
+        let machine = Machine::here();
+        let seconds = if self.quick { 60 } else { 600 };
+        let (mut rows, mut summaries) = (Vec::new(), Vec::new());
+        for setting in &SETTINGS {
+            eprintln!("{}: {seconds} simulated seconds", setting.name);
+            let (of_setting, summary) = measure(setting, seconds, self.seed)?;
+            rows.extend(of_setting.into_iter().map(|row| Measured { row, machine: machine.clone() }));
+            summaries.push(Measured { row: summary, machine: machine.clone() });
+        }
+        results::write_csv(&folder.join("consistency.csv"), &rows)?;
+        results::write_csv(&folder.join("consistency-runs.csv"), &summaries)
+    }
+}
+
+fn publish(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let rows = results::read_csv(&folder.join("consistency.csv"))?;
+    let summaries = results::read_csv(&folder.join("consistency-runs.csv"))?;
+    crate::draw::write(&picture::picture(&rows), &folder.join("consistency"))?;
+    let table = picture::table(&summaries);
+    println!("{table}");
+    page::put(folder, "consistency", &table)
+}
+
+fn measure(setting: &Setting, seconds: u64, seed: u64) -> Result<(Vec<Row>, Summary), Box<dyn Error>> {
+    let mut running = Running::new(setting, seed)?;
+    running.run_for(SETTLING)?;
+    running.sim.sample_every(TICKS_A_SECOND);
+    let (mut comparer, mut rows, mut all) = (Comparer::default(), Vec::new(), Vec::new());
+    let mut before = running.sim.sent().clone();
+    for second in 1..=seconds {
+        running.run_for(SECOND)?;
+        let sent = running.sim.sent().clone();
+        for deviating in comparer.compare(&mut running.sim) {
+            rows.push(row(setting, second, &deviating, &before, &sent));
+            all.push(deviating);
+        }
+        before = sent;
+    }
+    if rows.len() < seconds as usize / 2 {
+        return Err(format!(
+            "{}: only {} of {seconds} seconds could be compared:\n{}",
+            setting.name,
+            rows.len(),
+            running.sim.timeline()
+        )
+        .into());
+    }
+    let summary = summary(setting, seconds, &rows, &all);
+    Ok((rows, summary))
+}
+
+fn bytes(sent: &BTreeMap<Scope, Sent>, scope: Scope) -> u64 {
+    sent.get(&scope).map_or(0, |sent| sent.bytes)
+}
+
+fn row(
+    setting: &Setting,
+    second: u64,
+    deviating: &Deviating,
+    before: &BTreeMap<Scope, Sent>,
+    sent: &BTreeMap<Scope, Sent>,
+) -> Row {
+    let spread = |values: &[f64]| Spread::of(values.iter().copied());
+    let (bodies, avatars) = (spread(&deviating.bodies), spread(&deviating.avatars));
+    let replicas = spread(&deviating.replicas);
+    let bytes_s = |scope| bytes(sent, scope) - bytes(before, scope);
+    Row {
+        setting: setting.name.to_owned(),
+        second,
+        bodies_mean_m: bodies.mean_m,
+        bodies_p99_m: bodies.p99_m,
+        bodies_max_m: bodies.max_m,
+        avatars_mean_m: avatars.mean_m,
+        avatars_max_m: avatars.max_m,
+        replicas_mean_m: replicas.mean_m,
+        replicas_max_m: replicas.max_m,
+        claimed: deviating.claimed,
+        apart_ms: deviating.apart.as_secs_f64() * 1e3,
+        between_bytes_s: bytes_s(Scope::BetweenGroups),
+        inside_bytes_s: bytes_s(Scope::InsideGroups),
+        server_bytes_s: bytes_s(Scope::Server),
+        client_bytes_s: bytes_s(Scope::Clients),
+    }
+}
+
+fn summary(setting: &Setting, seconds: u64, rows: &[Row], all: &[Deviating]) -> Summary {
+    let spread = |of: fn(&Deviating) -> &Vec<f64>| Spread::of(all.iter().flat_map(of).copied());
+    let bodies = spread(|deviating| &deviating.bodies);
+    let avatars = spread(|deviating| &deviating.avatars);
+    let replicas = spread(|deviating| &deviating.replicas);
+    let mean = |of: fn(&Row) -> u64| rows.iter().map(of).sum::<u64>() / rows.len() as u64;
+    Summary {
+        setting: setting.name.to_owned(),
+        seconds,
+        threshold_m: setting.between_groups_m,
+        lag_ticks: match setting.protocol {
+            SyncProtocol::Synchronised => 0,
+            SyncProtocol::Unsynchronised { lag_ticks } => lag_ticks.into(),
+        },
+        bodies_mean_m: bodies.mean_m,
+        bodies_p99_m: bodies.p99_m,
+        bodies_max_m: bodies.max_m,
+        avatars_mean_m: avatars.mean_m,
+        avatars_p99_m: avatars.p99_m,
+        avatars_max_m: avatars.max_m,
+        replicas_mean_m: replicas.mean_m,
+        replicas_p99_m: replicas.p99_m,
+        replicas_max_m: replicas.max_m,
+        between_bytes_s: mean(|row| row.between_bytes_s),
+        inside_bytes_s: mean(|row| row.inside_bytes_s),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corrections_keep_groups_within_the_threshold_and_without_them_they_part() {
+        let [corrected, not_corrected, _] = SETTINGS;
+        let p99_m = |setting| measure(&setting, 60, 1).unwrap().1.bodies_p99_m;
+        let limit_m = f64::from(corrected.between_groups_m);
+        assert!(p99_m(not_corrected) > limit_m);
+        assert!(p99_m(corrected) < limit_m);
+    }
+}

@@ -1,0 +1,203 @@
+//! Three groups of four nodes that compute the same gas, far from one another, and a wandering avatar in each.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::time::Duration;
+
+use dcd::cluster::{ClientEvent, Peer, Record};
+use dcd::physics::ShapeLibrary;
+use dcd::protocol::{
+    BodyKind, DelayThresholds, EnvironmentProperties, SyncProtocol, Thresholds, Velocity, WorldPose,
+};
+use dcd::rapier3d::prelude::*;
+use dcd::scene::{Params, Scene};
+use dcd::sim::{NetworkConditions, Path, Random, Sim, SimConfig, Violation, sim_world};
+use dcd::space::{BodyId, Bounds, ClientId, DistributionTree, NodeId};
+
+use super::device::Device;
+
+pub(super) const GROUPS: u32 = 3;
+pub(super) const MEMBERS: u32 = 4;
+const BALLS: u32 = 60;
+/// Of every ball at the start.
+const SPEED_M_S: f64 = 1.0;
+/// Of an avatar, which pushes balls.
+const AVATAR_SPEED_M_S: f64 = 1.5;
+/// A user turns so often.
+const TURN: Duration = Duration::from_millis(500);
+/// In the middle between the groups, so that what one tells another by way of the server takes as long as a direct packet.
+const BETWEEN_US: u64 = 60_000;
+const INSIDE_US: u64 = 1_000;
+
+/// One setting of the scene.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Setting {
+    pub(super) name: &'static str,
+    pub(super) between_groups_m: f32,
+    pub(super) protocol: SyncProtocol,
+}
+
+/// A band that nothing leaves: bodies are never corrected.
+const NEVER_M: f32 = 1e6;
+
+pub(super) const SETTINGS: [Setting; 3] = [
+    Setting { name: "corrected", between_groups_m: 0.1, protocol: SyncProtocol::Synchronised },
+    Setting { name: "not corrected", between_groups_m: NEVER_M, protocol: SyncProtocol::Synchronised },
+    Setting {
+        name: "corrected, unsynchronised",
+        between_groups_m: 0.1,
+        protocol: SyncProtocol::Unsynchronised { lag_ticks: 6 },
+    },
+];
+
+/// The scene with groups formed and avatars there.
+pub(super) struct Running {
+    pub(super) sim: Sim,
+    bounds: Bounds,
+    random: Random,
+    avatars: Vec<(ClientId, BodyId, [f64; 3])>,
+    turns_at: Duration,
+    protocol: SyncProtocol,
+}
+
+impl Running {
+    /// Lets groups form by themselves, and brings an avatar into each.
+    pub(super) fn new(setting: &Setting, seed: u64) -> Result<Self, Box<dyn Error>> {
+        let params =
+            Params::new().with("n", BALLS).with("fill", 0.01).with("speed", SPEED_M_S).with("seed", seed);
+        let scene = Scene::named("gas", &params)?;
+        let mut shapes = ShapeLibrary::default();
+        let (bodies, joints) = scene.records(&mut shapes)?;
+        let inside = bodies.iter().filter(|body| body.traits.kind != BodyKind::Fixed);
+        let inside = inside.map(|body| Bounds::around(body.state.pose.translation, [0.3; 3]));
+        let bounds = inside.reduce(|a, b| a.union(&b)).expect("a gas has balls");
+        let world = EnvironmentProperties {
+            gravity: scene.gravity,
+            tree: DistributionTree::halved(bounds, 8)?,
+            ..sim_world(1)
+        };
+        let record = Record::new(bodies, shapes.records(), joints);
+        let delay = DelayThresholds { inclusion_ms: 20.0, rejection_ms: 40.0, deviation_ms: 20.0 };
+        let config = SimConfig {
+            seed,
+            nodes: GROUPS * (MEMBERS - 1),
+            network: network(),
+            physics: Path { base_us: 500, jitter_us: 500 },
+            thresholds: Thresholds {
+                delay: Some(delay),
+                between_groups_m: setting.between_groups_m,
+                ..Thresholds::default()
+            },
+            protocol: setting.protocol,
+            ..SimConfig::default()
+        };
+        let mut sim = Sim::with_world(config, world, record, Device::boxed);
+        let clients: Vec<_> = (0..GROUPS).map(|_| sim.start_participant().1).collect();
+        let is_formed = |sim: &Sim| {
+            sim.server().views().filter(|(_, view)| view.members.len() == MEMBERS as usize).count()
+                == GROUPS as usize
+        };
+        let is_ready =
+            |sim: &Sim| is_formed(sim) && clients.iter().all(|&client| sim.client(client).leader().is_some());
+        while let Err(violation) = sim.run_until(is_ready) {
+            pardon(setting.protocol, violation)?;
+        }
+        let mut running = Self {
+            protocol: setting.protocol,
+            turns_at: sim.now(),
+            sim,
+            bounds,
+            random: Random::new(seed ^ 0xA7),
+            avatars: Vec::new(),
+        };
+        for client in clients {
+            running.bring(client, &mut shapes)?;
+        }
+        Ok(running)
+    }
+
+    fn bring(&mut self, client: ClientId, shapes: &mut ShapeLibrary) -> Result<(), Box<dyn Error>> {
+        let id = BodyId::avatar(client, 0);
+        let ball = ColliderBuilder::ball(0.3)
+            .density(4.0)
+            .restitution(1.0)
+            .friction(0.0)
+            .active_events(ActiveEvents::COLLISION_EVENTS);
+        let builder = RigidBodyBuilder::dynamic().can_sleep(false);
+        let place = self.somewhere();
+        let body = shapes.describe(id, WorldPose::at(place), &builder, &[ball])?;
+        self.sim.wish(client, ClientEvent::Spawn { body, shapes: shapes.records() });
+        while let Err(violation) = self.sim.run_until(|sim| sim.client(client).body(id).is_some()) {
+            pardon(self.protocol, violation)?;
+        }
+        self.avatars.push((client, id, place));
+        Ok(())
+    }
+
+    /// Runs for a time, with users that drive their avatars from place to place.
+    pub(super) fn run_for(&mut self, time: Duration) -> Result<(), Box<dyn Error>> {
+        let end = self.sim.now() + time;
+        while self.sim.now() < end {
+            if self.turns_at <= self.sim.now() {
+                self.turn();
+                self.turns_at = self.sim.now() + TURN;
+            }
+            let next = self.turns_at.min(end);
+            while let Err(violation) = self.sim.run_for(next - self.sim.now()) {
+                pardon(self.protocol, violation)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn turn(&mut self) {
+        for at in 0..self.avatars.len() {
+            let (client, body, goal) = self.avatars[at];
+            let Some(seen) = self.sim.client(client).body(body) else { continue };
+            let place = seen.body.state.pose.translation;
+            let way: [f64; 3] = std::array::from_fn(|i| goal[i] - place[i]);
+            let distance_m = way.iter().map(|way| way * way).sum::<f64>().sqrt();
+            if distance_m < 1.0 {
+                self.avatars[at].2 = self.somewhere();
+            }
+            let linear = way.map(|way| (way / distance_m.max(0.1) * AVATAR_SPEED_M_S) as f32);
+            let velocity = Velocity { linear, angular: [0.0; 3] };
+            self.sim.wish(client, ClientEvent::Drive { body, velocity, pose: None });
+        }
+    }
+
+    /// In the inner part of the box.
+    fn somewhere(&mut self) -> [f64; 3] {
+        let Bounds { min, max } = self.bounds;
+        std::array::from_fn(|i| min[i] + (max[i] - min[i]) * (0.15 + 0.7 * self.random.unit()))
+    }
+}
+
+/// Out of step, a body that changes hands is under way for as many ticks as members lag: the checker, which is for groups in
+/// step, misses it.
+fn pardon(protocol: SyncProtocol, violation: Violation) -> Result<(), Violation> {
+    match violation {
+        Violation::Lost { .. } if protocol.lag_ticks() > 0 => Ok(()),
+        violation => Err(violation),
+    }
+}
+
+fn network() -> NetworkConditions {
+    let around = |us: u64| Path { base_us: us - us / 20, jitter_us: us / 10 };
+    let mut network = NetworkConditions::calm(around(INSIDE_US));
+    network.far = around(BETWEEN_US);
+    let mut sites = BTreeMap::from([(Peer::Server, GROUPS)]);
+    for node in 1..=GROUPS * MEMBERS {
+        let dedicated = GROUPS * (MEMBERS - 1);
+        let site = if node <= dedicated { (node - 1) / (MEMBERS - 1) } else { node - dedicated - 1 };
+        let peer = Peer::Node(NodeId(node));
+        sites.insert(peer, site);
+        network.special.insert((peer, Peer::Server), around(BETWEEN_US / 2));
+        network.special.insert((Peer::Server, peer), around(BETWEEN_US / 2));
+    }
+    for client in 1..=GROUPS {
+        sites.insert(Peer::Client(ClientId(client)), client - 1);
+    }
+    network.sites = sites;
+    network
+}

@@ -1,0 +1,50 @@
+//! What computes the bodies of a simulated node, and what is read off it.
+
+use std::fmt;
+use std::time::Duration;
+
+use crate::cluster::{PhysicsCommand, PhysicsEvent};
+use crate::protocol::{BodyState, Claim, WorldPose};
+use crate::space::{BodyId, Epoch, GroupId, NodeId, Tick};
+
+/// The physics of one simulated node: the [`StandIn`](super::StandIn), or the real one.
+pub trait Engine: fmt::Debug {
+    /// Executes a command; `None` for those without an answer.
+    fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent>;
+    /// Every owned body, in id order.
+    fn claims(&self) -> Vec<Claim>;
+    /// Every replica, the epoch of its owner as known here, and where it is here.
+    fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)>;
+    /// The state of an owned body.
+    fn state(&self, id: BodyId) -> Option<BodyState>;
+    /// Rounds of the last tick; 0 when a rebuild took its place.
+    fn rounds(&self) -> u32;
+    /// What the regions here want for the next tick.
+    fn rounds_wanted(&self) -> u32;
+}
+
+/// What a node held when it had completed a tick.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// When it had.
+    pub time: Duration,
+    /// Its group.
+    pub group: GroupId,
+    /// Which.
+    pub node: NodeId,
+    /// The tick.
+    pub tick: Tick,
+    /// Bodies that it owned.
+    pub owned: Vec<(BodyId, BodyState)>,
+    /// Where it had the bodies of other members.
+    pub replicas: Vec<(BodyId, WorldPose)>,
+}
+
+impl Sample {
+    pub(super) fn of(time: Duration, group: GroupId, node: NodeId, tick: Tick, physics: &dyn Engine) -> Self {
+        let claims = physics.claims().into_iter();
+        let owned = claims.filter_map(|claim| Some((claim.id, physics.state(claim.id)?))).collect();
+        let replicas = physics.replicas().into_iter().map(|(id, _, pose)| (id, pose)).collect();
+        Self { time, group, node, tick, owned, replicas }
+    }
+}

@@ -122,6 +122,11 @@ impl Net {
         self.shared.peer(peer).ok_or(SendError::NotConnected)?.send_datagram(bytes)
     }
 
+    /// Bytes of datagrams that wait to be sent: more than a few mean a thin link.
+    pub fn datagrams_waiting(&self, peer: PeerKey) -> usize {
+        self.shared.peer(peer).map_or(0, |peer| peer.datagrams_waiting())
+    }
+
     /// Closes a connection after what was sent has arrived or [`Limits::linger`] has passed. `reason` reaches the peer.
     pub fn close(&self, peer: PeerKey, reason: &str) {
         let peer = self.shared.peers_mut().remove(&peer);

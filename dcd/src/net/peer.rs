@@ -15,6 +15,7 @@ use super::{
     CloseCause, Lane, Limits, MAX_DATAGRAM_BYTES, NetEvent, PROTOCOL_VERSION, PeerKey, PeerName, PeerStats,
     SendError,
 };
+use crate::protocol::link;
 
 /// The connection was closed in good order.
 pub(super) const CODE_DONE: VarInt = VarInt::from_u32(0);
@@ -162,6 +163,11 @@ impl Peer {
                 Ok(())
             }
         }
+    }
+
+    /// Bytes of datagrams that wait to be sent.
+    pub(super) fn datagrams_waiting(&self) -> usize {
+        link::DATAGRAM_QUEUE_BYTES.saturating_sub(self.connection.datagram_send_buffer_space())
     }
 
     pub(super) fn stats(&self) -> PeerStats {

@@ -7,12 +7,15 @@ use tracing::{debug, warn};
 
 use crate::cluster::Peer;
 use crate::net::{Net, NetEvent, NetTotals, PeerKey, PeerName, SendError};
-use crate::protocol::{self, Lane, Message, Role};
+use crate::protocol::{self, Lane, Message, Role, ToClient};
 use crate::space::{ClientId, NodeId};
 
 /// What may wait for a link that is being made, or for a peer that still reads a world, in bytes. Beyond it the peer is
 /// given up: it can join anew.
 const WAITING_BYTES: usize = 256 << 20;
+
+/// Bytes of states that may wait on a link that a guess is to be sent over.
+const GUESSES_WAITING: usize = 8 << 10;
 
 /// Why a link ends when its peer calls again: it came back before the former link was found dead, or is there twice.
 pub(super) const SUPERSEDED: &str = "a newer link of the same peer took its place";
@@ -86,6 +89,11 @@ impl Links {
         let lane = match message.lane() {
             Lane::State => {
                 let key = self.keys.get(&to).copied();
+                // A guess that waits is worth nothing when it arrives, and what counts waits behind it.
+                let is_guess = matches!(message, Message::ToClient(_, ToClient::States { stamp, .. }) if stamp.provisional);
+                if is_guess && key.is_some_and(|key| self.net.datagrams_waiting(key) > GUESSES_WAITING) {
+                    return;
+                }
                 if bytes.len() <= protocol::DATAGRAM_BYTES {
                     if let Some(key) = key
                         && let Err(error) = self.net.send_datagram(key, bytes)

@@ -63,6 +63,10 @@ impl Node {
     /// Tells clients what became of the copy.
     pub(super) fn drifted(&mut self, states: Vec<SharedState>) {
         let Some((count, _)) = self.drift.running else { return };
+        // As often as of ticks that count: more would crowd those out on a thin link.
+        if (count - 1) % self.config.report_every != 0 {
+            return;
+        }
         let tick = Tick(self.tick.0 + count);
         match &mut self.leader {
             Some(leader) => leader.tell_provisional(tick, &states),

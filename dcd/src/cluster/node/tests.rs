@@ -17,12 +17,16 @@ fn server(node: &mut Node, message: ToNode) {
 
 /// Node 2 of two members, led by node 1, about to exchange the first borders of view 1.
 fn member() -> Node {
+    member_with(None, 1)
+}
+
+fn member_with(client: Option<ClientId>, report_every: u64) -> Node {
     let address = ([127, 0, 0, 1], 1).into();
     let config = NodeConfig {
         id: NodeId(2),
         address,
-        client: None,
-        report_every: 1,
+        client,
+        report_every,
         checkpoint_every: 1,
         patience: Duration::from_millis(100),
     };
@@ -105,6 +109,23 @@ fn a_message_that_names_regions_which_are_not_there_is_refused() {
         "{outputs:?}"
     );
     assert_eq!(node.counters().refused, 1);
+}
+
+#[test]
+fn guesses_are_told_as_often_as_ticks_that_count() {
+    let mut node = member_with(Some(ClientId(1)), 3);
+    let mut told = Vec::new();
+    for _ in 0..7 {
+        node.handle_timeout(node.poll_timeout().expect("a guess is due").max(Duration::from_millis(100)));
+        let drifted = NodeEvent::Physics(PhysicsEvent::Drifted(vec![]));
+        assert!(matches!(drain(&mut node).last(), Some(NodeOutput::Physics(PhysicsCommand::Drift(_)))));
+        node.handle(NOW, drifted);
+        told.extend(drain(&mut node).into_iter().filter_map(|output| match output {
+            NodeOutput::Client(ToClient::States { stamp, .. }) => Some((stamp.tick.0, stamp.provisional)),
+            _ => None,
+        }));
+    }
+    assert_eq!(told, [(1, true), (4, true), (7, true)]);
 }
 
 #[test]

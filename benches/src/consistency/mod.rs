@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn corrections_keep_groups_within_the_threshold_and_without_them_they_part() {
-        let [corrected, not_corrected, _] = SETTINGS;
+        let [corrected, not_corrected, ..] = SETTINGS;
         let p99_m = |setting| measure(&setting, 60, 1).unwrap().1.bodies_p99_m;
         let limit_m = f64::from(corrected.between_groups_m);
         assert!(p99_m(not_corrected) > limit_m);

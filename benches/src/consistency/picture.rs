@@ -38,7 +38,8 @@ fn panel(
     limit: Option<f64>,
     of: fn(&Row) -> f64,
 ) -> LinePanel {
-    let lines = SETTINGS.iter().zip(COLOURS).zip([Mark::Dot, Mark::Cross, Mark::Ring]);
+    let lines =
+        SETTINGS.iter().zip(COLOURS).zip([Mark::Dot, Mark::Cross, Mark::Ring, Mark::Square, Mark::Triangle]);
     let lines = lines.map(|((setting, colour), mark)| {
         let of_setting: Vec<_> =
             rows.iter().map(|row| &row.row).filter(|row| row.setting == setting.name).collect();

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::error::Error;
+use std::sync::Arc;
 use std::time::Duration;
 
 use dcd::cluster::{ClientEvent, Peer, Record};
@@ -35,19 +36,31 @@ pub(super) struct Setting {
     pub(super) name: &'static str,
     pub(super) between_groups_m: f32,
     pub(super) protocol: SyncProtocol,
+    /// Of balls and walls: 1 keeps all energy, also what corrections bring in.
+    pub(super) restitution: f32,
 }
 
 /// A band that nothing leaves: bodies are never corrected.
 const NEVER_M: f32 = 1e6;
 
-pub(super) const SETTINGS: [Setting; 3] = [
-    Setting { name: "corrected", between_groups_m: 0.1, protocol: SyncProtocol::Synchronised },
-    Setting { name: "not corrected", between_groups_m: NEVER_M, protocol: SyncProtocol::Synchronised },
-    Setting {
-        name: "corrected, unsynchronised",
-        between_groups_m: 0.1,
-        protocol: SyncProtocol::Unsynchronised { lag_ticks: 6 },
-    },
+const IN_STEP: SyncProtocol = SyncProtocol::Synchronised;
+const LATE: SyncProtocol = SyncProtocol::Unsynchronised { lag_ticks: 6 };
+
+const fn setting(
+    name: &'static str,
+    between_groups_m: f32,
+    protocol: SyncProtocol,
+    restitution: f32,
+) -> Setting {
+    Setting { name, between_groups_m, protocol, restitution }
+}
+
+pub(super) const SETTINGS: [Setting; 5] = [
+    setting("corrected", 0.1, IN_STEP, 0.7),
+    setting("not corrected", NEVER_M, IN_STEP, 0.7),
+    setting("corrected, unsynchronised", 0.1, LATE, 0.7),
+    setting("corrected, elastic", 0.1, IN_STEP, 1.0),
+    setting("not corrected, elastic", NEVER_M, IN_STEP, 1.0),
 ];
 
 /// The scene with groups formed and avatars there.
@@ -67,7 +80,11 @@ impl Running {
             Params::new().with("n", BALLS).with("fill", 0.01).with("speed", SPEED_M_S).with("seed", seed);
         let scene = Scene::named("gas", &params)?;
         let mut shapes = ShapeLibrary::default();
-        let (bodies, joints) = scene.records(&mut shapes)?;
+        let (mut bodies, joints) = scene.records(&mut shapes)?;
+        for body in &mut bodies {
+            let traits = Arc::make_mut(&mut body.traits);
+            traits.colliders.iter_mut().for_each(|collider| collider.restitution = setting.restitution);
+        }
         let inside = bodies.iter().filter(|body| body.traits.kind != BodyKind::Fixed);
         let inside = inside.map(|body| Bounds::around(body.state.pose.translation, [0.3; 3]));
         let bounds = inside.reduce(|a, b| a.union(&b)).expect("a gas has balls");

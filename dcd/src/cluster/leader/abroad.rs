@@ -65,6 +65,12 @@ impl Leader {
             if abroad.stances.get(&body).is_none_or(|&(known, _)| known <= number) {
                 abroad.stances.insert(body, (number, yours));
                 abroad.moved.insert(body);
+                if yours {
+                    // Who is believed follows nobody any more.
+                    abroad.heard.remove(&body);
+                    abroad.news.remove(&body);
+                    abroad.correcting.remove(&body);
+                }
             }
         }
         if by_default {
@@ -80,9 +86,20 @@ impl Leader {
             abroad.ahead = Some(tick.0 as i64 - now as i64);
         }
         for state in states {
-            if abroad.heard.get(&state.id).is_none_or(|(known, _)| *known < tick) {
-                abroad.heard.insert(state.id, (tick, state));
-                abroad.news.insert(state.id);
+            let id = state.id;
+            // Sent before this group was believed.
+            let ours = match id.client() {
+                Some(client) => self.clients.contains_key(&client),
+                None => abroad.stances.get(&id).map_or(abroad.by_default, |&(_, ours)| ours),
+            };
+            if !ours && abroad.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
+                abroad.heard.insert(id, (tick, state));
+                // What moves is compared when it is reported, and left alone within the threshold: velocities of some
+                // ticks ago would undo what it has hit since.
+                let is_compared = self.latest.get(&id).is_some_and(|(own, _)| !own.sleeping);
+                if id.client().is_some() || !is_compared || abroad.correcting.contains(&id) {
+                    abroad.news.insert(id);
+                }
             }
         }
     }

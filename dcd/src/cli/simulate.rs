@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
-use crate::sim::{FaultProfile, Row, TrialConfig, simulate};
+use crate::sim::{FaultProfile, Row, TrialConfig, run_trial, simulate};
 
 /// Runs whole clusters in virtual time, under faults, and checks that nothing is lost or doubled
 ///
@@ -20,7 +20,7 @@ use crate::sim::{FaultProfile, Row, TrialConfig, simulate};
 ///   dcd simulate
 ///   dcd simulate --faults kill-leader --seeds 0..1000
 ///   dcd simulate --faults table --seeds 0..1000        (half an hour: the fault table)
-///   dcd simulate --faults all --seeds 17..18 --json
+///   dcd simulate --faults all --seeds 17..18 --timeline
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, after_long_help = profiles())]
 pub(super) struct Simulate {
@@ -36,6 +36,9 @@ pub(super) struct Simulate {
     /// Which faults; several are one row each: see below
     #[arg(long, value_name = "NAME", default_value = "all", value_delimiter = ',', value_parser = named)]
     faults: Vec<Profiles>,
+    /// Print what happened even when nothing failed; of one seed
+    #[arg(long, conflicts_with = "json")]
+    timeline: bool,
     /// Print one JSON object a row
     #[arg(long)]
     json: bool,
@@ -52,6 +55,10 @@ impl Simulate {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let profiles: Vec<_> = self.faults.iter().flat_map(|profiles| profiles.0.iter().copied()).collect();
         let count = self.seeds.end - self.seeds.start;
+        if self.timeline && count > 1 {
+            let range = format!("{0}..{1}", self.seeds.start, self.seeds.start + 1);
+            return Err(Failure::usage(format!("--timeline is of one seed; write --seeds {range}")));
+        }
         let bar = common.progress(count * profiles.len() as u64, "runs", self.json);
         // A machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
@@ -68,6 +75,10 @@ impl Simulate {
             let row = simulate(&config, profile, self.seeds.clone(), threads, &goes_on);
             holds &= row.holds();
             bar.suspend(|| self.show(&row, began.elapsed()))?;
+            if self.timeline && row.failures.is_empty() {
+                let seed = self.seeds.start;
+                print(&run_trial(&config, profile, seed, &profile.schedule(seed)).timeline.to_string())?;
+            }
             if interrupt.asked() {
                 break;
             }
@@ -99,6 +110,7 @@ struct Told {
     violations: u64,
     worst_recovery_ms: u64,
     worst_pause_ms: u64,
+    worst_rewind_ms: u64,
     staleness_p99_ms: Option<u32>,
     transfers: u64,
     evictions: u64,
@@ -138,6 +150,7 @@ impl Told {
             violations: row.violations,
             worst_recovery_ms: row.worst_recovery.as_millis() as u64,
             worst_pause_ms: row.worst_pause.as_millis() as u64,
+            worst_rewind_ms: row.worst_rewind.as_millis() as u64,
             staleness_p99_ms: row.staleness_ms,
             transfers: row.tally.transfers,
             evictions: row.tally.evictions,
@@ -154,12 +167,13 @@ impl Told {
 
 fn heading() -> String {
     format!(
-        "{:<13}{:>6}{:>11}{:>13}{:>10}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>8}",
+        "{:<13}{:>6}{:>11}{:>13}{:>10}{:>11}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>8}",
         "faults",
         "seeds",
         "violations",
         "recovery ms",
         "pause ms",
+        "rewind ms",
         "stale ms",
         "transfers",
         "evictions",
@@ -172,12 +186,13 @@ fn heading() -> String {
 
 fn line(row: &Told) -> String {
     format!(
-        "{:<13}{:>6}{:>11}{:>13}{:>10}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>8.1}",
+        "{:<13}{:>6}{:>11}{:>13}{:>10}{:>11}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>8.1}",
         row.faults,
         row.seeds,
         row.violations,
         row.worst_recovery_ms,
         row.worst_pause_ms,
+        row.worst_rewind_ms,
         row.staleness_p99_ms.map_or("-".to_owned(), |ms| ms.to_string()),
         row.transfers,
         row.evictions,
@@ -216,7 +231,7 @@ fn profiles() -> String {
     format!(
         "Faults:\n{}\n  loss, partition, crash: those rows; table: every row\n\n\
          recovery ms: the longest time from a fault, or its end, until the group computed on; pause ms: the longest without a \
-         tick;\nstale ms: 99 % of what clients saw of their avatars was younger. Exit code 1 if anything was violated.",
+         tick;\nrewind ms: the most that a group went back, as none was left who had computed it; stale ms: 99 % of what clients saw of their avatars was younger. Exit code 1 if anything was violated.",
         rows.join("\n")
     )
 }

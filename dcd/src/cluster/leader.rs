@@ -144,8 +144,10 @@ impl Leader {
             if self.early.range(range).count() >= MAX_AVATARS {
                 return Err(Refusal::TooMany);
             }
-            let since = self.early.get(&drive.body).map_or(self.tick, |&(_, since)| since);
-            self.early.insert(drive.body, (drive, since));
+            let (known, _) = self.early.entry(drive.body).or_insert((drive, self.tick));
+            if known.logical_time < drive.logical_time {
+                *known = drive;
+            }
             return Ok(());
         };
         // Said again because it might have been lost.
@@ -493,6 +495,18 @@ mod tests {
         let ops = leader.dispatch(Duration::ZERO).unwrap().ops;
         let drives: Vec<_> = ops.iter().filter(|op| matches!(op, WorldOp::Drive(_))).collect();
         assert_eq!(drives, [&WorldOp::Drive(drive(6, 2.0))]);
+    }
+
+    #[test]
+    fn of_two_wishes_for_an_avatar_not_heard_of_yet_the_newer_counts_whichever_came_first() {
+        let mut leader = leader();
+        let early = BodyId::avatar(CLIENT, 7);
+        for time in [6, 5] {
+            let drive = Drive { body: early, ..drive(time, time as f32) };
+            assert_eq!(leader.drive(CLIENT, drive), Ok(()));
+        }
+        let wishes = leader.into_wishes();
+        assert_eq!(wishes, [(CLIENT, Drive { body: early, ..drive(6, 6.0) })]);
     }
 
     #[test]

@@ -138,6 +138,8 @@ pub struct Node {
     dispatched: Tick,
     holds: Vec<BodyId>,
     change: Option<Change>,
+    /// What the leader dispatched since that began: it counts if nothing comes of the change.
+    held: Vec<Dispatch>,
     placed: Vec<Placed>,
     joints: Vec<JointRecord>,
     early: BTreeMap<NodeId, VecDeque<Border>>,
@@ -206,6 +208,7 @@ impl Node {
             dispatched: Tick(0),
             holds: Vec::new(),
             change: None,
+            held: Vec::new(),
             placed: Vec::new(),
             joints: Vec::new(),
             early: BTreeMap::new(),

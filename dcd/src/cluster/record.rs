@@ -273,6 +273,18 @@ impl Record {
         }
     }
 
+    /// A body as its owner holds it. The record may know of a later epoch, of a view that nobody came to compute: it stays.
+    pub(super) fn reclaim(&mut self, tick: Tick, body: BodyRecord) {
+        if let Some(entry) = self.bodies.get_mut(&body.id)
+            && entry.tick <= tick
+        {
+            self.changes.states.insert(body.id);
+            let epoch = body.epoch.max(entry.body.epoch);
+            entry.body = BodyRecord { epoch, ..body };
+            entry.tick = tick;
+        }
+    }
+
     /// Raises the epoch of a body that is placed anew in this view above all that it can have had before.
     pub(super) fn renew(&mut self, id: BodyId, view: ViewNumber) {
         if let Some(entry) = self.bodies.get_mut(&id) {

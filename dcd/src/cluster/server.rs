@@ -17,6 +17,7 @@ use std::time::Duration;
 
 use self::common::{ABSENCE, ClientEntry, Common};
 use self::group::Group;
+use self::nodes::Resumption;
 use super::{Batch, Life, Peer, Pinger, Polls, Record};
 use crate::protocol::{
     Chunk, EnvironmentProperties, Hello, Member, Message, Refusal, Role, ToClient, VERSION, View, ViewNumber,
@@ -28,6 +29,10 @@ pub use self::avatars::MAX_AVATARS;
 pub use self::regroup::Grouping;
 pub use self::stored::RestoreError;
 
+/// While something is due, the server looks up so often.
+const BEAT: Duration = Duration::from_millis(250);
+/// When it could not for so long, it was stopped.
+const STOPPED: Duration = BEAT.saturating_mul(2);
 /// How often it is written down where bodies are.
 const STORE_EVERY: Duration = Duration::from_secs(2);
 
@@ -108,6 +113,10 @@ pub struct Server {
     last_group: GroupId,
     arbiter: arbiter::Arbiter,
     polls: Polls,
+    /// How long it was stopped, ever. That time does not count: what others sent meanwhile is yet to be heard.
+    stopped: Duration,
+    /// Whether it was before the last event. A server that is late each time is slow, and its time passes.
+    was_stopped: bool,
     looked_at: Duration,
     store_at: Option<Duration>,
     welcomes: u64,
@@ -139,6 +148,8 @@ impl Server {
         let polls = Polls::new(common.config.grouping.votes);
         Self {
             polls,
+            stopped: Duration::ZERO,
+            was_stopped: false,
             looked_at: Duration::ZERO,
             common,
             groups,
@@ -157,9 +168,10 @@ impl Server {
         match event {
             ServerEvent::Disconnected(Peer::Node(node)) => self.unlink_node(node),
             ServerEvent::Disconnected(Peer::Client(client)) => {
+                let until = self.common.now + ABSENCE;
                 if let Some(entry) = self.common.clients.get_mut(&client) {
                     entry.linked = false;
-                    entry.absent_until = Some(now + ABSENCE);
+                    entry.absent_until = Some(until);
                 }
             }
             ServerEvent::Disconnected(Peer::Server) => {}
@@ -189,6 +201,7 @@ impl Server {
     /// To be called at [`Server::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         let mark = self.begin(now);
+        let now = self.common.now;
         let is_over = |until: Option<Duration>| until.is_some_and(|until| until <= now);
         let absent: Vec<_> = self
             .common
@@ -222,6 +235,11 @@ impl Server {
 
     /// When [`Server::handle_timeout`] is next due; ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
+        self.due().map(|due| due.min(self.common.now + BEAT) + self.stopped)
+    }
+
+    /// When something is due, by the time that counts.
+    fn due(&self) -> Option<Duration> {
         let nodes = self.common.nodes.values().filter_map(|entry| entry.absent_until);
         let clients = self.common.clients.values().filter_map(|entry| entry.absent_until);
         let groups = self.groups.values().flat_map(|group| group.hearing.into_iter().chain(group.mute_at()));
@@ -289,8 +307,11 @@ impl Server {
     }
 
     fn begin(&mut self, now: Duration) -> usize {
-        assert!(now >= self.common.now, "time never goes back");
-        self.common.now = now;
+        let passed = now.checked_sub(self.stopped + self.common.now).expect("time never goes back");
+        let is_late = passed > STOPPED && self.due().is_some();
+        self.was_stopped = is_late && !self.was_stopped;
+        let counted = if self.was_stopped { &mut self.stopped } else { &mut self.common.now };
+        *counted += passed;
         self.common.outputs.len()
     }
 
@@ -350,9 +371,10 @@ impl Server {
             }
             (Peer::Node(node), Role::Node { address, client, resume }) => {
                 let member = Member { node, address, client };
-                match resume.and_then(|view| self.group_of(node).filter(|_| self.resumes(node, view))) {
-                    Some(group) => self.resume(member, group),
-                    None => {
+                match resume.map_or(Resumption::Anew, |view| self.resumption(node, view)) {
+                    Resumption::Member(group) => self.resume(member, group),
+                    Resumption::Undecided => self.link_again(member),
+                    Resumption::Anew => {
                         self.lose(node);
                         // Who could not reach it before may do so now.
                         for entry in self.common.nodes.values_mut() {

@@ -60,6 +60,7 @@ pub struct Checker {
     clients: BTreeMap<ClientId, (Option<GroupId>, BTreeMap<BodyId, Seen>)>,
     owned: usize,
     last: Tick,
+    rewound: u64,
     checked: u64,
 }
 
@@ -72,6 +73,11 @@ impl Checker {
     /// How many ticks have been checked as a whole.
     pub fn checked(&self) -> u64 {
         self.checked
+    }
+
+    /// The most ticks that a group went back, because nobody was left who had computed them.
+    pub fn rewound(&self) -> u64 {
+        self.rewound
     }
 
     /// The newest tick of any group that has been checked as a whole.
@@ -263,8 +269,10 @@ impl Checker {
             }
         }
         self.owned = owned.len();
+        let rewound = checked.tick.0.saturating_sub(tick.0);
         (checked.view, checked.tick, checked.epochs) = (view, tick, owned);
         self.last = self.last.max(tick);
+        self.rewound = self.rewound.max(rewound);
         self.checked += 1;
         Ok(())
     }

@@ -33,6 +33,8 @@ pub struct Row {
     pub worst_recovery: Duration,
     /// The longest time without a tick.
     pub worst_pause: Duration,
+    /// The most that a group went back, because nobody was left who had computed it.
+    pub worst_rewind: Duration,
     /// 99 % of what clients saw of their avatars was no older, milliseconds.
     pub staleness_ms: Option<u32>,
     /// Sums over all seeds.
@@ -93,6 +95,7 @@ pub fn simulate(
         violations: 0,
         worst_recovery: Duration::ZERO,
         worst_pause: Duration::ZERO,
+        worst_rewind: Duration::ZERO,
         staleness_ms: None,
         tally: Tally::default(),
         traffic: Traffic::default(),
@@ -131,6 +134,7 @@ impl Row {
         self.seeds += 1;
         self.worst_recovery = self.worst_recovery.max(outcome.worst_recovery);
         self.worst_pause = self.worst_pause.max(outcome.worst_pause);
+        self.worst_rewind = self.worst_rewind.max(outcome.worst_rewind);
         self.tally += outcome.tally;
         self.traffic += outcome.traffic;
         self.simulated += outcome.time;

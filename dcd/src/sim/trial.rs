@@ -16,7 +16,9 @@ use crate::space::{ClientId, NodeId, Tick};
 /// How long all is looked after once it is calm.
 const CALM: Duration = Duration::from_secs(15);
 /// And how long it has to stay well.
-const AFTERMATH: Duration = Duration::from_secs(1);
+const AFTERMATH: Duration = Duration::from_secs(3);
+/// From this length on, a time without ticks is noted.
+const LONG_PAUSE: Duration = Duration::from_secs(1);
 /// How long a fault waits for its moment.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Between looks at what no event tells; out of step with ticks.
@@ -54,6 +56,8 @@ pub struct Outcome {
     pub worst_recovery: Duration,
     /// The longest time in which the main group completed no tick.
     pub worst_pause: Duration,
+    /// The most that a group went back, because nobody was left who had computed it.
+    pub worst_rewind: Duration,
     /// What happened, in numbers.
     pub tally: Tally,
     /// What went over the network.
@@ -73,6 +77,7 @@ impl Outcome {
             violation: Some(Violation::Panicked(text.into())),
             worst_recovery: Duration::ZERO,
             worst_pause: Duration::ZERO,
+            worst_rewind: Duration::ZERO,
             tally: Tally::default(),
             traffic: Traffic::default(),
             time: Duration::ZERO,
@@ -134,6 +139,7 @@ struct Trial<'a> {
     watch: Option<Duration>,
     worst_recovery: Duration,
     worst_pause: Duration,
+    progressed_at: Duration,
     clients: Vec<ClientId>,
     /// Clients that have asked for their avatar, and where they last asked it to go.
     spawned: BTreeSet<ClientId>,
@@ -182,6 +188,7 @@ impl<'a> Trial<'a> {
             watch: None,
             worst_recovery: Duration::ZERO,
             worst_pause: Duration::ZERO,
+            progressed_at: Duration::ZERO,
             clients: Vec::new(),
             spawned: BTreeSet::new(),
             wishes: BTreeMap::new(),
@@ -214,6 +221,7 @@ impl<'a> Trial<'a> {
             violation,
             worst_recovery: self.worst_recovery,
             worst_pause: self.worst_pause,
+            worst_rewind: Duration::from_secs_f32(self.sim.checker.rewound() as f32 * self.sim.config.dt_s),
             tally: self.sim.tally(),
             traffic: self.sim.traffic(),
             time: self.sim.now(),
@@ -256,7 +264,7 @@ impl<'a> Trial<'a> {
                 self.act(action)?;
             }
             if self.healed_at.is_some_and(|at| at + AFTERMATH <= self.sim.now) {
-                return self.last_look();
+                return Ok(());
             }
         }
     }
@@ -291,6 +299,11 @@ impl<'a> Trial<'a> {
     fn progressed(&mut self) {
         self.checked = self.sim.checker.checked();
         let tick = self.sim.checker.last();
+        let pause = self.sim.now - self.progressed_at;
+        self.progressed_at = self.sim.now;
+        if pause > LONG_PAUSE {
+            self.sim.note(|| format!("{tick}, after {} ms without any", pause.as_millis()));
+        }
         self.settled_at.entry(tick).or_insert(self.sim.now);
         if self.settled_at.len() > 1_024 {
             self.settled_at.pop_first();

@@ -103,8 +103,8 @@ impl Node {
         self.link.dial_server_at = Some(if self.link.server_up { now } else { now + AGAIN });
         self.link.server_up = false;
         // A change that is under way will be begun anew when the server is back: until then the group goes on as it was.
-        if self.change.take_if(|change| change.adopt.is_none()).is_some() {
-            self.asked = None;
+        if self.change.as_ref().is_some_and(|change| change.adopt.is_none()) {
+            self.drop_change();
         }
     }
 

@@ -102,6 +102,7 @@ impl Node {
         self.dispatches.clear();
         self.holds.clear();
         self.change = None;
+        self.held.clear();
         self.placed.clear();
         self.joints.clear();
         self.early.clear();
@@ -113,13 +114,27 @@ impl Node {
     pub(super) fn dispatched(&mut self, from: NodeId, dispatch: Dispatch) {
         let leads =
             self.view.as_ref().is_some_and(|view| view.leader == from && view.number == dispatch.view);
-        // Once it has answered `Settle`, a node starts only what `Finish` tells it to.
-        if leads && dispatch.tick == self.dispatched.next() && self.change.is_none() {
+        if !leads || dispatch.tick <= self.dispatched {
+            self.counters.stale += 1;
+        } else if self.change.is_some() {
+            // Once it has answered `Settle`, a node starts only what `Finish` tells it to.
+            let is_new = self.held.last().map_or(self.dispatched, |held| held.tick).next() == dispatch.tick;
+            self.held.extend(Some(dispatch).filter(|_| is_new));
+        } else if dispatch.tick == self.dispatched.next() {
             self.dispatched = dispatch.tick;
             self.dispatches.push_back(dispatch);
         } else {
             self.counters.stale += 1;
         }
+    }
+
+    /// Nothing has come of a view change: the group goes on as it was.
+    pub(super) fn drop_change(&mut self) {
+        self.change = None;
+        self.asked = None;
+        let held = std::mem::take(&mut self.held);
+        self.dispatched = held.last().map_or(self.dispatched, |newest| newest.tick);
+        self.dispatches.extend(held);
     }
 
     /// Keeps a border message until its round is reached here; old ones are dropped.
@@ -304,6 +319,7 @@ impl Node {
         self.dispatched = view.tick;
         self.holds.clear();
         self.change = None;
+        self.held.clear();
         self.phase = Phase::Computing(view.tick, 0);
         let regions =
             view.allocation.iter().filter(|&(_, &node)| node == me).map(|(&region, _)| region).collect();

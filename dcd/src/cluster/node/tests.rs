@@ -157,7 +157,15 @@ fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     server(&mut node, ToNode::Settle { view: ViewNumber(2) });
     drain(&mut node);
     node.handle(NOW, dispatch(1, 1));
-    assert_eq!((drain(&mut node), node.counters().stale), (vec![], 3));
+    node.handle(NOW, dispatch(1, 3));
+    assert_eq!((drain(&mut node), node.counters().stale), (vec![], 2));
+    // Nothing comes of the change: what the leader said meanwhile counts.
+    node.handle(NOW, NodeEvent::Disconnected(Peer::Server));
+    let outputs = drain(&mut node);
+    assert!(
+        matches!(outputs[..], [NodeOutput::Physics(PhysicsCommand::Step { tick: Tick(1), .. })]),
+        "{outputs:?}"
+    );
 }
 
 #[test]

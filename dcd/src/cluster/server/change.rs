@@ -162,7 +162,7 @@ impl Group {
         let mut fetch: BTreeMap<NodeId, Vec<BodyId>> = BTreeMap::new();
         for (id, life) in self.record.movable_lives() {
             match (owners.get(&id), life) {
-                (Some(owner), Life::Live) if allocation.get(&owner.region) == Some(&owner.node) => {}
+                (Some(owner), Life::Live) if self.stays(id, owner, &allocation) => {}
                 (Some(owner), Life::Live | Life::Removing { park: true, .. }) => {
                     fetch.entry(owner.node).or_default().push(id);
                 }
@@ -182,6 +182,13 @@ impl Group {
             change.plan = Some(Plan { members, allocation, owners, fetching });
         }
         self.conclude(common);
+    }
+
+    /// Whether a body goes on where it is: its region is still its owner's, and nothing later was said of it, as in a view that
+    /// nobody came to compute.
+    fn stays(&self, id: BodyId, owner: &Owner, allocation: &Allocation) -> bool {
+        let known = self.record.body(id).map(|body| body.epoch);
+        allocation.get(&owner.region) == Some(&owner.node) && known <= Some(owner.epoch)
     }
 
     /// Compares what the members own with what is on record; then the world ends.
@@ -210,7 +217,10 @@ impl Group {
             plan.fetching.remove(&node);
         }
         for body in bodies {
-            self.record.freshen(self.tick, body);
+            match plan.owners.get(&body.id) {
+                Some(owner) if owner.node == node => self.record.reclaim(self.tick, body),
+                _ => self.record.freshen(self.tick, body),
+            }
         }
         if last {
             self.conclude(common);
@@ -230,7 +240,7 @@ impl Group {
         let mut resting = Vec::new();
         for (id, life) in self.record.movable_lives() {
             match (owners.get(&id), life) {
-                (Some(owner), Life::Live) if allocation.get(&owner.region) == Some(&owner.node) => {}
+                (Some(owner), Life::Live) if self.stays(id, owner, &allocation) => {}
                 (Some(owner), Life::Live) => {
                     moved.insert(id, owner.region);
                 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::common::{ABSENCE, NodeEntry};
+use super::common::{ABSENCE, NodeEntry, RETURN};
 use super::group::Group;
 use super::{Server, ServerOutput};
 use crate::protocol::{Member, ToNode, ToServer, ViewNumber};
@@ -11,6 +11,16 @@ use crate::space::{GroupId, NodeId};
 
 /// How long a group whose members are all out of reach is left alone before others take over.
 const HOLD: Duration = Duration::from_secs(3);
+
+/// What a node that comes back is to its group.
+pub(super) enum Resumption {
+    /// A member still.
+    Member(GroupId),
+    /// Which of two views goes on is not known yet, and it is a member of one of them.
+    Undecided,
+    /// Nothing: the world comes anew.
+    Anew,
+}
 
 impl Server {
     /// The group whose view the node computes.
@@ -20,49 +30,85 @@ impl Server {
         self.groups.values().find(is_view).map(|group| group.id)
     }
 
-    /// Whether a node that computes this view is where the server takes it to be.
-    pub(super) fn resumes(&mut self, node: NodeId, view: ViewNumber) -> bool {
-        let Some(id) = self.group_of(node) else { return false };
-        let Some(group) = self.groups.get_mut(&id) else { return false };
+    /// Where a node belongs that comes back and computes this view.
+    pub(super) fn resumption(&mut self, node: NodeId, view: ViewNumber) -> Resumption {
+        let Some(id) = self.group_of(node) else { return Resumption::Anew };
+        let Some(group) = self.groups.get_mut(&id) else { return Resumption::Anew };
         // Nobody may have heard of the newest view, because the server or the links died in that moment: then the one
         // before it goes on. Whose link has not broken since has heard of it, or will.
         let is_heard = |member: &NodeId| *member != node && self.common.nodes[member].linked;
         let is_unheard = !group.confirmed && !group.serving(&self.common).iter().any(is_heard);
+        let is_member = group.is_member(node);
         if (group.held || is_unheard)
             && let Some(former) = group.former.take_if(|former| former.number == view)
         {
-            for member in group.view.iter().flat_map(|view| &view.members) {
-                if let Some(entry) = self.common.nodes.get_mut(&member.node) {
-                    entry.serving = None;
+            if !is_member {
+                // It was to go; those who were to stay know.
+                group.former = Some(former);
+                return Resumption::Undecided;
+            }
+            let present = group.view.replace(former.clone()).map(|view| view.number);
+            for (node, entry) in &mut self.common.nodes {
+                let is_former = former.members.iter().any(|member| member.node == *node);
+                // Who computes for another group by now is not taken back.
+                if entry.serving == present || (is_former && entry.serving.is_none()) {
+                    entry.serving = is_former.then_some(former.number);
                 }
             }
-            for member in &former.members {
-                if let Some(entry) = self.common.nodes.get_mut(&member.node) {
-                    entry.serving = Some(former.number);
-                }
-            }
-            group.view = Some(former);
+        } else if is_member && group.view.as_ref().is_some_and(|present| present.number == view) {
+            self.let_go(id, view);
         }
-        self.common.nodes.get(&node).is_some_and(|entry| entry.serving == Some(view))
+        match self.common.nodes.get(&node) {
+            Some(entry) if entry.serving == Some(view) => Resumption::Member(id),
+            _ => Resumption::Anew,
+        }
+    }
+
+    /// A view was heard of: who was to go with it begins anew.
+    fn let_go(&mut self, id: GroupId, view: ViewNumber) {
+        let Some(group) = self.groups.get_mut(&id) else { return };
+        group.former = None;
+        let is_over = |(node, entry): &(&NodeId, &mut NodeEntry)| {
+            entry.serving == Some(view) && !group.is_member(**node)
+        };
+        let over = self.common.nodes.iter_mut().filter(is_over);
+        let over: Vec<_> = over
+            .map(|(&node, entry)| {
+                entry.serving = None;
+                node
+            })
+            .collect();
+        over.into_iter().for_each(|node| self.begin_anew(node));
+    }
+
+    /// A node is back of which it is not known yet whether it is a member.
+    pub(super) fn link_again(&mut self, member: Member) {
+        if let Some(entry) = self.common.nodes.get_mut(&member.node) {
+            (entry.member, entry.linked, entry.absent_until) = (member, true, None);
+        }
+        self.common.tell_roster();
     }
 
     /// A member's link broke and is back: what was said over it may be lost, so all is compared.
     pub(super) fn resume(&mut self, member: Member, id: GroupId) {
-        let (node, until) = (member.node, self.common.now + ABSENCE);
+        let (node, until) = (member.node, self.common.now + RETURN);
         if let Some(entry) = self.common.nodes.get_mut(&node) {
             entry.member = member;
             entry.linked = true;
             entry.absent_until = None;
         }
         let Some(group) = self.groups.get_mut(&id) else { return };
-        if std::mem::replace(&mut group.held, false) {
-            group.silent_since = None;
-            // The others should be back about now as well.
-            for node in group.serving(&self.common) {
-                if let Some(entry) = self.common.nodes.get_mut(&node).filter(|entry| !entry.linked) {
+        let others: Vec<_> = group.serving(&self.common).into_iter().filter(|&other| other != node).collect();
+        // It was not they who were cut off: they should be back about now as well.
+        if others.iter().all(|other| !self.common.nodes[other].linked) {
+            for other in others {
+                if let Some(entry) = self.common.nodes.get_mut(&other) {
                     entry.absent_until = Some(entry.absent_until.map_or(until, |at| at.max(until)));
                 }
             }
+        }
+        if std::mem::replace(&mut group.held, false) {
+            group.silent_since = None;
             let leader = group.leader_is();
             self.common.send_clients(id, &leader);
         }

@@ -128,7 +128,14 @@ impl Server {
     }
 
     /// A group of a stored world: its members are waited for.
-    fn expect_back(&mut self, id: GroupId, record: Record, tick: Tick, view: View, former: Option<View>) {
+    pub(super) fn expect_back(
+        &mut self,
+        id: GroupId,
+        record: Record,
+        tick: Tick,
+        view: View,
+        former: Option<View>,
+    ) {
         for member in former.iter().chain([&view]).flat_map(|view| &view.members) {
             let entry = NodeEntry {
                 member: member.clone(),

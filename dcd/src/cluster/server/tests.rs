@@ -83,6 +83,19 @@ fn obey(server: &mut Server, node: u32, mut outputs: Vec<ServerOutput>) -> Vec<S
     outputs
 }
 
+/// What it says when enough time has passed.
+fn wait(server: &mut Server) -> Vec<ServerOutput> {
+    loop {
+        let due = server.poll_timeout().expect("something is waited for");
+        server.handle_timeout(due.max(server.common.now));
+        let said = std::iter::from_fn(|| server.poll_output());
+        let said: Vec<_> = said.filter(|output| !matches!(output, ServerOutput::Store(_))).collect();
+        if !said.is_empty() {
+            return said;
+        }
+    }
+}
+
 #[test]
 fn a_node_is_let_go_of_by_one_group_before_another_takes_it() {
     let mut server = server();
@@ -95,18 +108,13 @@ fn a_node_is_let_go_of_by_one_group_before_another_takes_it() {
     obey(&mut server, 2, outputs);
     let sizes = |server: &Server| server.views().map(|(_, view)| view.members.len()).collect::<Vec<_>>();
     assert_eq!(sizes(&server), [1], "its links may be on their way");
-    let due = server.poll_timeout().expect("they are waited for");
-    server.handle_timeout(due.max(server.common.now));
-    let outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+    let outputs = wait(&mut server);
     obey(&mut server, 2, outputs);
     assert_eq!(sizes(&server), [1, 1], "they cannot reach one another");
     tell(&mut server, 1, is(Some(1.0), 2));
     tell(&mut server, 2, is(Some(1.0), 1));
-    while !server.is_changing() {
-        let due = server.poll_timeout().expect("it is looked who reaches whom");
-        server.handle_timeout(due.max(server.common.now));
-    }
-    let outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+    let outputs = wait(&mut server);
+    assert!(server.is_changing(), "it is looked who reaches whom");
     let to_one = obey(&mut server, 1, outputs.clone());
     assert_eq!(sizes(&server), [1, 1], "it computes another group's world still");
     let outputs = obey(&mut server, 2, outputs);
@@ -187,8 +195,8 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     assert_eq!(server.view().unwrap().members.len(), 2);
     server.handle(NOW, ServerEvent::Stop);
     server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(2))));
-    server.handle_timeout(server.poll_timeout().unwrap());
     while server.poll_output().is_some() {}
+    wait(&mut server);
     let answer = |server: &mut Server, claims| {
         let view = server.common.number;
         tell(server, 1, Message::ToServer(ToServer::Settling { view, dispatches: Vec::new() }));
@@ -213,4 +221,146 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     assert_eq!(outputs.last(), Some(&ServerOutput::Ended));
     server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     assert_eq!(server.poll_output(), None, "it ends once");
+}
+
+/// A server whose nodes 1 and 2 compute the world.
+fn server_of_two() -> Server {
+    let mut server = server();
+    for node in [1, 2] {
+        let outputs = hello(&mut server, node, VERSION);
+        let outputs = obey(&mut server, node, outputs);
+        obey(&mut server, 1, outputs);
+    }
+    assert_eq!(server.view().map(|view| view.members.len()), Some(2));
+    server
+}
+
+fn expelled(server: &mut Server) -> Vec<NodeId> {
+    let said = std::iter::from_fn(|| server.poll_output());
+    said.filter_map(|output| match output {
+        ServerOutput::Expelled(node) => Some(node),
+        _ => None,
+    })
+    .collect()
+}
+
+#[test]
+fn the_time_in_which_the_server_was_stopped_does_not_count_unless_it_is_always_late() {
+    let mut server = server_of_two();
+    server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(2))));
+    let resumed = Duration::from_secs(30);
+    server.handle_timeout(resumed);
+    assert_eq!(expelled(&mut server), [], "its word may be there, unheard");
+    let due = server.poll_timeout().expect("it is waited for");
+    assert!(resumed < due && due <= resumed + BEAT, "{due:?}");
+    server.handle_timeout(resumed + ABSENCE);
+    assert_eq!(expelled(&mut server), [NodeId(2)], "late twice is slow");
+
+    let mut server = server_of_two();
+    server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(2))));
+    let mut at = NOW;
+    while expelled(&mut server).is_empty() {
+        at = server.poll_timeout().expect("it is waited for");
+        server.handle_timeout(at);
+    }
+    assert_eq!(at, ABSENCE);
+}
+
+#[test]
+fn what_was_placed_in_a_view_that_nobody_came_to_compute_is_placed_again_from_where_it_is() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let id = BodyId::persistent(0);
+    let mut body = server.record().body(id).expect("it is on record").clone();
+    body.state.pose.translation[1] = 2.0;
+    let region = server.common.config.world.tree.leaf_at(body.state.pose.translation);
+    let claims: Vec<_> =
+        (0..3).map(|i| Claim { id: BodyId::persistent(i), epoch: body.epoch, region }).collect();
+    // As if a view had been written down and never been told of.
+    server.main_mut().record.renew(id, ViewNumber(100));
+    server.common.number = ViewNumber(101);
+    server.main_mut().unsure = true;
+    server.finish(0);
+    while server.poll_output().is_some() {}
+    let view = server.common.number;
+    tell(&mut server, 1, Message::ToServer(ToServer::Settling { view, dispatches: Vec::new() }));
+    let outputs = tell(&mut server, 1, Message::ToServer(ToServer::Survey { view, tick: Tick(9), claims }));
+    let fetch = Message::ToNode(ToNode::Fetch { view, bodies: vec![id] });
+    assert!(
+        outputs
+            .iter()
+            .any(|output| matches!(output, ServerOutput::Send { message, .. } if *message == fetch))
+    );
+    let found = ToServer::Found { view, bodies: vec![body.clone()], last: true };
+    let outputs = tell(&mut server, 1, Message::ToServer(found));
+    let placed = outputs.iter().find_map(|output| match output {
+        ServerOutput::Send { message: Message::ToNode(ToNode::Chunk(Chunk::Placed(placed))), .. } => {
+            Some(placed)
+        }
+        _ => None,
+    });
+    let placed = placed.expect("it is placed anew");
+    assert_eq!(placed.len(), 1);
+    assert_eq!(placed[0].body.state.pose, body.state.pose);
+    assert!(placed[0].body.epoch > Epoch::placed_in(100), "beyond what clients may have been told");
+}
+
+fn back(server: &mut Server, node: u32, view: ViewNumber) -> Vec<ServerOutput> {
+    let address = ([127, 0, 0, 1], node as u16).into();
+    let role = Role::Node { address, client: None, resume: Some(view) };
+    tell(server, node, Message::Hello(Hello { version: VERSION, role }))
+}
+
+/// A restarted server whose last word was a view without node 2; and that view and the one before it.
+fn restarted() -> (Server, ViewNumber, ViewNumber) {
+    let mut server = server_of_two();
+    let former = server.view().expect("it has begun").clone();
+    let mut view = former.clone();
+    view.number = former.number.next();
+    view.members.retain(|member| member.node == NodeId(1));
+    view.allocation.values_mut().for_each(|node| *node = NodeId(1));
+    let numbers = (former.number, view.number);
+    server.common.number = view.number;
+    let (id, tick, record) = (server.main, server.tick(), server.record().clone());
+    server.common.nodes.clear();
+    server.expect_back(id, record, tick, view, Some(former));
+    (server, numbers.0, numbers.1)
+}
+
+fn welcomed(outputs: &[ServerOutput], node: u32) -> bool {
+    outputs.iter().any(|output| {
+        matches!(output, ServerOutput::Send { to, message: Message::ToNode(ToNode::Welcome { .. }) }
+            if *to == Peer::Node(NodeId(node)))
+    })
+}
+
+#[test]
+fn who_was_to_go_with_a_view_does_not_decide_whether_it_was_heard_of() {
+    let (mut server, former, present) = restarted();
+    assert!(!welcomed(&back(&mut server, 2, former), 2), "it may be a member still");
+    let outputs = back(&mut server, 1, present);
+    assert!(welcomed(&outputs, 2), "node 1 has heard of the view, and node 2 begins anew: {outputs:?}");
+    assert!(!welcomed(&outputs, 1));
+
+    let (mut server, former, _) = restarted();
+    back(&mut server, 2, former);
+    let outputs = back(&mut server, 1, former);
+    assert!(!welcomed(&outputs, 1) && !welcomed(&outputs, 2), "nobody has heard of it: {outputs:?}");
+    let asked = |node| {
+        outputs.iter().any(|output| {
+            matches!(output, ServerOutput::Send { to, message: Message::ToNode(ToNode::Settle { .. }) }
+                if *to == Peer::Node(NodeId(node)))
+        })
+    };
+    assert!(asked(1) && asked(2), "both are members: {outputs:?}");
+}
+
+#[test]
+fn who_computes_for_another_group_by_now_is_not_taken_back_with_a_former_view() {
+    let (mut server, former, _) = restarted();
+    let elsewhere = Some(ViewNumber(99));
+    server.common.nodes.get_mut(&NodeId(2)).expect("it is known").serving = elsewhere;
+    back(&mut server, 1, former);
+    assert_eq!(server.common.nodes[&NodeId(2)].serving, elsewhere);
 }

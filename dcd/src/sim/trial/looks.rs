@@ -68,27 +68,21 @@ impl Trial<'_> {
             let lack = self.lacks_steadiness(since).unwrap_or_else(|| "no tick since".into());
             return Err(Violation::Slow { after: now - since, lack });
         }
-        if let Some(since) = self.calm_since.filter(|_| self.healed_at.is_none()) {
+        if let Some(since) = self.calm_since {
             match self.lack(since) {
-                None => {
+                None if self.healed_at.is_none() => {
                     self.sim.note(|| "all is well".into());
                     self.healed_at = Some(now);
                 }
+                None => {}
                 Some(lack) if since + CALM < now => {
                     return Err(Violation::Unhealed { after: now - since, lack });
                 }
-                Some(_) => {}
+                // What went wrong before the calm may yet be noticed.
+                Some(_) => self.healed_at = None,
             }
         }
         Ok(())
-    }
-
-    /// After all has been well for a while.
-    pub(super) fn last_look(&self) -> Result<(), Violation> {
-        match self.lack(self.calm_since.unwrap_or_default()) {
-            None => Ok(()),
-            Some(lack) => Err(Violation::Unhealed { after: self.sim.now, lack }),
-        }
     }
 
     /// What keeps the main group from computing on, all members live, since a time.
@@ -191,9 +185,7 @@ impl Trial<'_> {
     }
 
     fn note_pause(&mut self) {
-        if let Some((_, &at)) = self.settled_at.last_key_value() {
-            self.worst_pause = self.worst_pause.max(self.sim.now - at);
-        }
+        self.worst_pause = self.worst_pause.max(self.sim.now - self.progressed_at);
     }
 
     /// A node that has ended is followed by another, as a supervisor would have it.

@@ -136,6 +136,8 @@ pub struct Node {
     /// Of the present view: those that another member may not have completed, and the newest of all.
     dispatches: VecDeque<Dispatch>,
     dispatched: Tick,
+    /// Messages up to this tick have been taken in before their time, for a view change.
+    drained: Tick,
     holds: Vec<BodyId>,
     change: Option<Change>,
     /// What the leader dispatched since that began: it counts if nothing comes of the change.
@@ -171,7 +173,7 @@ enum Phase {
 #[derive(Clone, Debug)]
 struct Change {
     view: ViewNumber,
-    finish: Option<Vec<Dispatch>>,
+    finish: bool,
     drained: bool,
     surveyed: bool,
     fetch: Option<Vec<BodyId>>,
@@ -180,7 +182,7 @@ struct Change {
 
 impl Change {
     fn to(view: ViewNumber) -> Self {
-        Self { view, finish: None, drained: false, surveyed: false, fetch: None, adopt: None }
+        Self { view, finish: false, drained: false, surveyed: false, fetch: None, adopt: None }
     }
 }
 
@@ -206,6 +208,7 @@ impl Node {
             drift: Drift::default(),
             dispatches: VecDeque::new(),
             dispatched: Tick(0),
+            drained: Tick(0),
             holds: Vec::new(),
             change: None,
             held: Vec::new(),

@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{BodyRecord, JointRecord, Velocity, WorldPose};
+use super::{BodyRecord, Drive, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
 /// The owner's word on a body that the receiver holds a replica of.
@@ -171,6 +171,27 @@ impl BorderMessage {
             self.replicas.iter_mut().chain(self.transfers.iter_mut().map(|transfer| &mut transfer.body));
         for BodyRecord { state, .. } in bodies {
             ahead(&mut state.pose, &state.velocity, state.sleeping);
+        }
+    }
+
+    /// A body is gone from the world: it is neither told of nor handed over. Returns it if it was to be.
+    pub fn forget(&mut self, gone: BodyId) -> Option<BodyRecord> {
+        self.states.retain(|state| state.id != gone);
+        self.replicas.retain(|body| body.id != gone);
+        self.joints.retain(|joint| joint.a != gone && joint.b != gone);
+        self.wakes.retain(|&id| id != gone);
+        self.copies.retain(|copy| copy.id != gone);
+        self.members.retain(|member| member.id != gone);
+        let at = self.transfers.iter().position(|transfer| transfer.body.id == gone)?;
+        Some(self.transfers.remove(at).body)
+    }
+
+    /// A body that is handed over goes where its user wants it to.
+    pub fn drive(&mut self, drive: &Drive) {
+        let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == drive.body);
+        if let Some(Transfer { body, .. }) = of {
+            body.state.velocity = drive.velocity;
+            body.state.pose = drive.pose.unwrap_or(body.state.pose);
         }
     }
 

@@ -1,7 +1,16 @@
 //! Links by the names of the cluster: encodes, decodes, chooses lanes, and keeps what must wait for a link.
+//!
+//! **Who reads slowly** costs so much and no more, and then loses its link; it can call again. Beside what QUIC and the lanes
+//! hold ([`protocol::link`]), there waits here
+//! - for a server, a node or a participant: a whole world, since a change of membership may move all of it;
+//! - for a client, a whole world while it is told of one, and nothing afterwards;
+//! - for nobody anything, once it has taken in nothing for [`STUCK`] while its link was up.
+//!
+//! States, which go in datagrams, never wait: the oldest are dropped.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
+use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
 
@@ -10,9 +19,13 @@ use crate::net::{Net, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, Lane, Message, Role, ToClient};
 use crate::space::{ClientId, NodeId};
 
-/// What may wait for a link that is being made, or for a peer that still reads a world, in bytes. Beyond it the peer is
-/// given up: it can join anew.
-const WAITING_BYTES: usize = 256 << 20;
+/// What may wait for a peer at most: a world, and what happens in it meanwhile.
+const WORLD_BYTES: usize = 256 << 20;
+/// A peer that takes in nothing for so long, though something waits for it, is given up.
+const STUCK: Duration = Duration::from_secs(10);
+
+/// Why the link of such a peer ends.
+const TOO_SLOW: &str = "the peer reads too slowly; call again";
 
 /// Bytes of states that may wait on a link that a guess is to be sent over.
 const GUESSES_WAITING: usize = 8 << 10;
@@ -45,6 +58,10 @@ pub(super) struct Links {
     names: BTreeMap<PeerKey, PeerName>,
     dialled: BTreeMap<PeerKey, Peer>,
     waiting: BTreeMap<Peer, Waiting>,
+    /// Clients that are being told of the world, and whether its end is among what waits for them.
+    told: BTreeMap<Peer, bool>,
+    given_up: Vec<LinkEvent>,
+    world_bytes: usize,
     /// Whether a participant is spoken to as a client too: only the server does.
     is_server: bool,
 }
@@ -53,6 +70,8 @@ pub(super) struct Links {
 struct Waiting {
     frames: VecDeque<(crate::net::Lane, Vec<u8>)>,
     bytes: usize,
+    /// When something was last taken in, or began to wait for a link that is up.
+    since: Option<Instant>,
 }
 
 impl Links {
@@ -64,6 +83,9 @@ impl Links {
             names: BTreeMap::new(),
             dialled: BTreeMap::new(),
             waiting: BTreeMap::new(),
+            told: BTreeMap::new(),
+            given_up: Vec::new(),
+            world_bytes: WORLD_BYTES,
             is_server,
         }
     }
@@ -110,38 +132,96 @@ impl Links {
             Lane::Control => crate::net::Lane::Admin,
             Lane::Border => crate::net::Lane::Object,
         };
+        let is_world = match message {
+            Message::ToClient(_, ToClient::Welcome { .. }) => Some(false),
+            Message::ToClient(_, ToClient::WorldEnd) => Some(true),
+            _ => None,
+        };
+        if let Some(ends) = is_world {
+            self.told.insert(to, ends);
+        }
         self.send_frame(to, lane, bytes);
+        self.forget_told(to);
+    }
+
+    /// Who has taken the end of the world in is told of it no more.
+    fn forget_told(&mut self, to: Peer) {
+        if !self.waiting.contains_key(&to) && self.told.get(&to) == Some(&true) {
+            self.told.remove(&to);
+        }
     }
 
     /// Sends what waits, as far as there is room. Returns whether anything still waits for a link that is up.
-    pub(super) fn flush(&mut self) -> bool {
+    pub(super) fn flush(&mut self, now: Instant) -> bool {
         let peers: Vec<_> =
             self.waiting.keys().filter(|peer| self.keys.contains_key(peer)).copied().collect();
         let mut left = false;
         for peer in peers {
             let Some(mut waiting) = self.waiting.remove(&peer) else { continue };
-            let key = self.keys[&peer];
+            let (key, before) = (self.keys[&peer], waiting.frames.len());
             while let Some((lane, frame)) = waiting.frames.pop_front() {
                 match self.net.send(key, lane, &frame) {
                     Err(SendError::Full { .. }) => {
                         waiting.frames.push_front((lane, frame));
                         break;
                     }
-                    Err(error) => debug!(?peer, %error, "a frame is not sent"),
-                    Ok(()) => waiting.bytes -= frame.len(),
+                    sent => {
+                        waiting.bytes -= frame.len();
+                        if let Err(error) = sent {
+                            debug!(?peer, %error, "a frame is not sent");
+                        }
+                    }
                 }
             }
-            if !waiting.frames.is_empty() {
-                left = true;
-                self.waiting.insert(peer, waiting);
+            if waiting.frames.is_empty() {
+                self.forget_told(peer);
+                continue;
+            }
+            let since = waiting.since.filter(|_| waiting.frames.len() == before).unwrap_or(now);
+            waiting.since = Some(since);
+            self.waiting.insert(peer, waiting);
+            left = true;
+            if now.saturating_duration_since(since) >= STUCK {
+                self.give_up(peer);
             }
         }
         left
     }
 
+    /// Links that were ended here because of who is at their other ends: what their closing means for our own machines.
+    pub(super) fn take_given_up(&mut self) -> Vec<LinkEvent> {
+        let given_up = std::mem::take(&mut self.given_up);
+        for event in &given_up {
+            if let LinkEvent::Disconnected(peer, _) = event {
+                // Said before we knew.
+                self.waiting.remove(peer);
+            }
+        }
+        given_up
+    }
+
+    fn give_up(&mut self, peer: Peer) {
+        warn!(?peer, "a peer reads too slowly and is disconnected");
+        let who = self.keys.get(&peer).and_then(|key| self.names.get(key));
+        let peers = who.map_or_else(|| vec![peer], |&who| self.peers_of(who));
+        for &peer in &peers {
+            self.close(peer, TOO_SLOW);
+        }
+        let gone = self.gone(peers, TOO_SLOW);
+        self.given_up.extend(gone);
+    }
+
+    /// What may wait for a peer.
+    fn room_for(&self, peer: Peer) -> usize {
+        let who = self.keys.get(&peer).and_then(|key| self.names.get(key));
+        let is_client = matches!((peer, who), (_, Some(PeerName::Client(_))) | (Peer::Client(_), None));
+        if is_client && !self.told.contains_key(&peer) { 0 } else { self.world_bytes }
+    }
+
     /// Ends a link after what was sent has arrived.
     pub(super) fn close(&mut self, peer: Peer, reason: &str) {
         self.waiting.remove(&peer);
+        self.told.remove(&peer);
         if let Some(key) = self.keys.remove(&peer) {
             self.names.remove(&key);
             self.keys.retain(|_, other| *other != key);
@@ -152,7 +232,7 @@ impl Links {
     /// Ends all links.
     pub(super) fn shutdown(mut self) -> NetTotals {
         for _ in 0..100 {
-            if !self.flush() {
+            if !self.flush(Instant::now()) {
                 break;
             }
             std::thread::yield_now();
@@ -175,7 +255,7 @@ impl Links {
                         self.net.close(former, SUPERSEDED);
                     }
                 }
-                self.flush();
+                self.flush(Instant::now());
                 peers.into_iter().map(LinkEvent::Connected).collect()
             }
             NetEvent::ConnectFailed { peer: key, error } => {
@@ -206,6 +286,7 @@ impl Links {
                 for peer in &peers {
                     self.keys.remove(peer);
                     self.waiting.remove(peer);
+                    self.told.remove(peer);
                 }
                 self.gone(peers, &reason)
             }
@@ -232,12 +313,12 @@ impl Links {
             debug!(?to, "no link to send over");
             return;
         }
+        let room = self.room_for(to);
         let waiting = self.waiting.entry(to).or_default();
         waiting.bytes += bytes.len();
         waiting.frames.push_back((lane, bytes));
-        if waiting.bytes > WAITING_BYTES {
-            warn!(?to, "a peer reads too slowly and is disconnected");
-            self.close(to, "reads too slowly; join anew");
+        if waiting.bytes > room {
+            self.give_up(to);
         }
     }
 
@@ -266,6 +347,161 @@ impl Links {
             PeerName::Client(client) => Peer::Client(client),
             PeerName::Participant(_, client) if self.is_server && is_own(client) => Peer::Client(client),
             PeerName::Participant(id, _) => node(id),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::time::SystemTime;
+
+    use super::*;
+    use crate::net::{Authority, Identity, Limits, NetConfig, NetEvents, join};
+    use crate::protocol::Chunk;
+    use crate::sim::{sim_body, sim_world};
+    use crate::space::BodyId;
+
+    const PATIENCE: Duration = Duration::from_secs(20);
+
+    /// A server and another process, whose link is up; the other reads only what it is made to.
+    struct Pair {
+        links: Links,
+        events: NetEvents,
+        other: Net,
+        other_events: NetEvents,
+        peer: Peer,
+        _folder: tempfile::TempDir,
+    }
+
+    fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) -> (Net, NetEvents) {
+        let listen = ([127, 0, 0, 1], 0).into();
+        Net::start(NetConfig { listen, identity, authority, limits }).unwrap()
+    }
+
+    impl Pair {
+        fn new(role: crate::net::Role) -> Self {
+            let folder = tempfile::tempdir().unwrap();
+            let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
+            let identity = authority.server_identity().unwrap();
+            let (net, events) = start(identity, Some(authority.clone()), Limits::default());
+            let token = authority.issue_token(role, PATIENCE, SystemTime::now()).unwrap();
+            let joined = join(net.local_addr(), &token, None, PATIENCE).unwrap();
+            let (other, other_events) =
+                start(joined, None, Limits { frame_bytes: 512 << 10, ..Limits::default() });
+            other.connect(net.local_addr(), PeerName::Server);
+            let mut links = Links::new(net);
+            let connected = links.translate(events.recv_timeout(PATIENCE).unwrap());
+            let [LinkEvent::Connected(peer)] = connected[..] else { panic!("{connected:?}") };
+            Self { links, events, other, other_events, peer, _folder: folder }
+        }
+
+        fn tell(&mut self, message: ToClient) {
+            let client = ClientId(1);
+            self.links.send(self.peer, &Message::ToClient(client, message));
+        }
+
+        /// Some 300 kB of a world.
+        fn tell_bodies(&mut self) {
+            let bodies = (0..1_000).map(|id| sim_body(BodyId::persistent(id), [0.0; 3])).collect();
+            self.tell(ToClient::Chunk(Chunk::Bodies(bodies)));
+        }
+
+        fn tell_world(&mut self, chunks: usize) {
+            self.tell(ToClient::Welcome { id: ClientId(1), logical_time: 0, world: sim_world(2) });
+            (0..chunks).for_each(|_| self.tell_bodies());
+            self.tell(ToClient::WorldEnd);
+        }
+
+        fn waiting_bytes(&self) -> usize {
+            self.links.waiting.values().map(|waiting| waiting.bytes).sum()
+        }
+
+        /// The other reads until nothing waits any more.
+        fn read_all(&mut self) {
+            while self.links.flush(Instant::now()) {
+                while self.other_events.recv_timeout(Duration::from_millis(10)).is_ok() {}
+            }
+        }
+
+        fn given_up(&mut self) -> Vec<Peer> {
+            let events = self.links.take_given_up().into_iter();
+            events
+                .map(|event| match event {
+                    LinkEvent::Disconnected(peer, reason) if reason == TOO_SLOW => peer,
+                    other => panic!("{other:?}"),
+                })
+                .collect()
+        }
+    }
+
+    #[test]
+    fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
+        let mut pair = Pair::new(crate::net::Role::Client);
+        pair.tell_world(60);
+        assert!(pair.waiting_bytes() > 4 << 20, "{}", pair.waiting_bytes());
+        pair.read_all();
+        assert_eq!((pair.waiting_bytes(), pair.given_up()), (0, vec![]));
+        // It reads no more: what its own process takes in comes first.
+        let mut told = 0;
+        while pair.links.keys.contains_key(&pair.peer) {
+            pair.tell(ToClient::Chunk(Chunk::Bodies(vec![sim_body(BodyId::persistent(1), [0.0; 3]); 100])));
+            assert_eq!(pair.waiting_bytes(), 0);
+            told += 1;
+            std::thread::sleep(Duration::from_micros(200));
+            assert!(told < 100_000);
+        }
+        assert_eq!(pair.given_up(), [pair.peer], "our own server hears of it");
+        assert_eq!(pair.given_up(), []);
+        let closed = pair.events.recv_timeout(PATIENCE).unwrap();
+        assert!(pair.links.translate(closed).is_empty(), "once");
+        while let Ok(event) = pair.other_events.recv_timeout(PATIENCE) {
+            if let NetEvent::Closed { reason, .. } = event {
+                assert_eq!(reason, TOO_SLOW);
+                return pair.other.shutdown();
+            }
+        }
+        panic!("the client is not told");
+    }
+
+    #[test]
+    fn a_node_may_be_behind_by_a_world_and_no_more() {
+        let mut pair = Pair::new(crate::net::Role::Node);
+        pair.links.world_bytes = 8 << 20;
+        let mut most = 0;
+        while pair.links.keys.contains_key(&pair.peer) {
+            pair.tell_bodies();
+            most = most.max(pair.waiting_bytes());
+        }
+        assert!((7 << 20..=8 << 20).contains(&most), "{most}");
+        assert_eq!((pair.given_up(), pair.waiting_bytes()), (vec![pair.peer], 0));
+    }
+
+    #[test]
+    fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
+        let mut pair = Pair::new(crate::net::Role::Client);
+        pair.tell_world(60);
+        let began = Instant::now();
+        assert!(pair.links.flush(began));
+        while pair.links.flush(Instant::now()) && began.elapsed() < Duration::from_millis(300) {}
+        let stuck = Instant::now();
+        assert!(pair.links.flush(stuck + STUCK / 2));
+        assert_eq!(pair.given_up(), []);
+        pair.links.flush(stuck + STUCK);
+        assert_eq!((pair.given_up(), pair.waiting_bytes()), (vec![pair.peer], 0));
+        // Who takes in a little now and then is slow, and stays.
+        let mut pair = Pair::new(crate::net::Role::Client);
+        pair.tell_world(60);
+        let mut now = Instant::now();
+        for part in 0..6 {
+            let before = pair.waiting_bytes();
+            while pair.waiting_bytes() == before {
+                let _ = pair.other_events.recv_timeout(Duration::from_millis(10));
+                assert!(pair.links.flush(now));
+            }
+            now += STUCK * 2 / 3;
+            assert!(pair.links.flush(now), "part {part}");
+            assert_eq!(pair.given_up(), [], "part {part}");
         }
     }
 }

@@ -339,7 +339,7 @@ impl Loop {
             let now = self.start.elapsed();
             let due = self.poll_timeout();
             let mut wait = due.map_or(Duration::from_millis(500), |due| due.saturating_sub(now));
-            if self.links.flush() {
+            if self.links.flush(Instant::now()) {
                 wait = wait.min(RETRY);
             }
             match inputs.recv_timeout(wait) {
@@ -359,6 +359,10 @@ impl Loop {
                 client.handle_timeout(now);
             }
             self.pump();
+            for event in self.links.take_given_up() {
+                self.link_event(event);
+                self.pump();
+            }
             if self.end.is_none()
                 && let Some((since, reason)) = &self.lost
                 && since.saturating_add(self.give_up) <= now

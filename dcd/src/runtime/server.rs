@@ -338,22 +338,13 @@ impl Loop {
         while !self.over {
             let Some(links) = &mut self.links else { break };
             let due = self.server.poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
-            let wait = due.unwrap_or(IDLE).min(if links.flush() { RETRY } else { IDLE });
+            let wait = due.unwrap_or(IDLE).min(if links.flush(Instant::now()) { RETRY } else { IDLE });
             let input = inputs.recv_timeout(wait);
             let now = self.start.elapsed();
             match input {
                 Ok(Input::Net(event)) => {
                     for event in links.translate(event) {
-                        match event {
-                            LinkEvent::Connected(_) => {}
-                            LinkEvent::Disconnected(peer, reason) => {
-                                info!(?peer, reason, "a link is gone");
-                                self.server.handle(now, ServerEvent::Disconnected(peer));
-                            }
-                            LinkEvent::Message { from, message } => {
-                                self.server.handle(now, ServerEvent::Message { from, message });
-                            }
-                        }
+                        self.hear(now, event);
                     }
                 }
                 Ok(Input::Stop) => {
@@ -368,6 +359,11 @@ impl Loop {
                 self.server.handle_timeout(now);
             }
             self.pump();
+            let given_up = self.links.as_mut().map(Links::take_given_up).unwrap_or_default();
+            if !given_up.is_empty() {
+                given_up.into_iter().for_each(|event| self.hear(now, event));
+                self.pump();
+            }
             self.publish();
             if !self.over && self.end_by.is_some_and(|by| by <= Instant::now()) {
                 warn!("the last audit is given up: members do not answer");
@@ -377,6 +373,19 @@ impl Loop {
         }
         let totals = self.links.take().map(Links::shutdown);
         self.finish(totals);
+    }
+
+    fn hear(&mut self, now: Duration, event: LinkEvent) {
+        match event {
+            LinkEvent::Connected(_) => {}
+            LinkEvent::Disconnected(peer, reason) => {
+                info!(?peer, reason, "a link is gone");
+                self.server.handle(now, ServerEvent::Disconnected(peer));
+            }
+            LinkEvent::Message { from, message } => {
+                self.server.handle(now, ServerEvent::Message { from, message });
+            }
+        }
     }
 
     fn pump(&mut self) {

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Engine;
 use crate::cluster::Client;
-use crate::protocol::{View, ViewNumber};
+use crate::protocol::{Border, View, ViewNumber};
 use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
 
 pub use violation::Violation;
@@ -34,6 +34,8 @@ struct Checked {
     epochs: BTreeMap<BodyId, Epoch>,
     /// After the last tick that was checked: in which view, and how many rounds members want.
     wanted: Option<(ViewNumber, Tick, u32)>,
+    /// What was sent to new owners in a tick and has not arrived.
+    flights: BTreeMap<(ViewNumber, Tick), Flight>,
 }
 
 /// What a client has seen of a body.
@@ -44,10 +46,15 @@ struct Seen {
     elsewhere: bool,
 }
 
+/// Bodies that one node has sent another to own, and their epochs.
+type Flight = BTreeMap<(NodeId, NodeId), Vec<(BodyId, Epoch)>>;
+
 /// Collects what every member holds after each tick and checks it when all have completed that tick.
 #[derive(Clone, Debug, Default)]
 pub struct Checker {
     expected: BTreeSet<BodyId>,
+    /// How many ticks later what members say to each other is taken in.
+    lag: u64,
     groups: BTreeMap<GroupId, Checked>,
     /// Of which group views are.
     views: BTreeMap<ViewNumber, GroupId>,
@@ -65,9 +72,9 @@ pub struct Checker {
 }
 
 impl Checker {
-    /// These bodies must be there at all times.
-    pub fn new(expected: impl IntoIterator<Item = BodyId>) -> Self {
-        Self { expected: expected.into_iter().collect(), ..Self::default() }
+    /// These bodies must be there at all times: owned, or for `lag` ticks on their way to a new owner.
+    pub fn new(expected: impl IntoIterator<Item = BodyId>, lag: u64) -> Self {
+        Self { expected: expected.into_iter().collect(), lag, ..Self::default() }
     }
 
     /// How many ticks have been checked as a whole.
@@ -108,6 +115,20 @@ impl Checker {
     /// A view begins.
     pub(super) fn began(&mut self, group: GroupId, view: ViewNumber) {
         self.views.insert(view, group);
+    }
+
+    /// A member tells another what it is to own, perhaps once more.
+    pub(super) fn sends(&mut self, from: NodeId, to: NodeId, border: &Border) {
+        let transfers: Vec<_> = border
+            .messages
+            .iter()
+            .flat_map(|message| &message.transfers)
+            .map(|transfer| (transfer.body.id, transfer.body.epoch))
+            .collect();
+        let group = self.views.get(&border.view).filter(|_| self.lag > 0 && !transfers.is_empty());
+        if let Some(checked) = group.and_then(|group| self.groups.get_mut(group)) {
+            checked.flights.entry((border.view, border.tick)).or_default().insert((from, to), transfers);
+        }
     }
 
     /// Some members of a view complete its last tick without the others.
@@ -191,7 +212,7 @@ impl Checker {
         let views = &self.views;
         self.snapshots.retain(|&other, _| other > key || views.get(&other.0) != Some(&group));
         self.check_rounds(group, key, &snapshot)?;
-        self.check(group, key, snapshot)
+        self.check(group, view, tick, snapshot)
     }
 
     fn check_node(
@@ -227,8 +248,10 @@ impl Checker {
         (view, tick): (ViewNumber, Tick),
         snapshot: &Snapshot,
     ) -> Result<(), Violation> {
+        // Who is not in step cannot exchange within a tick.
+        let wanted = if self.lag == 0 { snapshot.wanted } else { 1 };
         let checked = self.groups.entry(group).or_default();
-        match checked.wanted.replace((view, tick, snapshot.wanted)) {
+        match checked.wanted.replace((view, tick, wanted)) {
             Some((seen, before, wanted))
                 if (seen, before.next()) == (view, tick) && snapshot.rounds != BTreeSet::from([wanted]) =>
             {
@@ -242,11 +265,13 @@ impl Checker {
     fn check(
         &mut self,
         group: GroupId,
-        (view, tick): (ViewNumber, Tick),
+        view: &View,
+        tick: Tick,
         snapshot: Snapshot,
     ) -> Result<(), Violation> {
         let mut owned = BTreeMap::new();
-        for (body, epoch) in snapshot.owned {
+        let checked = self.groups.entry(group).or_default();
+        for (body, epoch) in snapshot.owned.into_iter().chain(checked.flying(view, tick, self.lag)) {
             if owned.insert(body, epoch).is_some() {
                 return Err(Violation::Doubled { body, tick });
             }
@@ -261,7 +286,6 @@ impl Checker {
                 Some(_) => {}
             }
         }
-        let checked = self.groups.entry(group).or_default();
         for (&body, &after) in &owned {
             let before = checked.epochs.get(&body).copied().unwrap_or_default();
             if after < before {
@@ -270,10 +294,21 @@ impl Checker {
         }
         self.owned = owned.len();
         let rewound = checked.tick.0.saturating_sub(tick.0);
-        (checked.view, checked.tick, checked.epochs) = (view, tick, owned);
+        (checked.view, checked.tick, checked.epochs) = (view.number, tick, owned);
         self.last = self.last.max(tick);
         self.rewound = self.rewound.max(rewound);
         self.checked += 1;
         Ok(())
+    }
+}
+
+impl Checked {
+    /// Bodies on their way after a tick; those that have arrived are forgotten.
+    fn flying(&mut self, view: &View, tick: Tick, lag: u64) -> impl Iterator<Item = (BodyId, Epoch)> {
+        // What is said when a view begins is taken in at once.
+        let arrived = Tick(tick.0.saturating_sub(lag)).max(view.tick);
+        self.flights.retain(|&flight, _| flight > (view.number, arrived));
+        let flights = self.flights.range(..=(view.number, tick));
+        flights.flat_map(|(_, flight)| flight.values().flatten().copied())
     }
 }

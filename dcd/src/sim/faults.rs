@@ -45,6 +45,8 @@ pub enum FaultProfile {
     Stop,
     /// Clocks differ by up to ± 10 s and run up to 500 ppm fast or slow.
     ClockSkew,
+    /// Members run 6 ticks ahead of one another, 40 ± 10 ms apart; and nodes or leaders are killed, cut off or stopped.
+    Lag,
     /// All of the above at once.
     All,
 }
@@ -64,7 +66,7 @@ pub struct Promise {
 
 impl FaultProfile {
     /// All rows in order.
-    pub const TABLE: [Self; 17] = [
+    pub const TABLE: [Self; 18] = [
         Self::None,
         Self::Loss1,
         Self::Loss5,
@@ -81,6 +83,7 @@ impl FaultProfile {
         Self::KillServer,
         Self::Stop,
         Self::ClockSkew,
+        Self::Lag,
         Self::All,
     ];
 
@@ -103,6 +106,7 @@ impl FaultProfile {
             Self::KillServer => "kill-server",
             Self::Stop => "stop",
             Self::ClockSkew => "clock-skew",
+            Self::Lag => "lag",
             Self::All => "all",
         }
     }
@@ -126,6 +130,7 @@ impl FaultProfile {
             Self::KillServer => "the server is killed, and started again from its disk",
             Self::Stop => "processes of any role stop for up to 12 s, and go on",
             Self::ClockSkew => "clocks differ by up to 10 s and run 500 ppm fast or slow; a node is killed",
+            Self::Lag => "6 ticks out of step, 40 ± 10 ms apart; nodes or leaders killed, cut off, stopped",
             Self::All => "anything of that, several at a time, and slow processes",
         }
     }
@@ -154,7 +159,7 @@ impl FaultProfile {
         let mut random = Random::new(seed ^ 0x5eed_0000_0000_0000);
         let mut plan = Planner { at: Duration::from_secs(2), faults: Vec::new(), random: &mut random };
         let mut network = NetworkConditions::calm(Path::up_to(2_000));
-        let (mut skew, mut rate) = (None, None);
+        let (mut skew, mut rate, mut lag_ticks) = (None, None, None);
         match self {
             Self::None => plan.wait(15_000, 15_000),
             Self::Loss1 | Self::Loss5 | Self::Loss20 => {
@@ -194,6 +199,18 @@ impl FaultProfile {
                 plan.wait(15_000, 15_000);
                 plan.kill(Role::Member, 500, 1_000, 15_000);
             }
+            Self::Lag => {
+                network = NetworkConditions::calm(Path { base_us: 30_000, jitter_us: 20_000 });
+                // The longest round trip takes 6 ticks.
+                (rate, lag_ticks) = (Some(60), Some(6));
+                match seed % 5 {
+                    0 => plan.wait(15_000, 15_000),
+                    1 => (0..2).for_each(|_| plan.kill(Role::Member, 500, 4_000, 5_000)),
+                    2 => (0..2).for_each(|_| plan.kill(Role::Leader, 500, 4_000, 5_000)),
+                    3 => (0..2).for_each(|_| plan.cut(5_000, 5_000, false, 5_000)),
+                    _ => (0..2).for_each(|_| plan.stop(5_000)),
+                }
+            }
             Self::All => {
                 network.loss = plan.random.unit() * 0.03;
                 network.reorder = plan.random.unit() * 0.04;
@@ -205,7 +222,7 @@ impl FaultProfile {
         let over = plan.faults.iter().map(|planned| planned.at + planned.fault.lasts());
         let calm_at = over.chain([plan.at]).max().unwrap_or_default();
         plan.faults.sort_by_key(|planned| planned.at);
-        Schedule { network, skew, rate, faults: plan.faults, calm_at }
+        Schedule { network, skew, rate, lag_ticks, faults: plan.faults, calm_at }
     }
 }
 
@@ -235,6 +252,8 @@ pub struct Schedule {
     pub skew: Option<Skew>,
     /// Ticks a second with a report each, where ages are measured; `None`: as the trial has it.
     pub rate: Option<u32>,
+    /// How many ticks members may be apart; `None`: as the trial has it.
+    pub lag_ticks: Option<u32>,
     /// Faults in order of time.
     pub faults: Vec<Planned>,
     /// From then on nothing goes wrong: cuts are over, who was stopped goes on.

@@ -226,15 +226,16 @@ impl Network {
         }
     }
 
-    /// A process has read this much.
-    pub(super) fn consumed(&mut self, reader: Peer, link: LinkId, bytes: usize, datagram: bool) {
-        if datagram {
-            let unread = self.datagrams.entry(reader).or_default();
-            *unread = unread.saturating_sub(bytes);
-        } else if let Some(link) = self.links.get_mut(&link) {
-            let sender = link.side_of(reader).other();
+    /// A process has read this, or thrown it away: there is room for more.
+    pub(super) fn read(&mut self, Delivery { to, link, arrival }: &Delivery) {
+        let (Some(link), Arrival::Frame(_, bytes, datagram)) = (link, arrival) else { return };
+        if *datagram {
+            let unread = self.datagrams.entry(*to).or_default();
+            *unread = unread.saturating_sub(bytes.len());
+        } else if let Some(link) = self.links.get_mut(link) {
+            let sender = link.side_of(*to).other();
             let end = link.end_mut(sender);
-            end.unread = end.unread.saturating_sub(bytes);
+            end.unread = end.unread.saturating_sub(bytes.len());
         }
     }
 

@@ -114,12 +114,12 @@ impl Sim {
         self.hosts.get(&peer).map_or(self.now, |host| host.clock.read(self.now))
     }
 
-    fn arrive(&mut self, Delivery { to, link, arrival }: Delivery) {
-        if let (Some(link), Arrival::Frame(_, bytes, datagram)) = (link, &arrival) {
-            self.network.consumed(to, link, bytes.len(), *datagram);
-            if !self.network.is_heard(to, link) {
-                return;
-            }
+    fn arrive(&mut self, delivery: Delivery) {
+        self.network.read(&delivery);
+        let Delivery { to, link, arrival } = delivery;
+        if link.is_some_and(|link| matches!(arrival, Arrival::Frame(..)) && !self.network.is_heard(to, link))
+        {
+            return;
         }
         if let Arrival::Disconnected(peer) = &arrival {
             let peer = *peer;
@@ -220,6 +220,9 @@ impl Sim {
                         self.drop_transfers -= 1;
                     }
                     self.tally.transfers += transfers.len() as u64;
+                }
+                if let (Peer::Node(from), Peer::Node(to)) = (from, to) {
+                    self.checker.sends(from, to, border);
                 }
             }
             Message::ToNode(ToNode::Finish { survivors, .. }) => self.finishes(to, survivors),

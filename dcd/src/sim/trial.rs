@@ -10,7 +10,7 @@ pub use self::looks::Staleness;
 use super::faults::{FaultProfile, Moment, Planned, Promise, Schedule};
 use super::{NetworkConditions, Path, Random, Sim, SimConfig, Tally, Timeline, Traffic, Violation};
 use crate::cluster::Peer;
-use crate::protocol::Velocity;
+use crate::protocol::{SyncProtocol, Velocity};
 use crate::space::{ClientId, NodeId, Tick};
 
 /// How long all is looked after once it is calm.
@@ -37,13 +37,15 @@ pub struct TrialConfig {
     pub bodies: u32,
     /// Ticks a second.
     pub rate: u32,
+    /// How many ticks members may be apart; 0: they keep in step.
+    pub lag_ticks: u32,
     /// A bug to plant: so many transfers are lost after the third second.
     pub lost_transfers: u32,
 }
 
 impl Default for TrialConfig {
     fn default() -> Self {
-        Self { nodes: 4, clients: 2, regions: 8, bodies: 30, rate: 30, lost_transfers: 0 }
+        Self { nodes: 4, clients: 2, regions: 8, bodies: 30, rate: 30, lag_ticks: 0, lost_transfers: 0 }
     }
 }
 
@@ -170,6 +172,10 @@ impl<'a> Trial<'a> {
             dt_s: 1.0 / rate as f32,
             network: schedule.network.clone(),
             skew: schedule.skew,
+            protocol: match schedule.lag_ticks.unwrap_or(config.lag_ticks) {
+                0 => SyncProtocol::Synchronised,
+                lag_ticks => SyncProtocol::Unsynchronised { lag_ticks },
+            },
             report_every,
             checkpoint_every: (rate / 5).max(1).into(),
             ..SimConfig::default()

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::clock::Clock;
 use super::host::{Host, Skew};
-use super::network::{Bounds, Cut, Network, NetworkConditions, Path, Traffic};
+use super::network::{Bounds, Cut, LinkId, Network, NetworkConditions, Path, Traffic};
 use super::{
     Checker, Engine, Random, Sample, Scope, Sent, StandIn, Timeline, Violation, drifting, sim_world,
 };
@@ -91,6 +91,8 @@ pub struct Tally {
     pub elections: u64,
     /// Views that began.
     pub views: u64,
+    /// Ticks that all members of a group have completed.
+    pub ticks: u64,
 }
 
 impl std::ops::AddAssign for Tally {
@@ -99,6 +101,7 @@ impl std::ops::AddAssign for Tally {
         self.evictions += other.evictions;
         self.elections += other.elections;
         self.views += other.views;
+        self.ticks += other.ticks;
     }
 }
 
@@ -181,7 +184,7 @@ impl Sim {
         mut random: Random,
     ) -> Self {
         let movable = record.present().filter(|body| body.traits.kind != BodyKind::Fixed);
-        let checker = Checker::new(movable.map(|body| body.id));
+        let checker = Checker::new(movable.map(|body| body.id), config.protocol.lag_ticks());
         (world.thresholds, world.protocol) = (config.thresholds, config.protocol);
         let server_config = ServerConfig {
             world,
@@ -367,7 +370,10 @@ impl Sim {
         let Some(host) = self.hosts.get_mut(&peer) else { return };
         host.stopped = false;
         host.busy_until = self.now;
-        host.mailbox.retain(|delivery| delivery.link.is_none_or(|link| !ended.contains(&link)));
+        let is_over = |link: &Option<LinkId>| link.is_some_and(|link| ended.contains(&link));
+        let (over, left) = std::mem::take(&mut host.mailbox).into_iter().partition(|d| is_over(&d.link));
+        host.mailbox = left;
+        over.iter().for_each(|delivery| self.network.read(delivery));
         while let Some(delivery) = self.network.take() {
             match self.hosts.get_mut(&delivery.to) {
                 Some(host) if delivery.to == peer => host.mailbox.push_front(delivery),
@@ -519,7 +525,7 @@ impl Sim {
 
     /// What happened, in numbers.
     pub fn tally(&self) -> Tally {
-        self.tally
+        Tally { ticks: self.checker.checked(), ..self.tally }
     }
 
     /// What went over the network.

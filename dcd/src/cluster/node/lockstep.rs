@@ -9,7 +9,7 @@ use crate::cluster::{
 };
 use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, Message, RegionEvents, Report,
-    ToNode, ToServer, View, split,
+    ToNode, ToServer, View, WorldOp, split,
 };
 use crate::space::{BodyId, NodeId, Tick};
 
@@ -45,7 +45,11 @@ impl Node {
             }
             ToNode::Finish { view, dispatches, survivors } => {
                 if let Some(change) = self.change.as_mut().filter(|change| change.view == view) {
-                    change.finish = Some(dispatches);
+                    change.finish = true;
+                    // All of the members' dispatches, ours among them; who asks again is told of all.
+                    self.dispatched =
+                        dispatches.last().map_or(Tick(0), |last| last.tick).max(self.dispatched);
+                    self.dispatches = dispatches.into();
                     self.others.retain(|node| survivors.contains(node));
                     if let Phase::Exchanging(_, _, arrived) = &mut self.phase {
                         arrived.retain(|node, _| survivors.contains(node));
@@ -267,9 +271,8 @@ impl Node {
         if let Some((view, drop)) = change.adopt.take() {
             self.return_from_drift();
             self.adopt(now, view, drop);
-        } else if let Some(finish) = &change.finish {
-            let own = self.dispatches.iter().chain(finish).find(|dispatch| dispatch.tick == next);
-            if let Some(dispatch) = own.cloned() {
+        } else if change.finish {
+            if let Some(dispatch) = self.dispatches.iter().find(|dispatch| dispatch.tick == next).cloned() {
                 self.step(dispatch);
             } else if !change.drained {
                 self.drain();
@@ -314,7 +317,7 @@ impl Node {
                 leader.admit(*client);
             }
         }
-        self.tick = view.tick;
+        (self.tick, self.drained) = (view.tick, view.tick);
         self.dispatches.clear();
         self.dispatched = view.tick;
         self.holds.clear();
@@ -370,7 +373,8 @@ impl Node {
     fn accept(&mut self) {
         let number = self.number();
         let Phase::Exchanging(tick, round, _) = self.phase else { return };
-        let heard = self.heard_after(tick);
+        let is_new = |heard: &Tick| self.lag() == 0 || *heard > self.drained;
+        let heard = self.heard_after(tick).filter(is_new);
         let Phase::Exchanging(_, _, arrived) = &mut self.phase else { return };
         for node in &self.others {
             let Some(said) = heard else {
@@ -408,10 +412,12 @@ impl Node {
             }
         }
         incoming.sort_by_key(|message| (message.from, message.to));
+        let begins = view.tick;
+        self.amend(tick, &mut incoming);
         // The first exchange of a view, and the end of a world, bring leader and server up to date with everything.
         let last = self.world.as_ref().and_then(|world| world.last_tick);
         let sample = |every| match tick {
-            tick if tick == view.tick || Some(tick) == last => Sampling::All,
+            tick if tick == begins || Some(tick) == last => Sampling::All,
             tick if tick.0.is_multiple_of(every) => Sampling::Moved,
             _ => Sampling::Nothing,
         };
@@ -470,7 +476,7 @@ impl Node {
             }
             return;
         };
-        let from = self.heard_after(last).map_or(view.tick.next(), Tick::next).max(view.tick.next());
+        let from = self.heard_after(last).map_or(view.tick, |heard| heard).max(self.drained).next();
         let mut messages = Vec::new();
         if lag > 0 {
             for tick in from.0..=last.0 {
@@ -498,8 +504,31 @@ impl Node {
             change.drained = true;
         }
         if lag > 0 && !incoming.is_empty() {
+            self.drained = last;
+            self.amend(last, &mut incoming);
             self.return_from_drift();
             self.ask(PhysicsCommand::Drain { tick: last, incoming });
+        }
+    }
+
+    /// What has happened from outside since messages were written counts for bodies that were on their way meanwhile: they are
+    /// gone, or go where their users want them.
+    fn amend(&mut self, tick: Tick, incoming: &mut [BorderMessage]) {
+        let mut removed = Vec::new();
+        for dispatch in self.dispatches.iter().filter(|dispatch| dispatch.tick <= tick) {
+            for message in incoming.iter_mut().filter(|message| message.tick < dispatch.tick) {
+                for op in &dispatch.ops {
+                    match op {
+                        WorldOp::Remove(gone) => removed.extend(message.forget(*gone)),
+                        WorldOp::Drive(drive) => message.drive(drive),
+                        _ => {}
+                    }
+                }
+            }
+        }
+        if !removed.is_empty() {
+            let view = self.number();
+            self.send_server(ToServer::Removed { view, tick, bodies: removed });
         }
     }
 

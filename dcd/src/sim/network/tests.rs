@@ -50,11 +50,11 @@ impl World {
     }
 
     fn collect(&mut self, reads: bool) {
-        while let Some(Delivery { to, link, arrival }) = self.network.take() {
-            if let (true, Some(link), Arrival::Frame(_, bytes, datagram)) = (reads, link, &arrival) {
-                self.network.consumed(to, link, bytes.len(), *datagram);
+        while let Some(delivery) = self.network.take() {
+            if reads {
+                self.network.read(&delivery);
             }
-            self.log.push((self.now, to, arrival));
+            self.log.push((self.now, delivery.to, delivery.arrival));
         }
     }
 

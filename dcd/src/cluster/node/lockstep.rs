@@ -50,6 +50,7 @@ impl Node {
                     self.dispatched =
                         dispatches.last().map_or(Tick(0), |last| last.tick).max(self.dispatched);
                     self.dispatches = dispatches.into();
+                    self.held.retain(|held| held.tick > self.dispatched);
                     self.others.retain(|node| survivors.contains(node));
                     if let Phase::Exchanging(_, _, arrived) = &mut self.phase {
                         arrived.retain(|node, _| survivors.contains(node));

@@ -50,6 +50,7 @@ impl Node {
                     self.dispatched =
                         dispatches.last().map_or(Tick(0), |last| last.tick).max(self.dispatched);
                     self.dispatches = dispatches.into();
+                    self.held.retain(|held| held.tick > self.dispatched);
                     self.others.retain(|node| survivors.contains(node));
                     if let Phase::Exchanging(_, _, arrived) = &mut self.phase {
                         arrived.retain(|node, _| survivors.contains(node));
@@ -275,7 +276,7 @@ impl Node {
             if let Some(dispatch) = self.dispatches.iter().find(|dispatch| dispatch.tick == next).cloned() {
                 self.step(dispatch);
             } else if !change.drained {
-                self.drain();
+                self.drain(now);
             } else if !change.surveyed {
                 change.surveyed = true;
                 self.asked = Some(change.view);
@@ -468,47 +469,38 @@ impl Node {
     }
 
     /// Before a survey: what members said in their last ticks is taken in, for nothing must be on its way.
-    fn drain(&mut self) {
-        let (number, last, lag) = (self.number(), self.tick, self.lag());
-        let Some(view) = self.view.as_ref() else {
-            if let Some(change) = &mut self.change {
-                change.drained = true;
-            }
-            return;
-        };
-        let from = self.heard_after(last).map_or(view.tick, |heard| heard).max(self.drained).next();
-        let mut messages = Vec::new();
-        if lag > 0 {
-            for tick in from.0..=last.0 {
-                for &node in &self.others {
-                    let queue = self.early.get(&node).into_iter().flatten();
-                    let mut said = queue.filter(|border| (border.view, border.tick) == (number, Tick(tick)));
-                    let Some(border) = said.next() else { return };
-                    messages.extend(border.messages.iter().map(|message| (node, message.clone())));
-                }
-            }
+    fn drain(&mut self, now: Duration) {
+        let Some(mut incoming) = self.unheard() else { return };
+        self.change.as_mut().expect("only a view change drains").drained = true;
+        if incoming.is_empty() {
+            return self.begin(now);
         }
-        let me = self.config.id;
+        self.drained = self.tick;
+        self.amend(self.tick, &mut incoming);
+        self.return_from_drift();
+        self.ask(PhysicsCommand::Drain { tick: self.tick, incoming });
+    }
+
+    /// What members said and was not taken in. `None`: not all of it has arrived.
+    fn unheard(&self) -> Option<Vec<BorderMessage>> {
+        let Some(view) = self.view.as_ref().filter(|_| self.lag() > 0) else { return Some(Vec::new()) };
+        let from = self.heard_after(self.tick).unwrap_or(view.tick).max(self.drained).next();
         let between = |region, owner| view.allocation.get(&region) == Some(&owner);
-        let mut incoming: Vec<_> = messages
-            .into_iter()
-            .filter(|(node, message)| {
-                between(message.from, *node)
-                    && between(message.to, me)
-                    && message.names_only(view.allocation.len())
-            })
-            .map(|(_, message)| message)
-            .collect();
-        incoming.sort_by_key(|message| (message.tick, message.from, message.to));
-        if let Some(change) = &mut self.change {
-            change.drained = true;
+        let mut unheard = Vec::new();
+        for tick in (from.0..=self.tick.0).map(Tick) {
+            for &node in &self.others {
+                let mut said = self.early.get(&node).into_iter().flatten();
+                let border = said.find(|border| (border.view, border.tick) == (view.number, tick))?;
+                let is_sound = |message: &&BorderMessage| {
+                    between(message.from, node)
+                        && between(message.to, self.config.id)
+                        && message.names_only(view.allocation.len())
+                };
+                unheard.extend(border.messages.iter().filter(is_sound).cloned());
+            }
         }
-        if lag > 0 && !incoming.is_empty() {
-            self.drained = last;
-            self.amend(last, &mut incoming);
-            self.return_from_drift();
-            self.ask(PhysicsCommand::Drain { tick: last, incoming });
-        }
+        unheard.sort_by_key(|message| (message.tick, message.from, message.to));
+        Some(unheard)
     }
 
     /// What has happened from outside since messages were written counts for bodies that were on their way meanwhile: they are

@@ -1,7 +1,7 @@
 //! What a node refuses, keeps and drops.
 
 use super::*;
-use crate::protocol::{Border, Chunk, ToNode, Velocity};
+use crate::protocol::{Border, Chunk, ToNode, Velocity, WorldOp};
 use crate::sim::{sim_body, sim_world};
 use crate::space::{BodyId, RegionId};
 
@@ -17,10 +17,10 @@ fn server(node: &mut Node, message: ToNode) {
 
 /// Node 2 of two members, led by node 1, about to exchange the first borders of view 1.
 fn member() -> Node {
-    member_with(None, 1)
+    member_with(None, 1, sim_world(2))
 }
 
-fn member_with(client: Option<ClientId>, report_every: u64) -> Node {
+fn member_with(client: Option<ClientId>, report_every: u64, world: EnvironmentProperties) -> Node {
     let address = ([127, 0, 0, 1], 1).into();
     let config = NodeConfig {
         id: NodeId(2),
@@ -32,7 +32,7 @@ fn member_with(client: Option<ClientId>, report_every: u64) -> Node {
     };
     let mut node = Node::new(config);
     node.handle(NOW, NodeEvent::Connected(Peer::Server));
-    server(&mut node, ToNode::Welcome { id: NodeId(2), world: sim_world(2) });
+    server(&mut node, ToNode::Welcome { id: NodeId(2), world });
     server(&mut node, ToNode::WorldEnd);
     let body = sim_body(BodyId::persistent(0), [12.0, 1.0, 1.0]);
     server(&mut node, ToNode::Chunk(Chunk::Placed(vec![Placed { region: RegionId(2), body }])));
@@ -55,6 +55,29 @@ fn border(node: &mut Node, view: u64, tick: u64, messages: Vec<BorderMessage>) -
     let border = Border { view: ViewNumber(view), tick: Tick(tick), round: 0, messages };
     let from = Peer::Node(NodeId(1));
     node.handle(NOW, NodeEvent::Message { from, message: Message::Border(border) });
+    drain(node)
+}
+
+fn dispatch(tick: u64, ops: Vec<WorldOp>) -> Dispatch {
+    Dispatch { view: ViewNumber(1), tick: Tick(tick), rounds: 1, ops }
+}
+
+/// The physics has computed, or taken in what the others said.
+fn computed(node: &mut Node) -> Vec<NodeOutput> {
+    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Computed { outgoing: vec![], removed: vec![] }));
+    drain(node)
+}
+
+fn settle(node: &mut Node) -> Vec<NodeOutput> {
+    let settled = PhysicsEvent::Settled {
+        rounds_wanted: 1,
+        stats: Default::default(),
+        holds: vec![],
+        events: vec![],
+        report: vec![],
+        checkpoint: vec![],
+    };
+    node.handle(NOW, NodeEvent::Physics(settled));
     drain(node)
 }
 
@@ -113,7 +136,7 @@ fn a_message_that_names_regions_which_are_not_there_is_refused() {
 
 #[test]
 fn guesses_are_told_as_often_as_ticks_that_count() {
-    let mut node = member_with(Some(ClientId(1)), 3);
+    let mut node = member_with(Some(ClientId(1)), 3, sim_world(2));
     let mut told = Vec::new();
     for _ in 0..7 {
         node.handle_timeout(node.poll_timeout().expect("a guess is due").max(Duration::from_millis(100)));
@@ -132,25 +155,11 @@ fn guesses_are_told_as_often_as_ticks_that_count() {
 fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     let mut node = member();
     border(&mut node, 1, 0, vec![]);
-    let settled = PhysicsEvent::Settled {
-        rounds_wanted: 1,
-        stats: Default::default(),
-        holds: vec![],
-        events: vec![],
-        report: vec![],
-        checkpoint: vec![],
-    };
-    node.handle(NOW, NodeEvent::Physics(settled));
+    settle(&mut node);
     let dispatch = |from, tick| NodeEvent::Message {
         from: Peer::Node(NodeId(from)),
-        message: Message::Dispatch(Dispatch {
-            view: ViewNumber(1),
-            tick: Tick(tick),
-            rounds: 1,
-            ops: vec![],
-        }),
+        message: Message::Dispatch(dispatch(tick, vec![])),
     };
-    drain(&mut node);
     node.handle(NOW, dispatch(3, 1));
     node.handle(NOW, dispatch(1, 2));
     assert_eq!((drain(&mut node), node.counters().stale), (vec![], 2));
@@ -175,4 +184,124 @@ fn a_client_linked_to_a_node_cannot_speak_for_another() {
     let message = Message::FromClient(ClientId(2), FromClient::Drive(drive));
     node.handle(NOW, NodeEvent::Message { from: Peer::Client(ClientId(1)), message });
     assert_eq!(node.counters().refused, 1);
+}
+
+#[test]
+fn who_was_told_to_finish_a_tick_tells_of_it_when_the_view_changes_again() {
+    let mut node = member();
+    border(&mut node, 1, 0, vec![]);
+    settle(&mut node);
+    server(&mut node, ToNode::Settle { view: ViewNumber(2) });
+    let (dispatches, survivors) = (vec![dispatch(1, vec![])], vec![NodeId(1), NodeId(2)]);
+    server(&mut node, ToNode::Finish { view: ViewNumber(2), dispatches: dispatches.clone(), survivors });
+    drain(&mut node);
+    server(&mut node, ToNode::Settle { view: ViewNumber(3) });
+    let settling = ToServer::Settling { view: ViewNumber(3), dispatches };
+    assert_eq!(
+        drain(&mut node),
+        [NodeOutput::Send { to: Peer::Server, message: Message::ToServer(settling) }]
+    );
+}
+
+const DRIVEN: BodyId = BodyId::avatar(ClientId(1), 0);
+const REMOVED: BodyId = BodyId::avatar(ClientId(2), 0);
+const OTHER: BodyId = BodyId::persistent(7);
+const FAST: Velocity = Velocity { linear: [5.0, 0.0, 0.0], angular: [0.0; 3] };
+
+fn handing_over(tick: u64, ids: &[BodyId]) -> BorderMessage {
+    let transfer = |&id: &BodyId| crate::protocol::Transfer {
+        body: sim_body(id, [9.0, 1.0, 1.0]),
+        holders: crate::space::RegionSet::EMPTY,
+        whole: false,
+    };
+    let (from, to, transfers) = (RegionId(1), RegionId(2), ids.iter().map(transfer).collect());
+    BorderMessage { from, to, tick: Tick(tick), transfers, ..BorderMessage::default() }
+}
+
+/// The same member of a world whose members are two ticks apart. After the second tick, two avatars are on their way to
+/// it since the first, of which one was driven and the other removed in the second, and another body since the second.
+fn member_out_of_step() -> Node {
+    let protocol = crate::protocol::SyncProtocol::Unsynchronised { lag_ticks: 2 };
+    let mut node = member_with(None, 1, EnvironmentProperties { protocol, ..sim_world(2) });
+    border(&mut node, 1, 0, vec![]);
+    settle(&mut node);
+    border(&mut node, 1, 1, vec![handing_over(1, &[DRIVEN, REMOVED])]);
+    border(&mut node, 1, 2, vec![handing_over(2, &[OTHER])]);
+    let drive = Drive { body: DRIVEN, logical_time: 1, velocity: FAST, pose: None };
+    complete(&mut node, 1, vec![]);
+    complete(&mut node, 2, vec![WorldOp::Drive(drive), WorldOp::Remove(REMOVED)]);
+    node
+}
+
+fn begin(node: &mut Node, tick: u64, ops: Vec<WorldOp>) -> Vec<NodeOutput> {
+    let message = Message::Dispatch(dispatch(tick, ops));
+    node.handle(NOW, NodeEvent::Message { from: Peer::Node(NodeId(1)), message });
+    computed(node)
+}
+
+fn complete(node: &mut Node, tick: u64, ops: Vec<WorldOp>) {
+    begin(node, tick, ops);
+    settle(node);
+}
+
+/// All members have stopped, and finish what they have begun.
+fn change_view(node: &mut Node, number: u64) -> Vec<NodeOutput> {
+    let view = ViewNumber(number);
+    server(node, ToNode::Settle { view });
+    let outputs = drain(node);
+    let [NodeOutput::Send { message: Message::ToServer(ToServer::Settling { dispatches, .. }), .. }] =
+        &outputs[..]
+    else {
+        panic!("{outputs:?}")
+    };
+    let (dispatches, survivors) = (dispatches.clone(), vec![NodeId(1), NodeId(2)]);
+    server(node, ToNode::Finish { view, dispatches, survivors });
+    drain(node)
+}
+
+/// What the physics is given of the others' words, by body and its speed.
+fn arriving(outputs: &[NodeOutput]) -> Vec<(BodyId, Velocity)> {
+    let incoming = match outputs.last() {
+        Some(NodeOutput::Physics(PhysicsCommand::Accept { incoming, .. })) => incoming,
+        Some(NodeOutput::Physics(PhysicsCommand::Drain { incoming, .. })) => incoming,
+        _ => panic!("{outputs:?}"),
+    };
+    let transfers = incoming.iter().flat_map(|message| &message.transfers);
+    transfers.map(|transfer| (transfer.body.id, transfer.body.state.velocity)).collect()
+}
+
+/// Bodies that the server is told are removed.
+fn removed(outputs: &[NodeOutput]) -> Vec<BodyId> {
+    let of = |output: &NodeOutput| match output {
+        NodeOutput::Send { message: Message::ToServer(ToServer::Removed { bodies, .. }), .. } => {
+            bodies.iter().map(|body| body.id).collect()
+        }
+        _ => Vec::new(),
+    };
+    outputs.iter().flat_map(of).collect()
+}
+
+#[test]
+fn what_happens_to_bodies_on_their_way_counts_when_they_arrive() {
+    let outputs = begin(&mut member_out_of_step(), 3, vec![]);
+    assert_eq!((arriving(&outputs), removed(&outputs)), (vec![(DRIVEN, FAST)], vec![REMOVED]));
+}
+
+#[test]
+fn when_the_view_changes_all_that_is_on_its_way_arrives_and_once() {
+    let mut node = member_out_of_step();
+    let outputs = change_view(&mut node, 2);
+    let all = vec![(DRIVEN, FAST), (OTHER, Velocity::default())];
+    assert_eq!((arriving(&outputs), removed(&outputs)), (all, vec![REMOVED]));
+    // The server dies, and the group goes on as it was.
+    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Drained));
+    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Surveyed(vec![])));
+    node.handle(NOW, NodeEvent::Disconnected(Peer::Server));
+    drain(&mut node);
+    let outputs = begin(&mut node, 3, vec![]);
+    assert_eq!((arriving(&outputs), removed(&outputs)), (vec![], vec![]));
+    settle(&mut node);
+    border(&mut node, 1, 3, vec![]);
+    let outputs = change_view(&mut node, 3);
+    assert!(matches!(outputs[..], [NodeOutput::Physics(PhysicsCommand::Survey)]), "{outputs:?}");
 }

@@ -39,6 +39,11 @@ fn the_world_holds_when_clocks_differ() {
 }
 
 #[test]
+fn the_world_holds_when_members_are_out_of_step() {
+    hold(&[FaultProfile::Lag], 0..10);
+}
+
+#[test]
 fn the_world_holds_when_all_goes_wrong_at_once() {
     hold(&[FaultProfile::All], 0..20);
 }

@@ -100,14 +100,17 @@
 // In place of a part's number: all shapes of the body.
 #define DCD_ALL_PARTS UINT32_MAX
 
-// In DcdJointDef.flags: `limit` counts.
+// In DcdJointDef.flags: `limit` counts. In DcdJointInfo.flags: it has some limit.
 #define DCD_JOINT_LIMIT 1
 
-// In DcdJointDef.flags: the motor runs.
+// In DcdJointDef.flags: `motor` runs. In DcdJointInfo.flags: it has some motor.
 #define DCD_JOINT_MOTOR 2
 
 // In DcdJointDef.flags: the two bodies collide with one another too.
 #define DCD_JOINT_COLLIDE 4
+
+// In DcdJointDef.flags: it does nothing until dcd_joint_set_flags takes this away.
+#define DCD_JOINT_DISABLED 8
 
 // In DcdStateView.flags: the body sleeps.
 #define DCD_STATE_SLEEPING 1
@@ -377,14 +380,35 @@ typedef struct DcdBodyInfo {
     uint8_t reserved[7];
 } DcdBodyInfo;
 
-// What a joint lets free.
+// What a joint lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
 typedef uint32_t DcdJointType;
+
+// What stiffness and damping of a motor are per.
+typedef uint32_t DcdMotorModel;
+
+// What drives an axis: stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force. Start
+// from DCD_JOINT_MOTOR_INIT, which holds the axis still by any force. For a speed give `velocity`; for a servo `position`,
+// `stiffness` and `damping`.
+typedef struct DcdJointMotor {
+    // Where to, metres or radians.
+    float position;
+    // How fast, m/s or rad/s.
+    float velocity;
+    // 0 or more; 0 heeds the velocity alone.
+    float stiffness;
+    // 0 or more.
+    float damping;
+    // Most force or torque, newtons or newton metres: finite, 0 or more.
+    float max_force;
+    // DCD_MOTOR_ACCELERATION or DCD_MOTOR_FORCE.
+    DcdMotorModel model;
+} DcdJointMotor;
 
 // How a joint is made. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
 typedef struct DcdJointDef {
     // sizeof(DcdJointDef).
     uint32_t struct_size;
-    // DCD_JOINT_FIXED, _REVOLUTE, _PRISMATIC or _SPHERICAL.
+    // DCD_JOINT_FIXED to DCD_JOINT_GENERIC.
     DcdJointType joint_type;
     // First body.
     DcdBodyId a;
@@ -394,16 +418,27 @@ typedef struct DcdJointDef {
     DcdFrame frame_a;
     // Where it sits on `b`.
     DcdFrame frame_b;
-    // Lowest and highest angle or distance of `b` seen from `a`, with DCD_JOINT_LIMIT.
+    // Lowest and highest position of `b` seen from `a` along or about the type's own axes, with DCD_JOINT_LIMIT. -INFINITY and
+    // INFINITY leave a side open.
     float limit[2];
-    // Speed that the motor tries to keep, with DCD_JOINT_MOTOR.
-    float motor_speed;
-    // Most force or torque of the motor: finite, 0 or more.
-    float motor_max_force;
-    // DCD_JOINT_LIMIT, _MOTOR, _COLLIDE bits.
+    // Drives the type's own axes, with DCD_JOINT_MOTOR.
+    DcdJointMotor motor;
+    // DCD_JOINT_LIMIT, _MOTOR, _COLLIDE, _DISABLED bits.
     uint32_t flags;
+    // Of DCD_JOINT_GENERIC: axes that it does not let free, as bits 1 << DCD_AXIS_…; else 0.
+    uint32_t locked;
+    // Of DCD_JOINT_GENERIC: free axes that count as one, as bits: two or three along, whose position is their common distance,
+    // and two about, whose position is the angle between the third axes, as of a cone. They have one limit, and those along
+    // have one motor. Else 0.
+    uint32_t coupled;
+    // How stiffly it holds what it locks and limits: hertz, above 0. Less than 1 / dt is soft.
+    float natural_frequency;
+    // How fast an error of it calms down, 0 or more; 1 is without swinging.
+    float damping_ratio;
     // 0.
     uint32_t reserved;
+    // Your own; dcd_joint_info gives it back.
+    uint64_t user_data;
 } DcdJointDef;
 
 // A joint. 0 is null; an id is never given again.
@@ -411,6 +446,48 @@ typedef struct DcdJointId {
     // Opaque.
     uint64_t v;
 } DcdJointId;
+
+// What a joint is now. Start from DCD_JOINT_INFO_INIT.
+typedef struct DcdJointInfo {
+    // sizeof(DcdJointInfo).
+    uint32_t struct_size;
+    // By what it lets free: one made generic may be a hinge, and a rope with a motor is a spring.
+    DcdJointType joint_type;
+    // First body.
+    DcdBodyId a;
+    // Second body.
+    DcdBodyId b;
+    // Your own.
+    uint64_t user_data;
+    // Where it sits on `a`.
+    DcdFrame frame_a;
+    // Where it sits on `b`.
+    DcdFrame frame_b;
+    // frame_b seen from frame_a, as the bodies are now.
+    DcdFrame offset;
+    // Angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
+    float position;
+    // What held the axes along x, y and z of frame_a that it locks, in the last step, newtons. Rapier mixes what it solves, so
+    // take it for an estimate, as of what should break the joint.
+    float force[3];
+    // As in DcdJointDef.
+    float natural_frequency;
+    // As in DcdJointDef.
+    float damping_ratio;
+    // DCD_JOINT_LIMIT, _MOTOR, _COLLIDE, _DISABLED bits.
+    uint32_t flags;
+    // Axes that are not free, as bits 1 << DCD_AXIS_….
+    uint32_t locked;
+    // Axes that count as one.
+    uint32_t coupled;
+    // Axes with a limit.
+    uint32_t limited;
+    // Axes with a motor.
+    uint32_t driven;
+} DcdJointInfo;
+
+// An axis of a joint's frame on body `a`: along it, or about it. As a bit it is 1 << axis, which DCD_LOCK_… are.
+typedef uint32_t DcdJointAxis;
 
 // Every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
 // made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
@@ -726,17 +803,51 @@ typedef struct DcdStats {
 // At the velocity that you give, whatever it meets. Doors and lifts.
 #define DCD_KINEMATIC 2
 
-// Nothing: the frames stay together.
+// Nothing: the frames stay together. It has no axis of its own.
 #define DCD_JOINT_FIXED 0
 
-// Turning about the frames' x axis. Limits in radians, motor in rad/s and N m.
+// Turning about the frames' x axis, as hinges and wheels: DCD_AXIS_TURN_X.
 #define DCD_JOINT_REVOLUTE 1
 
-// Sliding along the frames' x axis. Limits in metres, motor in m/s and N.
+// Sliding along the frames' x axis, as lifts and pistons: DCD_AXIS_X.
 #define DCD_JOINT_PRISMATIC 2
 
-// Turning about every axis. Limits in radians hold for each of the three; no motor.
+// Turning about every axis, as shoulders: DCD_AXIS_TURN_X, _TURN_Y and _TURN_Z, each with the same limit and motor.
 #define DCD_JOINT_SPHERICAL 3
+
+// Everything, up to a distance of the frames' origins: a limit of DCD_AXIS_X from 0 to that length, which it needs.
+#define DCD_JOINT_ROPE 4
+
+// Everything; a spring pulls the frames' origins to a distance: a motor of DCD_AXIS_X, which it needs. Its position is the
+// length at rest; take DCD_MOTOR_FORCE to give stiffness in N/m.
+#define DCD_JOINT_SPRING 5
+
+// What DcdJointDef.locked does not lock. It has no axes of its own: dcd_joint_set_limit and dcd_joint_set_motor take any.
+#define DCD_JOINT_GENERIC 6
+
+// Along x: metres, m/s, newtons.
+#define DCD_AXIS_X 0
+
+// Along y.
+#define DCD_AXIS_Y 1
+
+// Along z.
+#define DCD_AXIS_Z 2
+
+// About x: radians, rad/s, newton metres.
+#define DCD_AXIS_TURN_X 3
+
+// About y.
+#define DCD_AXIS_TURN_Y 4
+
+// About z.
+#define DCD_AXIS_TURN_Z 5
+
+// Unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
+#define DCD_MOTOR_ACCELERATION 0
+
+// Nothing: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
+#define DCD_MOTOR_FORCE 1
 
 // A DcdPose.
 #define DCD_FIELD_POSE 0
@@ -1044,26 +1155,95 @@ DcdStatus dcd_body_set_groups(DcdWorld world,
                               uint32_t groups,
                               uint32_t mask);
 
-// Ties two bodies of a local world; in a served world the three joint functions are DCD_ERR_UNSUPPORTED. What joints tie together is owned and moved whole by one region, so keep it small against a region.
+// Ties two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
+// together is owned and moved whole by one region, so keep it small against a region.
 //
 // `def` is read during the call. The joint is gone when either body is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
-// motor on a joint without one, or twice the same body.
-DCD_API
-DcdStatus dcd_joint_create(DcdWorld world,
-                           const DcdJointDef *def,
-                           DcdJointId *out);
-
-// Starts, changes or, with `max_force` 0, stops the motor of a revolute or prismatic joint, and wakes its bodies. `speed` in
-// rad/s or m/s, `max_force` in N m or N, 0 or more.
-//
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a joint of another type.
-DCD_API DcdStatus dcd_joint_set_motor(DcdWorld world, DcdJointId joint, float speed, float max_force);
+// limit or motor of a joint without an axis of its own, or twice the same body.
+DCD_API DcdStatus dcd_joint_create(DcdWorld world, const DcdJointDef *def, DcdJointId *out);
 
 // Unties two bodies and wakes them.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
 DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
+
+// Whether the id names a joint of this world.
+DCD_API bool dcd_joint_is_valid(DcdWorld world, DcdJointId joint);
+
+// Says what a joint is now: what it ties, where it stands, what it bears.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_joint_info(DcdWorld world, DcdJointId joint, DcdJointInfo *out);
+
+// Limits one axis of a joint, and wakes its bodies: `limit` points to the lowest and the highest position, metres or radians;
+// -INFINITY and INFINITY leave a side open. Null takes the limit away. Coupled axes have one limit, a rope's is DCD_AXIS_X;
+// where it is a distance its lowest is 0.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a lowest above the highest, or an axis that
+// is locked or none.
+DCD_API DcdStatus dcd_joint_set_limit(DcdWorld world, DcdJointId joint, DcdJointAxis axis, const float *limit);
+
+// Drives one axis of a joint, and wakes its bodies. Null stops the motor: the axis is free again. Coupled axes have one motor, a
+// spring's is DCD_AXIS_X.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, an unknown model, an axis that is locked or
+// none, or coupled axes about which it would turn.
+DCD_API
+DcdStatus dcd_joint_set_motor(DcdWorld world,
+                              DcdJointId joint,
+                              DcdJointAxis axis,
+                              const DcdJointMotor *motor);
+
+// Reads the limit of one axis: lowest and highest into `out`, which has two entries; -INFINITY to INFINITY where there is
+// none.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an axis that is locked or none.
+DCD_API DcdStatus dcd_joint_get_limit(DcdWorld world, DcdJointId joint, DcdJointAxis axis, float *out);
+
+// Reads the motor of one axis; all is 0 where none runs.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an axis that is locked or none.
+DCD_API
+DcdStatus dcd_joint_get_motor(DcdWorld world,
+                              DcdJointId joint,
+                              DcdJointAxis axis,
+                              DcdJointMotor *out);
+
+// Moves a joint on its bodies, and wakes them: where it sits on `a` and on `b`. A null frame stays as it is.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a frame that is not finite or no rotation.
+DCD_API
+DcdStatus dcd_joint_set_frames(DcdWorld world,
+                               DcdJointId joint,
+                               const DcdFrame *frame_a,
+                               const DcdFrame *frame_b);
+
+// Sets whether a joint acts and whether its bodies collide with one another, and wakes them: DCD_JOINT_COLLIDE and
+// DCD_JOINT_DISABLED bits.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for other bits.
+DCD_API DcdStatus dcd_joint_set_flags(DcdWorld world, DcdJointId joint, uint32_t flags);
+
+// Sets how stiffly a joint holds what it locks and limits, as in DcdJointDef, and wakes its bodies.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range.
+DCD_API
+DcdStatus dcd_joint_set_softness(DcdWorld world,
+                                 DcdJointId joint,
+                                 float natural_frequency,
+                                 float damping_ratio);
+
+// Lists the joints of a body into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be
+// null, to ask for the number. Oldest first.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+DCD_API
+DcdStatus dcd_body_joints(DcdWorld world,
+                          DcdBodyId body,
+                          DcdJointId *out,
+                          size_t cap,
+                          size_t *count);
 
 // Advances the world by one step of its own length, DcdWorldInfo.dt; call it as often as your clock says. The length is the
 // world's and not an argument, since every process that computes the world must use the same.
@@ -1173,11 +1353,15 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.5f, 0.0f, 0.0f, 0.0f, 1.0f, \
       0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0 }
 
+/* A motor that holds still by any force. */
+#define DCD_JOINT_MOTOR_INIT { 0.0f, 0.0f, 0.0f, 1000.0f, 3.402823466e+38f, DCD_MOTOR_ACCELERATION }
+
 /* A fixed joint that brings the origins of two bodies together. */
 #define DCD_JOINT_DEF_INIT \
     { (uint32_t)sizeof(DcdJointDef), DCD_JOINT_FIXED, { 0 }, { 0 }, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
-      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0 }
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, DCD_JOINT_MOTOR_INIT, \
+      0, 0, 0, 1.0e6f, 1.0f, 0, 0 }
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \
@@ -1190,6 +1374,12 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, 0.0f, 0, false, { 0, 0, 0, 0, 0, 0, 0 } }
+#define DCD_JOINT_INFO_INIT \
+    { (uint32_t)sizeof(DcdJointInfo), 0, { 0 }, { 0 }, 0, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, 0.0f, \
+      { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \
@@ -1295,7 +1485,7 @@ DCD_ASSERT_(offsetof(DcdBodyInfo, mass) == 16);
 DCD_ASSERT_(offsetof(DcdBodyInfo, region) == 20);
 DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 24);
 DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 25);
-DCD_ASSERT_(sizeof(DcdJointDef) == 104);
+DCD_ASSERT_(sizeof(DcdJointDef) == 144);
 DCD_ASSERT_(offsetof(DcdJointDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdJointDef, joint_type) == 4);
 DCD_ASSERT_(offsetof(DcdJointDef, a) == 8);
@@ -1303,10 +1493,39 @@ DCD_ASSERT_(offsetof(DcdJointDef, b) == 16);
 DCD_ASSERT_(offsetof(DcdJointDef, frame_a) == 24);
 DCD_ASSERT_(offsetof(DcdJointDef, frame_b) == 52);
 DCD_ASSERT_(offsetof(DcdJointDef, limit) == 80);
-DCD_ASSERT_(offsetof(DcdJointDef, motor_speed) == 88);
-DCD_ASSERT_(offsetof(DcdJointDef, motor_max_force) == 92);
-DCD_ASSERT_(offsetof(DcdJointDef, flags) == 96);
-DCD_ASSERT_(offsetof(DcdJointDef, reserved) == 100);
+DCD_ASSERT_(offsetof(DcdJointDef, motor) == 88);
+DCD_ASSERT_(offsetof(DcdJointDef, flags) == 112);
+DCD_ASSERT_(offsetof(DcdJointDef, locked) == 116);
+DCD_ASSERT_(offsetof(DcdJointDef, coupled) == 120);
+DCD_ASSERT_(offsetof(DcdJointDef, natural_frequency) == 124);
+DCD_ASSERT_(offsetof(DcdJointDef, damping_ratio) == 128);
+DCD_ASSERT_(offsetof(DcdJointDef, reserved) == 132);
+DCD_ASSERT_(offsetof(DcdJointDef, user_data) == 136);
+DCD_ASSERT_(sizeof(DcdJointMotor) == 24);
+DCD_ASSERT_(offsetof(DcdJointMotor, position) == 0);
+DCD_ASSERT_(offsetof(DcdJointMotor, velocity) == 4);
+DCD_ASSERT_(offsetof(DcdJointMotor, stiffness) == 8);
+DCD_ASSERT_(offsetof(DcdJointMotor, damping) == 12);
+DCD_ASSERT_(offsetof(DcdJointMotor, max_force) == 16);
+DCD_ASSERT_(offsetof(DcdJointMotor, model) == 20);
+DCD_ASSERT_(sizeof(DcdJointInfo) == 160);
+DCD_ASSERT_(offsetof(DcdJointInfo, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdJointInfo, joint_type) == 4);
+DCD_ASSERT_(offsetof(DcdJointInfo, a) == 8);
+DCD_ASSERT_(offsetof(DcdJointInfo, b) == 16);
+DCD_ASSERT_(offsetof(DcdJointInfo, user_data) == 24);
+DCD_ASSERT_(offsetof(DcdJointInfo, frame_a) == 32);
+DCD_ASSERT_(offsetof(DcdJointInfo, frame_b) == 60);
+DCD_ASSERT_(offsetof(DcdJointInfo, offset) == 88);
+DCD_ASSERT_(offsetof(DcdJointInfo, position) == 116);
+DCD_ASSERT_(offsetof(DcdJointInfo, force) == 120);
+DCD_ASSERT_(offsetof(DcdJointInfo, natural_frequency) == 132);
+DCD_ASSERT_(offsetof(DcdJointInfo, damping_ratio) == 136);
+DCD_ASSERT_(offsetof(DcdJointInfo, flags) == 140);
+DCD_ASSERT_(offsetof(DcdJointInfo, locked) == 144);
+DCD_ASSERT_(offsetof(DcdJointInfo, coupled) == 148);
+DCD_ASSERT_(offsetof(DcdJointInfo, limited) == 152);
+DCD_ASSERT_(offsetof(DcdJointInfo, driven) == 156);
 DCD_ASSERT_(sizeof(DcdStateView) == 72);
 DCD_ASSERT_(offsetof(DcdStateView, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStateView, reserved) == 4);

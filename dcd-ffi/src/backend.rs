@@ -5,7 +5,7 @@
 
 use dcd::net::PeerStats;
 use dcd::physics::{BodyFilter, Handover, RayHit, Region, WorldRay};
-use dcd::protocol::{Velocity, WorldEvents, WorldPose};
+use dcd::protocol::{JointRecord, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
@@ -50,7 +50,25 @@ impl Backend {
 
     /// Whether this role ties bodies together.
     pub(crate) fn check_joints(&self) -> Result<(), Failure> {
-        self.local("make, drive or destroy joints", NO_JOINTS).map(drop)
+        self.local("make, see, drive or destroy joints", NO_JOINTS).map(drop)
+    }
+
+    /// A joint of a world that is computed here.
+    pub(crate) fn joint(&self, id: JointId) -> Option<JointRecord> {
+        let Self::Local(world) = self else { return None };
+        world.joint(id)
+    }
+
+    /// The joints of a body that is computed here, oldest first.
+    pub(crate) fn joints_of(&self, id: BodyId) -> Vec<JointId> {
+        let Self::Local(world) = self else { return Vec::new() };
+        world.joints_of(id)
+    }
+
+    /// What the locked axes of a joint bear: newtons along x, y, z, newton metres about them.
+    pub(crate) fn joint_load(&self, id: JointId) -> [f32; 6] {
+        let Self::Local(world) = self else { return [0.0; 6] };
+        world.joint_load(id).unwrap_or_default()
     }
 
     /// The number of the client that this process is; 0 in a local world.

@@ -9,7 +9,7 @@ use rapier3d::prelude::*;
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
 use crate::motion::{check_pose, check_velocity};
-use crate::pointer::{self, Out, Sized32, check_numbers, is_in_range};
+use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers};
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
 use crate::surface;
@@ -215,11 +215,7 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<(WorldPose, RigidBodyBuilder
         (def.angular_damping, "angular_damping"),
         (def.force_threshold, "force_threshold"),
     ] {
-        if !(is_in_range(value) && value >= 0.0) {
-            return Err(Failure::argument(format!(
-                "{name} is {value}; give a number from 0 to DCD_MAX_NUMBER"
-            )));
-        }
+        check_not_negative(value, name)?;
     }
     if kind == RigidBodyType::Dynamic && def.density == 0.0 {
         return Err(Failure::argument("density is 0; a dynamic body needs some mass, water has 1000 kg/m³"));

@@ -4,7 +4,7 @@ use rapier3d::prelude::*;
 
 use crate::body::{self, DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdBodyId};
 use crate::guard::guard;
-use crate::pointer::is_in_range;
+use crate::pointer::check_not_negative;
 use crate::status::{DcdStatus, Failure};
 use crate::world::{DcdWorld, with};
 
@@ -107,11 +107,4 @@ fn change(
         }
         Ok(())
     })
-}
-
-fn check_not_negative(value: f32, name: &str) -> Result<(), Failure> {
-    if is_in_range(value) && value >= 0.0 {
-        return Ok(());
-    }
-    Err(Failure::argument(format!("{name} is {value}; give a number from 0 to DCD_MAX_NUMBER")))
 }

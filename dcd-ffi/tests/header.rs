@@ -59,7 +59,13 @@ fn layouts() -> Vec<Layout> {
         }
         DcdBodyInfo { struct_size, body_type, user_data, mass, region, sleeping, reserved }
         DcdJointDef {
-            struct_size, joint_type, a, b, frame_a, frame_b, limit, motor_speed, motor_max_force, flags, reserved
+            struct_size, joint_type, a, b, frame_a, frame_b, limit, motor, flags, locked, coupled, natural_frequency,
+            damping_ratio, reserved, user_data
+        }
+        DcdJointMotor { position, velocity, stiffness, damping, max_force, model }
+        DcdJointInfo {
+            struct_size, joint_type, a, b, user_data, frame_a, frame_b, offset, position, force,
+            natural_frequency, damping_ratio, flags, locked, coupled, limited, driven
         }
         DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
         DcdContact { a, b, user_a, user_b, point, normal, speed, kind, flags, part_a, part_b }
@@ -94,11 +100,15 @@ const MACROS: &str = "
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.5f, 0.0f, 0.0f, 0.0f, 1.0f, \\
       0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0 }
 
+/* A motor that holds still by any force. */
+#define DCD_JOINT_MOTOR_INIT { 0.0f, 0.0f, 0.0f, 1000.0f, 3.402823466e+38f, DCD_MOTOR_ACCELERATION }
+
 /* A fixed joint that brings the origins of two bodies together. */
 #define DCD_JOINT_DEF_INIT \\
     { (uint32_t)sizeof(DcdJointDef), DCD_JOINT_FIXED, { 0 }, { 0 }, \\
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
-      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0 }
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, DCD_JOINT_MOTOR_INIT, \\
+      0, 0, 0, 1.0e6f, 1.0f, 0, 0 }
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \\
@@ -111,6 +121,12 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \\
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, 0.0f, 0, false, { 0, 0, 0, 0, 0, 0, 0 } }
+#define DCD_JOINT_INFO_INIT \\
+    { (uint32_t)sizeof(DcdJointInfo), 0, { 0 }, { 0 }, 0, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, 0.0f, \\
+      { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \\
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \\
@@ -243,8 +259,8 @@ fn size_of_member(declaration: &str) -> usize {
     let size = match kind {
         _ if name.contains('*') => size_of::<usize>(),
         "uint8_t" | "bool" => 1,
-        "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdRole"
-        | "DcdCoupling" | "DcdPreset" => 4,
+        "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
+        | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
         "double" | "uint64_t" | "size_t" => 8,
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };

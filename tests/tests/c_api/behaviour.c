@@ -339,6 +339,13 @@ static DcdJointDef tied(DcdWorld world, DcdJointType type)
     return joint;
 }
 
+static DcdJointInfo joint_info(DcdWorld world, DcdJointId joint)
+{
+    DcdJointInfo info = DCD_JOINT_INFO_INIT;
+    OK(dcd_joint_info(world, joint, &info));
+    return info;
+}
+
 static void joints_hold(void)
 {
     DcdJointId id;
@@ -357,28 +364,44 @@ static void joints_hold(void)
     world = make_world(2, 1, 0.0f);
     joint = tied(world, DCD_JOINT_REVOLUTE);
     joint.flags = DCD_JOINT_MOTOR;
-    joint.motor_speed = 2.0f;
-    joint.motor_max_force = 1e6f;
+    joint.motor.velocity = 2.0f;
     OK(dcd_joint_create(world, &joint, &id));
     steps(world, 60);
     NEAR(velocity_of(world, joint.b).angular[0], 2.0, 0.05);
     NEAR(pose_of(world, joint.b).p[0], 2.0, 0.02);
-    OK(dcd_joint_set_motor(world, id, -1.0f, 1e6f));
+    joint.motor.velocity = -1.0f;
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, &joint.motor));
     steps(world, 60);
     NEAR(velocity_of(world, joint.b).angular[0], -1.0, 0.05);
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, NULL));
+    steps(world, 60);
+    NEAR(velocity_of(world, joint.b).angular[0], -1.0, 0.05); /* nothing brakes it */
     OK(dcd_world_destroy(world));
 
-    /* Along x, pushed by a motor against the limit. */
+    /* Along x, pushed by a motor against the limit, which is moved and taken away. */
     world = make_world(2, 1, 0.0f);
     joint = tied(world, DCD_JOINT_PRISMATIC);
     joint.flags = DCD_JOINT_MOTOR | DCD_JOINT_LIMIT;
     joint.limit[0] = -0.5f;
     joint.limit[1] = 0.75f;
-    joint.motor_speed = 1.0f;
-    joint.motor_max_force = 1000.0f;
+    joint.motor.velocity = 1.0f;
+    joint.motor.max_force = 1000.0f;
     OK(dcd_joint_create(world, &joint, &id));
     steps(world, 180);
     NEAR(pose_of(world, joint.b).p[0], 2.75, 0.02);
+    const float wider[2] = { -INFINITY, 1.5f };
+    float limit[2] = { 0.0f, 0.0f };
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_X, wider));
+    OK(dcd_joint_get_limit(world, id, DCD_AXIS_X, limit));
+    HOLDS(limit[0] == -INFINITY && limit[1] == 1.5f);
+    steps(world, 180);
+    NEAR(pose_of(world, joint.b).p[0], 3.5, 0.02);
+    NEAR(joint_info(world, id).position, 1.5, 0.02);
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_X, NULL));
+    OK(dcd_joint_get_limit(world, id, DCD_AXIS_X, limit));
+    HOLDS(limit[0] == -INFINITY && limit[1] == INFINITY);
+    steps(world, 120);
+    HOLDS(pose_of(world, joint.b).p[0] > 4.5);
     OK(dcd_world_destroy(world));
 
     /* A pendulum: it keeps its distance and comes down. */
@@ -389,6 +412,154 @@ static void joints_hold(void)
     DcdPose pose = pose_of(world, joint.b);
     NEAR(sqrt(pose.p[0] * pose.p[0] + pose.p[1] * pose.p[1] + pose.p[2] * pose.p[2]), 2.0, 0.02);
     HOLDS(pose.p[1] < -1.0);
+    OK(dcd_world_destroy(world));
+}
+
+/* Ropes, springs, servos: what holds by distance or by stiffness. */
+static void joints_pull(void)
+{
+    DcdJointId id;
+    DcdJointMotor motor = DCD_JOINT_MOTOR_INIT;
+
+    /* A rope of 3 m from centre to centre: the crate falls beside the post, then hangs below it. */
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdJointDef joint = tied(world, DCD_JOINT_ROPE);
+    joint.frame_b.p[0] = 0.0f;
+    joint.flags = DCD_JOINT_LIMIT;
+    joint.limit[1] = 3.0f;
+    OK(dcd_joint_create(world, &joint, &id));
+    steps(world, 20);
+    HOLDS(pose_of(world, joint.b).p[1] < -0.5 && joint_info(world, id).position < 2.9f); /* it is slack */
+    OK(dcd_body_set_pose(world, joint.b, &(DcdPose){ { 0.0, -2.5, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
+    OK(dcd_body_set_velocity(world, joint.b, &(DcdVelocity){ { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }));
+    steps(world, 120);
+    NEAR(joint_info(world, id).position, 3.0, 0.02);
+    HOLDS(joint_info(world, id).joint_type == DCD_JOINT_ROPE);
+    const float shorter[2] = { 0.0f, 2.0f };
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_Z, shorter)); /* its axes are one */
+    steps(world, 240);
+    NEAR(joint_info(world, id).position, 2.0, 0.02);
+    OK(dcd_world_destroy(world));
+
+    /* 1000 kg on a spring of 20 kN/m: half a metre longer than at rest. */
+    world = make_world(2, 1, -10.0f);
+    joint = tied(world, DCD_JOINT_SPRING);
+    joint.frame_b.p[0] = 0.0f;
+    joint.flags = DCD_JOINT_MOTOR;
+    joint.motor.position = 2.0f;
+    joint.motor.stiffness = 20000.0f;
+    joint.motor.damping = 5000.0f;
+    joint.motor.model = DCD_MOTOR_FORCE;
+    OK(dcd_body_set_pose(world, joint.b, &(DcdPose){ { 0.0, -2.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
+    OK(dcd_joint_create(world, &joint, &id));
+    steps(world, 300);
+    NEAR(joint_info(world, id).position, 2.5, 0.02);
+    HOLDS(joint_info(world, id).joint_type == DCD_JOINT_SPRING);
+    OK(dcd_world_destroy(world));
+
+    /* A servo turns a wheel to an angle. */
+    world = make_world(2, 1, 0.0f);
+    joint = tied(world, DCD_JOINT_REVOLUTE);
+    OK(dcd_joint_create(world, &joint, &id));
+    motor.position = -1.2f;
+    motor.stiffness = 200.0f;
+    motor.damping = 30.0f;
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, &motor));
+    steps(world, 240);
+    NEAR(joint_info(world, id).position, -1.2, 0.01);
+    DcdJointMotor read = { 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0 };
+    OK(dcd_joint_get_motor(world, id, DCD_AXIS_TURN_X, &read));
+    HOLDS(read.position == motor.position && read.stiffness == 200.0f && read.damping == 30.0f);
+    HOLDS(read.velocity == 0.0f && read.max_force == motor.max_force && read.model == DCD_MOTOR_ACCELERATION);
+    /* Its strength and not its will: too weak to turn. */
+    motor.position = 1.0f;
+    motor.max_force = 0.0f;
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, &motor));
+    steps(world, 60);
+    NEAR(joint_info(world, id).position, -1.2, 0.02);
+    OK(dcd_world_destroy(world));
+}
+
+static void generic_joints_free_what_they_are_told(void)
+{
+    /* Free along y only, between -1 and 1, and driven there. */
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdJointDef joint = tied(world, DCD_JOINT_GENERIC);
+    DcdJointId id;
+    const float range[2] = { -1.0f, 1.0f };
+    joint.locked = DCD_LOCK_X | DCD_LOCK_Z | DCD_LOCK_TURN_X | DCD_LOCK_TURN_Y | DCD_LOCK_TURN_Z;
+    joint.user_data = UINT64_MAX;
+    OK(dcd_joint_create(world, &joint, &id));
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_Y, range));
+    steps(world, 120);
+    NEAR(pose_of(world, joint.b).p[1], -1.0, 0.02);
+    NEAR(pose_of(world, joint.b).p[0], 2.0, 0.02);
+    DcdJointMotor lift = DCD_JOINT_MOTOR_INIT;
+    lift.velocity = 2.0f;
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_Y, &lift));
+    steps(world, 120);
+    NEAR(pose_of(world, joint.b).p[1], 1.0, 0.02);
+    DcdJointInfo info = joint_info(world, id);
+    HOLDS(info.joint_type == DCD_JOINT_GENERIC && info.locked == joint.locked && info.coupled == 0);
+    HOLDS(info.limited == 1u << DCD_AXIS_Y && info.driven == 1u << DCD_AXIS_Y && info.user_data == UINT64_MAX);
+    HOLDS(info.flags == (DCD_JOINT_LIMIT | DCD_JOINT_MOTOR));
+    HOLDS(info.a.v == joint.a.v && info.b.v == joint.b.v && info.frame_b.p[0] == -2.0f);
+    NEAR(info.offset.p[1], 1.0, 0.02);
+    NEAR(info.offset.q[3], 1.0, 1e-3);
+    OK(dcd_world_destroy(world));
+
+    /* A cone of 0.5 rad about x, held at the origin: the crate falls until the cone holds it. */
+    world = make_world(2, 1, -10.0f);
+    joint = tied(world, DCD_JOINT_GENERIC);
+    joint.locked = DCD_LOCK_X | DCD_LOCK_Y | DCD_LOCK_Z;
+    joint.coupled = DCD_LOCK_TURN_Y | DCD_LOCK_TURN_Z;
+    const float cone[2] = { 0.0f, 0.5f };
+    OK(dcd_joint_create(world, &joint, &id));
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_TURN_Z, cone));
+    steps(world, 240);
+    DcdPose pose = pose_of(world, joint.b);
+    NEAR(atan2(-pose.p[1], hypot(pose.p[0], pose.p[2])), 0.5, 0.02);
+    OK(dcd_world_destroy(world));
+}
+
+static void joints_are_changed_and_found(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdJointDef joint = tied(world, DCD_JOINT_FIXED);
+    DcdJointId first, second, found[2];
+    size_t count = 0;
+    OK(dcd_joint_create(world, &joint, &first));
+    steps(world, 60);
+    NEAR(fabs((double)joint_info(world, first).force[1]), 10000.0, 200.0); /* 1000 kg */
+
+    /* Longer by a metre, then switched off and on again. */
+    const DcdFrame farther = { { -3.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    OK(dcd_joint_set_frames(world, first, NULL, &farther));
+    steps(world, 120);
+    NEAR(pose_of(world, joint.b).p[0], 3.0, 0.05);
+    HOLDS(joint_info(world, first).frame_b.p[0] == -3.0f && joint_info(world, first).frame_a.p[0] == 0.0f);
+    OK(dcd_joint_set_flags(world, first, DCD_JOINT_DISABLED | DCD_JOINT_COLLIDE));
+    HOLDS(joint_info(world, first).flags == (DCD_JOINT_DISABLED | DCD_JOINT_COLLIDE));
+    steps(world, 30);
+    HOLDS(pose_of(world, joint.b).p[1] < -1.0);
+    OK(dcd_joint_set_flags(world, first, 0));
+    steps(world, 300);
+    NEAR(pose_of(world, joint.b).p[1], 0.0, 0.05);
+
+    /* At 1 Hz it gives way under the load. */
+    OK(dcd_joint_set_softness(world, first, 1.0f, 1.0f));
+    HOLDS(joint_info(world, first).natural_frequency == 1.0f);
+    steps(world, 120);
+    HOLDS(pose_of(world, joint.b).p[1] < -0.1);
+
+    OK(dcd_joint_create(world, &joint, &second));
+    OK(dcd_body_joints(world, joint.a, found, 2, &count));
+    HOLDS(count == 2 && found[0].v == first.v && found[1].v == second.v);
+    OK(dcd_body_joints(world, joint.b, found, 2, &count));
+    HOLDS(count == 2 && found[0].v == first.v && dcd_joint_is_valid(world, second));
+    OK(dcd_joint_destroy(world, first));
+    OK(dcd_body_joints(world, joint.b, found, 2, &count));
+    HOLDS(count == 1 && found[0].v == second.v && !dcd_joint_is_valid(world, first));
     OK(dcd_world_destroy(world));
 }
 
@@ -575,6 +746,9 @@ int main(void)
     a_transfer_is_told_once();
     surfaces_can_be_changed();
     joints_hold();
+    joints_pull();
+    generic_joints_free_what_they_are_told();
+    joints_are_changed_and_found();
     every_shape_rests_on_every_ground();
     views_and_bulk_agree();
     threads_do_not_change_the_result();

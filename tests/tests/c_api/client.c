@@ -117,6 +117,7 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     DcdRay ray = { { 0.0, 0.0, 0.0 }, { 0.0f, 1.0f, 0.0f }, 10.0f, { 0 }, 1, 0 };
     DcdRayHit hit;
     uint64_t hash, data = 1;
+    size_t count;
     DcdPose pose = pose_of(world, other);
     DcdVelocity velocity = { { 1.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     DcdBodyDef fixed = avatar_def(world);
@@ -126,6 +127,8 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     joint.b = avatar;
     fixed.body_type = DCD_FIXED;
     FAILS(dcd_joint_create(world, &joint, &joint_id), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_joint_set_motor(world, (DcdJointId){ 1 }, DCD_AXIS_X, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_joints(world, other, &joint_id, 1, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_cast_rays(world, &ray, 1, &hit), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_impulse(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);

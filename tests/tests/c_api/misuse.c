@@ -416,15 +416,89 @@ static void joints(void)
     UNTIED(a, good.b, DCD_ERR_ARGUMENT);
     UNTIED(frame_a.p[0], NAN, DCD_ERR_ARGUMENT);
     UNTIED(frame_b.q[0], 1.0f, DCD_ERR_ARGUMENT);
-    UNTIED(flags, 8, DCD_ERR_ARGUMENT);
+    UNTIED(flags, 16, DCD_ERR_ARGUMENT);
     UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* a fixed joint has none */
     UNTIED(flags, DCD_JOINT_MOTOR, DCD_ERR_ARGUMENT);
+    UNTIED(locked, DCD_LOCK_X, DCD_ERR_ARGUMENT); /* its type says what it locks */
+    UNTIED(coupled, DCD_LOCK_X, DCD_ERR_ARGUMENT);
+    UNTIED(natural_frequency, 0.0f, DCD_ERR_ARGUMENT);
+    UNTIED(natural_frequency, NAN, DCD_ERR_ARGUMENT);
+    UNTIED(damping_ratio, -1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(joint_type, DCD_JOINT_ROPE, DCD_ERR_ARGUMENT);   /* without a length */
+    UNTIED(joint_type, DCD_JOINT_SPRING, DCD_ERR_ARGUMENT); /* without stiffness */
+    good.joint_type = DCD_JOINT_ROPE;
+    good.flags = DCD_JOINT_LIMIT | DCD_JOINT_MOTOR;
+    UNTIED(limit[0], 0.5f, DCD_ERR_ARGUMENT); /* a distance has no lowest */
+    UNTIED(limit[1], -1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(limit[1], NAN, DCD_ERR_ARGUMENT);
+    UNTIED(limit[1], 1e30f, DCD_ERR_ARGUMENT);
+    UNTIED(motor.position, INFINITY, DCD_ERR_ARGUMENT);
+    UNTIED(motor.velocity, NAN, DCD_ERR_ARGUMENT);
+    UNTIED(motor.stiffness, -1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(motor.damping, INFINITY, DCD_ERR_ARGUMENT);
+    UNTIED(motor.max_force, INFINITY, DCD_ERR_ARGUMENT);
+    UNTIED(motor.max_force, -1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(motor.model, 2, DCD_ERR_ARGUMENT);
+    good.joint_type = DCD_JOINT_GENERIC;
+    UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* of which axis? */
+    good.flags = 0;
+    UNTIED(locked, 64, DCD_ERR_ARGUMENT);
+    UNTIED(coupled, DCD_LOCK_TURN_X, DCD_ERR_ARGUMENT);
+    UNTIED(coupled, DCD_LOCK_TURN_X | DCD_LOCK_TURN_Y | DCD_LOCK_TURN_Z, DCD_ERR_ARGUMENT);
+    UNTIED(coupled, DCD_LOCK_X, DCD_ERR_ARGUMENT);
+    def.locked = DCD_LOCK_X;
+    def.coupled = DCD_LOCK_X | DCD_LOCK_Y;
+    EXPECT(dcd_joint_create(world, &def, &joint), DCD_ERR_ARGUMENT);
     HOLDS(joint.v == 5);
+
+    /* Along x and y it is locked, about x and y coupled. */
+    DcdJointMotor motor = DCD_JOINT_MOTOR_INIT;
+    DcdJointInfo info = DCD_JOINT_INFO_INIT;
+    DcdFrame frame = good.frame_a;
+    const float range[2] = { -1.0f, 1.0f }, backwards[2] = { 1.0f, -1.0f };
+    float limit[2];
+    size_t count;
+    good.locked = DCD_LOCK_X | DCD_LOCK_Y;
+    good.coupled = DCD_LOCK_TURN_X | DCD_LOCK_TURN_Y;
     EXPECT(dcd_joint_create(world, &good, &joint), DCD_OK);
-    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, 1.0f), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_joint_set_motor(world, joint, NAN, 1.0f), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, -1.0f), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_joint_set_motor(world, NO_JOINT, 1.0f, 1.0f), DCD_ERR_NULL);
+    EXPECT(dcd_joint_set_limit(world, joint, DCD_AXIS_X, range), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_limit(world, joint, 6, range), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_limit(world, joint, DCD_AXIS_Z, backwards), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_limit(world, joint, DCD_AXIS_Z, CROOKED(const float, range)), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_limit(other, joint, DCD_AXIS_Z, range), DCD_ERR_STALE_ID);
+    EXPECT(dcd_joint_set_limit(world, NO_JOINT, DCD_AXIS_Z, range), DCD_ERR_NULL);
+    EXPECT(dcd_joint_set_limit(world, joint, DCD_AXIS_TURN_Y, range), DCD_OK);
+    EXPECT(dcd_joint_get_limit(world, joint, DCD_AXIS_TURN_X, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_joint_get_limit(world, joint, DCD_AXIS_Y, limit), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_get_limit(world, joint, DCD_AXIS_TURN_X, limit), DCD_OK);
+    HOLDS(limit[0] == -1.0f && limit[1] == 1.0f);
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_Y, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_TURN_Y, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, joint, UINT32_MAX, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_Z, &motor), DCD_OK);
+    EXPECT(dcd_joint_get_motor(world, joint, DCD_AXIS_Z, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_joint_get_motor(world, joint, DCD_AXIS_Y, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_get_motor(world, joint, DCD_AXIS_TURN_Z, &motor), DCD_OK);
+    HOLDS(motor.max_force == 0.0f && motor.damping == 0.0f);
+    motor.velocity = NAN;
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_Z, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, NO_JOINT, DCD_AXIS_Z, NULL), DCD_ERR_NULL);
+    frame.q[3] = 0.5f;
+    EXPECT(dcd_joint_set_frames(world, joint, &frame, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_frames(world, joint, NULL, NULL), DCD_OK);
+    EXPECT(dcd_joint_set_flags(world, joint, DCD_JOINT_MOTOR), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_softness(world, joint, -1.0f, 1.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_softness(world, joint, 1.0f, NAN), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_info(world, joint, NULL), DCD_ERR_NULL);
+    info.struct_size = 4;
+    EXPECT(dcd_joint_info(world, joint, &info), DCD_ERR_STRUCT);
+    EXPECT(dcd_body_joints(world, good.a, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_joints(world, good.a, NULL, 1, &count), DCD_ERR_NULL);
+    EXPECT(dcd_body_joints(world, good.a, NULL, 0, &count), DCD_ERR_SMALL_BUFFER);
+    HOLDS(count == 1);
+    EXPECT(dcd_body_joints(other, good.a, &joint, 1, &count), DCD_ERR_STALE_ID);
+    HOLDS(dcd_joint_is_valid(world, joint) && !dcd_joint_is_valid(other, joint) && !dcd_joint_is_valid(world, NO_JOINT));
+    EXPECT(dcd_step(world), DCD_OK);
     EXPECT(dcd_joint_destroy(other, joint), DCD_ERR_STALE_ID);
     EXPECT(dcd_joint_destroy(world, NO_JOINT), DCD_ERR_NULL);
     EXPECT(dcd_joint_destroy(world, joint), DCD_OK);
@@ -432,7 +506,8 @@ static void joints(void)
     EXPECT(dcd_joint_create(world, &good, &joint), DCD_OK);
     EXPECT(dcd_body_destroy(world, good.b), DCD_OK);
     EXPECT(dcd_joint_destroy(world, joint), DCD_ERR_STALE_ID); /* it went with its body */
-    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, 1.0f), DCD_ERR_STALE_ID);
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_Z, NULL), DCD_ERR_STALE_ID);
+    HOLDS(!dcd_joint_is_valid(world, joint));
     EXPECT(dcd_world_destroy(world), DCD_OK);
     EXPECT(dcd_world_destroy(other), DCD_OK);
 }

@@ -63,6 +63,18 @@ static DcdVelocity some_velocity(void)
     return velocity;
 }
 
+static DcdJointMotor some_motor(void)
+{
+    DcdJointMotor motor = DCD_JOINT_MOTOR_INIT;
+    motor.position = number();
+    motor.velocity = number();
+    motor.stiffness = dice(2) ? 0.0f : number();
+    motor.damping = dice(2) ? 10.0f : number();
+    motor.max_force = dice(2) ? motor.max_force : number();
+    motor.model = dice(20) == 0 ? dice(4) : dice(2);
+    return motor;
+}
+
 static DcdBodyDef some_body(void)
 {
     DcdBodyDef def = DCD_BODY_DEF_INIT;
@@ -162,21 +174,47 @@ static DcdStatus play(void)
         return dice(2) ? dcd_body_wake(world, named) : dcd_body_sleep(world, named);
     case 19: {
         DcdJointDef def = DCD_JOINT_DEF_INIT;
-        def.joint_type = dice(5);
+        def.joint_type = dice(8);
         def.a = named;
         def.b = list[0];
         def.frame_b.p[0] = number();
-        def.flags = dice(9);
-        def.limit[0] = number();
+        def.flags = dice(17);
+        def.limit[0] = dice(2) ? 0.0f : number();
         def.limit[1] = number();
-        def.motor_speed = number();
-        def.motor_max_force = number();
+        def.motor = some_motor();
+        if (def.joint_type == DCD_JOINT_GENERIC) {
+            def.flags &= ~(DCD_JOINT_LIMIT | DCD_JOINT_MOTOR);
+            def.locked = dice(65);
+            def.coupled = dice(4) == 0 ? dice(65) & ~def.locked : 0;
+        }
         return dcd_joint_create(world, &def, joint);
     }
-    case 20:
-        return dcd_joint_set_motor(world, *joint, number(), number());
-    case 21:
-        return dcd_joint_destroy(world, *joint);
+    case 20: {
+        float limit[2] = { dice(2) ? 0.0f : number(), number() };
+        DcdJointMotor motor = some_motor();
+        DcdJointInfo info = DCD_JOINT_INFO_INIT;
+        DcdFrame frame = { { number(), 0.0f, number() }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+        switch (dice(6)) {
+        case 0:
+            return dcd_joint_set_limit(world, *joint, dice(7), dice(4) ? limit : NULL);
+        case 1:
+            return dcd_joint_set_frames(world, *joint, dice(2) ? &frame : NULL, dice(2) ? &frame : NULL);
+        case 2:
+            return dcd_joint_set_flags(world, *joint, dice(4) * 4);
+        case 3:
+            return dcd_joint_set_softness(world, *joint, number(), number());
+        case 4: {
+            DcdStatus status = dcd_joint_info(world, *joint, &info);
+            return status == DCD_OK && isnan(info.position) ? DCD_ERR_PANIC : status;
+        }
+        default:
+            return dcd_joint_set_motor(world, *joint, dice(7), dice(4) ? &motor : NULL);
+        }
+    }
+    case 21: {
+        size_t count;
+        return dice(2) ? dcd_joint_destroy(world, *joint) : dcd_body_joints(world, named, &joints[dice(KEPT - 1)], 1, &count);
+    }
     case 22: {
         DcdStateView view = DCD_STATE_VIEW_INIT;
         double sum = 0.0;

@@ -8,7 +8,7 @@ use super::{HostError, RegionHost};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Region, Role};
-use crate::protocol::{BodyRecord, BodyState, LinkMotion, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, JointRecord, LinkMotion, WorldPose};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
@@ -102,8 +102,22 @@ impl RegionHost {
         found
     }
 
+    /// A joint, whole, if any region here holds it.
+    pub fn joint(&self, id: JointId) -> Option<JointRecord> {
+        self.regions.iter().find_map(|region| region.joint_record(id))
+    }
+
+    /// The joints of a body, whole, by id; an immovable one has them in many regions, each of which has those of its own
+    /// bodies.
+    pub fn all_joints_of(&self, id: BodyId) -> BTreeMap<JointId, JointRecord> {
+        let holders = self.regions.iter().filter_map(|region| Some((region, region.handle_of(id)?)));
+        let joints = holders.flat_map(|(region, handle)| region.joints_of(handle));
+        joints.map(|joint| (joint.id, joint)).collect()
+    }
+
     /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
-    /// about them. Summed over the regions here that hold it.
+    /// about them. Summed over the regions here that hold it. Rapier makes
+    /// what it solves orthogonal first, so the numbers of several axes are mixed.
     pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         let loads = self.regions.iter().filter_map(|region| region.joint_load(id));
         loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
@@ -173,10 +187,7 @@ impl RegionHost {
         if let Some(body) = self.statics.body(id) {
             let mut body = body.clone();
             body.state.pose = pose;
-            // Each region has the joints of its own bodies.
-            let holders = self.regions.iter().filter_map(|region| Some((region, region.handle_of(id)?)));
-            let joints = holders.flat_map(|(region, handle)| region.joints_of(handle));
-            let joints: BTreeMap<_, _> = joints.map(|joint| (joint.id, joint)).collect();
+            let joints = self.all_joints_of(id);
             self.remove(id);
             self.insert(vec![body], &joints.into_values().collect::<Vec<_>>())?;
             return Ok(true);

@@ -58,7 +58,7 @@
 // Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
 #define DCD_MIN_SIZE 1.0e-4
 
-// In DcdBodyDef.flags: never jumps through thin or moving bodies, at some cost.
+// In DcdBodyDef.flags: never jumps through moving bodies either, at some cost. Through fixed ones no body does.
 #define DCD_BODY_CCD 1
 
 // In DcdBodyDef.flags: detects and does not push.
@@ -69,6 +69,18 @@
 
 // In DcdBodyDef.flags: sleeps until something wakes it.
 #define DCD_BODY_ASLEEP 8
+
+// In DcdBodyDef.flags: is not there until dcd_body_set_properties takes this away; it keeps its place, its joints wait.
+#define DCD_BODY_DISABLED 16
+
+// In DcdBodyDef.flags: may turn by more than a quarter turn a step, as wheels and propellers.
+#define DCD_BODY_FAST_SPIN 32
+
+// In DcdBodyDef.flags: its spin is not changed by its own inertia, as that of a thrown book is.
+#define DCD_BODY_NO_GYRO 64
+
+// In DcdBodyDef.flags: one match of groups and mask is enough for two bodies that both say so; else both must match.
+#define DCD_BODY_ANY_GROUP 128
 
 // In DcdBodyDef.events: dcd_events tells of contacts that begin and end.
 #define DCD_EVENT_CONTACT 1
@@ -99,6 +111,36 @@
 
 // In place of a part's number: all shapes of the body.
 #define DCD_ALL_PARTS UINT32_MAX
+
+// Most shapes of one body.
+#define DCD_MAX_PARTS 4096
+
+// In DcdBodyDef.pairs: it meets dynamic bodies if it is dynamic.
+#define DCD_PAIR_DYNAMIC_DYNAMIC 1
+
+// In DcdBodyDef.pairs: kinematic if dynamic, and the other way round.
+#define DCD_PAIR_DYNAMIC_KINEMATIC 2
+
+// In DcdBodyDef.pairs: fixed if dynamic, and the other way round.
+#define DCD_PAIR_DYNAMIC_FIXED 4
+
+// In DcdBodyDef.pairs: kinematic if kinematic.
+#define DCD_PAIR_KINEMATIC_KINEMATIC 8
+
+// In DcdBodyDef.pairs: fixed if kinematic, and the other way round, as a fixed sensor that notices doors and players.
+#define DCD_PAIR_KINEMATIC_FIXED 16
+
+// In DcdBodyDef.pairs: fixed if fixed.
+#define DCD_PAIR_FIXED_FIXED 32
+
+// In DcdPartProperties.flags: detects and does not push.
+#define DCD_PART_SENSOR 1
+
+// In DcdPartProperties.flags: is not there until this is taken away.
+#define DCD_PART_DISABLED 2
+
+// In DcdPartProperties.flags: one match of groups and mask is enough for two shapes that both say so; else both must match.
+#define DCD_PART_ANY_GROUP 4
 
 // In DcdJointDef.flags: `limit` counts. In DcdJointInfo.flags: it has some limit.
 #define DCD_JOINT_LIMIT 1
@@ -321,24 +363,36 @@ typedef struct DcdVelocity {
     float angular[3];
 } DcdVelocity;
 
-// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`.
+// How the coefficients of two shapes in contact become one; of two rules the one with the higher number counts.
+typedef uint32_t DcdCombineRule;
+
+// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
+// dcd_part_set_properties change it later.
 typedef struct DcdBodyDef {
     // sizeof(DcdBodyDef).
     uint32_t struct_size;
-    // DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    // DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
     DcdBodyType body_type;
     // Where it starts.
     DcdPose pose;
     // How it moves at first.
     DcdVelocity velocity;
-    // Of the same world. Two bodies may share one.
+    // Of the same world. Two bodies may share one. dcd_part_add gives a body more.
     DcdShapeId shape;
-    // kg/m³, above 0 for a dynamic body.
+    // kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`.
     float density;
-    // Coulomb coefficient, 0 or more; two bodies in contact use the mean.
+    // Kilograms of the shape, instead of those that follow from density; 0 is by density.
+    float mass;
+    // Coulomb coefficient, 0 or more.
     float friction;
-    // 0 (no bounce) to 1 (all of the speed); two bodies in contact use the mean.
+    // 0 (no bounce) to 1 (all of the speed).
     float restitution;
+    // DCD_COMBINE_…: what two bodies in contact use of their friction.
+    DcdCombineRule friction_rule;
+    // DCD_COMBINE_…: what they use of their restitution.
+    DcdCombineRule restitution_rule;
+    // Metres that the shape is kept away from others, 0 or more: a thin cushion makes contacts cheaper and calmer.
+    float contact_skin;
     // Slows movement down: 1/s, 0 or more.
     float linear_damping;
     // Slows turning down: 1/s, 0 or more.
@@ -357,6 +411,35 @@ typedef struct DcdBodyDef {
     uint32_t groups;
     // Groups that it meets. Two bodies collide when each meets a group of the other.
     uint32_t mask;
+    // Groups that it belongs to when it comes to pushing; contacts of others are told of and do nothing.
+    uint32_t solver_groups;
+    // Groups that push it and that it pushes.
+    uint32_t solver_mask;
+    // DCD_PAIR_… bits: which types of bodies it meets. A pair meets when either asks for it.
+    uint32_t pairs;
+    // -128 to 127: of two bodies the higher is not moved by the lower, which meets it like a wall.
+    int32_t dominance;
+    // Metres ahead that it looks for what it may meet: cheaper than DCD_BODY_CCD, and not as sure; 0 is none.
+    float soft_ccd;
+    // m/s below which it may fall asleep, 0 or more.
+    float sleep_linear;
+    // rad/s below which it may fall asleep, 0 or more.
+    float sleep_angular;
+    // Seconds it must have been so slow, 0 or more. In a served world these three must be as in DCD_BODY_DEF_INIT.
+    float sleep_after;
+    // Kilograms besides those of its shape, 0 or more. With extra_centre and extra_inertia 0 it makes the shape heavier as it
+    // is.
+    float extra_mass;
+    // Where the extra mass is, from the body's origin, metres.
+    float extra_centre[3];
+    // Its moments of inertia about the body's x, y and z through that centre, kg m², 0 or more.
+    float extra_inertia[3];
+    // Iterations of the solver that it gets more than others, and what touches it; 0 to 1000.
+    uint32_t extra_solver_iterations;
+    // Iterations within each of them, 0 to 1000.
+    uint32_t extra_pgs_iterations;
+    // 0.
+    uint32_t reserved;
     // Your own; events, views and ray hits carry it.
     uint64_t user_data;
 } DcdBodyDef;
@@ -365,20 +448,113 @@ typedef struct DcdBodyDef {
 typedef struct DcdBodyInfo {
     // sizeof(DcdBodyInfo).
     uint32_t struct_size;
-    // DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    // DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
     DcdBodyType body_type;
     // Your own.
     uint64_t user_data;
+    // Its centre of mass, world space, metres; in a served world its origin.
+    double centre[3];
     // Kilograms; 0 for a fixed body, and in a served world, where it is not told.
     float mass;
     // The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
     // not appeared yet. In a served world, the region it is in.
     uint32_t region;
+    // What dcd_body_set_force and dcd_body_add_force made of the force on it, newtons.
+    float force[3];
+    // And of the torque, newton metres.
+    float torque[3];
+    // How many shapes it has.
+    uint32_t parts;
     // Whether it sleeps: it costs nothing until something wakes it.
     bool sleeping;
     // 0.
-    uint8_t reserved[7];
+    uint8_t reserved[3];
 } DcdBodyInfo;
+
+// What a body is like, but for its shapes: the members of DcdBodyDef, to be read and changed later. Start from
+// DCD_BODY_PROPERTIES_INIT and dcd_body_properties.
+typedef struct DcdBodyProperties {
+    // sizeof(DcdBodyProperties).
+    uint32_t struct_size;
+    // DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
+    DcdBodyType body_type;
+    // DCD_BODY_CCD, _NO_SLEEP, _DISABLED, _FAST_SPIN and _NO_GYRO bits.
+    uint32_t flags;
+    // DCD_LOCK_… bits.
+    uint32_t locked;
+    // As in DcdBodyDef, and so all that follows.
+    int32_t dominance;
+    // 1/s.
+    float linear_damping;
+    // 1/s.
+    float angular_damping;
+    // Factor on gravity.
+    float gravity_scale;
+    // Metres.
+    float soft_ccd;
+    // m/s.
+    float sleep_linear;
+    // rad/s.
+    float sleep_angular;
+    // Seconds.
+    float sleep_after;
+    // Kilograms.
+    float extra_mass;
+    // Metres.
+    float extra_centre[3];
+    // kg m².
+    float extra_inertia[3];
+    // Iterations of the solver.
+    uint32_t extra_solver_iterations;
+    // Iterations within each of them.
+    uint32_t extra_pgs_iterations;
+    // 0.
+    uint32_t reserved;
+    // Your own.
+    uint64_t user_data;
+} DcdBodyProperties;
+
+// What one shape of a body is like. Start from DCD_PART_PROPERTIES_INIT, or from dcd_part_properties.
+typedef struct DcdPartProperties {
+    // sizeof(DcdPartProperties).
+    uint32_t struct_size;
+    // DCD_PART_… bits.
+    uint32_t flags;
+    // Where it sits on the body.
+    DcdFrame frame;
+    // kg/m³, 0 or more. Read later, it is 0 where the mass was given, or anything of it was changed.
+    float density;
+    // Kilograms; 0 follows from the density.
+    float mass;
+    // As in DcdBodyDef, and so all that follows.
+    float friction;
+    // 0 to 1.
+    float restitution;
+    // DCD_COMBINE_….
+    DcdCombineRule friction_rule;
+    // DCD_COMBINE_….
+    DcdCombineRule restitution_rule;
+    // Metres.
+    float contact_skin;
+    // DCD_EVENT_… bits.
+    uint32_t events;
+    // Newtons.
+    float force_threshold;
+    // As bits.
+    uint32_t groups;
+    // As bits.
+    uint32_t mask;
+    // As bits.
+    uint32_t solver_groups;
+    // As bits.
+    uint32_t solver_mask;
+    // DCD_PAIR_… bits.
+    uint32_t pairs;
+    // 0.
+    uint32_t reserved;
+    // Your own of this shape; nothing else carries it.
+    uint64_t user_data;
+} DcdPartProperties;
 
 // What a joint lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
 typedef uint32_t DcdJointType;
@@ -695,6 +871,14 @@ typedef struct DcdStats {
     uint32_t exchanges;
 } DcdStats;
 
+// What pushes a body in every step, in world axes.
+typedef struct DcdForce {
+    // At the centre of mass, newtons.
+    float force[3];
+    // Newton metres.
+    float torque[3];
+} DcdForce;
+
 // Nothing.
 #define DCD_LOG_OFF 0
 
@@ -803,6 +987,27 @@ typedef struct DcdStats {
 // At the velocity that you give, whatever it meets. Doors and lifts.
 #define DCD_KINEMATIC 2
 
+// To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
+#define DCD_KINEMATIC_POSE 3
+
+// (a + b) / 2.
+#define DCD_COMBINE_AVERAGE 0
+
+// The smaller: ice makes everything slippery.
+#define DCD_COMBINE_MIN 1
+
+// a * b.
+#define DCD_COMBINE_MULTIPLY 2
+
+// The larger: rubber makes everything stick.
+#define DCD_COMBINE_MAX 3
+
+// a + b, at most 1.
+#define DCD_COMBINE_SUM 4
+
+// The square root of a * b.
+#define DCD_COMBINE_GEOMETRIC_MEAN 5
+
 // Nothing: the frames stay together. It has no axis of its own.
 #define DCD_JOINT_FIXED 0
 
@@ -857,6 +1062,12 @@ typedef struct DcdStats {
 
 // A uint64_t.
 #define DCD_FIELD_USER_DATA 2
+
+// A DcdForce, as dcd_body_set_force sets it.
+#define DCD_FIELD_FORCE 3
+
+// A DcdPose, as dcd_body_set_target takes it; to be written only.
+#define DCD_FIELD_TARGET 4
 
 #ifdef __cplusplus
 extern "C" {
@@ -1037,7 +1248,7 @@ DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBody
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
 // more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids, DCD_ERR_UNSUPPORTED
-// for a fixed body in a served world, DCD_ERR_NETWORK when its link is gone.
+// in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when its link is gone.
 DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
 
 // Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
@@ -1086,11 +1297,21 @@ DcdStatus dcd_body_set_pose(DcdWorld world,
 // Sets how a dynamic or kinematic body moves, and wakes it. In a served world only avatars of this process, and the next
 // dcd_step asks for it.
 //
-// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
+// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a fixed body or one that follows poses.
 DCD_API
 DcdStatus dcd_body_set_velocity(DcdWorld world,
                                 DcdBodyId body,
                                 const DcdVelocity *velocity);
+
+// Sends a body of type DCD_KINEMATIC_POSE to a pose, where it is after the next step: what it touches feels the speed that this
+// takes. It stays there until it is sent on. For many bodies see dcd_state_write.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another type, a pose out of range or whose q is not of length 1, or
+// so far off that it would be faster than DCD_MAX_NUMBER; DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_set_target(DcdWorld world,
+                              DcdBodyId body,
+                              const DcdPose *pose);
 
 // Wakes a body. Bodies wake by themselves when something that moves touches them.
 //
@@ -1117,6 +1338,73 @@ DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, 
 //
 // Errors: as dcd_body_apply_impulse.
 DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
+
+// Adds to what dcd_body_set_force set: `force` in N, world axes, at `point` in world space, metres; a null `point` is the centre
+// of mass. What it turns by is reckoned now and stays when the body moves on: for a thruster, set no force and add those of all
+// thrusters before each step.
+//
+// Errors: as dcd_body_apply_impulse.
+DCD_API DcdStatus dcd_body_add_force(DcdWorld world, DcdBodyId body, const float *force, const double *point);
+
+// Reads what a body is like.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_body_properties(DcdWorld world, DcdBodyId body, DcdBodyProperties *out);
+
+// Changes what a body is like: read it by dcd_body_properties, change members, and give it back. What is as it was stays
+// as it is; if anything but user_data was changed, the body wakes. A body that becomes fixed, or movable, loses the memory
+// of its contacts.
+//
+// `properties` is read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, or to fix a link of a
+// multibody; DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_set_properties(DcdWorld world,
+                                  DcdBodyId body,
+                                  const DcdBodyProperties *properties);
+
+// Reads what one shape of a body is like. `part` is its number, from 0.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there.
+DCD_API DcdStatus dcd_part_properties(DcdWorld world, DcdBodyId body, uint32_t part, DcdPartProperties *out);
+
+// Changes what one shape of a body is like: read it by dcd_part_properties, change members, and give it back. What is as it was
+// stays as it is.
+//
+// `properties` is read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there or a member out of
+// range, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_part_set_properties(DcdWorld world,
+                                  DcdBodyId body,
+                                  uint32_t part,
+                                  const DcdPartProperties *properties);
+
+// Gives a body one more shape, the last of its parts; its number goes to `out`, which may be null. The contacts of the body
+// begin anew, without memory.
+//
+// `properties` is read during the call; null is DCD_PART_PROPERTIES_INIT.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
+// more than DCD_MAX_PARTS, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_part_add(DcdWorld world,
+                       DcdBodyId body,
+                       DcdShapeId shape,
+                       const DcdPartProperties *properties,
+                       uint32_t *out);
+
+// Takes a shape from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
+// memory.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or is the only one,
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API DcdStatus dcd_part_remove(DcdWorld world, DcdBodyId body, uint32_t part);
+
+// Gives a part of a body another shape.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a part that is not there,
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API DcdStatus dcd_part_set_shape(DcdWorld world, DcdBodyId body, uint32_t part, DcdShapeId shape);
 
 // Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
 // newtons. `part` is the number of one of its shapes, from 0, or DCD_ALL_PARTS.
@@ -1282,8 +1570,8 @@ DcdStatus dcd_state_read(DcdWorld world,
                          size_t stride,
                          DcdStatus *each);
 
-// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose and
-// dcd_body_set_velocity do.
+// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose,
+// dcd_body_set_velocity, dcd_body_set_force and dcd_body_set_target do.
 //
 // With `each` null the first bad body or value fails the call; the bodies before it are changed already, unless the id was
 // bad: ids are checked first. Else `each` has `count` entries that receive DCD_OK or what is wrong with that body, and the
@@ -1350,8 +1638,14 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \
     { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
-      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.5f, 0.0f, 0.0f, 0.0f, 1.0f, \
-      0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0 }
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, \
+      0.0f, 0.0f, 1.0f, 0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0.0f, \
+      0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+
+/* A shape as dense as water at the body's origin. */
+#define DCD_PART_PROPERTIES_INIT \
+    { (uint32_t)sizeof(DcdPartProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
+      1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0 }
 
 /* A motor that holds still by any force. */
 #define DCD_JOINT_MOTOR_INIT { 0.0f, 0.0f, 0.0f, 1000.0f, 3.402823466e+38f, DCD_MOTOR_ACCELERATION }
@@ -1373,7 +1667,11 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 #define DCD_WORLD_INFO_INIT \
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \
-    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, 0.0f, 0, false, { 0, 0, 0, 0, 0, 0, 0 } }
+    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \
+      { 0.0f, 0.0f, 0.0f }, 0, false, { 0, 0, 0 } }
+#define DCD_BODY_PROPERTIES_INIT \
+    { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \
+      { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
 #define DCD_JOINT_INFO_INIT \
     { (uint32_t)sizeof(DcdJointInfo), 0, { 0 }, { 0 }, 0, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \
@@ -1458,33 +1756,98 @@ DCD_ASSERT_(offsetof(DcdParticipantDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdParticipantDef, user_data) == 32);
 DCD_ASSERT_(offsetof(DcdParticipantDef, threads) == 40);
 DCD_ASSERT_(offsetof(DcdParticipantDef, reserved) == 44);
-DCD_ASSERT_(sizeof(DcdBodyDef) == 136);
+DCD_ASSERT_(sizeof(DcdBodyDef) == 224);
 DCD_ASSERT_(offsetof(DcdBodyDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyDef, body_type) == 4);
 DCD_ASSERT_(offsetof(DcdBodyDef, pose) == 8);
 DCD_ASSERT_(offsetof(DcdBodyDef, velocity) == 48);
 DCD_ASSERT_(offsetof(DcdBodyDef, shape) == 72);
 DCD_ASSERT_(offsetof(DcdBodyDef, density) == 80);
-DCD_ASSERT_(offsetof(DcdBodyDef, friction) == 84);
-DCD_ASSERT_(offsetof(DcdBodyDef, restitution) == 88);
-DCD_ASSERT_(offsetof(DcdBodyDef, linear_damping) == 92);
-DCD_ASSERT_(offsetof(DcdBodyDef, angular_damping) == 96);
-DCD_ASSERT_(offsetof(DcdBodyDef, gravity_scale) == 100);
-DCD_ASSERT_(offsetof(DcdBodyDef, flags) == 104);
-DCD_ASSERT_(offsetof(DcdBodyDef, locked) == 108);
-DCD_ASSERT_(offsetof(DcdBodyDef, events) == 112);
-DCD_ASSERT_(offsetof(DcdBodyDef, force_threshold) == 116);
-DCD_ASSERT_(offsetof(DcdBodyDef, groups) == 120);
-DCD_ASSERT_(offsetof(DcdBodyDef, mask) == 124);
-DCD_ASSERT_(offsetof(DcdBodyDef, user_data) == 128);
-DCD_ASSERT_(sizeof(DcdBodyInfo) == 32);
+DCD_ASSERT_(offsetof(DcdBodyDef, mass) == 84);
+DCD_ASSERT_(offsetof(DcdBodyDef, friction) == 88);
+DCD_ASSERT_(offsetof(DcdBodyDef, restitution) == 92);
+DCD_ASSERT_(offsetof(DcdBodyDef, friction_rule) == 96);
+DCD_ASSERT_(offsetof(DcdBodyDef, restitution_rule) == 100);
+DCD_ASSERT_(offsetof(DcdBodyDef, contact_skin) == 104);
+DCD_ASSERT_(offsetof(DcdBodyDef, linear_damping) == 108);
+DCD_ASSERT_(offsetof(DcdBodyDef, angular_damping) == 112);
+DCD_ASSERT_(offsetof(DcdBodyDef, gravity_scale) == 116);
+DCD_ASSERT_(offsetof(DcdBodyDef, flags) == 120);
+DCD_ASSERT_(offsetof(DcdBodyDef, locked) == 124);
+DCD_ASSERT_(offsetof(DcdBodyDef, events) == 128);
+DCD_ASSERT_(offsetof(DcdBodyDef, force_threshold) == 132);
+DCD_ASSERT_(offsetof(DcdBodyDef, groups) == 136);
+DCD_ASSERT_(offsetof(DcdBodyDef, mask) == 140);
+DCD_ASSERT_(offsetof(DcdBodyDef, solver_groups) == 144);
+DCD_ASSERT_(offsetof(DcdBodyDef, solver_mask) == 148);
+DCD_ASSERT_(offsetof(DcdBodyDef, pairs) == 152);
+DCD_ASSERT_(offsetof(DcdBodyDef, dominance) == 156);
+DCD_ASSERT_(offsetof(DcdBodyDef, soft_ccd) == 160);
+DCD_ASSERT_(offsetof(DcdBodyDef, sleep_linear) == 164);
+DCD_ASSERT_(offsetof(DcdBodyDef, sleep_angular) == 168);
+DCD_ASSERT_(offsetof(DcdBodyDef, sleep_after) == 172);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_mass) == 176);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_centre) == 180);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_inertia) == 192);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_solver_iterations) == 204);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_pgs_iterations) == 208);
+DCD_ASSERT_(offsetof(DcdBodyDef, reserved) == 212);
+DCD_ASSERT_(offsetof(DcdBodyDef, user_data) == 216);
+DCD_ASSERT_(sizeof(DcdBodyProperties) == 96);
+DCD_ASSERT_(offsetof(DcdBodyProperties, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdBodyProperties, body_type) == 4);
+DCD_ASSERT_(offsetof(DcdBodyProperties, flags) == 8);
+DCD_ASSERT_(offsetof(DcdBodyProperties, locked) == 12);
+DCD_ASSERT_(offsetof(DcdBodyProperties, dominance) == 16);
+DCD_ASSERT_(offsetof(DcdBodyProperties, linear_damping) == 20);
+DCD_ASSERT_(offsetof(DcdBodyProperties, angular_damping) == 24);
+DCD_ASSERT_(offsetof(DcdBodyProperties, gravity_scale) == 28);
+DCD_ASSERT_(offsetof(DcdBodyProperties, soft_ccd) == 32);
+DCD_ASSERT_(offsetof(DcdBodyProperties, sleep_linear) == 36);
+DCD_ASSERT_(offsetof(DcdBodyProperties, sleep_angular) == 40);
+DCD_ASSERT_(offsetof(DcdBodyProperties, sleep_after) == 44);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_mass) == 48);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_centre) == 52);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_inertia) == 64);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_solver_iterations) == 76);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_pgs_iterations) == 80);
+DCD_ASSERT_(offsetof(DcdBodyProperties, reserved) == 84);
+DCD_ASSERT_(offsetof(DcdBodyProperties, user_data) == 88);
+DCD_ASSERT_(sizeof(DcdPartProperties) == 104);
+DCD_ASSERT_(offsetof(DcdPartProperties, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdPartProperties, flags) == 4);
+DCD_ASSERT_(offsetof(DcdPartProperties, frame) == 8);
+DCD_ASSERT_(offsetof(DcdPartProperties, density) == 36);
+DCD_ASSERT_(offsetof(DcdPartProperties, mass) == 40);
+DCD_ASSERT_(offsetof(DcdPartProperties, friction) == 44);
+DCD_ASSERT_(offsetof(DcdPartProperties, restitution) == 48);
+DCD_ASSERT_(offsetof(DcdPartProperties, friction_rule) == 52);
+DCD_ASSERT_(offsetof(DcdPartProperties, restitution_rule) == 56);
+DCD_ASSERT_(offsetof(DcdPartProperties, contact_skin) == 60);
+DCD_ASSERT_(offsetof(DcdPartProperties, events) == 64);
+DCD_ASSERT_(offsetof(DcdPartProperties, force_threshold) == 68);
+DCD_ASSERT_(offsetof(DcdPartProperties, groups) == 72);
+DCD_ASSERT_(offsetof(DcdPartProperties, mask) == 76);
+DCD_ASSERT_(offsetof(DcdPartProperties, solver_groups) == 80);
+DCD_ASSERT_(offsetof(DcdPartProperties, solver_mask) == 84);
+DCD_ASSERT_(offsetof(DcdPartProperties, pairs) == 88);
+DCD_ASSERT_(offsetof(DcdPartProperties, reserved) == 92);
+DCD_ASSERT_(offsetof(DcdPartProperties, user_data) == 96);
+DCD_ASSERT_(sizeof(DcdBodyInfo) == 80);
 DCD_ASSERT_(offsetof(DcdBodyInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyInfo, body_type) == 4);
 DCD_ASSERT_(offsetof(DcdBodyInfo, user_data) == 8);
-DCD_ASSERT_(offsetof(DcdBodyInfo, mass) == 16);
-DCD_ASSERT_(offsetof(DcdBodyInfo, region) == 20);
-DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 24);
-DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 25);
+DCD_ASSERT_(offsetof(DcdBodyInfo, centre) == 16);
+DCD_ASSERT_(offsetof(DcdBodyInfo, mass) == 40);
+DCD_ASSERT_(offsetof(DcdBodyInfo, region) == 44);
+DCD_ASSERT_(offsetof(DcdBodyInfo, force) == 48);
+DCD_ASSERT_(offsetof(DcdBodyInfo, torque) == 60);
+DCD_ASSERT_(offsetof(DcdBodyInfo, parts) == 72);
+DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 76);
+DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 77);
+DCD_ASSERT_(sizeof(DcdForce) == 24);
+DCD_ASSERT_(offsetof(DcdForce, force) == 0);
+DCD_ASSERT_(offsetof(DcdForce, torque) == 12);
 DCD_ASSERT_(sizeof(DcdJointDef) == 144);
 DCD_ASSERT_(offsetof(DcdJointDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdJointDef, joint_type) == 4);

@@ -5,12 +5,12 @@
 
 use dcd::net::PeerStats;
 use dcd::physics::{BodyFilter, Handover, RayHit, Region, WorldRay};
-use dcd::protocol::{JointRecord, Velocity, WorldEvents, WorldPose};
+use dcd::protocol::{BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
 
-use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
+use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType, NewBody};
 use crate::served::{Change, Served};
 use crate::status::Failure;
 use crate::view::{BodyView, RayQuery, RegionView, StateRow};
@@ -107,14 +107,21 @@ impl Backend {
         }
     }
 
-    pub(crate) fn insert(
-        &mut self,
-        pose: WorldPose,
-        body: RigidBodyBuilder,
-        collider: ColliderBuilder,
-    ) -> Result<BodyId, Failure> {
+    pub(crate) fn insert(&mut self, body: NewBody) -> Result<BodyId, Failure> {
+        let NewBody { pose, body, collider, properties } = body;
+        let has_own_sleep = properties.sleep() != USUAL_SLEEP;
         match self {
-            Self::Local(world) => Ok(world.insert_at(pose, body, vec![collider])?),
+            Self::Local(world) => {
+                let id = world.insert_at(pose, body, vec![collider])?;
+                if has_own_sleep {
+                    world.update(id, |body| properties.set_thresholds(body))?;
+                }
+                Ok(id)
+            }
+            Self::Served(world) if has_own_sleep => Err(world.unsupported(
+                "set when its avatars fall asleep",
+                "leave sleep_linear, sleep_angular and sleep_after as DCD_BODY_DEF_INIT has them",
+            )),
             Self::Served(world) => world.spawn(pose, &body, collider),
         }
     }
@@ -151,6 +158,14 @@ impl Backend {
         match self {
             Self::Local(world) => world.body(id).map(|body| body.user_data as u64),
             Self::Served(world) => world.user_data(id),
+        }
+    }
+
+    /// A body with all that is known of it.
+    pub(crate) fn record(&self, id: BodyId) -> Option<BodyRecord> {
+        match self {
+            Self::Local(world) => world.host().record(id),
+            Self::Served(world) => world.record(id),
         }
     }
 
@@ -213,10 +228,18 @@ impl Backend {
         }
     }
 
+    pub(crate) fn set_target(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Failure> {
+        Ok(self.local_mut(CHANGE_BODY, NO_CHANGE)?.set_next_pose(id, pose)?)
+    }
+
+    /// Whether this role changes bodies other than by driving them.
+    pub(crate) fn check_changes(&self) -> Result<(), Failure> {
+        self.local(CHANGE_BODY, NO_CHANGE).map(drop)
+    }
+
     /// Changes a body by Rapier's setters, in every copy.
     pub(crate) fn update(&mut self, id: BodyId, change: impl FnMut(&mut RigidBody)) -> Result<(), Failure> {
-        let instead = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
-        Ok(self.local_mut("change a body in place", instead)?.update(id, change)?)
+        Ok(self.local_mut(CHANGE_BODY, NO_CHANGE)?.update(id, change)?)
     }
 
     /// How many colliders a body has; 0 where it is not computed.
@@ -235,6 +258,16 @@ impl Backend {
         change: impl FnMut(&mut Collider),
     ) -> Result<(), Failure> {
         Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.update_collider(id, part, change)?)
+    }
+
+    /// Gives a body one more collider, the last.
+    pub(crate) fn insert_collider(&mut self, id: BodyId, collider: ColliderBuilder) -> Result<(), Failure> {
+        Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.insert_collider(id, collider)?)
+    }
+
+    /// Takes a collider from a body.
+    pub(crate) fn remove_collider(&mut self, id: BodyId, part: usize) -> Result<(), Failure> {
+        Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.remove_collider(id, part)?)
     }
 
     /// Whether this role changes surfaces of bodies.
@@ -393,13 +426,32 @@ impl Backend {
     }
 }
 
+const CHANGE_BODY: &str = "change a body in place";
+const NO_CHANGE: &str = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
 const NO_SURFACE: &str = "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene";
 const NO_JOINTS: &str = "joints belong to the scene that the server was given";
 
+/// Rapier's thresholds of sleep: m/s, rad/s, seconds.
+const USUAL_SLEEP: [f32; 3] = [0.05, 0.5, 0.5];
+
 fn kind_of(body: &RigidBody) -> DcdBodyType {
-    match (body.is_fixed(), body.is_dynamic()) {
-        (true, _) => DCD_FIXED,
-        (false, true) => DCD_DYNAMIC,
-        (false, false) => DCD_KINEMATIC,
+    match body.body_type() {
+        RigidBodyType::Fixed => DCD_FIXED,
+        RigidBodyType::Dynamic | RigidBodyType::SoftFrame => DCD_DYNAMIC,
+        RigidBodyType::KinematicVelocityBased => DCD_KINEMATIC,
+        RigidBodyType::KinematicPositionBased => DCD_KINEMATIC_POSE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn usual_sleep_is_rapiers() {
+        let usual = RigidBodyActivation::default();
+        let [linear, angular, after] = USUAL_SLEEP;
+        assert_eq!((linear, angular), (usual.normalized_linear_threshold, usual.angular_threshold));
+        assert_eq!(after, usual.time_until_sleep);
     }
 }

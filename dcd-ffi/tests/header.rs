@@ -11,6 +11,8 @@ use dcd_ffi::event::*;
 use dcd_ffi::join::*;
 use dcd_ffi::joint::*;
 use dcd_ffi::motion::*;
+use dcd_ffi::part::*;
+use dcd_ffi::properties::*;
 use dcd_ffi::query::*;
 use dcd_ffi::shape::*;
 use dcd_ffi::state::*;
@@ -54,10 +56,26 @@ fn layouts() -> Vec<Layout> {
             struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved
         }
         DcdBodyDef {
-            struct_size, body_type, pose, velocity, shape, density, friction, restitution, linear_damping,
-            angular_damping, gravity_scale, flags, locked, events, force_threshold, groups, mask, user_data
+            struct_size, body_type, pose, velocity, shape, density, mass, friction, restitution, friction_rule,
+            restitution_rule, contact_skin, linear_damping, angular_damping, gravity_scale, flags, locked, events,
+            force_threshold, groups, mask, solver_groups, solver_mask, pairs, dominance, soft_ccd, sleep_linear,
+            sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia, extra_solver_iterations,
+            extra_pgs_iterations, reserved, user_data
         }
-        DcdBodyInfo { struct_size, body_type, user_data, mass, region, sleeping, reserved }
+        DcdBodyProperties {
+            struct_size, body_type, flags, locked, dominance, linear_damping, angular_damping, gravity_scale, soft_ccd,
+            sleep_linear, sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia,
+            extra_solver_iterations, extra_pgs_iterations, reserved, user_data
+        }
+        DcdPartProperties {
+            struct_size, flags, frame, density, mass, friction, restitution, friction_rule, restitution_rule,
+            contact_skin, events, force_threshold, groups, mask, solver_groups, solver_mask, pairs, reserved,
+            user_data
+        }
+        DcdBodyInfo {
+            struct_size, body_type, user_data, centre, mass, region, force, torque, parts, sleeping, reserved
+        }
+        DcdForce { force, torque }
         DcdJointDef {
             struct_size, joint_type, a, b, frame_a, frame_b, limit, motor, flags, locked, coupled, natural_frequency,
             damping_ratio, reserved, user_data
@@ -97,8 +115,14 @@ const MACROS: &str = "
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \\
     { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
-      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.5f, 0.0f, 0.0f, 0.0f, 1.0f, \\
-      0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0 }
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, \\
+      0.0f, 0.0f, 1.0f, 0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0.0f, \\
+      0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+
+/* A shape as dense as water at the body's origin. */
+#define DCD_PART_PROPERTIES_INIT \\
+    { (uint32_t)sizeof(DcdPartProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
+      1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0 }
 
 /* A motor that holds still by any force. */
 #define DCD_JOINT_MOTOR_INIT { 0.0f, 0.0f, 0.0f, 1000.0f, 3.402823466e+38f, DCD_MOTOR_ACCELERATION }
@@ -120,7 +144,11 @@ const MACROS: &str = "
 #define DCD_WORLD_INFO_INIT \\
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \\
-    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, 0.0f, 0, false, { 0, 0, 0, 0, 0, 0, 0 } }
+    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \\
+      { 0.0f, 0.0f, 0.0f }, 0, false, { 0, 0, 0 } }
+#define DCD_BODY_PROPERTIES_INIT \\
+    { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \\
+      { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
 #define DCD_JOINT_INFO_INIT \\
     { (uint32_t)sizeof(DcdJointInfo), 0, { 0 }, { 0 }, 0, \\
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \\
@@ -260,7 +288,7 @@ fn size_of_member(declaration: &str) -> usize {
         _ if name.contains('*') => size_of::<usize>(),
         "uint8_t" | "bool" => 1,
         "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
-        | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
+        | "DcdCombineRule" | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
         "double" | "uint64_t" | "size_t" => 8,
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 static int checks, failures;
 
@@ -99,11 +100,16 @@ static DcdVelocity velocity_of(DcdWorld world, DcdBodyId body)
     return velocity;
 }
 
-static uint32_t region_of(DcdWorld world, DcdBodyId body)
+static DcdBodyInfo info_of(DcdWorld world, DcdBodyId body)
 {
     DcdBodyInfo info = DCD_BODY_INFO_INIT;
     OK(dcd_body_info(world, body, &info));
-    return info.region;
+    return info;
+}
+
+static uint32_t region_of(DcdWorld world, DcdBodyId body)
+{
+    return info_of(world, body).region;
 }
 
 static void members_of_a_body_count(void)
@@ -321,6 +327,442 @@ static void surfaces_can_be_changed(void)
     for (size_t i = 0; i < events.contact_count; i++) {
         HOLDS(events.contacts[i].a.v == box.v || events.contacts[i].b.v == box.v);
     }
+    OK(dcd_world_destroy(world));
+}
+
+static DcdBodyProperties properties_of(DcdWorld world, DcdBodyId body)
+{
+    DcdBodyProperties properties = DCD_BODY_PROPERTIES_INIT;
+    OK(dcd_body_properties(world, body, &properties));
+    return properties;
+}
+
+static DcdPartProperties part_of(DcdWorld world, DcdBodyId body, uint32_t part)
+{
+    DcdPartProperties properties = DCD_PART_PROPERTIES_INIT;
+    OK(dcd_part_properties(world, body, part, &properties));
+    return properties;
+}
+
+/* A body whose definition has something to say in every member. */
+static DcdBodyDef peculiar(DcdWorld world)
+{
+    DcdBodyDef def = crate(world, 20.0, 50.0);
+    def.density = 500.0f;
+    def.friction = 0.25f;
+    def.restitution = 0.125f;
+    def.friction_rule = DCD_COMBINE_GEOMETRIC_MEAN;
+    def.restitution_rule = DCD_COMBINE_MULTIPLY;
+    def.contact_skin = 0.01f;
+    def.linear_damping = 0.5f;
+    def.angular_damping = 0.75f;
+    def.gravity_scale = -2.0f;
+    def.flags = DCD_BODY_CCD | DCD_BODY_SENSOR | DCD_BODY_FAST_SPIN | DCD_BODY_NO_GYRO | DCD_BODY_ANY_GROUP;
+    def.locked = DCD_LOCK_X | DCD_LOCK_TURN_Z;
+    def.events = DCD_EVENT_CONTACT;
+    def.force_threshold = 3.0f;
+    def.groups = 5;
+    def.mask = 6;
+    def.solver_groups = 9;
+    def.solver_mask = 10;
+    def.pairs = DCD_PAIR_DYNAMIC_FIXED | DCD_PAIR_KINEMATIC_FIXED;
+    def.dominance = -7;
+    def.soft_ccd = 0.25f;
+    def.sleep_linear = 0.5f;
+    def.sleep_angular = 0.25f;
+    def.sleep_after = 4.0f;
+    def.extra_mass = 8.0f;
+    def.extra_centre[1] = 0.5f;
+    def.extra_inertia[0] = 2.0f;
+    def.extra_inertia[2] = 4.0f;
+    def.extra_solver_iterations = 3;
+    def.extra_pgs_iterations = 2;
+    def.user_data = 99;
+    return def;
+}
+
+static void every_member_of_a_body_is_read_back(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyDef def = peculiar(world);
+    DcdBodyId body = add(world, def);
+    DcdBodyProperties as = properties_of(world, body);
+    HOLDS(as.body_type == DCD_DYNAMIC && as.flags == (DCD_BODY_CCD | DCD_BODY_FAST_SPIN | DCD_BODY_NO_GYRO));
+    HOLDS(as.locked == def.locked && as.dominance == -7 && as.linear_damping == 0.5f && as.angular_damping == 0.75f);
+    HOLDS(as.gravity_scale == -2.0f && as.soft_ccd == 0.25f && as.user_data == 99);
+    HOLDS(as.sleep_linear == 0.5f && as.sleep_angular == 0.25f && as.sleep_after == 4.0f);
+    HOLDS(as.extra_mass == 8.0f && as.extra_centre[1] == 0.5f && as.extra_inertia[0] == 2.0f);
+    HOLDS(as.extra_inertia[1] == 0.0f && as.extra_inertia[2] == 4.0f);
+    HOLDS(as.extra_solver_iterations == 3 && as.extra_pgs_iterations == 2);
+
+    DcdPartProperties part = part_of(world, body, 0);
+    HOLDS(part.flags == (DCD_PART_SENSOR | DCD_PART_ANY_GROUP) && part.density == 500.0f && part.mass == 0.0f);
+    HOLDS(part.friction == 0.25f && part.restitution == 0.125f && part.contact_skin == 0.01f);
+    HOLDS(part.friction_rule == DCD_COMBINE_GEOMETRIC_MEAN && part.restitution_rule == DCD_COMBINE_MULTIPLY);
+    HOLDS(part.events == DCD_EVENT_CONTACT && part.force_threshold == 3.0f && part.pairs == def.pairs);
+    HOLDS(part.groups == 5 && part.mask == 6 && part.solver_groups == 9 && part.solver_mask == 10);
+
+    /* Given to another body, they make it the same. */
+    DcdBodyId other = add(world, crate(world, -20.0, 50.0));
+    DcdBodyProperties usual = properties_of(world, other), again;
+    DcdPartProperties plain = part_of(world, other, 0), part_again;
+    OK(dcd_body_set_properties(world, other, &as));
+    again = properties_of(world, other);
+    HOLDS(memcmp(&again, &as, sizeof as) == 0);
+    part.frame.p[1] = 0.25f;
+    part.user_data = 12;
+    OK(dcd_part_set_properties(world, other, 0, &part));
+    part_again = part_of(world, other, 0);
+    HOLDS(part_again.density == 0.0f && fabsf(part_again.mass - 500.0f) < 0.01f); /* changed later, it is a mass */
+    part_again.density = part.density;
+    part_again.mass = part.mass;
+    HOLDS(memcmp(&part_again, &part, sizeof part) == 0);
+    /* And back again. */
+    OK(dcd_body_set_properties(world, other, &usual));
+    again = properties_of(world, other);
+    HOLDS(memcmp(&again, &usual, sizeof as) == 0);
+    OK(dcd_part_set_properties(world, other, 0, &plain));
+    HOLDS(part_of(world, other, 0).frame.p[1] == 0.0f && part_of(world, other, 0).friction == 0.5f);
+    NEAR(info_of(world, other).mass, 1000.0, 0.01);
+
+    /* What is asleep and given back as it was sleeps on. */
+    OK(dcd_body_sleep(world, other));
+    OK(dcd_body_set_properties(world, other, &again));
+    HOLDS(info_of(world, other).sleeping);
+    again.user_data = 5;
+    OK(dcd_body_set_properties(world, other, &again));
+    HOLDS(info_of(world, other).sleeping && info_of(world, other).user_data == 5);
+    again.gravity_scale = 2.0f;
+    OK(dcd_body_set_properties(world, other, &again));
+    HOLDS(!info_of(world, other).sleeping);
+    OK(dcd_world_destroy(world));
+}
+
+static void changed_bodies_behave_so(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyProperties as;
+    add_floor(world);
+
+    /* A body that is fixed hangs in the air, one that is dynamic again falls; what is disabled is not there. */
+    DcdBodyId fixed = add(world, crate(world, -30.0, 20.0)), gone = add(world, crate(world, -25.0, 20.0));
+    DcdBodyId light = add(world, crate(world, -20.0, 20.0)), held = add(world, crate(world, -15.0, 20.0));
+    DcdBodyId slow = add(world, crate(world, -10.0, 20.0));
+    as = properties_of(world, fixed);
+    as.body_type = DCD_FIXED;
+    OK(dcd_body_set_properties(world, fixed, &as));
+    as = properties_of(world, gone);
+    as.flags = DCD_BODY_DISABLED;
+    OK(dcd_body_set_properties(world, gone, &as));
+    as = properties_of(world, light);
+    as.gravity_scale = 0.0f;
+    OK(dcd_body_set_properties(world, light, &as));
+    as = properties_of(world, held);
+    as.locked = DCD_LOCK_Y;
+    OK(dcd_body_set_properties(world, held, &as));
+    as = properties_of(world, slow);
+    as.linear_damping = 5.0f;
+    OK(dcd_body_set_properties(world, slow, &as));
+    steps(world, 60);
+    NEAR(pose_of(world, fixed).p[1], 20.0, 0.0);
+    NEAR(pose_of(world, gone).p[1], 20.0, 0.0);
+    NEAR(pose_of(world, light).p[1], 20.0, 1e-6);
+    NEAR(pose_of(world, held).p[1], 20.0, 1e-6);
+    HOLDS(pose_of(world, slow).p[1] > 18.0 && pose_of(world, slow).p[1] < 19.5);
+    as = properties_of(world, fixed);
+    as.body_type = DCD_DYNAMIC;
+    OK(dcd_body_set_properties(world, fixed, &as));
+    as = properties_of(world, gone);
+    as.flags = 0;
+    OK(dcd_body_set_properties(world, gone, &as));
+    steps(world, 30);
+    NEAR(velocity_of(world, fixed).linear[1], -5.0, 0.05);
+    HOLDS(pose_of(world, gone).p[1] < 19.0);
+
+    /* Half a ton more, half a metre up. */
+    DcdBodyId heavy = add(world, crate(world, 10.0, 20.0));
+    as = properties_of(world, heavy);
+    as.extra_mass = 500.0f;
+    OK(dcd_body_set_properties(world, heavy, &as));
+    NEAR(info_of(world, heavy).mass, 1500.0, 0.1);
+    NEAR(info_of(world, heavy).centre[1], 20.0, 1e-4);
+    as.extra_centre[1] = 0.6f;
+    OK(dcd_body_set_properties(world, heavy, &as));
+    NEAR(info_of(world, heavy).mass, 1500.0, 0.1);
+    NEAR(info_of(world, heavy).centre[1], 20.2, 1e-3);
+
+    /* Who dominates is not pushed back by a hundred times its mass. */
+    DcdBodyDef def = crate(world, 20.0, 0.5);
+    def.friction = 0.0f;
+    def.friction_rule = DCD_COMBINE_MULTIPLY;
+    DcdBodyId anvil = add(world, def);
+    def.pose.p[0] = 17.0;
+    def.density = 10.0f;
+    def.dominance = 1;
+    def.velocity.linear[0] = 2.0f;
+    DcdBodyId lord = add(world, def);
+    steps(world, 150);
+    NEAR(velocity_of(world, lord).linear[0], 2.0, 0.02);
+    HOLDS(pose_of(world, anvil).p[0] > 20.5);
+    OK(dcd_world_destroy(world));
+}
+
+static void speed_and_spin_are_as_asked(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    const float plate[3] = { 0.02f, 5.0f, 5.0f }, book[3] = { 0.5f, 0.1f, 0.3f };
+    DcdBodyDef wall = DCD_BODY_DEF_INIT, def = crate(world, -4.0, 0.0);
+    wall.body_type = DCD_KINEMATIC; /* no body jumps through fixed ones */
+    OK(dcd_shape_box(world, plate, &wall.shape));
+    add(world, wall);
+    /* Bullets of 300 m/s at a plate of 4 cm: one passes, one looks ahead, one is swept. */
+    OK(dcd_shape_sphere(world, 0.05f, &def.shape));
+    def.velocity.linear[0] = 300.0f;
+    def.pose.p[1] = -3.0;
+    DcdBodyId bullet = add(world, def);
+    def.pose.p[1] = 0.0;
+    def.soft_ccd = 10.0f;
+    DcdBodyId careful = add(world, def);
+    def.soft_ccd = 0.0f;
+    def.pose.p[1] = 3.0;
+    DcdBodyId swept = add(world, def);
+    DcdBodyProperties as = properties_of(world, swept);
+    as.flags |= DCD_BODY_CCD;
+    OK(dcd_body_set_properties(world, swept, &as));
+    steps(world, 30);
+    HOLDS(pose_of(world, bullet).p[0] > 10.0);
+    HOLDS(pose_of(world, careful).p[0] < 0.0 && pose_of(world, swept).p[0] < 0.0);
+
+    /* 200 rad/s is more than a quarter turn a step. */
+    def = crate(world, 20.0, 20.0);
+    def.velocity.angular[1] = 200.0f;
+    def.flags = DCD_BODY_NO_SLEEP;
+    DcdBodyId capped = add(world, def);
+    def.pose.p[0] = 25.0;
+    def.flags |= DCD_BODY_FAST_SPIN;
+    DcdBodyId wheel = add(world, def);
+    /* A book tumbles about its middle axis, but for one without gyroscopic torque. */
+    def = crate(world, 30.0, 20.0);
+    OK(dcd_shape_box(world, book, &def.shape));
+    def.velocity.angular[0] = 0.05f;
+    def.velocity.angular[2] = 6.0f;
+    DcdBodyId tumbles = add(world, def);
+    def.pose.p[0] = 35.0;
+    def.flags |= DCD_BODY_NO_GYRO;
+    DcdBodyId steady = add(world, def);
+    float wildest = 0.0f;
+    for (int i = 0; i < 300; i++) {
+        OK(dcd_step(world));
+        wildest = fmaxf(wildest, fabsf(velocity_of(world, tumbles).angular[0]));
+        NEAR(velocity_of(world, steady).angular[0], 0.05, 1e-3);
+    }
+    HOLDS(velocity_of(world, capped).angular[1] < 100.0f);
+    NEAR(velocity_of(world, wheel).angular[1], 200.0, 0.1);
+    HOLDS(wildest > 1.0f);
+    OK(dcd_world_destroy(world));
+}
+
+static void bodies_sleep_by_their_own_measure(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    add_floor(world);
+    DcdBodyDef def = crate(world, -6.0, 0.5);
+    DcdBodyId usual = add(world, def);
+    def.pose.p[0] = -3.0;
+    def.sleep_after = 3.0f;
+    DcdBodyId late = add(world, def);
+    def.pose.p[0] = 3.0;
+    def.flags = DCD_BODY_NO_SLEEP;
+    DcdBodyId never = add(world, def);
+    steps(world, 90);
+    HOLDS(info_of(world, usual).sleeping && !info_of(world, late).sleeping && !info_of(world, never).sleeping);
+    steps(world, 150);
+    HOLDS(info_of(world, late).sleeping && !info_of(world, never).sleeping);
+    DcdBodyProperties as = properties_of(world, never);
+    as.flags = 0;
+    as.sleep_after = 0.5f;
+    OK(dcd_body_set_properties(world, never, &as));
+    steps(world, 90);
+    HOLDS(info_of(world, never).sleeping);
+    OK(dcd_world_destroy(world));
+}
+
+static void materials_and_groups_combine(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyId ground = add_floor(world);
+    DcdPartProperties part = part_of(world, ground, 0);
+    part.friction = 1.0f;
+    OK(dcd_part_set_properties(world, ground, 0, &part));
+    DcdBodyDef def = crate(world, -20.0, 0.5);
+    def.velocity.linear[0] = 5.0f;
+    def.friction = 0.0f;
+    def.friction_rule = DCD_COMBINE_MIN;
+    DcdBodyId ice = add(world, def);
+    def.pose.p[2] = 10.0;
+    def.friction_rule = DCD_COMBINE_AVERAGE;
+    DcdBodyId wood = add(world, def);
+    /* A skin keeps it off the ground. */
+    DcdBodyId cushioned = add(world, crate(world, 20.0, 0.7));
+    part = part_of(world, cushioned, 0);
+    part.contact_skin = 0.1f;
+    OK(dcd_part_set_properties(world, cushioned, 0, &part));
+    steps(world, 120);
+    NEAR(velocity_of(world, ice).linear[0], 5.0, 0.01);
+    NEAR(velocity_of(world, wood).linear[0], 0.0, 0.01);
+    NEAR(pose_of(world, cushioned).p[1], 0.6, 0.02);
+
+    /* Seen and not pushed: it falls through the ground, and the contact is told of. */
+    def = crate(world, 30.0, 2.0);
+    def.events = DCD_EVENT_CONTACT;
+    def.solver_mask = 0;
+    DcdBodyId ghost = add(world, def);
+    HOLDS(next_contact(world, DCD_CONTACT_BEGAN).b.v == ghost.v);
+    steps(world, 60);
+    HOLDS(pose_of(world, ghost).p[1] < -2.0);
+
+    /* One match is enough for those that both say so. */
+    def = crate(world, 35.0, 10.0);
+    def.body_type = DCD_FIXED;
+    def.flags = DCD_BODY_ANY_GROUP;
+    def.groups = 1;
+    def.mask = 2;
+    add(world, def);
+    def.body_type = DCD_DYNAMIC;
+    def.groups = 2;
+    def.mask = 2;
+    def.pose.p[1] = 12.0;
+    DcdBodyId either = add(world, def);
+    def.pose.p[1] = 14.0;
+    def.flags = 0;
+    DcdBodyId both = add(world, def);
+    def.groups = 4;
+    steps(world, 120);
+    NEAR(pose_of(world, either).p[1], 11.0, 0.05);
+    NEAR(pose_of(world, both).p[1], 12.0, 0.05); /* on the other one, which it matches both ways */
+    part = part_of(world, either, 0);
+    part.flags = 0;
+    OK(dcd_part_set_properties(world, either, 0, &part));
+    OK(dcd_body_wake(world, either));
+    steps(world, 60);
+    HOLDS(pose_of(world, either).p[1] < 10.0);
+    OK(dcd_world_destroy(world));
+
+    /* A fixed sensor notices a door only if it asks for such pairs. */
+    world = make_world(2, 1, 0.0f);
+    def = crate(world, 0.0, 0.0);
+    def.flags = DCD_BODY_SENSOR;
+    def.body_type = DCD_FIXED;
+    def.events = DCD_EVENT_CONTACT;
+    DcdBodyId gate = add(world, def);
+    def = crate(world, -3.0, 0.0);
+    def.body_type = DCD_KINEMATIC;
+    def.velocity.linear[0] = 3.0f;
+    DcdBodyId door = add(world, def);
+    HOLDS(next_contact(world, DCD_CONTACT_BEGAN).kind == 99);
+    part = part_of(world, gate, 0);
+    part.pairs = DCD_PAIR_KINEMATIC_FIXED;
+    OK(dcd_part_set_properties(world, gate, 0, &part));
+    OK(dcd_body_set_pose(world, door, &def.pose));
+    HOLDS(next_contact(world, DCD_CONTACT_BEGAN).b.v == door.v);
+    OK(dcd_world_destroy(world));
+}
+
+static void parts_come_and_go(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyId ground = add_floor(world), body = add(world, crate(world, 0.0, 2.0));
+    DcdShapeId ball = { 0 };
+    DcdPartProperties foot = DCD_PART_PROPERTIES_INIT;
+    uint32_t part = 9;
+    OK(dcd_shape_sphere(world, 0.25f, &ball));
+    foot.frame.p[1] = -1.0f;
+    foot.mass = 500.0f;
+    OK(dcd_part_add(world, body, ball, &foot, &part));
+    HOLDS(part == 1 && info_of(world, body).parts == 2);
+    NEAR(info_of(world, body).mass, 1500.0, 0.1);
+    HOLDS(part_of(world, body, 1).mass == 500.0f && part_of(world, body, 1).frame.p[1] == -1.0f);
+    DcdBodyProperties as = properties_of(world, body);
+    as.locked = DCD_LOCK_TURN_X | DCD_LOCK_TURN_Z;
+    OK(dcd_body_set_properties(world, body, &as));
+    steps(world, 120);
+    NEAR(pose_of(world, body).p[1], 1.25, 0.03); /* on its foot */
+
+    OK(dcd_body_set_events(world, body, 1, DCD_EVENT_CONTACT, 0.0f));
+    OK(dcd_body_set_pose(world, body, &(DcdPose){ { 5.0, 2.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
+    DcdContact contact = next_contact(world, DCD_CONTACT_BEGAN);
+    HOLDS(contact.a.v == ground.v && contact.b.v == body.v && contact.part_b == 1);
+
+    /* A longer foot, set off centre as its frame says, and a switched off one. */
+    DcdShapeId bigger = { 0 };
+    OK(dcd_shape_sphere(world, 0.5f, &bigger));
+    OK(dcd_part_set_shape(world, body, 1, bigger));
+    steps(world, 120);
+    NEAR(pose_of(world, body).p[1], 1.5, 0.03);
+    foot = part_of(world, body, 1);
+    foot.flags = DCD_PART_DISABLED;
+    OK(dcd_part_set_properties(world, body, 1, &foot));
+    OK(dcd_body_wake(world, body));
+    steps(world, 120);
+    NEAR(pose_of(world, body).p[1], 0.5, 0.03);
+    OK(dcd_part_remove(world, body, 1));
+    HOLDS(info_of(world, body).parts == 1);
+    NEAR(info_of(world, body).mass, 1000.0, 0.1);
+    OK(dcd_world_destroy(world));
+}
+
+static void bodies_follow_poses(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyDef def = crate(world, -3.0, 0.0);
+    def.body_type = DCD_KINEMATIC_POSE;
+    def.shape = box(world, 2.0f, 0.5f, 2.0f);
+    def.friction = 1.0f;
+    DcdBodyId lift = add(world, def);
+    def = crate(world, -3.0, 1.0);
+    def.friction = 1.0f;
+    DcdBodyId load = add(world, def);
+    DcdPose pose = pose_of(world, lift);
+    HOLDS(properties_of(world, lift).body_type == DCD_KINEMATIC_POSE && info_of(world, lift).body_type == DCD_KINEMATIC_POSE);
+    for (int i = 0; i < 120; i++) {
+        pose.p[0] += 0.05;
+        if (i % 2 == 0) {
+            OK(dcd_body_set_target(world, lift, &pose));
+        } else {
+            OK(dcd_state_write(world, &lift, 1, DCD_FIELD_TARGET, &pose, 0, NULL));
+        }
+        OK(dcd_step(world));
+        NEAR(pose_of(world, lift).p[0], pose.p[0], 1e-3);
+    }
+    NEAR(velocity_of(world, lift).linear[0], 3.0, 0.01);
+    NEAR(velocity_of(world, load).linear[0], 3.0, 0.1);
+    steps(world, 1);
+    NEAR(velocity_of(world, lift).linear[0], 0.0, 1e-3);
+    NEAR(pose_of(world, lift).p[0], 3.0, 1e-3);
+    OK(dcd_world_destroy(world));
+}
+
+static void forces_add_up(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    DcdBodyId rocket = add(world, crate(world, 0.0, 0.0)), other = add(world, crate(world, 10.0, 0.0));
+    const float push[3] = { 0.0f, 1000.0f, 0.0f };
+    const double left[3] = { -0.5, 0.0, 0.0 }, right[3] = { 0.5, 0.0, 0.0 };
+    OK(dcd_body_add_force(world, rocket, push, left));
+    OK(dcd_body_add_force(world, rocket, push, right));
+    OK(dcd_body_add_force(world, rocket, push, right));
+    HOLDS(info_of(world, rocket).force[1] == 3000.0f);
+    NEAR(info_of(world, rocket).torque[2], 500.0, 1e-3);
+    DcdForce force;
+    OK(dcd_state_read(world, &rocket, 1, DCD_FIELD_FORCE, &force, 0, NULL));
+    OK(dcd_state_write(world, &other, 1, DCD_FIELD_FORCE, &force, 0, NULL));
+    steps(world, 60);
+    NEAR(velocity_of(world, rocket).linear[1], 3.0, 1e-3);
+    NEAR(velocity_of(world, rocket).angular[2], 3.0, 0.05); /* 500 N m on 1000/6 kg m² */
+    NEAR(velocity_of(world, other).linear[1], 3.0, 1e-3);
+    NEAR(velocity_of(world, other).angular[2], velocity_of(world, rocket).angular[2], 1e-3);
+    OK(dcd_body_set_force(world, rocket, NULL, NULL));
+    HOLDS(info_of(world, rocket).force[1] == 0.0f && info_of(world, rocket).torque[2] == 0.0f);
     OK(dcd_world_destroy(world));
 }
 
@@ -745,6 +1187,14 @@ int main(void)
     events_tell();
     a_transfer_is_told_once();
     surfaces_can_be_changed();
+    every_member_of_a_body_is_read_back();
+    changed_bodies_behave_so();
+    speed_and_spin_are_as_asked();
+    bodies_sleep_by_their_own_measure();
+    materials_and_groups_combine();
+    parts_come_and_go();
+    bodies_follow_poses();
+    forces_add_up();
     joints_hold();
     joints_pull();
     generic_joints_free_what_they_are_told();

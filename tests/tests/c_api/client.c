@@ -105,6 +105,7 @@ static DcdBodyDef avatar_def(DcdWorld world)
     def.pose.p[0] = -12.0;
     def.pose.p[1] = 50.0;
     def.user_data = 7;
+    def.dominance = 3;
     return def;
 }
 
@@ -123,6 +124,14 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     DcdBodyDef fixed = avatar_def(world);
     DcdBodyId body;
 
+    DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+    DcdPartProperties part = DCD_PART_PROPERTIES_INIT;
+
+    OK(dcd_body_properties(world, other, &as));
+    HOLDS(as.body_type == DCD_DYNAMIC);
+    OK(dcd_body_properties(world, avatar, &as)); /* on its way */
+    HOLDS(as.body_type == DCD_KINEMATIC && as.user_data == 7 && as.dominance == 3);
+    OK(dcd_part_properties(world, other, 0, &part));
     joint.a = other;
     joint.b = avatar;
     fixed.body_type = DCD_FIXED;
@@ -134,6 +143,13 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_body_apply_impulse(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_torque_impulse(world, avatar, one), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_force(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_add_force(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_set_target(world, avatar, &pose), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_set_properties(world, other, &as), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_part_set_properties(world, other, 0, &part), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_part_add(world, other, fixed.shape, NULL, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_part_remove(world, other, 0), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_part_set_shape(world, other, 0, fixed.shape), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_wake(world, avatar), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_sleep(world, avatar), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_events(world, other, 0, DCD_EVENT_CONTACT, 0.0f), DCD_ERR_UNSUPPORTED, role);
@@ -143,6 +159,11 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_body_set_pose(world, other, &pose), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_velocity(world, other, &velocity), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_destroy(world, other), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
+    fixed.body_type = DCD_KINEMATIC_POSE;
+    FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
+    fixed.body_type = DCD_KINEMATIC;
+    fixed.sleep_after = 9.0f;
     FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
 }
 
@@ -192,7 +213,10 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
 
     DcdBodyInfo body_info = DCD_BODY_INFO_INIT;
     OK(dcd_body_info(world, avatar, &body_info));
-    HOLDS(body_info.body_type == DCD_KINEMATIC && body_info.region != DCD_NO_REGION);
+    HOLDS(body_info.body_type == DCD_KINEMATIC && body_info.region != DCD_NO_REGION && body_info.parts == 1);
+    DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+    OK(dcd_body_properties(world, avatar, &as));
+    HOLDS(as.dominance == 3 && as.user_data == 7);
     DcdRegionInfo regions[2];
     OK(dcd_regions(world, regions, 2, &count));
     HOLDS(count == 2 && regions[0].bodies + regions[1].bodies == 101);

@@ -15,6 +15,8 @@ int main(void)
     DcdWorldDef world_def = DCD_WORLD_DEF_INIT;
     DcdBodyDef body_def = DCD_BODY_DEF_INIT;
     DcdJointDef joint_def = DCD_JOINT_DEF_INIT;
+    DcdBodyProperties body_properties = DCD_BODY_PROPERTIES_INIT;
+    DcdPartProperties part_properties = DCD_PART_PROPERTIES_INIT;
     DcdJointMotor joint_motor = DCD_JOINT_MOTOR_INIT;
     DcdJointInfo joint_info = DCD_JOINT_INFO_INIT;
     DcdWorldInfo world_info = DCD_WORLD_INFO_INIT;
@@ -24,7 +26,8 @@ int main(void)
     DcdStats stats = DCD_STATS_INIT;
     DcdClientDef client_def = DCD_CLIENT_DEF_INIT;
     DcdParticipantDef participant_def = DCD_PARTICIPANT_DEF_INIT;
-    return world_def.struct_size + body_def.struct_size + joint_def.struct_size + joint_motor.model + joint_info.struct_size + world_info.struct_size +
+    return world_def.struct_size + body_def.struct_size + joint_def.struct_size + joint_motor.model + body_properties.struct_size +
+                   part_properties.struct_size + joint_info.struct_size + world_info.struct_size +
                    body_info.struct_size + state_view.struct_size + event_view.struct_size + stats.struct_size +
                    client_def.struct_size + participant_def.struct_size ==
                0

@@ -296,7 +296,7 @@ static void bodies(void)
     def.member = value;                                                                                               \
     EXPECT(dcd_body_create(world, &def, &body), code)
     REFUSED(struct_size, 8, DCD_ERR_STRUCT);
-    REFUSED(body_type, 3, DCD_ERR_ARGUMENT);
+    REFUSED(body_type, 4, DCD_ERR_ARGUMENT);
     REFUSED(pose.p[0], (double)NAN, DCD_ERR_ARGUMENT);
     REFUSED(pose.p[0], (double)INFINITY, DCD_ERR_ARGUMENT);
     REFUSED(pose.q[3], 0.0f, DCD_ERR_ARGUMENT);
@@ -310,11 +310,30 @@ static void bodies(void)
     REFUSED(linear_damping, -0.5f, DCD_ERR_ARGUMENT);
     REFUSED(angular_damping, NAN, DCD_ERR_ARGUMENT);
     REFUSED(gravity_scale, NAN, DCD_ERR_ARGUMENT);
-    REFUSED(flags, 16, DCD_ERR_ARGUMENT);
+    REFUSED(flags, 256, DCD_ERR_ARGUMENT);
     REFUSED(locked, 64, DCD_ERR_ARGUMENT);
     REFUSED(events, 4, DCD_ERR_ARGUMENT);
     REFUSED(force_threshold, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(mass, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(friction_rule, 6, DCD_ERR_ARGUMENT);
+    REFUSED(restitution_rule, UINT32_MAX, DCD_ERR_ARGUMENT);
+    REFUSED(contact_skin, NAN, DCD_ERR_ARGUMENT);
+    REFUSED(pairs, 64, DCD_ERR_ARGUMENT);
+    REFUSED(dominance, 128, DCD_ERR_ARGUMENT);
+    REFUSED(dominance, -129, DCD_ERR_ARGUMENT);
+    REFUSED(soft_ccd, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(sleep_linear, NAN, DCD_ERR_ARGUMENT);
+    REFUSED(sleep_angular, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(sleep_after, INFINITY, DCD_ERR_ARGUMENT);
+    REFUSED(extra_mass, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(extra_centre[0], 1.0f, DCD_ERR_ARGUMENT); /* of no extra mass */
+    REFUSED(extra_inertia[2], 1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(extra_solver_iterations, 1001, DCD_ERR_ARGUMENT);
+    REFUSED(extra_pgs_iterations, UINT32_MAX, DCD_ERR_ARGUMENT);
     HOLDS(body.v == 5);
+    REFUSED(extra_mass, 1.0f, DCD_OK);
+    EXPECT(dcd_body_destroy(world, body), DCD_OK);
+    body.v = 5;
 
     defs[0] = defs[1] = defs[2] = good;
     defs[2].density = -1.0f;
@@ -373,6 +392,64 @@ static void bodies(void)
     EXPECT(dcd_body_set_material(world, fixed, 0, 0.5f, 0.0f), DCD_OK);
     EXPECT(dcd_body_set_groups(world, many[0], 7, 1, 1), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_groups(world, many[0], 0, 0xFFFFFFFFu, 0xFFFFFFFFu), DCD_OK);
+    DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+    EXPECT(dcd_body_properties(world, many[0], NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_properties(other, many[0], &as), DCD_ERR_STALE_ID);
+    as.struct_size = 4;
+    EXPECT(dcd_body_properties(world, many[0], &as), DCD_ERR_STRUCT);
+    as.struct_size = sizeof as;
+    EXPECT(dcd_body_properties(world, many[0], &as), DCD_OK);
+    EXPECT(dcd_body_set_properties(world, many[0], NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_set_properties(world, NO_BODY, &as), DCD_ERR_NULL);
+    EXPECT(dcd_body_set_properties(other, many[0], &as), DCD_ERR_STALE_ID);
+    as.flags = DCD_BODY_SENSOR; /* of its shape */
+    EXPECT(dcd_body_set_properties(world, many[0], &as), DCD_ERR_ARGUMENT);
+    as.flags = 0;
+    as.gravity_scale = NAN;
+    EXPECT(dcd_body_set_properties(world, many[0], &as), DCD_ERR_ARGUMENT);
+    as.gravity_scale = 1.0f;
+    as.body_type = 4;
+    EXPECT(dcd_body_set_properties(world, many[0], &as), DCD_ERR_ARGUMENT);
+
+    DcdPartProperties part = DCD_PART_PROPERTIES_INIT;
+    uint32_t number = 7;
+    EXPECT(dcd_part_properties(world, many[0], 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_part_properties(world, many[0], 1, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_part_properties(world, many[0], DCD_ALL_PARTS, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_part_properties(world, many[0], 0, &part), DCD_OK);
+    EXPECT(dcd_part_set_properties(world, many[0], 1, &part), DCD_ERR_ARGUMENT);
+    part.frame.q[0] = 2.0f;
+    EXPECT(dcd_part_set_properties(world, many[0], 0, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_part_add(world, many[0], box, &part, &number), DCD_ERR_ARGUMENT);
+    part.struct_size = 0;
+    EXPECT(dcd_part_add(world, many[0], box, &part, &number), DCD_ERR_STRUCT);
+    EXPECT(dcd_part_add(world, many[0], NO_SHAPE, NULL, &number), DCD_ERR_NULL);
+    EXPECT(dcd_part_add(other, many[0], box, NULL, &number), DCD_ERR_STALE_ID);
+    EXPECT(dcd_part_remove(world, many[0], 0), DCD_ERR_ARGUMENT); /* it has no other */
+    EXPECT(dcd_part_set_shape(world, many[0], 0, NO_SHAPE), DCD_ERR_NULL);
+    EXPECT(dcd_part_set_shape(world, many[0], 1, box), DCD_ERR_ARGUMENT);
+    HOLDS(number == 7);
+    EXPECT(dcd_part_add(world, many[0], box, NULL, NULL), DCD_OK);
+    EXPECT(dcd_part_remove(world, many[0], 2), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_part_remove(world, many[0], 0), DCD_OK);
+    EXPECT(dcd_body_set_events(world, many[0], 1, 0, 0.0f), DCD_ERR_ARGUMENT);
+
+    DcdBodyId guided = make_body(world, box, DCD_KINEMATIC_POSE, -20.0);
+    EXPECT(dcd_body_set_target(world, many[0], &good.pose), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_target(world, guided, NULL), DCD_ERR_NULL);
+    pose = good.pose;
+    pose.p[0] = 1e9;
+    EXPECT(dcd_body_set_target(world, guided, &pose), DCD_ERR_ARGUMENT); /* at 60 Gm/s */
+    pose.p[0] = (double)NAN;
+    EXPECT(dcd_body_set_target(world, guided, &pose), DCD_ERR_ARGUMENT);
+    velocity.linear[0] = 1.0f;
+    EXPECT(dcd_body_set_velocity(world, guided, &velocity), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_target(world, guided, &good.pose), DCD_OK);
+    EXPECT(dcd_body_add_force(world, many[0], NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_add_force(world, many[0], BAD, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_add_force(world, many[0], HALF, far_point), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_add_force(world, guided, HALF, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_add_force(other, many[0], HALF, NULL), DCD_ERR_STALE_ID);
     EXPECT(dcd_own_avatars(world, NULL, 0, NULL), DCD_ERR_NULL);
     EXPECT(dcd_body_wake(world, NO_BODY), DCD_ERR_NULL);
     EXPECT(dcd_body_sleep(world, many[0]), DCD_OK);
@@ -556,7 +633,10 @@ static void bulk(void)
 
     EXPECT(dcd_state_read(world, NULL, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_NULL);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, NULL, 0, NULL), DCD_ERR_NULL);
-    EXPECT(dcd_state_read(world, ids, 3, 3, poses, 0, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, 3, 5, poses, 0, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_TARGET, poses, 0, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_FORCE, poses, 8, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_TARGET, poses, 0, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 8, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, SIZE_MAX, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, SIZE_MAX / 2, NULL), DCD_ERR_ARGUMENT);

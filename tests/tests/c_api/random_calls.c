@@ -79,11 +79,23 @@ static DcdBodyDef some_body(void)
 {
     DcdBodyDef def = DCD_BODY_DEF_INIT;
     def.shape.v = handle(shapes[dice(KEPT)].v);
-    def.body_type = dice(8) == 0 ? dice(5) : DCD_DYNAMIC;
+    def.body_type = dice(6) == 0 ? dice(5) : DCD_DYNAMIC;
     def.pose = some_pose();
     def.density = dice(4) == 0 ? number() : def.density;
     def.restitution = dice(4) == 0 ? number() : def.restitution;
-    def.flags = dice(8) == 0 ? dice(20) : 0;
+    def.flags = dice(8) == 0 ? dice(260) : 0;
+    def.mass = dice(8) == 0 ? number() : 0.0f;
+    def.friction_rule = dice(8) == 0 ? dice(7) : 0;
+    def.contact_skin = dice(8) == 0 ? number() * 0.1f : 0.0f;
+    def.solver_mask = dice(8) == 0 ? dice(3) : def.solver_mask;
+    def.pairs = dice(8) == 0 ? dice(65) : def.pairs;
+    def.dominance = dice(8) == 0 ? (int32_t)dice(300) - 150 : 0;
+    def.soft_ccd = dice(8) == 0 ? number() : 0.0f;
+    def.sleep_after = dice(8) == 0 ? number() : def.sleep_after;
+    def.extra_mass = dice(8) == 0 ? number() : 0.0f;
+    def.extra_centre[1] = def.extra_mass != 0.0f && dice(2) ? number() : 0.0f;
+    def.extra_inertia[dice(3)] = def.extra_mass != 0.0f && dice(2) ? number() : 0.0f;
+    def.extra_solver_iterations = dice(8) == 0 ? dice(4) : 0;
     def.locked = dice(8) == 0 ? dice(70) : 0;
     def.events = dice(4);
     def.mask = dice(8) == 0 ? dice(3) : def.mask;
@@ -115,7 +127,7 @@ static DcdStatus play(void)
         indices[i] = dice(dice(10) == 0 ? 20 : 8);
     }
 
-    switch (dice(33)) {
+    switch (dice(36)) {
     case 0:
         if (dice(20) == 0) {
             DcdWorld *place = &worlds[dice(WORLDS)];
@@ -229,9 +241,9 @@ static DcdStatus play(void)
         return dcd_events(world, &view);
     }
     case 24:
-        return dcd_state_read(world, list, MANY, dice(4), poses, sizeof poses[0], dice(2) ? each : NULL);
+        return dcd_state_read(world, list, MANY, dice(6), poses, sizeof poses[0], dice(2) ? each : NULL);
     case 25:
-        return dcd_state_write(world, list, MANY, dice(4), poses, sizeof poses[0], dice(2) ? each : NULL);
+        return dcd_state_write(world, list, MANY, dice(6), poses, sizeof poses[0], dice(2) ? each : NULL);
     case 26: {
         DcdRay ray = { { 0.0, 0.0, 0.0 }, { number(), number(), number() }, number(), { 0 }, 1 + dice(3), 0 };
         DcdRayHit hit;
@@ -245,6 +257,67 @@ static DcdStatus play(void)
         return dcd_body_set_material(world, named, dice(2) ? DCD_ALL_PARTS : dice(2), number(), number());
     case 29:
         return dcd_body_set_groups(world, named, 0, dice(4), dice(4));
+    case 30: {
+        DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+        DcdStatus status = dcd_body_properties(world, named, &as);
+        if (status != DCD_OK) {
+            return status;
+        }
+        switch (dice(7)) {
+        case 0:
+            as.body_type = dice(5);
+            break;
+        case 1:
+            as.flags ^= 1u << dice(8);
+            break;
+        case 2:
+            as.locked = dice(65);
+            break;
+        case 3:
+            as.extra_mass = number();
+            break;
+        case 4:
+            as.gravity_scale = number();
+            break;
+        case 5:
+            as.sleep_linear = number();
+            break;
+        default:
+            as.linear_damping = number();
+            as.dominance = (int32_t)dice(5) - 2;
+        }
+        return dcd_body_set_properties(world, named, &as);
+    }
+    case 31: {
+        DcdPartProperties as = DCD_PART_PROPERTIES_INIT;
+        uint32_t part = dice(2);
+        switch (dice(6)) {
+        case 0:
+            as.frame.p[dice(3)] = number();
+            as.mass = dice(2) ? number() : 0.0f;
+            return dcd_part_add(world, named, *shape, dice(4) ? &as : NULL, dice(2) ? &part : NULL);
+        case 1:
+            return dcd_part_remove(world, named, part);
+        case 2:
+            return dcd_part_set_shape(world, named, part, *shape);
+        default: {
+            DcdStatus status = dcd_part_properties(world, named, part, &as);
+            if (status != DCD_OK) {
+                return status;
+            }
+            as.flags ^= dice(8);
+            as.frame.p[0] = dice(4) ? as.frame.p[0] : number();
+            as.density = dice(4) ? as.density : number();
+            as.mass = dice(4) ? as.mass : number();
+            as.pairs = dice(4) ? as.pairs : dice(64);
+            as.contact_skin = dice(4) ? as.contact_skin : number() * 0.1f;
+            return dcd_part_set_properties(world, named, part, &as);
+        }
+        }
+    }
+    case 32:
+        return dice(2) ? dcd_body_set_target(world, named, &pose)
+                       : dcd_body_add_force(world, named, velocity.linear, dice(2) ? pose.p : NULL);
     default:
         return dcd_step(world);
     }

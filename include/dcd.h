@@ -203,6 +203,31 @@
 // In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 #define DCD_EVENTS_LOST 1
 
+// In DcdFilter.flags: overlooks fixed bodies.
+#define DCD_FILTER_NO_FIXED 1
+
+// In DcdFilter.flags: overlooks kinematic bodies.
+#define DCD_FILTER_NO_KINEMATIC 2
+
+// In DcdFilter.flags: overlooks dynamic bodies.
+#define DCD_FILTER_NO_DYNAMIC 4
+
+// In DcdFilter.flags: overlooks sensors.
+#define DCD_FILTER_NO_SENSORS 8
+
+// In DcdFilter.flags: overlooks all but sensors.
+#define DCD_FILTER_NO_SOLIDS 16
+
+// In flags of a ray or a point: bodies are hollow. A ray that starts inside of one meets its surface from within, and the
+// place nearest to a point inside of one is on its surface.
+#define DCD_QUERY_HOLLOW 1
+
+// In DcdShapeCast.flags: what the shape overlaps at the start stops it only if it moves farther in.
+#define DCD_QUERY_LEAVE 2
+
+// In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
+#define DCD_HIT_INSIDE 1
+
 // What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 typedef int32_t DcdStatus;
 
@@ -791,7 +816,7 @@ typedef struct DcdEventView {
     size_t change_count;
 } DcdEventView;
 
-// A ray.
+// A ray. Start from DCD_RAY_INIT and give a direction.
 typedef struct DcdRay {
     // Where it starts, world space, metres.
     double origin[3];
@@ -803,11 +828,27 @@ typedef struct DcdRay {
     DcdBodyId exclude;
     // Groups that it meets, as in DcdBodyDef.groups; 0xFFFFFFFF for all.
     uint32_t mask;
-    // 0.
-    uint32_t reserved;
+    // DCD_QUERY_HOLLOW or 0.
+    uint32_t flags;
 } DcdRay;
 
-// The first body that a ray met.
+// What all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
+typedef struct DcdFilter {
+    // sizeof(DcdFilter).
+    uint32_t struct_size;
+    // DCD_FILTER_… bits.
+    uint32_t flags;
+    // Groups that the queries belong to: shapes whose mask meets none of them are overlooked. 0 asks no shape's mask.
+    uint32_t groups;
+    // Groups that the queries meet; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // Bodies that are overlooked; null when there are none.
+    const DcdBodyId *exclude;
+    // How many.
+    size_t exclude_count;
+} DcdFilter;
+
+// A body that a ray met.
 typedef struct DcdRayHit {
     // Which; null when the ray met nothing, and then all else is 0.
     DcdBodyId body;
@@ -819,7 +860,133 @@ typedef struct DcdRayHit {
     float normal[3];
     // From the origin, metres.
     float distance;
+    // Which shape of the body, from 0.
+    uint32_t part;
+    // Which triangle of a mesh or terrain, which part of a compound; else 0.
+    uint32_t subshape;
 } DcdRayHit;
+
+// A shape that moves straight, and may turn on the way. Start from DCD_SHAPE_CAST_INIT and give shape and motion.
+typedef struct DcdShapeCast {
+    // Of the same world. It cannot be a mesh or terrain.
+    DcdShapeId shape;
+    // Where it starts.
+    DcdPose pose;
+    // How far its origin moves, metres.
+    float motion[3];
+    // By how much it turns on the way: about this axis of the world, by its length in radians. 0 is cheaper.
+    float turn[3];
+    // Metres from a body at which it counts as there, 0 or more; 0 if it turns.
+    float margin;
+    // Groups that it meets; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // A body that it passes through; null for none.
+    DcdBodyId exclude;
+    // DCD_QUERY_LEAVE or 0.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdShapeCast;
+
+// The first body that a moving shape met.
+typedef struct DcdShapeHit {
+    // Which; null when the shape met nothing, and then all else is 0.
+    DcdBodyId body;
+    // Its user data.
+    uint64_t user_data;
+    // Where on the body, world space, metres.
+    double point[3];
+    // Outward of the body there, of length 1.
+    float normal[3];
+    // How much of its way the shape came, 0 to 1.
+    float fraction;
+    // Where on the shape, in its own space, metres.
+    float point_on_shape[3];
+    // Outward of the shape there, in its own space.
+    float normal_on_shape[3];
+    // Which shape of the body, from 0.
+    uint32_t part;
+    // As in DcdRayHit.
+    uint32_t subshape;
+    // DCD_HIT_INSIDE or 0.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdShapeHit;
+
+// A point. Start from DCD_POINT_QUERY_INIT.
+typedef struct DcdPointQuery {
+    // World space, metres.
+    double point[3];
+    // Of dcd_project_points: how far a place may be, metres, 0 or more; INFINITY is allowed.
+    float max_distance;
+    // Groups that it meets; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // A body that is overlooked; null for none.
+    DcdBodyId exclude;
+    // Of dcd_project_points: DCD_QUERY_HOLLOW or 0; else 0.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdPointQuery;
+
+// The place of a body nearest to a point.
+typedef struct DcdPointHit {
+    // Whose; null when there is none near enough, and then all else is 0.
+    DcdBodyId body;
+    // Its user data.
+    uint64_t user_data;
+    // Where, world space, metres.
+    double point[3];
+    // From the point that was asked about, metres.
+    float distance;
+    // Which shape of the body, from 0.
+    uint32_t part;
+    // DCD_HIT_INSIDE or 0.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdPointHit;
+
+// A shape somewhere. Start from DCD_SHAPE_QUERY_INIT and give a shape.
+typedef struct DcdShapeQuery {
+    // Of the same world. It cannot be a mesh or terrain.
+    DcdShapeId shape;
+    // Where.
+    DcdPose pose;
+    // A body that is overlooked; null for none.
+    DcdBodyId exclude;
+    // Groups that it meets; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // 0.
+    uint32_t reserved;
+} DcdShapeQuery;
+
+// A body that overlaps something.
+typedef struct DcdOverlap {
+    // Which.
+    DcdBodyId body;
+    // Its user data.
+    uint64_t user_data;
+    // Which shape of it, from 0.
+    uint32_t part;
+    // 0.
+    uint32_t reserved;
+} DcdOverlap;
+
+// A box along the axes of the world. Corners may be infinite. Start from DCD_BOX_QUERY_INIT and give them.
+typedef struct DcdBoxQuery {
+    // Lowest corner, metres.
+    double min[3];
+    // Highest corner.
+    double max[3];
+    // A body that is overlooked; null for none.
+    DcdBodyId exclude;
+    // Groups that it meets; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // 0.
+    uint32_t reserved;
+} DcdBoxQuery;
 
 // A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
 typedef struct DcdRegionInfo {
@@ -1400,7 +1567,7 @@ DcdStatus dcd_part_add(DcdWorld world,
 // DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_part_remove(DcdWorld world, DcdBodyId body, uint32_t part);
 
-// Gives a part of a body another shape.
+// Gives a part of a body another shape. The contacts of the body begin anew, without memory.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a part that is not there,
 // DCD_ERR_UNSUPPORTED in a served world.
@@ -1593,12 +1760,99 @@ DcdStatus dcd_state_write(DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
 
-// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies.
+// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
+// overlooks them; a null filter overlooks nothing.
 //
-// `rays` is read during the call; `hits` has `count` entries.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_ARGUMENT for numbers that are not finite, a
-// direction of length 0, a distance that is not above 0, or more than DCD_MAX_ITEMS, DCD_ERR_UNSUPPORTED in a served world.
-DCD_API DcdStatus dcd_cast_rays(DcdWorld world, const DcdRay *rays, size_t count, DcdRayHit *hits);
+// This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
+// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED.
+//
+// `rays` and `filter` are read during the call; `hits` has `count` entries.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
+// finite, a direction of length 0, a distance that is not above 0, unknown bits, or more than DCD_MAX_ITEMS,
+// DCD_ERR_UNSUPPORTED.
+DCD_API
+DcdStatus dcd_cast_rays(DcdWorld world,
+                        const DcdRay *rays,
+                        size_t count,
+                        const DcdFilter *filter,
+                        DcdRayHit *hits);
+
+// Finds every body that each of `count` rays meets, a shape of it once, the nearest first. The hits of all rays go to `hits`, which
+// has `cap` entries, and their number to `total`; those of rays[i] end before hits[ends[i]] and begin where those of the ray
+// before end. `ends` has `count` entries. With `cap` 0 `hits` may be null, to ask for the number.
+//
+// Errors: as dcd_cast_rays, and DCD_ERR_SMALL_BUFFER (then `total` is written all the same, and nothing else).
+DCD_API
+DcdStatus dcd_cast_rays_all(DcdWorld world,
+                            const DcdRay *rays,
+                            size_t count,
+                            const DcdFilter *filter,
+                            DcdRayHit *hits,
+                            size_t cap,
+                            size_t *ends,
+                            size_t *total);
+
+// Finds the first body that each of `count` moving shapes meets; hits[i] belongs to casts[i].
+//
+// `casts` and `filter` are read during the call; `hits` has `count` entries.
+// Errors: as dcd_cast_rays; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+DCD_API
+DcdStatus dcd_cast_shapes(DcdWorld world,
+                          const DcdShapeCast *casts,
+                          size_t count,
+                          const DcdFilter *filter,
+                          DcdShapeHit *hits);
+
+// Finds the place of any body that is nearest to each of `count` points; hits[i] belongs to points[i].
+//
+// `points` and `filter` are read during the call; `hits` has `count` entries.
+// Errors: as dcd_cast_rays.
+DCD_API
+DcdStatus dcd_project_points(DcdWorld world,
+                             const DcdPointQuery *points,
+                             size_t count,
+                             const DcdFilter *filter,
+                             DcdPointHit *hits);
+
+// Finds every body that each of `count` shapes overlaps, by age. Outputs as of dcd_cast_rays_all.
+//
+// Errors: as dcd_cast_rays_all; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+DCD_API
+DcdStatus dcd_overlap_shapes(DcdWorld world,
+                             const DcdShapeQuery *shapes,
+                             size_t count,
+                             const DcdFilter *filter,
+                             DcdOverlap *found,
+                             size_t cap,
+                             size_t *ends,
+                             size_t *total);
+
+// Finds every body that each of `count` points lies in, by age. Outputs as of dcd_cast_rays_all.
+//
+// Errors: as dcd_cast_rays_all.
+DCD_API
+DcdStatus dcd_overlap_points(DcdWorld world,
+                             const DcdPointQuery *points,
+                             size_t count,
+                             const DcdFilter *filter,
+                             DcdOverlap *found,
+                             size_t cap,
+                             size_t *ends,
+                             size_t *total);
+
+// Finds every body whose own box along the axes of the world touches each of `count` boxes, by age: what may overlap it, at
+// little cost. Outputs as of dcd_cast_rays_all.
+//
+// Errors: as dcd_cast_rays_all; DCD_ERR_ARGUMENT also for a box whose min is above its max.
+DCD_API
+DcdStatus dcd_overlap_boxes(DcdWorld world,
+                            const DcdBoxQuery *boxes,
+                            size_t count,
+                            const DcdFilter *filter,
+                            DcdOverlap *found,
+                            size_t cap,
+                            size_t *ends,
+                            size_t *total);
 
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
 // ask for the number.
@@ -1656,6 +1910,17 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, DCD_JOINT_MOTOR_INIT, \
       0, 0, 0, 1.0e6f, 1.0f, 0, 0 }
+
+/* Nothing is overlooked. */
+#define DCD_FILTER_INIT { (uint32_t)sizeof(DcdFilter), 0, 0, 0xFFFFFFFFu, NULL, 0 }
+#define DCD_RAY_INIT { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 1.0e6f, { 0 }, 0xFFFFFFFFu, 0 }
+#define DCD_SHAPE_CAST_INIT \
+    { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, \
+      0.0f, 0xFFFFFFFFu, { 0 }, 0, 0 }
+#define DCD_POINT_QUERY_INIT { { 0.0, 0.0, 0.0 }, 1.0e6f, 0xFFFFFFFFu, { 0 }, 0, 0 }
+#define DCD_SHAPE_QUERY_INIT \
+    { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0 }, 0xFFFFFFFFu, 0 }
+#define DCD_BOX_QUERY_INIT { { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0 }, 0xFFFFFFFFu, 0 }
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \
@@ -1943,19 +2208,82 @@ DCD_ASSERT_(offsetof(DcdEventView, transfers) == 48);
 DCD_ASSERT_(offsetof(DcdEventView, transfer_count) == 56);
 DCD_ASSERT_(offsetof(DcdEventView, changes) == 64);
 DCD_ASSERT_(offsetof(DcdEventView, change_count) == 72);
+DCD_ASSERT_(sizeof(DcdFilter) == 32);
+DCD_ASSERT_(offsetof(DcdFilter, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdFilter, flags) == 4);
+DCD_ASSERT_(offsetof(DcdFilter, groups) == 8);
+DCD_ASSERT_(offsetof(DcdFilter, mask) == 12);
+DCD_ASSERT_(offsetof(DcdFilter, exclude) == 16);
+DCD_ASSERT_(offsetof(DcdFilter, exclude_count) == 24);
 DCD_ASSERT_(sizeof(DcdRay) == 56);
 DCD_ASSERT_(offsetof(DcdRay, origin) == 0);
 DCD_ASSERT_(offsetof(DcdRay, direction) == 24);
 DCD_ASSERT_(offsetof(DcdRay, max_distance) == 36);
 DCD_ASSERT_(offsetof(DcdRay, exclude) == 40);
 DCD_ASSERT_(offsetof(DcdRay, mask) == 48);
-DCD_ASSERT_(offsetof(DcdRay, reserved) == 52);
-DCD_ASSERT_(sizeof(DcdRayHit) == 56);
+DCD_ASSERT_(offsetof(DcdRay, flags) == 52);
+DCD_ASSERT_(sizeof(DcdRayHit) == 64);
 DCD_ASSERT_(offsetof(DcdRayHit, body) == 0);
 DCD_ASSERT_(offsetof(DcdRayHit, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdRayHit, point) == 16);
 DCD_ASSERT_(offsetof(DcdRayHit, normal) == 40);
 DCD_ASSERT_(offsetof(DcdRayHit, distance) == 52);
+DCD_ASSERT_(offsetof(DcdRayHit, part) == 56);
+DCD_ASSERT_(offsetof(DcdRayHit, subshape) == 60);
+DCD_ASSERT_(sizeof(DcdShapeCast) == 96);
+DCD_ASSERT_(offsetof(DcdShapeCast, shape) == 0);
+DCD_ASSERT_(offsetof(DcdShapeCast, pose) == 8);
+DCD_ASSERT_(offsetof(DcdShapeCast, motion) == 48);
+DCD_ASSERT_(offsetof(DcdShapeCast, turn) == 60);
+DCD_ASSERT_(offsetof(DcdShapeCast, margin) == 72);
+DCD_ASSERT_(offsetof(DcdShapeCast, mask) == 76);
+DCD_ASSERT_(offsetof(DcdShapeCast, exclude) == 80);
+DCD_ASSERT_(offsetof(DcdShapeCast, flags) == 88);
+DCD_ASSERT_(offsetof(DcdShapeCast, reserved) == 92);
+DCD_ASSERT_(sizeof(DcdShapeHit) == 96);
+DCD_ASSERT_(offsetof(DcdShapeHit, body) == 0);
+DCD_ASSERT_(offsetof(DcdShapeHit, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdShapeHit, point) == 16);
+DCD_ASSERT_(offsetof(DcdShapeHit, normal) == 40);
+DCD_ASSERT_(offsetof(DcdShapeHit, fraction) == 52);
+DCD_ASSERT_(offsetof(DcdShapeHit, point_on_shape) == 56);
+DCD_ASSERT_(offsetof(DcdShapeHit, normal_on_shape) == 68);
+DCD_ASSERT_(offsetof(DcdShapeHit, part) == 80);
+DCD_ASSERT_(offsetof(DcdShapeHit, subshape) == 84);
+DCD_ASSERT_(offsetof(DcdShapeHit, flags) == 88);
+DCD_ASSERT_(offsetof(DcdShapeHit, reserved) == 92);
+DCD_ASSERT_(sizeof(DcdPointQuery) == 48);
+DCD_ASSERT_(offsetof(DcdPointQuery, point) == 0);
+DCD_ASSERT_(offsetof(DcdPointQuery, max_distance) == 24);
+DCD_ASSERT_(offsetof(DcdPointQuery, mask) == 28);
+DCD_ASSERT_(offsetof(DcdPointQuery, exclude) == 32);
+DCD_ASSERT_(offsetof(DcdPointQuery, flags) == 40);
+DCD_ASSERT_(offsetof(DcdPointQuery, reserved) == 44);
+DCD_ASSERT_(sizeof(DcdPointHit) == 56);
+DCD_ASSERT_(offsetof(DcdPointHit, body) == 0);
+DCD_ASSERT_(offsetof(DcdPointHit, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdPointHit, point) == 16);
+DCD_ASSERT_(offsetof(DcdPointHit, distance) == 40);
+DCD_ASSERT_(offsetof(DcdPointHit, part) == 44);
+DCD_ASSERT_(offsetof(DcdPointHit, flags) == 48);
+DCD_ASSERT_(offsetof(DcdPointHit, reserved) == 52);
+DCD_ASSERT_(sizeof(DcdShapeQuery) == 64);
+DCD_ASSERT_(offsetof(DcdShapeQuery, shape) == 0);
+DCD_ASSERT_(offsetof(DcdShapeQuery, pose) == 8);
+DCD_ASSERT_(offsetof(DcdShapeQuery, exclude) == 48);
+DCD_ASSERT_(offsetof(DcdShapeQuery, mask) == 56);
+DCD_ASSERT_(offsetof(DcdShapeQuery, reserved) == 60);
+DCD_ASSERT_(sizeof(DcdBoxQuery) == 64);
+DCD_ASSERT_(offsetof(DcdBoxQuery, min) == 0);
+DCD_ASSERT_(offsetof(DcdBoxQuery, max) == 24);
+DCD_ASSERT_(offsetof(DcdBoxQuery, exclude) == 48);
+DCD_ASSERT_(offsetof(DcdBoxQuery, mask) == 56);
+DCD_ASSERT_(offsetof(DcdBoxQuery, reserved) == 60);
+DCD_ASSERT_(sizeof(DcdOverlap) == 24);
+DCD_ASSERT_(offsetof(DcdOverlap, body) == 0);
+DCD_ASSERT_(offsetof(DcdOverlap, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdOverlap, part) == 16);
+DCD_ASSERT_(offsetof(DcdOverlap, reserved) == 20);
 DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);
 DCD_ASSERT_(offsetof(DcdRegionInfo, region) == 0);
 DCD_ASSERT_(offsetof(DcdRegionInfo, bodies) == 4);

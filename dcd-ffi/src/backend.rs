@@ -4,7 +4,7 @@
 //! compiler lists what it must answer.
 
 use dcd::net::PeerStats;
-use dcd::physics::{BodyFilter, Handover, RayHit, Region, WorldRay};
+use dcd::physics::{Handover, Queries, Region};
 use dcd::protocol::{BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
@@ -13,7 +13,7 @@ use rapier3d::prelude::*;
 use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType, NewBody};
 use crate::served::{Change, Served};
 use crate::status::Failure;
-use crate::view::{BodyView, RayQuery, RegionView, StateRow};
+use crate::view::{BodyView, RegionView, StateRow};
 use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
 /// A world by role.
@@ -408,21 +408,11 @@ impl Backend {
         }
     }
 
-    /// The first body that a ray meets and does not overlook.
-    pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Result<Option<RayHit>, Failure> {
+    /// What there is to ask about the bodies computed here.
+    pub(crate) fn queries(&self) -> Result<Queries<'_>, Failure> {
         let instead =
             "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
-        let mask = Group::from_bits_retain(ray.mask);
-        // Only memberships count: a ray belongs to no group that a collider could refuse to meet.
-        let member = |_, collider: &Collider| collider.collision_groups().memberships.intersects(mask);
-        let filter = BodyFilter {
-            exclude_bodies: ray.exclude.as_slice(),
-            predicate: Some(&member),
-            ..BodyFilter::default()
-        };
-        let straight = WorldRay::new(ray.origin, ray.direction).up_to(f64::from(ray.max_m));
-        let world = self.local("cast rays", instead)?;
-        world.queries().cast_ray(&straight, &filter).map_err(|error| Failure::argument(error.to_string()))
+        Ok(self.local("ask by rays, shapes and points", instead)?.queries())
     }
 }
 

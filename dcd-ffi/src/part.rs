@@ -365,7 +365,7 @@ pub extern "C" fn dcd_part_remove(world: DcdWorld, body: DcdBodyId, part: u32) -
     })
 }
 
-/// Gives a part of a body another shape.
+/// Gives a part of a body another shape. The contacts of the body begin anew, without memory.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a part that is not there,
 /// DCD_ERR_UNSUPPORTED in a served world.

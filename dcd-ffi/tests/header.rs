@@ -94,8 +94,18 @@ fn layouts() -> Vec<Layout> {
             struct_size, flags, tick, contacts, contact_count, forces, force_count, transfers, transfer_count,
             changes, change_count
         }
-        DcdRay { origin, direction, max_distance, exclude, mask, reserved }
-        DcdRayHit { body, user_data, point, normal, distance }
+        DcdFilter { struct_size, flags, groups, mask, exclude, exclude_count }
+        DcdRay { origin, direction, max_distance, exclude, mask, flags }
+        DcdRayHit { body, user_data, point, normal, distance, part, subshape }
+        DcdShapeCast { shape, pose, motion, turn, margin, mask, exclude, flags, reserved }
+        DcdShapeHit {
+            body, user_data, point, normal, fraction, point_on_shape, normal_on_shape, part, subshape, flags, reserved
+        }
+        DcdPointQuery { point, max_distance, mask, exclude, flags, reserved }
+        DcdPointHit { body, user_data, point, distance, part, flags, reserved }
+        DcdShapeQuery { shape, pose, exclude, mask, reserved }
+        DcdBoxQuery { min, max, exclude, mask, reserved }
+        DcdOverlap { body, user_data, part, reserved }
         DcdRegionInfo { region, bodies, replicas, reserved, min, max }
         DcdStats {
             struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out, rtt,
@@ -133,6 +143,17 @@ const MACROS: &str = "
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, DCD_JOINT_MOTOR_INIT, \\
       0, 0, 0, 1.0e6f, 1.0f, 0, 0 }
+
+/* Nothing is overlooked. */
+#define DCD_FILTER_INIT { (uint32_t)sizeof(DcdFilter), 0, 0, 0xFFFFFFFFu, NULL, 0 }
+#define DCD_RAY_INIT { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 1.0e6f, { 0 }, 0xFFFFFFFFu, 0 }
+#define DCD_SHAPE_CAST_INIT \\
+    { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, \\
+      0.0f, 0xFFFFFFFFu, { 0 }, 0, 0 }
+#define DCD_POINT_QUERY_INIT { { 0.0, 0.0, 0.0 }, 1.0e6f, 0xFFFFFFFFu, { 0 }, 0, 0 }
+#define DCD_SHAPE_QUERY_INIT \\
+    { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0 }, 0xFFFFFFFFu, 0 }
+#define DCD_BOX_QUERY_INIT { { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0 }, 0xFFFFFFFFu, 0 }
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \\

@@ -708,6 +708,22 @@ static void parts_come_and_go(void)
     OK(dcd_part_remove(world, body, 1));
     HOLDS(info_of(world, body).parts == 1);
     NEAR(info_of(world, body).mass, 1000.0, 0.1);
+
+    /* A compound that touches several becomes a ball: Rapier would not forget all of its contacts. */
+    const DcdShapeId two[2] = { bigger, bigger };
+    const DcdFrame sides[2] = { { { -0.4f, 0.0f, 0.0f }, { 0, 0, 0, 1 } }, { { 0.4f, 0.0f, 0.0f }, { 0, 0, 0, 1 } } };
+    DcdBodyDef def = crate(world, 20.0, 0.7);
+    add(world, def);
+    def.pose.p[0] = 21.0;
+    def.pose.p[1] = 0.3;
+    add(world, def);
+    OK(dcd_shape_compound(world, two, sides, 2, &def.shape));
+    def.pose.p[0] = 20.8;
+    DcdBodyId changed = add(world, def);
+    steps(world, 2);
+    OK(dcd_part_set_shape(world, changed, 0, bigger));
+    steps(world, 240);
+    NEAR(pose_of(world, changed).p[1], 0.5, 0.03);
     OK(dcd_world_destroy(world));
 }
 
@@ -1162,6 +1178,201 @@ static void couplings_are_as_asked(void)
     HOLDS(hashes[1] != hashes[2] && hashes[0] != hashes[2]);
 }
 
+/* A fixed crate at x = 0, a dynamic one at 3, a sensor at 6, a kinematic one at 9; two regions meet at 0. */
+enum { WALL, CRATE, GATE, DOOR, ROW };
+
+static void lay_out(DcdWorld world, DcdBodyId row[ROW])
+{
+    for (int i = 0; i < ROW; i++) {
+        DcdBodyDef def = crate(world, 3.0 * i, 0.0);
+        def.body_type = i == WALL ? DCD_FIXED : i == DOOR ? DCD_KINEMATIC : DCD_DYNAMIC;
+        def.flags = i == GATE ? DCD_BODY_SENSOR : 0;
+        def.groups = 1u << i;
+        def.user_data = 100u + (uint64_t)i;
+        row[i] = add(world, def);
+    }
+}
+
+static void rays_meet_what_the_filter_lets_through(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    DcdBodyId row[ROW];
+    DcdRayHit hits[8];
+    size_t ends[3], total = 0;
+    DcdRay rays[3] = { DCD_RAY_INIT, DCD_RAY_INIT, DCD_RAY_INIT };
+    lay_out(world, row); /* no step is needed */
+    rays[0].origin[0] = -5.0; /* along the row */
+    rays[0].direction[0] = 2.0f;
+    rays[1].origin[0] = 20.0; /* and back, not farther than the gate */
+    rays[1].direction[0] = -1.0f;
+    rays[1].max_distance = 14.0f;
+    rays[2].origin[1] = 5.0; /* past all */
+    rays[2].direction[0] = 1.0f;
+    OK(dcd_cast_rays(world, rays, 3, NULL, hits));
+    HOLDS(hits[0].body.v == row[WALL].v && hits[0].user_data == 100 && hits[0].part == 0 && hits[0].normal[0] == -1.0f);
+    NEAR(hits[0].distance, 4.5, 1e-4);
+    NEAR(hits[0].point[0], -0.5, 1e-4);
+    HOLDS(hits[1].body.v == row[DOOR].v && hits[2].body.v == 0);
+
+    OK(dcd_cast_rays_all(world, rays, 3, NULL, hits, 8, ends, &total));
+    HOLDS(total == 6 && ends[0] == 4 && ends[1] == 6 && ends[2] == 6);
+    for (int i = 0; i < ROW; i++) {
+        HOLDS(hits[i].body.v == row[i].v && hits[i].user_data == 100u + (uint64_t)i);
+        NEAR(hits[i].distance, 4.5 + 3.0 * i, 1e-4);
+    }
+    HOLDS(hits[4].body.v == row[DOOR].v && hits[5].body.v == row[GATE].v);
+
+    /* Each way of overlooking. */
+    const struct Case {
+        uint32_t flags, mask, left;
+    } cases[] = {
+        { DCD_FILTER_NO_FIXED, 0xFFFFFFFFu, 1u << CRATE | 1u << GATE | 1u << DOOR },
+        { DCD_FILTER_NO_DYNAMIC, 0xFFFFFFFFu, 1u << WALL | 1u << DOOR },
+        { DCD_FILTER_NO_KINEMATIC, 0xFFFFFFFFu, 1u << WALL | 1u << CRATE | 1u << GATE },
+        { DCD_FILTER_NO_SENSORS, 0xFFFFFFFFu, 1u << WALL | 1u << CRATE | 1u << DOOR },
+        { DCD_FILTER_NO_SOLIDS, 0xFFFFFFFFu, 1u << GATE },
+        { 0, 1u << DOOR | 1u << CRATE, 1u << CRATE | 1u << DOOR },
+        { DCD_FILTER_NO_DYNAMIC, 1u << DOOR | 1u << CRATE, 1u << DOOR },
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        DcdFilter filter = DCD_FILTER_INIT;
+        uint32_t seen = 0;
+        filter.flags = cases[k].flags;
+        filter.mask = cases[k].mask;
+        OK(dcd_cast_rays_all(world, rays, 1, &filter, hits, 8, ends, &total));
+        for (size_t i = 0; i < total; i++) {
+            seen |= 1u << (hits[i].user_data - 100);
+        }
+        HOLDS(seen == cases[k].left);
+    }
+    DcdFilter filter = DCD_FILTER_INIT;
+    const DcdBodyId out[2] = { row[GATE], row[WALL] };
+    filter.exclude = out;
+    filter.exclude_count = 2;
+    rays[0].exclude = row[CRATE];
+    OK(dcd_cast_rays_all(world, rays, 1, &filter, hits, 8, ends, &total));
+    HOLDS(total == 1 && hits[0].body.v == row[DOOR].v);
+    rays[0].mask = 1u << WALL;
+    OK(dcd_cast_rays_all(world, rays, 1, &filter, hits, 8, ends, &total));
+    HOLDS(total == 0 && ends[0] == 0);
+
+    /* A query of group 2 is met by those whose mask has it. */
+    OK(dcd_body_set_groups(world, row[WALL], 0, 1, 1));
+    rays[0].mask = 0xFFFFFFFFu;
+    rays[0].exclude.v = 0;
+    filter = (DcdFilter)DCD_FILTER_INIT;
+    filter.groups = 2;
+    OK(dcd_cast_rays(world, rays, 1, &filter, hits));
+    HOLDS(hits[0].body.v == row[CRATE].v);
+
+    /* From inside of the wall: at once, or on the way out. */
+    rays[0].origin[0] = 0.25;
+    OK(dcd_cast_rays(world, rays, 1, NULL, hits));
+    HOLDS(hits[0].body.v == row[WALL].v && hits[0].distance == 0.0f && hits[0].normal[0] == 0.0f);
+    rays[0].flags = DCD_QUERY_HOLLOW;
+    OK(dcd_cast_rays(world, rays, 1, NULL, hits));
+    HOLDS(hits[0].body.v == row[WALL].v);
+    NEAR(hits[0].distance, 0.25, 1e-4);
+    OK(dcd_world_destroy(world));
+}
+
+static void shapes_and_points_find_bodies(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    DcdBodyId row[ROW];
+    lay_out(world, row);
+    DcdShapeId ball = { 0 }, plank = box(world, 3.0f, 0.1f, 0.1f);
+    OK(dcd_shape_sphere(world, 0.5f, &ball));
+
+    /* A ball rolls against the row, one stays short of it, one starts inside and leaves, a plank turns into it. */
+    DcdShapeCast casts[5] = { DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT,
+                              DCD_SHAPE_CAST_INIT };
+    DcdShapeHit hits[5];
+    for (int i = 0; i < 5; i++) {
+        casts[i].shape = ball;
+        casts[i].pose.p[0] = -6.0;
+        casts[i].motion[0] = 10.0f;
+    }
+    casts[1].motion[0] = 4.0f;
+    casts[2].margin = 0.5f;
+    casts[3].pose.p[0] = -0.25;
+    casts[3].motion[0] = -1.0f;
+    casts[3].flags = DCD_QUERY_LEAVE;
+    casts[4].shape = plank;
+    casts[4].pose.p[0] = -1.0;
+    casts[4].pose.p[1] = 2.0;
+    casts[4].motion[0] = 0.0f;
+    casts[4].turn[2] = -3.0f; /* clockwise, its right end down */
+    OK(dcd_cast_shapes(world, casts, 5, NULL, hits));
+    HOLDS(hits[0].body.v == row[WALL].v && hits[0].user_data == 100 && hits[0].flags == 0);
+    NEAR(hits[0].fraction, 0.5, 1e-3);
+    NEAR(hits[0].point[0], -0.5, 1e-3);
+    NEAR(hits[0].normal[0], -1.0, 1e-3);
+    NEAR(hits[0].point_on_shape[0], 0.5, 1e-3);
+    NEAR(hits[0].normal_on_shape[0], 1.0, 1e-3);
+    HOLDS(hits[1].body.v == 0 && hits[1].fraction == 0.0f);
+    NEAR(hits[2].fraction, 0.45, 1e-3);
+    HOLDS(hits[3].body.v == 0);
+    casts[3].flags = 0;
+    OK(dcd_cast_shapes(world, &casts[3], 1, NULL, &hits[3]));
+    HOLDS(hits[3].body.v == row[WALL].v && hits[3].fraction == 0.0f && hits[3].flags == DCD_HIT_INSIDE);
+    HOLDS(hits[4].body.v == row[WALL].v && hits[4].fraction > 0.1f && hits[4].fraction < 0.9f);
+    casts[4].turn[2] = 0.0f;
+    OK(dcd_cast_shapes(world, &casts[4], 1, NULL, &hits[4]));
+    HOLDS(hits[4].body.v == 0);
+
+    /* What a blast reaches, what a point lies in, what a box touches. */
+    DcdOverlap found[8];
+    size_t ends[3], total = 0;
+    DcdShapeQuery blasts[2] = { DCD_SHAPE_QUERY_INIT, DCD_SHAPE_QUERY_INIT };
+    blasts[0].shape = plank;
+    blasts[0].pose.p[0] = 3.0;
+    blasts[1].shape = ball;
+    blasts[1].pose.p[1] = 4.0;
+    OK(dcd_overlap_shapes(world, blasts, 2, NULL, found, 8, ends, &total));
+    HOLDS(total == 3 && ends[0] == 3 && ends[1] == 3);
+    HOLDS(found[0].body.v == row[WALL].v && found[1].body.v == row[CRATE].v && found[2].body.v == row[GATE].v);
+    HOLDS(found[2].user_data == 102 && found[2].part == 0);
+    blasts[0].exclude = row[CRATE];
+    DcdFilter filter = DCD_FILTER_INIT;
+    filter.flags = DCD_FILTER_NO_SENSORS;
+    OK(dcd_overlap_shapes(world, blasts, 1, &filter, found, 8, ends, &total));
+    HOLDS(total == 1 && found[0].body.v == row[WALL].v);
+
+    DcdPointQuery points[2] = { DCD_POINT_QUERY_INIT, DCD_POINT_QUERY_INIT };
+    points[0].point[0] = 3.25;
+    points[1].point[0] = 4.0;
+    OK(dcd_overlap_points(world, points, 2, NULL, found, 8, ends, &total));
+    HOLDS(total == 1 && ends[0] == 1 && ends[1] == 1 && found[0].body.v == row[CRATE].v);
+    DcdBoxQuery boxes[2] = { DCD_BOX_QUERY_INIT, DCD_BOX_QUERY_INIT };
+    for (int axis = 0; axis < 3; axis++) {
+        boxes[0].min[axis] = -INFINITY;
+        boxes[0].max[axis] = INFINITY;
+        boxes[1].min[axis] = -1.0;
+        boxes[1].max[axis] = 1.0;
+    }
+    boxes[0].mask = 1u << DOOR | 1u << GATE;
+    OK(dcd_overlap_boxes(world, boxes, 2, NULL, found, 8, ends, &total));
+    HOLDS(total == 3 && ends[0] == 2 && found[0].body.v == row[GATE].v && found[1].body.v == row[DOOR].v);
+    HOLDS(found[2].body.v == row[WALL].v);
+
+    /* The nearest place: of the crate from outside and inside, none within reach. */
+    DcdPointHit nearest[2];
+    points[1].point[0] = 4.5;
+    points[1].exclude = row[GATE];
+    OK(dcd_project_points(world, points, 2, NULL, nearest));
+    HOLDS(nearest[0].body.v == row[CRATE].v && nearest[0].flags == DCD_HIT_INSIDE && nearest[0].distance == 0.0f);
+    HOLDS(nearest[1].body.v == row[CRATE].v && nearest[1].flags == 0 && nearest[1].user_data == 101);
+    NEAR(nearest[1].point[0], 3.5, 1e-4);
+    NEAR(nearest[1].distance, 1.0, 1e-4);
+    points[0].flags = DCD_QUERY_HOLLOW;
+    points[1].max_distance = 0.9f;
+    OK(dcd_project_points(world, points, 2, NULL, nearest));
+    NEAR(nearest[0].distance, 0.25, 1e-4);
+    HOLDS(nearest[0].flags == DCD_HIT_INSIDE && nearest[1].body.v == 0);
+    OK(dcd_world_destroy(world));
+}
+
 static void millimetres_count_far_out(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -1174,7 +1385,7 @@ static void millimetres_count_far_out(void)
     DcdRay ray = { { 100000.001, 5.0, 0.0 }, { 0.0f, -1.0f, 0.0f }, 10.0f, { 0 }, 0xFFFFFFFFu, 0 };
     DcdRayHit hit;
     OK(dcd_step(world));
-    OK(dcd_cast_rays(world, &ray, 1, &hit));
+    OK(dcd_cast_rays(world, &ray, 1, NULL, &hit));
     HOLDS(hit.body.v == body.v);
     NEAR(hit.point[0], 100000.001, 1e-3);
     OK(dcd_world_destroy(world));
@@ -1203,6 +1414,8 @@ int main(void)
     views_and_bulk_agree();
     threads_do_not_change_the_result();
     couplings_are_as_asked();
+    rays_meet_what_the_filter_lets_through();
+    shapes_and_points_find_bodies();
     millimetres_count_far_out();
     printf("%d checks, %d failures\n", checks, failures);
     return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;

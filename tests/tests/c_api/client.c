@@ -138,7 +138,8 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_joint_create(world, &joint, &joint_id), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_joint_set_motor(world, (DcdJointId){ 1 }, DCD_AXIS_X, NULL), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_joints(world, other, &joint_id, 1, &count), DCD_ERR_UNSUPPORTED, role);
-    FAILS(dcd_cast_rays(world, &ray, 1, &hit), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_cast_rays(world, &ray, 1, NULL, &hit), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_overlap_points(world, NULL, 0, NULL, NULL, 0, NULL, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_impulse(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_torque_impulse(world, avatar, one), DCD_ERR_UNSUPPORTED, role);

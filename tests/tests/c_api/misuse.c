@@ -636,13 +636,13 @@ static void bulk(void)
     EXPECT(dcd_state_read(world, ids, 3, 5, poses, 0, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_TARGET, poses, 0, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_FORCE, poses, 8, NULL), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_TARGET, poses, 0, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 8, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, SIZE_MAX, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, SIZE_MAX / 2, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, NULL, 0, DCD_FIELD_POSE, NULL, 0, NULL), DCD_OK);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_OK);
     EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_OK);
+    EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_TARGET, poses, 0, NULL), DCD_ERR_ARGUMENT);
     poses[0].p[0] = -1.0;
     poses[1].q[3] = NAN;
     EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_POSE, poses, sizeof poses[0], each), DCD_OK);
@@ -682,29 +682,29 @@ static void bulk(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
-static void rays(void)
+static void queries(void)
 {
     DcdWorld world = make_world(2);
     DcdBodyId body = make_body(world, make_box(world), DCD_FIXED, 0.0);
     DcdRay good = { { 0.0, 5.0, 0.0 }, { 0.0f, -2.0f, 0.0f }, 100.0f, { 0 }, 0xFFFFFFFFu, 0 }, ray;
-    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f };
+    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0 };
 
     EXPECT(dcd_step(world), DCD_OK);
-    EXPECT(dcd_cast_rays(world, NULL, 1, &hit), DCD_ERR_NULL);
-    EXPECT(dcd_cast_rays(world, &good, 1, NULL), DCD_ERR_NULL);
-    EXPECT(dcd_cast_rays(world, &good, SIZE_MAX, &hit), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_cast_rays(world, NULL, 0, NULL), DCD_OK);
+    EXPECT(dcd_cast_rays(world, NULL, 1, NULL, &hit), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays(world, &good, 1, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays(world, &good, SIZE_MAX, NULL, &hit), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_rays(world, NULL, 0, NULL, NULL), DCD_OK);
 #define BLIND(member, value, code)                                                                                    \
     ray = good;                                                                                                       \
     ray.member = value;                                                                                               \
-    EXPECT(dcd_cast_rays(world, &ray, 1, &hit), code)
+    EXPECT(dcd_cast_rays(world, &ray, 1, NULL, &hit), code)
     BLIND(origin[0], (double)NAN, DCD_ERR_ARGUMENT);
     BLIND(direction[1], 0.0f, DCD_ERR_ARGUMENT);
     BLIND(direction[0], INFINITY, DCD_ERR_ARGUMENT);
     BLIND(max_distance, 0.0f, DCD_ERR_ARGUMENT);
     BLIND(max_distance, NAN, DCD_ERR_ARGUMENT);
     BLIND(exclude, (DcdBodyId){ 77 }, DCD_ERR_STALE_ID);
-    EXPECT(dcd_cast_rays(world, &good, 1, &hit), DCD_OK);
+    EXPECT(dcd_cast_rays(world, &good, 1, NULL, &hit), DCD_OK);
     HOLDS(hit.body.v == body.v && fabsf(hit.distance - 4.5f) < 1e-4f && hit.normal[1] > 0.99f);
     BLIND(max_distance, INFINITY, DCD_OK);
     HOLDS(hit.body.v == body.v);
@@ -712,6 +712,89 @@ static void rays(void)
     HOLDS(memcmp(&hit, &nothing, sizeof hit) == 0);
     BLIND(mask, 0, DCD_OK);
     HOLDS(hit.body.v == 0);
+    BLIND(flags, DCD_QUERY_LEAVE, DCD_ERR_ARGUMENT);
+
+    DcdFilter filter = DCD_FILTER_INIT;
+    const DcdBodyId stale[2] = { body, { 77 } };
+    filter.struct_size = 0;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_STRUCT);
+    filter.struct_size = sizeof filter;
+    filter.flags = 32;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_ARGUMENT);
+    filter.flags = 0;
+    filter.exclude_count = 2;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_NULL);
+    filter.exclude = stale;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_STALE_ID);
+    filter.exclude_count = SIZE_MAX;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_ARGUMENT);
+    filter.exclude_count = 1;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_OK);
+    HOLDS(hit.body.v == 0);
+
+    size_t ends = 9, total = 9;
+    EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, &hit, 1, NULL, &total), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, NULL, 1, &ends, &total), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, &hit, 1, &ends, NULL), DCD_ERR_NULL);
+    HOLDS(ends == 9 && total == 9);
+    EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, NULL, 0, &ends, &total), DCD_ERR_SMALL_BUFFER);
+    HOLDS(ends == 9 && total == 1);
+    EXPECT(dcd_cast_rays_all(world, NULL, 0, NULL, NULL, 0, NULL, &total), DCD_OK);
+    HOLDS(total == 0);
+
+    DcdShapeId box = make_box(world), mesh;
+    const float corners[9] = { 0, 0, 0, 1, 0, 0, 0, 0, 1 };
+    const uint32_t triangle[3] = { 0, 1, 2 };
+    DcdShapeCast cast = DCD_SHAPE_CAST_INIT, fair;
+    DcdShapeHit met;
+    EXPECT(dcd_shape_mesh(world, corners, 3, triangle, 1, &mesh), DCD_OK);
+    fair = cast;
+    fair.shape = box;
+#define STUCK(member, value, code)                                                                                    \
+    cast = fair;                                                                                                      \
+    cast.member = value;                                                                                              \
+    EXPECT(dcd_cast_shapes(world, &cast, 1, NULL, &met), code)
+    STUCK(shape, NO_SHAPE, DCD_ERR_NULL);
+    STUCK(shape.v, 12345, DCD_ERR_STALE_ID);
+    STUCK(shape, mesh, DCD_ERR_ARGUMENT);
+    STUCK(pose.p[0], (double)NAN, DCD_ERR_ARGUMENT);
+    STUCK(pose.q[3], 0.0f, DCD_ERR_ARGUMENT);
+    STUCK(motion[0], INFINITY, DCD_ERR_ARGUMENT);
+    STUCK(turn[0], NAN, DCD_ERR_ARGUMENT);
+    STUCK(margin, -1.0f, DCD_ERR_ARGUMENT);
+    STUCK(flags, DCD_QUERY_HOLLOW, DCD_ERR_ARGUMENT);
+    STUCK(exclude, stale[1], DCD_ERR_STALE_ID);
+    STUCK(turn[0], 1.0f, DCD_OK);
+    cast.margin = 1.0f;
+    EXPECT(dcd_cast_shapes(world, &cast, 1, NULL, &met), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_shapes(world, &fair, 1, NULL, NULL), DCD_ERR_NULL);
+
+    DcdPointQuery point = DCD_POINT_QUERY_INIT;
+    DcdPointHit place;
+    DcdOverlap found[2];
+    EXPECT(dcd_project_points(world, &point, 1, NULL, NULL), DCD_ERR_NULL);
+    point.max_distance = -1.0f;
+    EXPECT(dcd_project_points(world, &point, 1, NULL, &place), DCD_ERR_ARGUMENT);
+    point.max_distance = NAN;
+    EXPECT(dcd_project_points(world, &point, 1, NULL, &place), DCD_ERR_ARGUMENT);
+    point.max_distance = INFINITY;
+    EXPECT(dcd_project_points(world, &point, 1, NULL, &place), DCD_OK);
+    point.flags = DCD_QUERY_HOLLOW;
+    EXPECT(dcd_overlap_points(world, &point, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
+    point.flags = 4;
+    EXPECT(dcd_project_points(world, &point, 1, NULL, &place), DCD_ERR_ARGUMENT);
+    point.flags = 0;
+    point.point[1] = (double)INFINITY;
+    EXPECT(dcd_overlap_points(world, &point, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
+    DcdShapeQuery blast = DCD_SHAPE_QUERY_INIT;
+    EXPECT(dcd_overlap_shapes(world, &blast, 1, NULL, found, 2, &ends, &total), DCD_ERR_NULL);
+    blast.shape = mesh;
+    EXPECT(dcd_overlap_shapes(world, &blast, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
+    DcdBoxQuery area = DCD_BOX_QUERY_INIT;
+    area.min[2] = 1.0;
+    EXPECT(dcd_overlap_boxes(world, &area, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
+    area.min[2] = (double)NAN;
+    EXPECT(dcd_overlap_boxes(world, &area, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
@@ -818,7 +901,7 @@ int main(void)
     bodies();
     joints();
     bulk();
-    rays();
+    queries();
     logging();
     threads();
     printf("%d checks, %d failures\n", checks, failures);

@@ -103,6 +103,85 @@ static DcdBodyDef some_body(void)
     return def;
 }
 
+/* Any query; what it finds must be numbers. */
+static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
+{
+    DcdFilter filter = DCD_FILTER_INIT;
+    size_t ends[MANY], total;
+    DcdStatus status;
+    double sum = 0.0;
+    filter.flags = dice(4) == 0 ? dice(33) : 0;
+    filter.groups = dice(4) == 0 ? dice(4) : 0;
+    filter.mask = dice(4) == 0 ? dice(4) : filter.mask;
+    filter.exclude = &bodies[dice(KEPT - MANY)];
+    filter.exclude_count = dice(4) == 0 ? dice(MANY) : 0;
+    const DcdFilter *given = dice(2) ? &filter : NULL;
+    switch (dice(5)) {
+    case 0: {
+        DcdRay rays[MANY];
+        DcdRayHit hits[8];
+        size_t cap = dice(9);
+        for (int i = 0; i < MANY; i++) {
+            rays[i] = (DcdRay)DCD_RAY_INIT;
+            rays[i].origin[1] = (double)number();
+            rays[i].direction[dice(3)] = number();
+            rays[i].direction[1] = number();
+            rays[i].max_distance = dice(2) ? 100.0f : number();
+            rays[i].exclude = dice(3) == 0 ? named : rays[i].exclude;
+            rays[i].flags = dice(3);
+        }
+        status = dice(2) ? dcd_cast_rays(world, rays, MANY, given, hits)
+                         : dcd_cast_rays_all(world, rays, MANY, given, hits, cap, ends, &total);
+        break;
+    }
+    case 1: {
+        DcdShapeCast cast = DCD_SHAPE_CAST_INIT;
+        DcdShapeHit hit;
+        cast.shape.v = handle(shape.v);
+        cast.pose = some_pose();
+        cast.motion[dice(3)] = number();
+        cast.turn[dice(3)] = dice(2) ? number() : 0.0f;
+        cast.margin = dice(3) == 0 ? number() : 0.0f;
+        cast.flags = dice(4);
+        status = dcd_cast_shapes(world, &cast, 1, given, &hit);
+        sum = status == DCD_OK ? hit.point[0] + (double)hit.fraction + (double)hit.normal[1] : 0.0;
+        break;
+    }
+    case 2: {
+        DcdPointQuery point = DCD_POINT_QUERY_INIT;
+        DcdPointHit hit;
+        DcdOverlap found[4];
+        point.point[dice(3)] = (double)number();
+        point.max_distance = dice(2) ? point.max_distance : number();
+        point.flags = dice(3);
+        if (dice(2)) {
+            return dcd_overlap_points(world, &point, 1, given, found, dice(5), ends, &total);
+        }
+        status = dcd_project_points(world, &point, 1, given, &hit);
+        sum = status == DCD_OK ? hit.point[0] + (double)hit.distance : 0.0;
+        break;
+    }
+    case 3: {
+        DcdShapeQuery query = DCD_SHAPE_QUERY_INIT;
+        DcdOverlap found[4];
+        query.shape.v = handle(shape.v);
+        query.pose = some_pose();
+        status = dcd_overlap_shapes(world, &query, 1, given, found, dice(5), ends, &total);
+        break;
+    }
+    default: {
+        DcdBoxQuery query = DCD_BOX_QUERY_INIT;
+        DcdOverlap found[4];
+        for (int i = 0; i < 3; i++) {
+            query.min[i] = (double)number() - 5.0;
+            query.max[i] = (double)number();
+        }
+        status = dcd_overlap_boxes(world, &query, 1, given, found, dice(5), ends, &total);
+    }
+    }
+    return isnan(sum) ? DCD_ERR_PANIC : status;
+}
+
 static DcdStatus play(void)
 {
     DcdWorld world = { handle(worlds[dice(WORLDS)].v) };
@@ -244,13 +323,8 @@ static DcdStatus play(void)
         return dcd_state_read(world, list, MANY, dice(6), poses, sizeof poses[0], dice(2) ? each : NULL);
     case 25:
         return dcd_state_write(world, list, MANY, dice(6), poses, sizeof poses[0], dice(2) ? each : NULL);
-    case 26: {
-        DcdRay ray = { { 0.0, 0.0, 0.0 }, { number(), number(), number() }, number(), { 0 }, 1 + dice(3), 0 };
-        DcdRayHit hit;
-        ray.origin[1] = (double)number();
-        ray.exclude = dice(3) == 0 ? named : ray.exclude;
-        return dcd_cast_rays(world, &ray, 1, &hit);
-    }
+    case 26:
+        return ask(world, named, *shape);
     case 27:
         return dcd_body_set_events(world, named, dice(2), dice(5), number());
     case 28:

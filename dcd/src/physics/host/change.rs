@@ -31,13 +31,16 @@ impl RegionHost {
     }
 
     /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.
-    /// Returns what [`RegionHost::update`] would. Immovable bodies whose shape or place changed are placed anew.
+    /// Returns what [`RegionHost::update`] would. Bodies whose shape changed, and immovable ones whose place did, are placed
+    /// anew: Rapier 0.36.1 does not forget all contacts of a compound that becomes something else.
     pub fn update_collider<R>(
         &mut self,
         id: BodyId,
         index: usize,
         mut change: impl FnMut(&mut Collider) -> R,
     ) -> Result<Option<R>, HostError> {
+        let shape_of = |body: &BodyRecord| body.traits.colliders.get(index).map(|collider| collider.shape);
+        let shape = self.record(id).as_ref().and_then(shape_of);
         let (mut result, mut reach_m) = (None, 0.0f32);
         for region in &mut self.regions {
             let Some(handle) = region.handle_of(id) else { continue };
@@ -65,7 +68,12 @@ impl RegionHost {
                     self.replace(BodyRecord { traits, ..known })?;
                 }
             }
-            None => self.partition.widen_halo(reach_m),
+            None => {
+                self.partition.widen_halo(reach_m);
+                if let Some(body) = self.record(id).filter(|body| shape_of(body) != shape) {
+                    self.replace(body)?;
+                }
+            }
         }
         Ok(result)
     }

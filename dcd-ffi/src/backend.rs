@@ -4,16 +4,16 @@
 //! compiler lists what it must answer.
 
 use dcd::net::PeerStats;
-use dcd::physics::{BodyFilter, Handover, RayHit, Region, WorldRay};
-use dcd::protocol::{Velocity, WorldEvents, WorldPose};
+use dcd::physics::{Handover, Queries, Region};
+use dcd::protocol::{BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
 
-use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
+use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType, NewBody};
 use crate::served::{Change, Served};
 use crate::status::Failure;
-use crate::view::{BodyView, RayQuery, RegionView, StateRow};
+use crate::view::{BodyView, RegionView, StateRow};
 use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
 /// A world by role.
@@ -50,7 +50,25 @@ impl Backend {
 
     /// Whether this role ties bodies together.
     pub(crate) fn check_joints(&self) -> Result<(), Failure> {
-        self.local("make, drive or destroy joints", NO_JOINTS).map(drop)
+        self.local("make, see, drive or destroy joints", NO_JOINTS).map(drop)
+    }
+
+    /// A joint of a world that is computed here.
+    pub(crate) fn joint(&self, id: JointId) -> Option<JointRecord> {
+        let Self::Local(world) = self else { return None };
+        world.joint(id)
+    }
+
+    /// The joints of a body that is computed here, oldest first.
+    pub(crate) fn joints_of(&self, id: BodyId) -> Vec<JointId> {
+        let Self::Local(world) = self else { return Vec::new() };
+        world.joints_of(id)
+    }
+
+    /// What the locked axes of a joint bear: newtons along x, y, z, newton metres about them.
+    pub(crate) fn joint_load(&self, id: JointId) -> [f32; 6] {
+        let Self::Local(world) = self else { return [0.0; 6] };
+        world.joint_load(id).unwrap_or_default()
     }
 
     /// The number of the client that this process is; 0 in a local world.
@@ -89,14 +107,21 @@ impl Backend {
         }
     }
 
-    pub(crate) fn insert(
-        &mut self,
-        pose: WorldPose,
-        body: RigidBodyBuilder,
-        collider: ColliderBuilder,
-    ) -> Result<BodyId, Failure> {
+    pub(crate) fn insert(&mut self, body: NewBody) -> Result<BodyId, Failure> {
+        let NewBody { pose, body, collider, properties } = body;
+        let has_own_sleep = properties.sleep() != USUAL_SLEEP;
         match self {
-            Self::Local(world) => Ok(world.insert_at(pose, body, vec![collider])?),
+            Self::Local(world) => {
+                let id = world.insert_at(pose, body, vec![collider])?;
+                if has_own_sleep {
+                    world.update(id, |body| properties.set_thresholds(body))?;
+                }
+                Ok(id)
+            }
+            Self::Served(world) if has_own_sleep => Err(world.unsupported(
+                "set when its avatars fall asleep",
+                "leave sleep_linear, sleep_angular and sleep_after as DCD_BODY_DEF_INIT has them",
+            )),
             Self::Served(world) => world.spawn(pose, &body, collider),
         }
     }
@@ -133,6 +158,14 @@ impl Backend {
         match self {
             Self::Local(world) => world.body(id).map(|body| body.user_data as u64),
             Self::Served(world) => world.user_data(id),
+        }
+    }
+
+    /// A body with all that is known of it.
+    pub(crate) fn record(&self, id: BodyId) -> Option<BodyRecord> {
+        match self {
+            Self::Local(world) => world.host().record(id),
+            Self::Served(world) => world.record(id),
         }
     }
 
@@ -195,10 +228,18 @@ impl Backend {
         }
     }
 
+    pub(crate) fn set_target(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Failure> {
+        Ok(self.local_mut(CHANGE_BODY, NO_CHANGE)?.set_next_pose(id, pose)?)
+    }
+
+    /// Whether this role changes bodies other than by driving them.
+    pub(crate) fn check_changes(&self) -> Result<(), Failure> {
+        self.local(CHANGE_BODY, NO_CHANGE).map(drop)
+    }
+
     /// Changes a body by Rapier's setters, in every copy.
     pub(crate) fn update(&mut self, id: BodyId, change: impl FnMut(&mut RigidBody)) -> Result<(), Failure> {
-        let instead = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
-        Ok(self.local_mut("change a body in place", instead)?.update(id, change)?)
+        Ok(self.local_mut(CHANGE_BODY, NO_CHANGE)?.update(id, change)?)
     }
 
     /// How many colliders a body has; 0 where it is not computed.
@@ -217,6 +258,16 @@ impl Backend {
         change: impl FnMut(&mut Collider),
     ) -> Result<(), Failure> {
         Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.update_collider(id, part, change)?)
+    }
+
+    /// Gives a body one more collider, the last.
+    pub(crate) fn insert_collider(&mut self, id: BodyId, collider: ColliderBuilder) -> Result<(), Failure> {
+        Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.insert_collider(id, collider)?)
+    }
+
+    /// Takes a collider from a body.
+    pub(crate) fn remove_collider(&mut self, id: BodyId, part: usize) -> Result<(), Failure> {
+        Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.remove_collider(id, part)?)
     }
 
     /// Whether this role changes surfaces of bodies.
@@ -357,31 +408,40 @@ impl Backend {
         }
     }
 
-    /// The first body that a ray meets and does not overlook.
-    pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Result<Option<RayHit>, Failure> {
+    /// What there is to ask about the bodies computed here.
+    pub(crate) fn queries(&self) -> Result<Queries<'_>, Failure> {
         let instead =
             "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
-        let mask = Group::from_bits_retain(ray.mask);
-        // Only memberships count: a ray belongs to no group that a collider could refuse to meet.
-        let member = |_, collider: &Collider| collider.collision_groups().memberships.intersects(mask);
-        let filter = BodyFilter {
-            exclude_bodies: ray.exclude.as_slice(),
-            predicate: Some(&member),
-            ..BodyFilter::default()
-        };
-        let straight = WorldRay::new(ray.origin, ray.direction).up_to(f64::from(ray.max_m));
-        let world = self.local("cast rays", instead)?;
-        world.queries().cast_ray(&straight, &filter).map_err(|error| Failure::argument(error.to_string()))
+        Ok(self.local("ask by rays, shapes and points", instead)?.queries())
     }
 }
 
+const CHANGE_BODY: &str = "change a body in place";
+const NO_CHANGE: &str = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
 const NO_SURFACE: &str = "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene";
 const NO_JOINTS: &str = "joints belong to the scene that the server was given";
 
+/// Rapier's thresholds of sleep: m/s, rad/s, seconds.
+const USUAL_SLEEP: [f32; 3] = [0.05, 0.5, 0.5];
+
 fn kind_of(body: &RigidBody) -> DcdBodyType {
-    match (body.is_fixed(), body.is_dynamic()) {
-        (true, _) => DCD_FIXED,
-        (false, true) => DCD_DYNAMIC,
-        (false, false) => DCD_KINEMATIC,
+    match body.body_type() {
+        RigidBodyType::Fixed => DCD_FIXED,
+        RigidBodyType::Dynamic | RigidBodyType::SoftFrame => DCD_DYNAMIC,
+        RigidBodyType::KinematicVelocityBased => DCD_KINEMATIC,
+        RigidBodyType::KinematicPositionBased => DCD_KINEMATIC_POSE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn usual_sleep_is_rapiers() {
+        let usual = RigidBodyActivation::default();
+        let [linear, angular, after] = USUAL_SLEEP;
+        assert_eq!((linear, angular), (usual.normalized_linear_threshold, usual.angular_threshold));
+        assert_eq!(after, usual.time_until_sleep);
     }
 }

@@ -10,7 +10,7 @@ use dcd::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::backend::Backend;
 use crate::body::DcdBodyId;
 use crate::guard::guard;
-use crate::pointer::{self, Out, Sized32};
+use crate::pointer::{self, Out, Room, Sized32};
 use crate::served::Served;
 use crate::status::{DCD_ERR_NETWORK, DcdStatus, Failure};
 use crate::world::{self, DcdWorld, with};
@@ -136,19 +136,11 @@ pub unsafe extern "C" fn dcd_own_avatars(
     count: *mut usize,
 ) -> DcdStatus {
     guard("dcd_own_avatars", || {
-        // SAFETY: the caller vouches for the pointer.
-        let count = unsafe { Out::new(count, "count")? };
-        if cap > 0 {
-            pointer::check(out, "out")?;
-        }
+        // SAFETY: the caller vouches for `cap` entries and for `count`.
+        let out = unsafe { Room::new(out, cap, count, "out")? };
         with(world, |world| {
             let avatars = world.backend.own_avatars();
-            pointer::fits(avatars.len(), cap, count, "out")?;
-            for (i, id) in avatars.into_iter().enumerate() {
-                // SAFETY: not null, aligned, and `cap` entries are enough.
-                unsafe { out.add(i).write(world.mark.body(id)) };
-            }
-            Ok(())
+            out.fill(avatars.into_iter().map(|id| world.mark.body(id)))
         })
     })
 }

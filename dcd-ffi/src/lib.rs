@@ -40,7 +40,9 @@ pub mod motion;
 
 pub mod push;
 
-pub mod surface;
+pub mod properties;
+
+pub mod part;
 
 pub mod joint;
 

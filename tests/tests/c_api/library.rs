@@ -45,6 +45,6 @@ fn the_list_of_native_libraries_is_the_compilers_own() {
 
     let makefile = std::fs::read_to_string(root().join("examples-c/Makefile")).unwrap();
     assert!(makefile.contains(&NATIVE_LIBS.join(" ")));
-    let cmake = std::fs::read_to_string(root().join("examples-c/CMakeLists.txt")).unwrap();
+    let cmake = std::fs::read_to_string(root().join("dcd-ffi/CMakeLists.txt")).unwrap();
     assert!(cmake.contains(&NATIVE_LIBS.map(|library| &library[2..]).join(" ")));
 }

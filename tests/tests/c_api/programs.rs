@@ -119,18 +119,3 @@ fn the_makefile_builds_the_examples() {
     run_well(&mut make);
     assert!(run_well(&mut Command::new(dir.path().join("made/hello"))).contains("box 4"));
 }
-
-#[test]
-fn cmake_builds_the_examples() {
-    if !is_installed("cmake") {
-        eprintln!("cmake is not installed: nothing checked");
-        return;
-    }
-    let dir = tempfile::tempdir().unwrap();
-    let library = crate::toolchain::library_dir().join("libdcd_ffi.a");
-    let mut configure = Command::new("cmake");
-    configure.arg("-S").arg(root().join("examples-c")).arg("-B").arg(dir.path());
-    run_well(configure.arg(format!("-DDCD_LIBRARY={}", library.display())));
-    run_well(Command::new("cmake").arg("--build").arg(dir.path()));
-    assert!(run_well(&mut Command::new(dir.path().join("hello"))).contains("box 4"));
-}

@@ -1,28 +1,17 @@
-/* As little as shows that the library was found, linked and works: a ball falls for a second. */
-#include <dcd.h>
+/* The same in C++, with the C++ header. */
+#include <dcd.hpp>
 
-#include <stdio.h>
+#include <cstdio>
 
-int main(void)
+int main()
 {
-    DcdWorldDef def = DCD_WORLD_DEF_INIT;
-    DcdBodyDef ball = DCD_BODY_DEF_INIT;
-    DcdPose pose;
-    DcdWorld world;
-    DcdBodyId id;
-
-    bool good = dcd_version_check() == DCD_OK && dcd_world_create(&def, &world) == DCD_OK &&
-                dcd_shape_sphere(world, 0.5f, &ball.shape) == DCD_OK && dcd_body_create(world, &ball, &id) == DCD_OK;
-    for (int i = 0; good && i < 60; i++) {
-        good = dcd_step(world) == DCD_OK;
+    dcd::version_check().expect();
+    dcd::World world = *dcd::World::create();
+    dcd::BodyDef ball;
+    ball.shape = *world.shape_sphere(0.5f);
+    const dcd::BodyId id = *world.body_create(ball);
+    for (int i = 0; i < 60; i++) {
+        world.step().expect();
     }
-    good = good && dcd_body_get(world, id, &pose, NULL) == DCD_OK && dcd_world_destroy(world) == DCD_OK;
-    if (!good) {
-        char message[512];
-        dcd_last_error(message, sizeof message);
-        fprintf(stderr, "%s\n", message);
-        return 1;
-    }
-    printf("dcd %s, fell to %.1f m\n", dcd_version_string(), pose.p[1]);
-    return 0;
+    std::printf("dcd %s, fell to %.1f m\n", dcd::version_string(), world.body_get(id)->pose.p[1]);
 }

@@ -5,22 +5,25 @@ use std::process::Command;
 
 use crate::toolchain::{NATIVE_LIBS, library_dir, root, run, run_well};
 
+/// The functions that `dcd.h` declares.
+pub(crate) fn declared() -> BTreeSet<String> {
+    let header = std::fs::read_to_string(root().join("include/dcd.h")).unwrap();
+    // A declaration has DCD_API before it, on its line or the one above.
+    let name = |rest: &str| {
+        let head = rest.split('(').next()?;
+        Some(head.split(|c: char| !(c.is_alphanumeric() || c == '_')).next_back()?.to_owned())
+    };
+    header.split("DCD_API").skip(1).filter_map(name).filter(|name| name.starts_with("dcd_")).collect()
+}
+
 #[test]
 fn the_shared_library_exports_what_the_header_declares_and_nothing_else() {
     let shared = library_dir().join("libdcd_ffi.so");
     let symbols =
         run_well(Command::new("nm").args(["--dynamic", "--defined-only", "--format=posix"]).arg(shared));
-    let exported: BTreeSet<&str> = symbols.lines().filter_map(|line| line.split(' ').next()).collect();
-    let header = std::fs::read_to_string(root().join("include/dcd.h")).unwrap();
-    // A declaration has DCD_API before it, on its line or the one above.
-    let declared: BTreeSet<&str> = header
-        .split("DCD_API")
-        .skip(1)
-        .filter_map(|rest| {
-            rest.split('(').next()?.split(|c: char| !(c.is_alphanumeric() || c == '_')).next_back()
-        })
-        .filter(|name| name.starts_with("dcd_"))
-        .collect();
+    let exported: BTreeSet<String> =
+        symbols.lines().filter_map(|line| Some(line.split(' ').next()?.to_owned())).collect();
+    let declared = declared();
     assert!(declared.len() > 40, "{declared:?}");
     assert_eq!(exported, declared);
 }

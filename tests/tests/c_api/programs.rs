@@ -1,9 +1,9 @@
 //! The examples say what they should, and misuse gets its codes: bare, under the sanitizers, and under valgrind.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::toolchain::{build, is_installed, root, run_well};
+use crate::toolchain::{STRICT, build, compiler, is_installed, root, run_well};
 
 fn example(name: &str) -> PathBuf {
     root().join("examples-c").join(name)
@@ -68,9 +68,29 @@ fn misuse_gets_its_documented_codes() {
     run_checker("misuse.c");
 }
 
+/// `wrapper.cpp`, which goes without exceptions, with `throwing.cpp` in the same program.
+fn build_wrapper(out: &Path, flags: &[&str]) -> PathBuf {
+    let thrower = out.join("throwing.o");
+    let mut cxx = compiler("CXX", "c++");
+    cxx.arg("-std=c++17").args(STRICT).args(flags).arg("-c").arg(checker("throwing.cpp"));
+    run_well(cxx.arg("-o").arg(&thrower));
+    let thrower = thrower.display().to_string();
+    build(&checker("wrapper.cpp"), out, &[&["-fno-exceptions", &thrower], flags].concat())
+}
+
+#[test]
+fn the_cpp_header_does_what_it_says() {
+    for dialect in ["-std=c++17", "-std=c++20"] {
+        let dir = tempfile::tempdir().unwrap();
+        let said = run_well(&mut Command::new(build_wrapper(dir.path(), &[dialect])));
+        assert!(said.contains(" checks, 0 failures"), "{said}");
+    }
+}
+
 #[test]
 fn sanitizers_find_nothing_in_the_programs() {
     let dir = tempfile::tempdir().unwrap();
+    run_well(&mut Command::new(build_wrapper(dir.path(), &SANITIZED)));
     for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c"), example("game_loop.c")] {
         run_well(&mut Command::new(build(&source, dir.path(), &SANITIZED)));
     }

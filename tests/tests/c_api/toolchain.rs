@@ -69,15 +69,24 @@ pub(crate) fn compiler(variable: &str, default: &str) -> Command {
     compiler
 }
 
-/// Compiles a C program and links it to the static library. Returns the program.
+/// What every C and C++ program of ours compiles with.
+pub(crate) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-pedantic", "-Werror"];
+
+/// Compiles a C or C++ program and links it to the static library. Returns the program.
 pub(crate) fn build(source: &Path, out: &Path, flags: &[&str]) -> PathBuf {
     let program = out.join(source.file_stem().expect("a source has a name"));
-    let mut cc = compiler("CC", "cc");
-    cc.args(["-std=c11", "-g", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wstrict-prototypes"])
-        .args(flags);
-    cc.arg(source).arg(library_dir().join("libdcd_ffi.a")).args(NATIVE_LIBS).arg("-o").arg(&program);
-    let output = cc.output().expect("the C compiler runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut compiler = if source.extension() == Some(OsStr::new("cpp")) {
+        let mut cxx = compiler("CXX", "c++");
+        cxx.arg("-std=c++17");
+        cxx
+    } else {
+        let mut cc = compiler("CC", "cc");
+        cc.args(["-std=c11", "-Wstrict-prototypes"]);
+        cc
+    };
+    compiler.arg("-g").args(STRICT).args(flags).arg(source);
+    compiler.arg(library_dir().join("libdcd_ffi.a")).args(NATIVE_LIBS).arg("-o").arg(&program);
+    run_well(&mut compiler);
     program
 }
 

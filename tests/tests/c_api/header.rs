@@ -1,9 +1,10 @@
 //! The headers compile by themselves, twice in a row, in C and C++, without a warning.
 
 use std::fs;
+use std::process::Command;
 
 use crate::library::declared;
-use crate::toolchain::{STRICT, compiler, root, run_well};
+use crate::toolchain::{STRICT, compiler, is_installed, root, run_well};
 
 /// Uses every macro, so that none is only a comment.
 const EVERY_INIT: &str = "
@@ -69,5 +70,22 @@ fn the_cpp_header_has_every_function_of_the_c_header() {
     let wrapper = fs::read_to_string(root().join("include/dcd.hpp")).unwrap();
     for function in declared() {
         assert!(wrapper.contains(&format!("{function}(")), "{function} is missing in dcd.hpp");
+    }
+}
+
+#[test]
+fn the_manual_builds_without_a_warning() {
+    if !is_installed("doxygen") {
+        eprintln!("doxygen is not installed: nothing checked");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let mut settings = fs::read_to_string(root().join("dcd-ffi/Doxyfile")).unwrap();
+    settings += &format!("OUTPUT_DIRECTORY = {}\n", dir.path().display());
+    fs::write(dir.path().join("Doxyfile"), settings).unwrap();
+    run_well(Command::new("doxygen").arg(dir.path().join("Doxyfile")).current_dir(root()));
+    let manual = fs::read_to_string(dir.path().join("html/dcd_8h.html")).unwrap();
+    for function in declared() {
+        assert!(manual.contains(&format!(">{function}()</h2>")), "{function} is missing in the manual");
     }
 }

@@ -5,15 +5,21 @@ use std::process::Command;
 
 use crate::toolchain::{NATIVE_LIBS, library_dir, root, run, run_well};
 
-/// The functions that `dcd.h` declares.
+/// The functions that a header declares, each up to its semicolon.
+pub(crate) fn declarations(header: &str) -> Vec<&str> {
+    // What is said of DCD_API itself stands before the first of them, among directives.
+    let heads = header.split("DCD_API").skip(1).filter_map(|rest| rest.split(';').next());
+    heads.map(str::trim).filter(|head| !head.contains('#')).collect()
+}
+
+/// The names of the functions that `dcd.h` declares.
 pub(crate) fn declared() -> BTreeSet<String> {
     let header = std::fs::read_to_string(root().join("include/dcd.h")).unwrap();
-    // A declaration has DCD_API before it, on its line or the one above.
-    let name = |rest: &str| {
-        let head = rest.split('(').next()?;
-        Some(head.split(|c: char| !(c.is_alphanumeric() || c == '_')).next_back()?.to_owned())
+    let name = |head: &str| {
+        let before = head.split('(').next()?;
+        Some(before.split(|c: char| !(c.is_alphanumeric() || c == '_')).next_back()?.to_owned())
     };
-    header.split("DCD_API").skip(1).filter_map(name).filter(|name| name.starts_with("dcd_")).collect()
+    declarations(&header).into_iter().filter_map(name).collect()
 }
 
 #[test]

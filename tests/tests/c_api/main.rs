@@ -1,5 +1,7 @@
-//! The C API from C: the header in every dialect, the examples, misuse, the exported symbols, the package.
+//! The C API from C: the header in every dialect, the examples, misuse, the exported symbols, the package, what older
+//! programs find changed.
 
+mod abi;
 mod header;
 mod library;
 mod packaging;

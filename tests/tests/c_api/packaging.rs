@@ -1,5 +1,7 @@
-//! dcd as others get it: installed into a prefix, found there by CMake, by pkg-config and by hand, or built along with them.
+//! dcd as others get it: installed into a prefix, found there by CMake, by pkg-config and by hand, or built along with them;
+//! and the page that says how, word for word.
 
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
@@ -8,14 +10,20 @@ use crate::toolchain::{NATIVE_LIBS, forget_cargo, is_installed, library_dir, pro
 /// What the consumer's game says, in either language.
 const SAID: &str = "dcd 0.1.0, fell to -4.9 m\n";
 
-/// Has CMake ask cargo for the library that the other tests use, so that nothing is compiled twice, and builds all.
-fn cmake_build(source: &str, build: &Path, flags: &[&str]) {
+/// What makes CMake ask cargo for the library that the other tests use, so that nothing is compiled twice.
+fn of_this_test() -> [String; 3] {
     let target = library_dir().parent().expect("profiles lie in the target directory");
+    [
+        format!("-DDCD_CARGO_PROFILE={}", profile()),
+        "-DDCD_CARGO_FLAGS=--quiet;--package;dcd-tests".to_owned(),
+        format!("-DDCD_CARGO_TARGET_DIR={}", target.display()),
+    ]
+}
+
+/// Configures a project of ours and builds all of it.
+fn cmake_build(source: &str, build: &Path, flags: &[&str]) {
     let mut configure = Command::new("cmake");
-    configure.arg("-S").arg(root().join(source)).arg("-B").arg(build).args(flags);
-    configure.arg(format!("-DDCD_CARGO_PROFILE={}", profile()));
-    configure.arg("-DDCD_CARGO_FLAGS=--quiet;--package;dcd-tests");
-    configure.arg(format!("-DDCD_CARGO_TARGET_DIR={}", target.display()));
+    configure.arg("-S").arg(root().join(source)).arg("-B").arg(build).args(flags).args(of_this_test());
     run_well(&mut configure);
     run_well(forget_cargo(Command::new("cmake").arg("--build").arg(build)));
 }
@@ -111,4 +119,58 @@ fn cmake_builds_the_examples() {
     let build = tempfile::tempdir().unwrap();
     cmake_build("examples-c", build.path(), &[]);
     assert!(run_well(&mut Command::new(build.path().join("hello"))).contains("box 4"));
+}
+
+/// The commands of a section of a page, as one script.
+fn commands(page: &str, section: &str) -> String {
+    let page = std::fs::read_to_string(root().join(page)).unwrap();
+    let section =
+        page.split("\n## ").find(|part| part.starts_with(section)).expect("the page has the section");
+    let blocks =
+        section.split("```sh\n").skip(1).map(|block| block.split("```").next().expect("a block ends"));
+    blocks.collect()
+}
+
+/// A stand-in for a tool.
+fn stand_in(bin: &Path, tool: &str, script: &str) {
+    let path = bin.join(tool);
+    std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+#[test]
+fn the_page_from_zero_to_a_linked_engine_does_what_it_says() {
+    if !is_installed("cmake") || !is_installed("pkg-config") {
+        eprintln!("cmake or pkg-config is not installed: nothing checked");
+        return;
+    }
+    let home = tempfile::tempdir().unwrap();
+    let bin = home.path().join("bin");
+    std::fs::create_dir_all(home.path().join(".cargo")).unwrap();
+    std::fs::write(home.path().join(".cargo/env"), "").unwrap();
+    std::fs::create_dir(&bin).unwrap();
+    // Others do what needs root, the network or many minutes.
+    stand_in(&bin, "sudo", "exit 0");
+    stand_in(&bin, "curl", "exit 0");
+    let root = root();
+    let clone = format!("mkdir dcd && ln -s {0}/[!t]* {0}/tests dcd", root.display());
+    stand_in(&bin, "git", &clone);
+    let cargo = std::env::var("CARGO").unwrap();
+    stand_in(&bin, "cargo", &format!("[ \"$1\" = install ] || exec {cargo} \"$@\""));
+    let flags = of_this_test().map(|flag| format!("'{flag}'")).join(" ");
+    let cmake = run_well(Command::new("sh").args(["-c", "command -v cmake"]));
+    let cmake = cmake.trim();
+    stand_in(&bin, "cmake", &format!("[ \"$2\" = dcd-ffi ] && set -- \"$@\" {flags}\nexec {cmake} \"$@\""));
+    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_dcd-under-test"), bin.join("dcd")).unwrap();
+
+    // A port that nobody else has.
+    let listen = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let script = commands("examples-c/README.md", "From zero").replace("127.0.0.1:7420", &listen);
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let mut shell = Command::new("bash");
+    shell.args(["-euo", "pipefail", "-c", &script]).env("HOME", home.path()).env("PATH", path);
+    let said = run_well(forget_cargo(&mut shell));
+    assert!(said.contains("after a step the ball is at -0.00"), "{said}");
+    assert!(said.contains(" bodies after 1"), "{said}");
+    assert!(said.contains("300 frames, 249 steps, "), "{said}");
 }

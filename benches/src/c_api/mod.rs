@@ -83,14 +83,13 @@ impl CApi {
         let work = std::env::temp_dir().join(format!("dcd-benches-c-api-{}", std::process::id()));
         std::fs::create_dir_all(&work)?;
         let library = library()?;
-        let calls = compile(&library, &root().join("benches/src/c_api/calls.c"), &work)?;
-        let said = |arguments: &[&str]| figures(Command::new(&calls).args(arguments));
+        let calls = Calls(compile(&library, &root().join("benches/src/c_api/calls.c"), &work)?);
 
         let mut rows = Vec::new();
-        let read = said(&["read", &bodies.to_string(), &repeats.to_string()])?;
+        let read = calls.said(&["read", &bodies.to_string(), &repeats.to_string()])?;
         rows.push(Row::new("a pose through the view, of all bodies", read["view_ns"], "ns a body", 2.0));
         rows.push(Row::new("a pose by a list of ids, of all bodies", read["read_ns"], "ns a body", None));
-        let few = said(&["read", &STEPPED.to_string(), &(100 * repeats).to_string()])?;
+        let few = calls.said(&["read", &STEPPED.to_string(), &(100 * repeats).to_string()])?;
         rows.push(Row::new("dcd_body_get, of 1,000 bodies", few["get_ns"], "ns a body", 25.0));
         rows.push(Row::new("dcd_body_get, of all bodies", read["get_ns"], "ns a body", None));
 
@@ -98,14 +97,14 @@ impl CApi {
         let (mut rust, mut c, mut viewed) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
         for _ in 0..rounds {
             rust = rust.min(rust_step_ms(steps)?);
-            let from_c = said(&["step", &STEPPED.to_string(), &steps.to_string()])?;
+            let from_c = calls.said(&["step", &STEPPED.to_string(), &steps.to_string()])?;
             (c, viewed) = (c.min(from_c["step_ms"]), viewed.min(from_c["viewed_step_ms"]));
         }
         let added = |c: f64| 100.0 * (c / rust - 1.0);
         rows.push(Row::new("what dcd_step adds to a step of 1,000 bodies", added(c), "%", 1.0));
         rows.push(Row::new("the same with the view", added(viewed), "%", None));
 
-        let joined = join_ms(&said, joins, &work)?;
+        let joined = join_ms(&calls, joins, &work)?;
         rows.push(Row::new("from dcd_client_connect to the first state", joined, "ms", 50.0));
 
         let game = compile(&library, &root().join("examples-c/game_loop.c"), &work)?;
@@ -149,18 +148,23 @@ fn compile(library: &Path, source: &Path, out: &Path) -> Result<PathBuf, Box<dyn
     Ok(program)
 }
 
-/// What a program says: a name and a number a line.
-fn figures(command: &mut Command) -> Result<BTreeMap<String, f64>, Box<dyn Error>> {
-    let output = command.stderr(Stdio::inherit()).output()?;
-    if !output.status.success() {
-        return Err(format!("{command:?} ends with {}", output.status).into());
+/// The program that `calls.c` becomes.
+struct Calls(PathBuf);
+
+impl Calls {
+    /// What it says: a name and a number a line.
+    fn said(&self, arguments: &[&str]) -> Result<BTreeMap<String, f64>, Box<dyn Error>> {
+        let output = Command::new(&self.0).args(arguments).stderr(Stdio::inherit()).output()?;
+        if !output.status.success() {
+            return Err(format!("calls {arguments:?} ends with {}", output.status).into());
+        }
+        let text = String::from_utf8(output.stdout)?;
+        let figure = |line: &str| -> Result<_, Box<dyn Error>> {
+            let (name, value) = line.split_once(' ').ok_or_else(|| format!("{line} is no figure"))?;
+            Ok((name.to_owned(), value.parse()?))
+        };
+        text.lines().map(figure).collect()
     }
-    let text = String::from_utf8(output.stdout)?;
-    let figure = |line: &str| -> Result<_, Box<dyn Error>> {
-        let (name, value) = line.split_once(' ').ok_or_else(|| format!("{line} is no figure"))?;
-        Ok((name.to_owned(), value.parse()?))
-    };
-    text.lines().map(figure).collect()
 }
 
 /// The scene that `calls.c` steps.
@@ -178,11 +182,7 @@ fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
 }
 
 /// The median of several clients that join a world on this machine, one after the other.
-fn join_ms(
-    said: &dyn Fn(&[&str]) -> Result<BTreeMap<String, f64>, Box<dyn Error>>,
-    joins: usize,
-    work: &Path,
-) -> Result<f64, Box<dyn Error>> {
+fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Error>> {
     let scene = pile()?;
     let server = ServerProcess::start(
         &scene,
@@ -204,7 +204,7 @@ fn join_ms(
     // The first waits for the node to begin, and does not count.
     for _ in 0..joins + 1 {
         let token = server.token(Role::Client, LIMIT)?;
-        times.push(said(&["connect", &server.address.to_string(), &token])?["connect_ms"]);
+        times.push(calls.said(&["connect", &server.address.to_string(), &token])?["connect_ms"]);
     }
     server.stop();
     node.finish()?;

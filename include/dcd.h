@@ -7,7 +7,9 @@
  * that belongs to another world, gives DCD_ERR_STALE_ID, for ever; a null one gives DCD_ERR_NULL.
  *
  * Structs. Those that begin with struct_size may grow in later versions. Start from their _INIT macro:
+ *
  *     DcdBodyDef def = DCD_BODY_DEF_INIT;
+ *
  * Members named reserved are 0. Values outside their range are DCD_ERR_ARGUMENT.
  *
  * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set). They

@@ -1,10 +1,10 @@
-//! `include/dcd.h` compiles by itself, twice in a row, in C and C++, without a warning.
+//! The headers compile by themselves, twice in a row, in C and C++, without a warning.
 
 use std::fs;
+use std::process::Command;
 
-use crate::toolchain::compiler;
-
-const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-pedantic", "-Werror"];
+use crate::library::declared;
+use crate::toolchain::{STRICT, compiler, is_installed, root, run_well};
 
 /// Uses every macro, so that none is only a comment.
 const EVERY_INIT: &str = "
@@ -48,8 +48,7 @@ fn compiles(variable: &str, default: &str, name: &str, source: &str, flags: &[&s
     let path = dir.path().join(name);
     fs::write(&path, source).unwrap();
     let mut command = compiler(variable, default);
-    let output = command.args(STRICT).args(flags).arg("-fsyntax-only").arg(&path).output().unwrap();
-    assert!(output.status.success(), "{flags:?}: {}", String::from_utf8_lossy(&output.stderr));
+    run_well(command.args(STRICT).args(flags).arg("-fsyntax-only").arg(&path));
 }
 
 #[test]
@@ -65,4 +64,40 @@ fn the_header_compiles_alone_and_twice_as_c() {
 fn the_header_compiles_alone_and_twice_as_cpp() {
     compiles("CXX", "c++", "alone.cpp", "#include \"dcd.h\"\n", &["-std=c++17"]);
     compiles("CXX", "c++", "twice.cpp", EVERY_INIT, &["-std=c++17"]);
+}
+
+#[test]
+fn the_cpp_header_compiles_alone_and_twice_with_and_without_exceptions() {
+    for dialect in ["-std=c++17", "-std=c++20"] {
+        for flag in ["-fno-exceptions", "-DDCD_EXCEPTIONS"] {
+            let source = "#include \"dcd.hpp\"\n";
+            compiles("CXX", "c++", "alone.cpp", source, &[dialect, flag]);
+            compiles("CXX", "c++", "twice.cpp", &source.repeat(2), &[dialect, flag]);
+        }
+    }
+}
+
+#[test]
+fn the_cpp_header_has_every_function_of_the_c_header() {
+    let wrapper = fs::read_to_string(root().join("include/dcd.hpp")).unwrap();
+    for function in declared() {
+        assert!(wrapper.contains(&format!("{function}(")), "{function} is missing in dcd.hpp");
+    }
+}
+
+#[test]
+fn the_manual_builds_without_a_warning() {
+    if !is_installed("doxygen") {
+        eprintln!("doxygen is not installed: nothing checked");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let mut settings = fs::read_to_string(root().join("dcd-ffi/Doxyfile")).unwrap();
+    settings += &format!("OUTPUT_DIRECTORY = {}\n", dir.path().display());
+    fs::write(dir.path().join("Doxyfile"), settings).unwrap();
+    run_well(Command::new("doxygen").arg(dir.path().join("Doxyfile")).current_dir(root()));
+    let manual = fs::read_to_string(dir.path().join("html/dcd_8h.html")).unwrap();
+    for function in declared() {
+        assert!(manual.contains(&format!(">{function}()</h2>")), "{function} is missing in the manual");
+    }
 }

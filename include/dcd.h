@@ -57,6 +57,12 @@
 // Every coordinate in world space lies within plus and minus this, metres.
 #define DCD_MAX_COORDINATE 1.0e9
 
+// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
+#define DCD_SERVER_FRESH 1
+
+// In DcdServerDef.flags: as fast as the nodes can, rather than in real time.
+#define DCD_SERVER_UNPACED 2
+
 // Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
 #define DCD_MIN_SIZE 1.0e-4
 
@@ -296,15 +302,15 @@ typedef uint32_t DcdRole;
 typedef struct DcdWorldInfo {
     // sizeof(DcdWorldInfo).
     uint32_t struct_size;
-    // DCD_ROLE_LOCAL, _CLIENT or _PARTICIPANT.
+    // DCD_ROLE_LOCAL, _CLIENT, _PARTICIPANT, _SERVER or _NODE.
     DcdRole role;
     // Steps since the world began; the newest heard of in a served world.
     uint64_t tick;
     // Your own.
     uint64_t user_data;
-    // Regions the world is cut into.
+    // Regions the world is cut into; those that this process computes, for a node.
     uint32_t regions;
-    // Length of a step, seconds.
+    // Length of a step, seconds; 0 for a node, which takes it from its server, as gravity.
     float dt;
     // m/s².
     float gravity[3];
@@ -356,6 +362,76 @@ typedef struct DcdBodyId {
     // Opaque.
     uint64_t v;
 } DcdBodyId;
+
+// How nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
+typedef struct DcdGroupDef {
+    // sizeof(DcdGroupDef).
+    uint32_t struct_size;
+    // Nodes run ahead of one another by at most so many ticks, and extrapolate, 0 to 60; 0: they keep in step. Else the
+    // coupling must be DCD_COUPLING_OWNER.
+    uint32_t lag_ticks;
+    // Nodes share a group whose round trips are below this, milliseconds; 0: all that reach each other share one.
+    float near_ms;
+    // Members above this round trip are voted out of their group, milliseconds; above near_ms, and 0 where that is 0.
+    float far_ms;
+    // How far a body may be from where the group that is believed about it has it, metres, above 0.
+    float agree;
+    // Nodes in a group at most, 1 to 1024.
+    uint32_t size;
+} DcdGroupDef;
+
+// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `scene` and `data_path`.
+typedef struct DcdServerDef {
+    // sizeof(DcdServerDef).
+    uint32_t struct_size;
+    // Nodes to wait for before the first tick, 1 to 1024.
+    uint32_t nodes;
+    // A scene of the library, or the path of a scene file, as in dcd_world_open_scene.
+    const char *scene;
+    // Texts "name=value" that change parameters of the scene, or null.
+    const char *const *params;
+    // How many.
+    size_t param_count;
+    // How the world is cut and coupled, or null; what counts of it is what counts in dcd_world_open_scene.
+    const DcdWorldDef *world;
+    // How nodes form groups, or null for DCD_GROUP_DEF_INIT.
+    const DcdGroupDef *groups;
+    // Where to listen, as "127.0.0.1:7420", "0.0.0.0:7420" or "[::]:7420"; port 0 takes any free one (dcd_address).
+    const char *listen;
+    // A folder, made if need be, that keeps the server's keys, which tokens were used, and the world: a server that died
+    // goes on with it when one is made in the same way. One server a folder.
+    const char *data_path;
+    // Ends the world after this tick; 0: when it is destroyed.
+    uint64_t last_tick;
+    // The fastest that clients may move their avatars, m/s, above 0 and up to 100,000.
+    float avatar_speed;
+    // DCD_SERVER_... bits.
+    uint32_t flags;
+    // Your own; dcd_world_info gives it back.
+    uint64_t user_data;
+} DcdServerDef;
+
+// How a node joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
+typedef struct DcdNodeDef {
+    // sizeof(DcdNodeDef).
+    uint32_t struct_size;
+    // As in DcdClientDef.
+    uint32_t timeout_ms;
+    // As in DcdClientDef.
+    const char *server;
+    // What dcd_token_create or `dcd token --role node` gave; joining uses it up.
+    const char *token;
+    // As in DcdClientDef.
+    const char *identity_path;
+    // Where other nodes reach this one, as "192.0.2.7:7421", or null: any free port of the interface towards the server.
+    const char *listen;
+    // Your own; dcd_world_info gives it back.
+    uint64_t user_data;
+    // Regions computed at a time, 1 to 1024; 0 is one per core.
+    uint32_t threads;
+    // 0.
+    uint32_t reserved;
+} DcdNodeDef;
 
 // A shape of one world. 0 is null.
 typedef struct DcdShapeId {
@@ -1117,6 +1193,12 @@ typedef struct DcdForce {
 // Hosts avatars in it, and computes a share of it.
 #define DCD_ROLE_PARTICIPANT 2
 
+// Holds it: decides who computes what, and lets others in.
+#define DCD_ROLE_SERVER 3
+
+// Computes a share of it.
+#define DCD_ROLE_NODE 4
+
 // What the scene says, else DCD_COUPLING_AUTO.
 #define DCD_COUPLING_DEFAULT 0
 
@@ -1337,6 +1419,49 @@ DCD_API DcdStatus dcd_participant_join(const DcdParticipantDef *def, DcdWorld *o
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, size_t *count);
+
+// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
+// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
+//
+// It works on threads of the library, whether or not you call dcd_step, which only says whether all is well. Of the handle
+// count dcd_world_info, dcd_stats, dcd_address and dcd_token_create; the world is seen by joining it, also from the same
+// process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
+// leaves the world there.
+//
+// `def` and what it points to are read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
+// is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
+// the address cannot be listened on, DCD_ERR_LIMIT without threads.
+DCD_API DcdStatus dcd_server_create(const DcdServerDef *def, DcdWorld *out);
+
+// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It
+// can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
+// size with NUL. With `cap` 0 `buf` may be null, to ask for the size: 512 bytes are always enough, and asking mints none.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another role or time, DCD_ERR_SMALL_BUFFER, DCD_ERR_IO for the
+// server's folder, DCD_ERR_UNSUPPORTED for a world that is not a server.
+DCD_API
+DcdStatus dcd_token_create(DcdWorld world,
+                           DcdRole role,
+                           uint32_t valid_seconds,
+                           char *buf,
+                           size_t cap,
+                           size_t *needed);
+
+// Says where a server or a node listens, as "127.0.0.1:7420": into `buf` of `cap` bytes with a NUL; `needed` receives the size
+// with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
+// DCD_ERR_UNSUPPORTED for a world of another role.
+DCD_API DcdStatus dcd_address(DcdWorld world, char *buf, size_t cap, size_t *needed);
+
+// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
+// which only says whether all is well. Returns once the server has let it in; the share comes when the server gives it one.
+//
+// Of the handle count dcd_world_info, dcd_stats and dcd_address; dcd_participant_join is for who wants to see the world too.
+// dcd_world_destroy first hands the share to other nodes, which may take some seconds.
+// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
+DCD_API DcdStatus dcd_node_join(const DcdNodeDef *def, DcdWorld *out);
 
 // Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
 //
@@ -1720,7 +1845,7 @@ DCD_API DcdStatus dcd_step(DcdWorld world);
 // The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
 // they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
 // this one makes one step. The first call makes every later dcd_step fill the arrays, some 40 ns a body.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
 DCD_API DcdStatus dcd_state_view(DcdWorld world, DcdStateView *out);
 
 // Copies one field of `count` bodies into your memory, as it is now: that of bodies[i] goes to
@@ -1930,6 +2055,14 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 #define DCD_PARTICIPANT_DEF_INIT \
     { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0 }
 
+/* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
+#define DCD_GROUP_DEF_INIT \
+    { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
+#define DCD_SERVER_DEF_INIT \
+    { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, NULL, "127.0.0.1:0", NULL, 0, 20.0f, 0, 0 }
+#define DCD_NODE_DEF_INIT \
+    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0 }
+
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
@@ -2023,6 +2156,37 @@ DCD_ASSERT_(offsetof(DcdParticipantDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdParticipantDef, user_data) == 32);
 DCD_ASSERT_(offsetof(DcdParticipantDef, threads) == 40);
 DCD_ASSERT_(offsetof(DcdParticipantDef, reserved) == 44);
+DCD_ASSERT_(sizeof(DcdGroupDef) == 24);
+DCD_ASSERT_(offsetof(DcdGroupDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdGroupDef, lag_ticks) == 4);
+DCD_ASSERT_(offsetof(DcdGroupDef, near_ms) == 8);
+DCD_ASSERT_(offsetof(DcdGroupDef, far_ms) == 12);
+DCD_ASSERT_(offsetof(DcdGroupDef, agree) == 16);
+DCD_ASSERT_(offsetof(DcdGroupDef, size) == 20);
+DCD_ASSERT_(sizeof(DcdServerDef) == 88);
+DCD_ASSERT_(offsetof(DcdServerDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdServerDef, nodes) == 4);
+DCD_ASSERT_(offsetof(DcdServerDef, scene) == 8);
+DCD_ASSERT_(offsetof(DcdServerDef, params) == 16);
+DCD_ASSERT_(offsetof(DcdServerDef, param_count) == 24);
+DCD_ASSERT_(offsetof(DcdServerDef, world) == 32);
+DCD_ASSERT_(offsetof(DcdServerDef, groups) == 40);
+DCD_ASSERT_(offsetof(DcdServerDef, listen) == 48);
+DCD_ASSERT_(offsetof(DcdServerDef, data_path) == 56);
+DCD_ASSERT_(offsetof(DcdServerDef, last_tick) == 64);
+DCD_ASSERT_(offsetof(DcdServerDef, avatar_speed) == 72);
+DCD_ASSERT_(offsetof(DcdServerDef, flags) == 76);
+DCD_ASSERT_(offsetof(DcdServerDef, user_data) == 80);
+DCD_ASSERT_(sizeof(DcdNodeDef) == 56);
+DCD_ASSERT_(offsetof(DcdNodeDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdNodeDef, timeout_ms) == 4);
+DCD_ASSERT_(offsetof(DcdNodeDef, server) == 8);
+DCD_ASSERT_(offsetof(DcdNodeDef, token) == 16);
+DCD_ASSERT_(offsetof(DcdNodeDef, identity_path) == 24);
+DCD_ASSERT_(offsetof(DcdNodeDef, listen) == 32);
+DCD_ASSERT_(offsetof(DcdNodeDef, user_data) == 40);
+DCD_ASSERT_(offsetof(DcdNodeDef, threads) == 48);
+DCD_ASSERT_(offsetof(DcdNodeDef, reserved) == 52);
 DCD_ASSERT_(sizeof(DcdBodyDef) == 224);
 DCD_ASSERT_(offsetof(DcdBodyDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyDef, body_type) == 4);

@@ -11,8 +11,9 @@ use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
 
 use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType, NewBody};
+use crate::hosted::Hosted;
 use crate::served::{Change, Served};
-use crate::status::Failure;
+use crate::status::{DCD_ERR_UNSUPPORTED, Failure};
 use crate::view::{BodyView, RegionView, StateRow};
 use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
@@ -22,6 +23,8 @@ pub(crate) enum Backend {
     Local(Box<DcdWorld>),
     /// Computed by others, or in part by this process.
     Served(Box<Served>),
+    /// Held or computed for others.
+    Hosted(Box<Hosted>),
 }
 
 impl Backend {
@@ -30,6 +33,7 @@ impl Backend {
             Self::Local(_) => DCD_ROLE_LOCAL,
             Self::Served(world) if world.is_participant() => DCD_ROLE_PARTICIPANT,
             Self::Served(_) => DCD_ROLE_CLIENT,
+            Self::Hosted(world) => world.role(),
         }
     }
 
@@ -38,6 +42,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world),
             Self::Served(world) => Err(world.unsupported(what, instead)),
+            Self::Hosted(world) => Err(world.unsupported(what)),
         }
     }
 
@@ -45,6 +50,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world),
             Self::Served(world) => Err(world.unsupported(what, instead)),
+            Self::Hosted(world) => Err(world.unsupported(what)),
         }
     }
 
@@ -76,6 +82,7 @@ impl Backend {
         match self {
             Self::Local(_) => 0,
             Self::Served(world) => world.client(),
+            Self::Hosted(_) => 0,
         }
     }
 
@@ -83,6 +90,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.host().settings().dt_s,
             Self::Served(world) => world.environment().dt_s,
+            Self::Hosted(world) => world.dt_s,
         }
     }
 
@@ -90,6 +98,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.host().settings().gravity,
             Self::Served(world) => world.environment().gravity,
+            Self::Hosted(world) => world.gravity,
         }
     }
 
@@ -97,6 +106,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.tick().0,
             Self::Served(world) => world.tick(),
+            Self::Hosted(world) => world.tick(),
         }
     }
 
@@ -104,6 +114,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.step()?),
             Self::Served(world) => world.step(),
+            Self::Hosted(world) => world.look(),
         }
     }
 
@@ -123,6 +134,7 @@ impl Backend {
                 "leave sleep_linear, sleep_angular and sleep_after as DCD_BODY_DEF_INIT has them",
             )),
             Self::Served(world) => world.spawn(pose, &body, collider),
+            Self::Hosted(world) => Err(world.unsupported("make bodies")),
         }
     }
 
@@ -130,6 +142,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.remove(id)?),
             Self::Served(world) => world.despawn(id),
+            Self::Hosted(world) => Err(world.unsupported("destroy bodies")),
         }
     }
 
@@ -137,6 +150,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.body(id).is_some(),
             Self::Served(world) => world.contains(id),
+            Self::Hosted(_) => false,
         }
     }
 
@@ -144,6 +158,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.pose(id),
             Self::Served(world) => world.body(id).map(|body| body.pose),
+            Self::Hosted(_) => None,
         }
     }
 
@@ -151,6 +166,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.velocity(id),
             Self::Served(world) => world.body(id).map(|body| body.velocity),
+            Self::Hosted(_) => None,
         }
     }
 
@@ -158,6 +174,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.body(id).map(|body| body.user_data as u64),
             Self::Served(world) => world.user_data(id),
+            Self::Hosted(_) => None,
         }
     }
 
@@ -166,6 +183,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.host().record(id),
             Self::Served(world) => world.record(id),
+            Self::Hosted(_) => None,
         }
     }
 
@@ -184,13 +202,14 @@ impl Backend {
                 })
             }
             Self::Served(world) => world.body(id),
+            Self::Hosted(_) => None,
         }
     }
 
     /// Avatars that this process hosts, in id order; none in a local world.
     pub(crate) fn own_avatars(&self) -> Vec<BodyId> {
         match self {
-            Self::Local(_) => Vec::new(),
+            Self::Local(_) | Self::Hosted(_) => Vec::new(),
             Self::Served(world) => world.own_avatars(),
         }
     }
@@ -218,6 +237,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.set_pose(id, pose)?),
             Self::Served(world) => world.jump(id, pose),
+            Self::Hosted(world) => Err(world.unsupported("move bodies")),
         }
     }
 
@@ -225,6 +245,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.set_velocity(id, velocity)?),
             Self::Served(world) => world.drive(id, velocity),
+            Self::Hosted(world) => Err(world.unsupported("move bodies")),
         }
     }
 
@@ -246,7 +267,7 @@ impl Backend {
     pub(crate) fn parts(&self, id: BodyId) -> usize {
         match self {
             Self::Local(world) => world.body(id).map_or(0, |body| body.colliders().len()),
-            Self::Served(_) => 0,
+            Self::Served(_) | Self::Hosted(_) => 0,
         }
     }
 
@@ -296,11 +317,32 @@ impl Backend {
         Ok(self.local_mut("drive joints", NO_JOINTS)?.update_joint(id, change)?)
     }
 
+    /// Whether this role sees the bodies of its world.
+    pub(crate) fn check_sees(&self) -> Result<(), Failure> {
+        match self {
+            Self::Local(_) | Self::Served(_) => Ok(()),
+            Self::Hosted(world) => Err(world.unsupported("see the bodies of its world")),
+        }
+    }
+
+    /// What is hosted here, or why this role cannot do `what`.
+    pub(crate) fn hosted(&self, what: &str) -> Result<&Hosted, Failure> {
+        match self {
+            Self::Hosted(world) => Ok(world),
+            Self::Served(world) => Err(world.unsupported(what, "ask a server or a node")),
+            Self::Local(_) => {
+                let why = format!("a local world cannot {what}: it has no network; ask a server or a node");
+                Err(Failure::new(DCD_ERR_UNSUPPORTED, why))
+            }
+        }
+    }
+
     /// How many movable bodies there are.
     pub(crate) fn movable(&self) -> usize {
         match self {
             Self::Local(world) => world.host().owned_count(),
             Self::Served(world) => world.movable(),
+            Self::Hosted(_) => 0,
         }
     }
 
@@ -322,6 +364,7 @@ impl Backend {
                 world.states().map(row).take(most).for_each(look);
             }
             Self::Served(world) => world.states().take(most).for_each(look),
+            Self::Hosted(_) => {}
         }
     }
 
@@ -329,13 +372,14 @@ impl Backend {
         match self {
             Self::Local(world) => world.events(),
             Self::Served(world) => world.events(),
+            Self::Hosted(_) => &NO_EVENTS,
         }
     }
 
     /// Bodies that came and went, and refusals; who computes the world alone knows them without.
     pub(crate) fn changes(&self) -> &[Change] {
         match self {
-            Self::Local(_) => &[],
+            Self::Local(_) | Self::Hosted(_) => &[],
             Self::Served(world) => world.changes(),
         }
     }
@@ -344,6 +388,7 @@ impl Backend {
     pub(crate) fn is_lost(&self) -> bool {
         match self {
             Self::Local(_) => false,
+            Self::Hosted(world) => world.look().is_err(),
             Self::Served(world) => world.is_lost(),
         }
     }
@@ -352,7 +397,7 @@ impl Backend {
     pub(crate) fn handovers(&self) -> &[Handover] {
         match self {
             Self::Local(world) => world.handovers(),
-            Self::Served(_) => &[],
+            Self::Served(_) | Self::Hosted(_) => &[],
         }
     }
 
@@ -360,6 +405,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.stats(),
             Self::Served(world) => world.stats(),
+            Self::Hosted(world) => world.stats(),
         }
     }
 
@@ -368,6 +414,7 @@ impl Backend {
         match self {
             Self::Local(_) => 0,
             Self::Served(world) => world.updates(),
+            Self::Hosted(_) => 0,
         }
     }
 
@@ -376,6 +423,7 @@ impl Backend {
         match self {
             Self::Local(_) => PeerStats::default(),
             Self::Served(world) => world.traffic(),
+            Self::Hosted(world) => world.traffic(),
         }
     }
 
@@ -389,6 +437,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.regions().len(),
             Self::Served(world) => world.environment().tree.leaf_count(),
+            Self::Hosted(world) => world.regions(),
         }
     }
 
@@ -405,6 +454,7 @@ impl Backend {
                 world.regions().iter().map(view).collect()
             }
             Self::Served(world) => world.regions(),
+            Self::Hosted(_) => Vec::new(),
         }
     }
 
@@ -416,6 +466,7 @@ impl Backend {
     }
 }
 
+static NO_EVENTS: WorldEvents = WorldEvents { touches: Vec::new(), forces: Vec::new() };
 const CHANGE_BODY: &str = "change a body in place";
 const NO_CHANGE: &str = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
 const NO_SURFACE: &str = "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene";

@@ -17,6 +17,7 @@ compile_error!(
 mod backend;
 mod guard;
 mod handle;
+mod hosted;
 mod log;
 mod pinned;
 mod pointer;
@@ -31,6 +32,8 @@ pub mod types;
 pub mod world;
 
 pub mod join;
+
+pub mod serve;
 
 pub mod shape;
 

@@ -36,6 +36,10 @@ pub const DCD_ROLE_LOCAL: DcdRole = 0;
 pub const DCD_ROLE_CLIENT: DcdRole = 1;
 /// Hosts avatars in it, and computes a share of it.
 pub const DCD_ROLE_PARTICIPANT: DcdRole = 2;
+/// Holds it: decides who computes what, and lets others in.
+pub const DCD_ROLE_SERVER: DcdRole = 3;
+/// Computes a share of it.
+pub const DCD_ROLE_NODE: DcdRole = 4;
 
 /// How regions agree on the bodies that they share.
 pub type DcdCoupling = u32;
@@ -109,15 +113,15 @@ pub struct DcdWorldDef {
 pub struct DcdWorldInfo {
     /// sizeof(DcdWorldInfo).
     pub struct_size: u32,
-    /// DCD_ROLE_LOCAL, _CLIENT or _PARTICIPANT.
+    /// DCD_ROLE_LOCAL, _CLIENT, _PARTICIPANT, _SERVER or _NODE.
     pub role: DcdRole,
     /// Steps since the world began; the newest heard of in a served world.
     pub tick: u64,
     /// Your own.
     pub user_data: u64,
-    /// Regions the world is cut into.
+    /// Regions the world is cut into; those that this process computes, for a node.
     pub regions: u32,
-    /// Length of a step, seconds.
+    /// Length of a step, seconds; 0 for a node, which takes it from its server, as gravity.
     pub dt: f32,
     /// m/s².
     pub gravity: [f32; 3],
@@ -161,11 +165,27 @@ pub(crate) fn with<R>(
 ) -> Result<R, Failure> {
     log::check_outside()?;
     not_null(world.v, "world")?;
-    let cell = worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))?;
-    let mut place = cell.lock().map_err(|_| {
-        Failure::new(DCD_ERR_PANIC, "a bug in dcd stopped an earlier call on this world; destroy it")
-    })?;
-    work(place.as_mut().ok_or_else(|| stale("world", world.v))?)
+    let (handle, cell) = match LAST.take() {
+        Some(last) if last.0 == world.v => last,
+        _ => (world.v, worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))?),
+    };
+    let done = match cell.lock() {
+        Err(_) => {
+            Err(Failure::new(DCD_ERR_PANIC, "a bug in dcd stopped an earlier call on this world; destroy it"))
+        }
+        Ok(mut place) => match place.as_mut() {
+            Some(world) => work(world),
+            None => return Err(stale("world", handle)),
+        },
+    };
+    LAST.set(Some((handle, cell)));
+    done
+}
+
+thread_local! {
+    /// The world that this thread last called, so that it is not looked for again: handles are never given twice. Once it is
+    /// destroyed, nothing is left in its cell.
+    static LAST: std::cell::Cell<Option<(u64, Cell)>> = const { std::cell::Cell::new(None) };
 }
 
 pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
@@ -182,6 +202,14 @@ pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
     let handle = DcdWorld { v: worlds().insert(Arc::new(Mutex::new(Some(world)))) };
     tracing::info!(world = handle.v, "world made");
     handle
+}
+
+/// How many threads a process that joins is to use.
+pub(crate) fn asked_threads(asked: u32) -> Result<usize, Failure> {
+    if asked > 1024 {
+        return Err(Failure::argument(format!("threads is {asked}; give 1 to 1024, or 0")));
+    }
+    Ok(threads(asked, usize::MAX))
 }
 
 /// How many threads are meant; 0 is as many as are of use.
@@ -277,32 +305,55 @@ pub unsafe extern "C" fn dcd_world_open_scene(
     out: *mut DcdWorld,
 ) -> DcdStatus {
     guard("dcd_world_open_scene", || {
-        // SAFETY: the caller vouches for the pointers; the texts are only used during the call.
-        let (name, params, out) = unsafe {
-            let texts = pointer::slice(params, param_count, "params")?;
-            let texts: Vec<&str> =
-                texts.iter().map(|&text| pointer::text(text, "params[i]")).collect::<Result<_, _>>()?;
-            (pointer::text(name_or_path, "name_or_path")?, Params::from_args(texts)?, Out::new(out, "out")?)
-        };
-        let (asked_threads, regions, user_data, choice) = if def.is_null() {
-            (0, 0, 0, CouplingChoice::default())
-        } else {
-            // SAFETY: not null; the caller vouches for the rest.
-            let def = unsafe { pointer::read_sized(def, "def")? };
-            (def.threads, def.regions, def.user_data, choice(&def)?)
-        };
-        let scene = Scene::open(name, &params)?;
-        let mut config = WorldConfig::for_scene(&scene);
-        if regions > 0 {
-            config.partitioning = Partitioning::Regions(regions as usize);
-        }
-        let leaves = config.tree().map_err(dcd::runtime::WorldError::from)?.leaves().count();
-        config.threads = threads(asked_threads, leaves);
-        config.step = choice.applied_to(config.step);
+        // SAFETY: the caller vouches for the pointers and the texts.
+        let (opened, out) = unsafe { (open(name_or_path, params, param_count, def)?, Out::new(out, "out")?) };
+        let Opened { scene, config, user_data } = opened;
         let backend = Backend::Local(Box::new(LocalWorld::from_scene(&scene, config)?));
         out.write(add(backend, user_data));
         Ok(())
     })
+}
+
+/// A scene, and how the world that it describes is computed.
+pub(crate) struct Opened {
+    pub scene: Scene,
+    pub config: WorldConfig,
+    pub user_data: u64,
+}
+
+/// Opens a scene by what dcd_world_open_scene is given.
+///
+/// # Safety
+/// Each pointer is null or valid for reading; texts end with NUL and nobody writes them meanwhile.
+pub(crate) unsafe fn open(
+    name_or_path: *const c_char,
+    params: *const *const c_char,
+    param_count: usize,
+    def: *const DcdWorldDef,
+) -> Result<Opened, Failure> {
+    // SAFETY: passed on.
+    let (name, params) = unsafe {
+        let texts = pointer::slice(params, param_count, "params")?;
+        let texts: Vec<&str> =
+            texts.iter().map(|&text| pointer::text(text, "params[i]")).collect::<Result<_, _>>()?;
+        (pointer::text(name_or_path, "the scene's name or path")?, Params::from_args(texts)?)
+    };
+    let (asked_threads, regions, user_data, choice) = if def.is_null() {
+        (0, 0, 0, CouplingChoice::default())
+    } else {
+        // SAFETY: not null; the caller vouches for the rest.
+        let def = unsafe { pointer::read_sized(def, "def")? };
+        (def.threads, def.regions, def.user_data, choice(&def)?)
+    };
+    let scene = Scene::open(name, &params)?;
+    let mut config = WorldConfig::for_scene(&scene);
+    if regions > 0 {
+        config.partitioning = Partitioning::Regions(regions as usize);
+    }
+    let leaves = config.tree().map_err(dcd::runtime::WorldError::from)?.leaves().count();
+    config.threads = threads(asked_threads, leaves);
+    config.step = choice.applied_to(config.step);
+    Ok(Opened { scene, config, user_data })
 }
 
 /// Destroys a local world with everything in it, or leaves a served one, whose avatars wait for your return. Its handles

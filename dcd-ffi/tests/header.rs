@@ -14,6 +14,7 @@ use dcd_ffi::motion::*;
 use dcd_ffi::part::*;
 use dcd_ffi::properties::*;
 use dcd_ffi::query::*;
+use dcd_ffi::serve::*;
 use dcd_ffi::shape::*;
 use dcd_ffi::state::*;
 use dcd_ffi::stats::*;
@@ -54,6 +55,14 @@ fn layouts() -> Vec<Layout> {
         DcdClientDef { struct_size, timeout_ms, server, token, identity_path, user_data }
         DcdParticipantDef {
             struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved
+        }
+        DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
+        DcdServerDef {
+            struct_size, nodes, scene, params, param_count, world, groups, listen, data_path, last_tick, avatar_speed,
+            flags, user_data
+        }
+        DcdNodeDef {
+            struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved
         }
         DcdBodyDef {
             struct_size, body_type, pose, velocity, shape, density, mass, friction, restitution, friction_rule,
@@ -160,6 +169,14 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0 }
 #define DCD_PARTICIPANT_DEF_INIT \\
     { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0 }
+
+/* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
+#define DCD_GROUP_DEF_INIT \\
+    { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
+#define DCD_SERVER_DEF_INIT \\
+    { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, NULL, \"127.0.0.1:0\", NULL, 0, 20.0f, 0, 0 }
+#define DCD_NODE_DEF_INIT \\
+    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0 }
 
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \\

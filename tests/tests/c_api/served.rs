@@ -252,3 +252,13 @@ fn what_is_wrong_on_entering_is_said_to_c() {
     check(&run_well(program.arg(silent.local_addr().unwrap().to_string())));
     cluster.stop();
 }
+
+#[test]
+fn one_program_serves_computes_and_sees_a_world() {
+    for flags in [&[][..], &SANITIZED] {
+        let folder = tempfile::tempdir().unwrap();
+        let program = build(&root().join("tests/tests/c_api/roles.c"), folder.path(), flags);
+        let said = run_well(Command::new(program).arg(folder.path().join("server")));
+        assert!(said.contains(" checks, 0 failures"), "{said}");
+    }
+}

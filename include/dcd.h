@@ -162,6 +162,9 @@
 // In DcdJointDef.flags: it does nothing until dcd_joint_set_flags takes this away.
 #define DCD_JOINT_DISABLED 8
 
+// As dcd_step_wait's timeout: until the step is done, however long it takes.
+#define DCD_FOREVER UINT64_MAX
+
 // In DcdStateView.flags: the body sleeps.
 #define DCD_STATE_SLEEPING 1
 
@@ -1160,7 +1163,8 @@ typedef struct DcdForce {
 // The caller's memory is too small; the size needed was written.
 #define DCD_ERR_SMALL_BUFFER (-5)
 
-// Called from within the log callback, where worlds may not be used.
+// Not now: called from within the log callback, where worlds may not be used, or while a step that was begun is not
+// waited for.
 #define DCD_ERR_BUSY (-6)
 
 // Nobody answered in time.
@@ -1169,7 +1173,7 @@ typedef struct DcdForce {
 // The server refuses, or the link to it is gone.
 #define DCD_ERR_NETWORK (-9)
 
-// The header that the program was compiled with does not fit the library it runs with.
+// The header that the program was compiled with does not fit the library it runs with, or a snapshot is of another build.
 #define DCD_ERR_VERSION (-10)
 
 // The library has a bug. The world that was called can only be destroyed; other worlds go on.
@@ -1178,7 +1182,7 @@ typedef struct DcdForce {
 // The role of this world (see DcdWorldInfo) cannot do this; the message names the role.
 #define DCD_ERR_UNSUPPORTED (-12)
 
-// A file cannot be read.
+// A file cannot be read or written.
 #define DCD_ERR_IO (-13)
 
 // The system or the world has no more: threads, ids.
@@ -1839,6 +1843,20 @@ DcdStatus dcd_body_joints(DcdWorld world,
 // the world has ended (the last state stays readable, and what came before the loss is in dcd_events).
 DCD_API DcdStatus dcd_step(DcdWorld world);
 
+// Begins what dcd_step does, on a thread of the library, and returns at once; dcd_step_wait says what became of it. Meanwhile
+// draw what dcd_state_view lent, which stays as it is until the step after this one. Every other call on the world waits until
+// the step is done, and then sees what it made.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY when a step was begun and dcd_step_wait has not told of it yet,
+// DCD_ERR_LIMIT without a thread.
+DCD_API DcdStatus dcd_step_begin(DcdWorld world);
+
+// Waits until the step that dcd_step_begin began is done, but not longer than `timeout_ns` nanoseconds: 0 only looks, DCD_FOREVER
+// has no limit. Returns what dcd_step would have, once for each step that was begun.
+//
+// Errors: DCD_ERR_TIMEOUT while it is not done, DCD_ERR_ARGUMENT when none was begun, and those of dcd_step.
+DCD_API DcdStatus dcd_step_wait(DcdWorld world, uint64_t timeout_ns);
+
 // Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
 // since shows after the next one; before the first step (and in the first call of all) it shows the present.
 //
@@ -2003,6 +2021,45 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
+
+// Saves a local world whole: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
+// or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
+//
+// The bytes go to `buf` of `cap` bytes, and their number to `needed`. `buf` may be null with `cap` 0, to ask for the number, which
+// costs as much as saving; while nothing changes it stays the same.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_snapshot_save(DcdWorld world,
+                            void *buf,
+                            size_t cap,
+                            size_t *needed);
+
+// Saves a local world to a file, as dcd_snapshot_save; `dcd run` goes on with such a file, and writes them by --save. A file that is
+// there is replaced once the new one is whole.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_snapshot_save_file(DcdWorld world,
+                                 const char *path);
+
+// Makes a local world the one that was saved to these `size` bytes: into the world that it was saved from, to go back, or into
+// any other, which loses what it held. Threads and shapes stay those of this world; all else is as saved, gravity and
+// regions too.
+//
+// Ids of bodies and joints that this world gave are valid if the saved world has them, else stale; those given
+// later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving.
+//
+// `data` is read during the call. After an error the world is as it was. Damage is found; malice is not: load nothing that you
+// do not trust.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for bytes that are no snapshot or damaged, DCD_ERR_VERSION for one of
+// another build of the library, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API DcdStatus dcd_snapshot_load(DcdWorld world, const void *data, size_t size);
+
+// Makes a local world the one that was saved to a file, as dcd_snapshot_load.
+//
+// Errors: as dcd_snapshot_load, and DCD_ERR_IO when the file cannot be read.
+DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -3,6 +3,8 @@
 //! The entry points check and convert; what a role does is decided here, so that a new role is a new variant and the
 //! compiler lists what it must answer.
 
+use std::io::Read;
+
 use dcd::net::PeerStats;
 use dcd::physics::{Handover, Queries, Region};
 use dcd::protocol::{BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
@@ -433,6 +435,16 @@ impl Backend {
         Ok(self.local("compute the state's hash", instead)?.state_hash())
     }
 
+    /// The world that can be saved, and gone back to.
+    pub(crate) fn saved(&self) -> Result<&DcdWorld, Failure> {
+        self.local("be saved or loaded", NO_SNAPSHOT)
+    }
+
+    /// Makes it the world that these bytes hold.
+    pub(crate) fn reload(&mut self, from: impl Read) -> Result<(), Failure> {
+        Ok(self.local_mut("be saved or loaded", NO_SNAPSHOT)?.reload(from)?)
+    }
+
     pub(crate) fn region_count(&self) -> usize {
         match self {
             Self::Local(world) => world.regions().len(),
@@ -470,6 +482,7 @@ static NO_EVENTS: WorldEvents = WorldEvents { touches: Vec::new(), forces: Vec::
 const CHANGE_BODY: &str = "change a body in place";
 const NO_CHANGE: &str = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
 const NO_SURFACE: &str = "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene";
+const NO_SNAPSHOT: &str = "the server keeps the world in its data folder";
 const NO_JOINTS: &str = "joints belong to the scene that the server was given";
 
 /// Rapier's thresholds of sleep: m/s, rad/s, seconds.

@@ -15,6 +15,7 @@ compile_error!(
 );
 
 mod backend;
+mod cell;
 mod guard;
 mod handle;
 mod hosted;
@@ -58,3 +59,5 @@ pub mod event;
 pub mod query;
 
 pub mod stats;
+
+pub mod snapshot;

@@ -11,13 +11,14 @@ use dcd::space::Bounds;
 use rapier3d::prelude::SharedShape;
 
 use crate::backend::Backend;
+use crate::cell::Cell;
 use crate::event::EventBuffers;
 use crate::guard::{guard, guard_value};
 use crate::handle::{Mark, Slots, not_null, stale};
 use crate::log;
 use crate::pointer::{self, Out, Sized32};
 use crate::state::StateBuffers;
-use crate::status::{DCD_ERR_PANIC, DcdStatus, Failure};
+use crate::status::{DcdStatus, Failure};
 
 /// A world, whatever its role. 0 is null.
 #[repr(C)]
@@ -148,14 +149,33 @@ pub(crate) struct World {
     user_data: u64,
 }
 
-/// One world behind its own lock. `None` once it is destroyed, for calls that waited meanwhile.
-type Cell = Arc<Mutex<Option<World>>>;
+impl World {
+    /// Advances the world, and shows what happened.
+    pub(crate) fn step(&mut self) -> Result<(), Failure> {
+        let stepped = self.backend.step();
+        self.show();
+        stepped
+    }
 
-static WORLDS: Mutex<Slots<Cell>> = Mutex::new(Slots::new());
+    /// Takes down state and events of the last step for those who look.
+    pub(crate) fn show(&mut self) {
+        self.events.fill(&self.backend, self.mark);
+        self.states.after_step(&self.backend, self.mark);
+    }
+}
 
-fn worlds() -> MutexGuard<'static, Slots<Cell>> {
+static WORLDS: Mutex<Slots<Arc<Cell>>> = Mutex::new(Slots::new());
+
+fn worlds() -> MutexGuard<'static, Slots<Arc<Cell>>> {
     // Nothing that can panic halfway runs under this lock.
     WORLDS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The place of a world; for calls that do not take turns on it.
+pub(crate) fn cell(world: DcdWorld) -> Result<Arc<Cell>, Failure> {
+    log::check_outside()?;
+    not_null(world.v, "world")?;
+    worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))
 }
 
 /// Calls `work` with the world, after every other call on it.
@@ -167,17 +187,9 @@ pub(crate) fn with<R>(
     not_null(world.v, "world")?;
     let (handle, cell) = match LAST.take() {
         Some(last) if last.0 == world.v => last,
-        _ => (world.v, worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))?),
+        _ => (world.v, cell(world)?),
     };
-    let done = match cell.lock() {
-        Err(_) => {
-            Err(Failure::new(DCD_ERR_PANIC, "a bug in dcd stopped an earlier call on this world; destroy it"))
-        }
-        Ok(mut place) => match place.as_mut() {
-            Some(world) => work(world),
-            None => return Err(stale("world", handle)),
-        },
-    };
+    let Some(done) = cell.with(work) else { return Err(stale("world", handle)) };
     LAST.set(Some((handle, cell)));
     done
 }
@@ -185,7 +197,7 @@ pub(crate) fn with<R>(
 thread_local! {
     /// The world that this thread last called, so that it is not looked for again: handles are never given twice. Once it is
     /// destroyed, nothing is left in its cell.
-    static LAST: std::cell::Cell<Option<(u64, Cell)>> = const { std::cell::Cell::new(None) };
+    static LAST: std::cell::Cell<Option<(u64, Arc<Cell>)>> = const { std::cell::Cell::new(None) };
 }
 
 pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
@@ -199,7 +211,7 @@ pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
         events: EventBuffers::default(),
         user_data,
     };
-    let handle = DcdWorld { v: worlds().insert(Arc::new(Mutex::new(Some(world)))) };
+    let handle = DcdWorld { v: worlds().insert(Arc::new(Cell::new(world))) };
     tracing::info!(world = handle.v, "world made");
     handle
 }
@@ -367,9 +379,7 @@ pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
         log::check_outside()?;
         not_null(world.v, "world")?;
         let cell = worlds().remove(world.v).ok_or_else(|| stale("world", world.v))?;
-        // A poisoned world is destroyed like any other.
-        let gone = cell.lock().unwrap_or_else(PoisonError::into_inner).take();
-        drop(gone);
+        drop(cell.close());
         tracing::info!(world = world.v, "world destroyed");
         Ok(())
     })
@@ -408,8 +418,8 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::status::{DCD_ERR_STALE_ID, DCD_OK};
-    use crate::step::dcd_step;
+    use crate::status::{DCD_ERR_PANIC, DCD_ERR_STALE_ID, DCD_OK};
+    use crate::step::{DCD_FOREVER, dcd_step, dcd_step_begin, dcd_step_wait};
 
     #[test]
     fn the_numbers_of_couplings_and_presets_are_in_their_order() {
@@ -435,6 +445,8 @@ mod tests {
         assert_eq!(status, DCD_ERR_PANIC);
         assert_eq!(dcd_step(broken), DCD_ERR_PANIC);
         assert_eq!(dcd_step(other), DCD_OK);
+        assert_eq!(dcd_step_begin(broken), DCD_OK);
+        assert_eq!(dcd_step_wait(broken, DCD_FOREVER), DCD_ERR_PANIC);
         assert_eq!(dcd_world_destroy(broken), DCD_OK);
         assert_eq!(dcd_step(broken), DCD_ERR_STALE_ID);
         assert_eq!(dcd_world_destroy(other), DCD_OK);

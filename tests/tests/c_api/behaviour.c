@@ -1373,6 +1373,120 @@ static void shapes_and_points_find_bodies(void)
     OK(dcd_world_destroy(world));
 }
 
+static uint64_t hash_of(DcdWorld world)
+{
+    uint64_t hash = 0;
+    OK(dcd_state_hash(world, &hash));
+    return hash;
+}
+
+static uint64_t tick_of(DcdWorld world)
+{
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    OK(dcd_world_info(world, &info));
+    return info.tick;
+}
+
+/* `path` is where a file may be written; it is left there. */
+static void snapshots_are_gone_back_to(const char *path)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    const char *params[] = { "n=60" };
+    DcdWorld world = { 0 }, other = make_world(1, 1, 0.0f);
+    DcdBodyId box_at, later, again;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    size_t size = 0, small = 0;
+    def.regions = 3;
+    def.user_data = 5;
+    OK(dcd_world_open_scene("pile", params, 1, &def, &world));
+    OK(dcd_body_at(world, 7, &box_at));
+    steps(world, 20);
+    OK(dcd_state_view(world, &view));
+    HOLDS(dcd_snapshot_save(world, NULL, 0, &size) == DCD_ERR_SMALL_BUFFER && size > 1000);
+    unsigned char *saved = malloc(size);
+    OK(dcd_snapshot_save(world, saved, size, &small));
+    HOLDS(small == size);
+    uint64_t hash = hash_of(world);
+    double height = pose_of(world, box_at).p[1];
+    steps(world, 30);
+    uint64_t end = hash_of(world);
+    later = add(world, crate(world, 0.0, 60.0));
+    OK(dcd_step(world));
+
+    /* Back: the same bodies by the same ids, the same future; what was made since is gone for ever. */
+    OK(dcd_snapshot_load(world, saved, size));
+    HOLDS(hash_of(world) == hash && tick_of(world) == 20 && pose_of(world, box_at).p[1] == height);
+    HOLDS(!dcd_body_is_valid(world, later));
+    OK(dcd_state_view(world, &view));
+    HOLDS(view.tick == 20 && view.count == 60 && view.ids[7].v != 0);
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    OK(dcd_world_info(world, &info));
+    HOLDS(info.user_data == 5 && info.regions == 3);
+    steps(world, 30);
+    HOLDS(hash_of(world) == end);
+    again = add(world, crate(world, 0.0, 60.0));
+    HOLDS(again.v != later.v && !dcd_body_is_valid(world, later));
+
+    /* Into another world, by memory and by file: all of it is there, by other ids. */
+    DcdShapeId kept = box(other, 0.5f, 0.5f, 0.5f);
+    OK(dcd_snapshot_load(other, saved, size));
+    HOLDS(hash_of(other) == hash && !dcd_body_is_valid(other, box_at));
+    OK(dcd_body_at(other, 7, &again));
+    HOLDS(pose_of(other, again).p[1] == height);
+    DcdBodyDef more = DCD_BODY_DEF_INIT;
+    more.shape = kept;
+    more.pose.p[1] = 60.0;
+    add(other, more); /* shapes stay */
+    OK(dcd_snapshot_load(world, saved, size));
+    OK(dcd_snapshot_save_file(world, path));
+    OK(dcd_snapshot_load_file(other, path));
+    HOLDS(hash_of(other) == hash);
+    steps(other, 30);
+    HOLDS(hash_of(other) == end);
+
+    /* One bit of damage is found, and changes nothing. */
+    hash = hash_of(other);
+    saved[size / 2] ^= 1;
+    HOLDS(dcd_snapshot_load(other, saved, size) == DCD_ERR_ARGUMENT && hash_of(other) == hash);
+    free(saved);
+    OK(dcd_world_destroy(other));
+    OK(dcd_world_destroy(world));
+}
+
+static void steps_go_on_in_the_background(void)
+{
+    const char *params[] = { "n=60" };
+    DcdWorld world = { 0 }, other = { 0 };
+    OK(dcd_world_open_scene("pile", params, 1, NULL, &world));
+    OK(dcd_world_open_scene("pile", params, 1, NULL, &other));
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_state_view(world, &view));
+    for (uint64_t tick = 1; tick <= 60; tick++) {
+        double before = view.poses[59].p[1];
+        OK(dcd_step_begin(world));
+        HOLDS(dcd_step_begin(world) == DCD_ERR_BUSY);
+        HOLDS(view.poses[59].p[1] == before); /* lent before, read meanwhile */
+        if (tick % 3 == 0) {
+            HOLDS(tick_of(world) == tick); /* another call waits for it */
+        }
+        DcdStatus status = DCD_ERR_TIMEOUT;
+        while (status == DCD_ERR_TIMEOUT) {
+            status = dcd_step_wait(world, tick % 2 == 0 ? DCD_FOREVER : 1000);
+        }
+        OK(status);
+        HOLDS(dcd_step_wait(world, DCD_FOREVER) == DCD_ERR_ARGUMENT);
+        OK(dcd_state_view(world, &view));
+        HOLDS(view.tick == tick);
+        OK(dcd_step(other));
+    }
+    HOLDS(hash_of(world) == hash_of(other));
+    OK(dcd_step_begin(world));
+    OK(dcd_step_begin(other));
+    OK(dcd_world_destroy(world)); /* which waits for its step */
+    OK(dcd_step_wait(other, DCD_FOREVER));
+    OK(dcd_world_destroy(other));
+}
+
 static void millimetres_count_far_out(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -1391,7 +1505,7 @@ static void millimetres_count_far_out(void)
     OK(dcd_world_destroy(world));
 }
 
-int main(void)
+int main(int count, char **texts)
 {
     members_of_a_body_count();
     pushes_push();
@@ -1417,6 +1531,8 @@ int main(void)
     rays_meet_what_the_filter_lets_through();
     shapes_and_points_find_bodies();
     millimetres_count_far_out();
+    snapshots_are_gone_back_to(count > 1 ? texts[1] : "behaviour.dcd");
+    steps_go_on_in_the_background();
     printf("%d checks, %d failures\n", checks, failures);
     return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 }

@@ -48,11 +48,15 @@ static DcdWorld connect(const char *server, const char *token, const char *ident
     return world;
 }
 
-/* One step and the time it stands for. */
+/* One step and the time it stands for; in the background as in the foreground. */
 static DcdStatus step(DcdWorld world)
 {
     struct timespec pause = { 0, 10 * 1000 * 1000 };
-    DcdStatus status = dcd_step(world);
+    static unsigned count;
+    DcdStatus status = count++ % 2 == 0 ? dcd_step(world) : dcd_step_begin(world);
+    if (status == DCD_OK && count % 2 == 0) {
+        status = dcd_step_wait(world, DCD_FOREVER);
+    }
     nanosleep(&pause, NULL);
     return status;
 }
@@ -141,6 +145,8 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_cast_rays(world, &ray, 1, NULL, &hit), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_overlap_points(world, NULL, 0, NULL, NULL, 0, NULL, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_snapshot_save(world, NULL, 0, &count), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_snapshot_load(world, &hash, sizeof hash), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_impulse(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_torque_impulse(world, avatar, one), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_force(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);

@@ -798,6 +798,39 @@ static void queries(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
+static void snapshots(void)
+{
+    DcdWorld world = make_world(2);
+    size_t size = 0;
+    char small[8] = "as it is";
+    const char junk[64] = "not a snapshot at all, but some text";
+    EXPECT(dcd_snapshot_save(world, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_save(world, NULL, 8, &size), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_save(world, small, sizeof small, &size), DCD_ERR_SMALL_BUFFER);
+    HOLDS(memcmp(small, "as it is", 8) == 0 && size > 8);
+    EXPECT(dcd_snapshot_load(world, NULL, 8), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_load(world, junk, 0), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_snapshot_load(world, junk, sizeof junk), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_snapshot_load(world, junk, SIZE_MAX), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_snapshot_load(NO_WORLD, junk, sizeof junk), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_load_file(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_load_file(world, "no/such/file.dcd"), DCD_ERR_IO);
+    EXPECT(dcd_snapshot_save_file(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_save_file(world, "no/such/folder/file.dcd"), DCD_ERR_IO);
+    char *saved = malloc(size);
+    EXPECT(dcd_snapshot_save(world, saved, size, &size), DCD_OK);
+    EXPECT(dcd_snapshot_load(world, saved, size - 1), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_snapshot_load(world, saved, size), DCD_OK);
+    free(saved);
+    EXPECT(dcd_step(world), DCD_OK);
+    EXPECT(dcd_step_wait(world, 0), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_step_wait(NO_WORLD, 0), DCD_ERR_NULL);
+    EXPECT(dcd_step_begin(NO_WORLD), DCD_ERR_NULL);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_step_begin(world), DCD_ERR_STALE_ID);
+    EXPECT(dcd_step_wait(world, 0), DCD_ERR_STALE_ID);
+}
+
 static DcdWorld logged_world;
 static DcdStatus logged_status;
 static int logged_lines;
@@ -839,6 +872,20 @@ static void *step_it(void *unused)
     return status == DCD_ERR_STALE_ID ? NULL : &shared;
 }
 
+/* Two of these take turns: the other one's step is not theirs to wait for. */
+static void *begin_it(void *unused)
+{
+    (void)unused;
+    DcdStatus status = DCD_OK;
+    while (status == DCD_OK || status == DCD_ERR_BUSY || status == DCD_ERR_ARGUMENT) {
+        status = dcd_step_begin(shared);
+        if (status == DCD_OK) {
+            status = dcd_step_wait(shared, DCD_FOREVER);
+        }
+    }
+    return status == DCD_ERR_STALE_ID ? NULL : &shared;
+}
+
 static void *change_it(void *unused)
 {
     (void)unused;
@@ -872,20 +919,21 @@ static void *read_it(void *unused)
 
 static void threads(void)
 {
-    void *(*work[])(void *) = { step_it, step_it, change_it, read_it };
-    pthread_t running[4];
+    void *(*work[])(void *) = { step_it, step_it, change_it, read_it, begin_it, begin_it };
+    enum { THREADS = sizeof work / sizeof work[0] };
+    pthread_t running[THREADS];
     DcdWorldInfo info = DCD_WORLD_INFO_INIT;
     shared = make_world(2);
     shared_box = make_box(shared);
     make_body(shared, shared_box, DCD_DYNAMIC, 0.0);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < THREADS; i++) {
         HOLDS(pthread_create(&running[i], NULL, work[i], NULL) == 0);
     }
     while (info.tick < 50) {
         EXPECT(dcd_world_info(shared, &info), DCD_OK);
     }
     EXPECT(dcd_world_destroy(shared), DCD_OK);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < THREADS; i++) {
         void *wrong = &shared;
         HOLDS(pthread_join(running[i], &wrong) == 0);
         HOLDS(wrong == NULL);
@@ -902,6 +950,7 @@ int main(void)
     joints();
     bulk();
     queries();
+    snapshots();
     logging();
     threads();
     printf("%d checks, %d failures\n", checks, failures);

@@ -104,21 +104,26 @@ fn engine_draws_frames_in_the_colours_of_four_regions() {
     }
 }
 
-/// Runs a program that counts its own checks.
-fn run_checker(name: &str) {
-    let dir = tempfile::tempdir().unwrap();
-    let said = run_well(&mut Command::new(build(&checker(name), dir.path(), &[])));
+/// Runs a program that counts its own checks, and may write a file there.
+fn run_checker(name: &str, dir: &Path, file: &Path) {
+    let said = run_well(Command::new(build(&checker(name), dir, &[])).arg(file));
     assert!(said.contains(" checks, 0 failures"), "{said}");
 }
 
 #[test]
-fn functions_do_what_the_header_says() {
-    run_checker("behaviour.c");
+fn functions_do_what_the_header_says_and_the_command_line_goes_on_with_a_snapshot() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("saved.dcd");
+    run_checker("behaviour.c", dir.path(), &file);
+    let mut run = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
+    let said = run_well(run.arg("run").arg(file).args(["--seconds", "0.1", "--json"]));
+    assert!(said.contains("\"bodies\":60"), "{said}");
 }
 
 #[test]
 fn misuse_gets_its_documented_codes() {
-    run_checker("misuse.c");
+    let dir = tempfile::tempdir().unwrap();
+    run_checker("misuse.c", dir.path(), &dir.path().join("nothing"));
 }
 
 /// `wrapper.cpp`, which goes without exceptions, with `throwing.cpp` in the same program.
@@ -145,7 +150,7 @@ fn sanitizers_find_nothing_in_the_programs() {
     let dir = tempfile::tempdir().unwrap();
     run_well(&mut Command::new(build_wrapper(dir.path(), &SANITIZED)));
     for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c"), example("game_loop.c")] {
-        run_well(&mut Command::new(build(&source, dir.path(), &SANITIZED)));
+        run_well(Command::new(build(&source, dir.path(), &SANITIZED)).current_dir(dir.path()));
     }
     let short = [("stress.c", ["500", "10"]), ("ragdolls.c", ["4", "2"]), ("engine.cpp", [".", "0.2"])];
     for (name, arguments) in short {
@@ -179,7 +184,7 @@ fn valgrind_finds_nothing_in_the_programs() {
             "--errors-for-leak-kinds=definite",
         ]);
         valgrind.arg(format!("--suppressions={}", root().join("tests/tests/c_api/valgrind.supp").display()));
-        run_well(valgrind.arg(build(&source, dir.path(), &[])));
+        run_well(valgrind.arg(build(&source, dir.path(), &[])).current_dir(dir.path()));
     }
 }
 

@@ -206,7 +206,7 @@ static DcdStatus play(void)
         indices[i] = dice(dice(10) == 0 ? 20 : 8);
     }
 
-    switch (dice(36)) {
+    switch (dice(38)) {
     case 0:
         if (dice(20) == 0) {
             DcdWorld *place = &worlds[dice(WORLDS)];
@@ -392,6 +392,14 @@ static DcdStatus play(void)
     case 32:
         return dice(2) ? dcd_body_set_target(world, named, &pose)
                        : dcd_body_add_force(world, named, velocity.linear, dice(2) ? pose.p : NULL);
+    case 33:
+        return dice(2) ? dcd_step_begin(world) : dcd_step_wait(world, dice(2) ? DCD_FOREVER : 0);
+    case 34: {
+        static char saved[1 << 20];
+        static size_t size;
+        saved[dice(sizeof saved)] ^= dice(4) == 0;
+        return dice(3) == 0 ? dcd_snapshot_save(world, saved, sizeof saved, &size) : dcd_snapshot_load(world, saved, size);
+    }
     default:
         return dcd_step(world);
     }

@@ -4,9 +4,10 @@
  *
  * Prediction: the avatar is where the world last said, plus what was asked of it since that the world had not heard by then.
  * Smooth correction: where the two disagree (somebody was in the way), what is drawn slides over in a quarter of a second. Others
- * are drawn as the world says, between the two last states. The last line is for programs:
+ * are drawn as the world says, between the two last states. What it says last is for programs, in one line:
  *
- *   mmo_client: steps=<steps> delay=<steps from asking to hearing> moved_m=<way that was drawn> corrected_m=<most that was off>
+ *   mmo_client: steps=<steps> delay=<steps from asking to hearing> moved_m=<way that was drawn>
+ *               ahead_m=<mean distance from what was heard> corrected_m=<most that prediction was off>
  */
 #define _POSIX_C_SOURCE 200809L /* clock_gettime, nanosleep */
 
@@ -169,7 +170,7 @@ int main(int argc, char **argv)
     DcdStateView view = DCD_STATE_VIEW_INIT, before;
     check(dcd_state_view(world, &view));
     bool moves = false;
-    double moved = 0.0, others = 0.0;
+    double moved = 0.0, ahead = 0.0, others = 0.0;
     DcdPose heard = start;
     for (int axis = 0; axis < 3; axis++) {
         player.drawn[axis] = start.p[axis];
@@ -188,6 +189,7 @@ int main(int argc, char **argv)
         const double from[3] = { player.drawn[0], player.drawn[1], player.drawn[2] };
         draw(&player, &heard, dt);
         moved += hypot(player.drawn[0] - from[0], player.drawn[2] - from[2]);
+        ahead += hypot(player.drawn[0] - heard.p[0], player.drawn[2] - heard.p[2]);
 
         /* Everybody else, half a step behind: what the world said last and before that. A game would draw them here. */
         before = view;
@@ -202,7 +204,7 @@ int main(int argc, char **argv)
     }
     check(dcd_world_destroy(world));
     printf("others stood up to %.2f m high\n", others);
-    printf("mmo_client: steps=%lu delay=%lu moved_m=%.3f corrected_m=%.3f\n", player.steps, player.delay, moved,
-           player.corrected);
+    printf("mmo_client: steps=%lu delay=%lu moved_m=%.3f ahead_m=%.3f corrected_m=%.3f\n", player.steps, player.delay,
+           moved, ahead / (double)player.steps, player.corrected);
     return EXIT_SUCCESS;
 }

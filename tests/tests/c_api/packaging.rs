@@ -167,6 +167,8 @@ fn the_page_from_zero_to_a_linked_engine_does_what_it_says() {
     let listen = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
     let script = commands("examples-c/README.md", "From zero").replace("127.0.0.1:7420", &listen);
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    // What the page leaves running when it fails would hold on to our pipes.
+    let script = format!("trap 'kill $(jobs -p) 2>/dev/null || true' EXIT\n{script}");
     let mut shell = Command::new("bash");
     shell.args(["-euo", "pipefail", "-c", &script]).env("HOME", home.path()).env("PATH", path);
     let said = run_well(forget_cargo(&mut shell));

@@ -68,9 +68,12 @@ using Contact = DcdContact;
 using ContactForce = DcdContactForce;
 using Transfer = DcdTransfer;
 using BodyChange = DcdBodyChange;
-using Ray = DcdRay;
 using RayHit = DcdRayHit;
 using RegionInfo = DcdRegionInfo;
+using ShapeHit = DcdShapeHit;
+using PointHit = DcdPointHit;
+using Overlap = DcdOverlap;
+using Force = DcdForce;
 
 /* x, y, z: a direction, a size, a force. */
 using Vec3 = std::array<float, 3>;
@@ -87,7 +90,20 @@ using Point = std::array<double, 3>;
 DCD_STRUCT_(WorldDef, DCD_WORLD_DEF_INIT);
 DCD_STRUCT_(ClientDef, DCD_CLIENT_DEF_INIT);
 DCD_STRUCT_(ParticipantDef, DCD_PARTICIPANT_DEF_INIT);
+DCD_STRUCT_(GroupDef, DCD_GROUP_DEF_INIT);
+DCD_STRUCT_(ServerDef, DCD_SERVER_DEF_INIT);
+DCD_STRUCT_(NodeDef, DCD_NODE_DEF_INIT);
 DCD_STRUCT_(BodyDef, DCD_BODY_DEF_INIT);
+DCD_STRUCT_(BodyProperties, DCD_BODY_PROPERTIES_INIT);
+DCD_STRUCT_(PartProperties, DCD_PART_PROPERTIES_INIT);
+DCD_STRUCT_(JointMotor, DCD_JOINT_MOTOR_INIT);
+DCD_STRUCT_(JointInfo, DCD_JOINT_INFO_INIT);
+DCD_STRUCT_(Filter, DCD_FILTER_INIT);
+DCD_STRUCT_(Ray, DCD_RAY_INIT);
+DCD_STRUCT_(ShapeCast, DCD_SHAPE_CAST_INIT);
+DCD_STRUCT_(PointQuery, DCD_POINT_QUERY_INIT);
+DCD_STRUCT_(ShapeQuery, DCD_SHAPE_QUERY_INIT);
+DCD_STRUCT_(BoxQuery, DCD_BOX_QUERY_INIT);
 DCD_STRUCT_(JointDef, DCD_JOINT_DEF_INIT);
 DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
@@ -123,6 +139,19 @@ public:
 private:
     T *items_ = nullptr;
     std::size_t count_ = 0;
+};
+
+/* What a batch of questions found, which may each find several things. */
+template <class T> struct Found {
+    std::vector<T> items;
+    /* Where the answers to question i end in `items`. */
+    std::vector<std::size_t> ends;
+    /* The answers to question i. */
+    Span<const T> of(std::size_t i) const noexcept
+    {
+        const std::size_t begin = i == 0 ? 0 : ends[i - 1];
+        return { items.data() + begin, ends[i] - begin };
+    }
 };
 
 /* The message of the calling thread's last failed call: function, cause, remedy. */
@@ -301,6 +330,28 @@ public:
         return made([&](DcdWorld *out) { return dcd_participant_join(&def, out); });
     }
 
+    static Result<World> server_create(const ServerDef &def)
+    {
+        return made([&](DcdWorld *out) { return dcd_server_create(&def, out); });
+    }
+    static Result<World> node_join(const NodeDef &def)
+    {
+        return made([&](DcdWorld *out) { return dcd_node_join(&def, out); });
+    }
+
+    /* Letting others in. */
+
+    Result<std::string> address() const
+    {
+        return text([&](char *out, std::size_t cap, std::size_t *needed) { return dcd_address(world_, out, cap, needed); });
+    }
+    Result<std::string> token_create(DcdRole role, std::uint32_t valid_seconds)
+    {
+        return text([&](char *out, std::size_t cap, std::size_t *needed) {
+            return dcd_token_create(world_, role, valid_seconds, out, cap, needed);
+        });
+    }
+
     /* The world as a whole. */
 
     bool is_valid() const noexcept { return dcd_world_is_valid(world_); }
@@ -309,6 +360,20 @@ public:
         return got<WorldInfo>([&](WorldInfo *out) { return dcd_world_info(world_, out); });
     }
     Status step() { return Status(dcd_step(world_)); }
+    Status step_begin() { return Status(dcd_step_begin(world_)); }
+    Status step_wait(std::uint64_t timeout_ns) { return Status(dcd_step_wait(world_, timeout_ns)); }
+    Result<std::vector<unsigned char>> snapshot_save() const
+    {
+        return listed<unsigned char>([&](unsigned char *out, std::size_t cap, std::size_t *needed) {
+            return dcd_snapshot_save(world_, out, cap, needed);
+        });
+    }
+    Status snapshot_load(Span<const unsigned char> data)
+    {
+        return Status(dcd_snapshot_load(world_, data.data(), data.size()));
+    }
+    Status snapshot_save_file(const char *path) const { return Status(dcd_snapshot_save_file(world_, path)); }
+    Status snapshot_load_file(const char *path) { return Status(dcd_snapshot_load_file(world_, path)); }
     Result<StateView> state_view() const
     {
         DcdStateView view = DCD_STATE_VIEW_INIT;
@@ -327,16 +392,9 @@ public:
     }
     Result<std::string> stats_text() const
     {
-        std::string text(255, '\0');
-        std::size_t needed = 0;
-        DcdStatus code = dcd_stats_text(world_, &text[0], text.size() + 1, &needed);
-        if (code == DCD_ERR_SMALL_BUFFER) {
-            text.resize(needed);
-            code = dcd_stats_text(world_, &text[0], text.size(), &needed);
-        }
-        Status status(code);
-        text.resize(status ? needed - 1 : 0);
-        return { status, std::move(text) };
+        return text([&](char *out, std::size_t cap, std::size_t *needed) {
+            return dcd_stats_text(world_, out, cap, needed);
+        });
     }
     Result<std::uint64_t> state_hash() const
     {
@@ -441,6 +499,16 @@ public:
     {
         return Status(dcd_body_set_velocity(world_, body, &velocity));
     }
+    /* Of a body of type DCD_KINEMATIC_POSE. */
+    Status body_set_target(BodyId body, const Pose &pose) { return Status(dcd_body_set_target(world_, body, &pose)); }
+    Result<BodyProperties> body_properties(BodyId body) const
+    {
+        return got<BodyProperties>([&](BodyProperties *out) { return dcd_body_properties(world_, body, out); });
+    }
+    Status body_set_properties(BodyId body, const BodyProperties &properties)
+    {
+        return Status(dcd_body_set_properties(world_, body, &properties));
+    }
     Status body_wake(BodyId body) { return Status(dcd_body_wake(world_, body)); }
     Status body_sleep(BodyId body) { return Status(dcd_body_sleep(world_, body)); }
     /* At the centre of mass. */
@@ -460,6 +528,15 @@ public:
     {
         return Status(dcd_body_set_force(world_, body, force.data(), torque.data()));
     }
+    /* At the centre of mass. */
+    Status body_add_force(BodyId body, const Vec3 &force)
+    {
+        return Status(dcd_body_add_force(world_, body, force.data(), nullptr));
+    }
+    Status body_add_force(BodyId body, const Vec3 &force, const Point &point)
+    {
+        return Status(dcd_body_add_force(world_, body, force.data(), point.data()));
+    }
     Status body_set_events(BodyId body, std::uint32_t events, float force_threshold, std::uint32_t part = DCD_ALL_PARTS)
     {
         return Status(dcd_body_set_events(world_, body, part, events, force_threshold));
@@ -473,19 +550,73 @@ public:
         return Status(dcd_body_set_groups(world_, body, part, groups, mask));
     }
 
+    Result<PartProperties> part_properties(BodyId body, std::uint32_t part) const
+    {
+        return got<PartProperties>([&](PartProperties *out) { return dcd_part_properties(world_, body, part, out); });
+    }
+    Status part_set_properties(BodyId body, std::uint32_t part, const PartProperties &properties)
+    {
+        return Status(dcd_part_set_properties(world_, body, part, &properties));
+    }
+    Status part_set_shape(BodyId body, std::uint32_t part, ShapeId shape)
+    {
+        return Status(dcd_part_set_shape(world_, body, part, shape));
+    }
+    Result<std::uint32_t> part_add(BodyId body, ShapeId shape, const PartProperties &properties = {})
+    {
+        return got<std::uint32_t>(
+            [&](std::uint32_t *out) { return dcd_part_add(world_, body, shape, &properties, out); });
+    }
+    Status part_remove(BodyId body, std::uint32_t part) { return Status(dcd_part_remove(world_, body, part)); }
+
     /* Joints. */
 
     Result<JointId> joint_create(const JointDef &def)
     {
         return got<JointId>([&](JointId *out) { return dcd_joint_create(world_, &def, out); });
     }
-    Status joint_set_motor(JointId joint, float speed, float max_force)
+    bool joint_is_valid(JointId joint) const noexcept { return dcd_joint_is_valid(world_, joint); }
+    Result<JointInfo> joint_info(JointId joint) const
     {
-        return Status(dcd_joint_set_motor(world_, joint, speed, max_force));
+        return got<JointInfo>([&](JointInfo *out) { return dcd_joint_info(world_, joint, out); });
+    }
+    Result<std::vector<JointId>> body_joints(BodyId body) const
+    {
+        return listed<JointId>([&](JointId *out, std::size_t cap, std::size_t *count) {
+            return dcd_body_joints(world_, body, out, cap, count);
+        });
+    }
+    Status joint_set_motor(JointId joint, DcdJointAxis axis, const JointMotor &motor)
+    {
+        return Status(dcd_joint_set_motor(world_, joint, axis, &motor));
+    }
+    Result<JointMotor> joint_get_motor(JointId joint, DcdJointAxis axis) const
+    {
+        return got<JointMotor>([&](JointMotor *out) { return dcd_joint_get_motor(world_, joint, axis, out); });
+    }
+    Status joint_set_limit(JointId joint, DcdJointAxis axis, float low, float high)
+    {
+        const float limit[2] = { low, high };
+        return Status(dcd_joint_set_limit(world_, joint, axis, limit));
+    }
+    /* Lowest and highest. */
+    Result<std::array<float, 2>> joint_get_limit(JointId joint, DcdJointAxis axis) const
+    {
+        return got<std::array<float, 2>>(
+            [&](std::array<float, 2> *out) { return dcd_joint_get_limit(world_, joint, axis, out->data()); });
+    }
+    Status joint_set_flags(JointId joint, std::uint32_t flags) { return Status(dcd_joint_set_flags(world_, joint, flags)); }
+    Status joint_set_frames(JointId joint, const Frame &frame_a, const Frame &frame_b)
+    {
+        return Status(dcd_joint_set_frames(world_, joint, &frame_a, &frame_b));
+    }
+    Status joint_set_softness(JointId joint, float natural_frequency, float damping_ratio)
+    {
+        return Status(dcd_joint_set_softness(world_, joint, natural_frequency, damping_ratio));
     }
     Status joint_destroy(JointId joint) { return Status(dcd_joint_destroy(world_, joint)); }
 
-    /* Many at a time. Value is Pose, Velocity or std::uint64_t, the user data, and says which field is meant. The items may lie
+    /* Many at a time. Value is Pose, Velocity, Force or std::uint64_t, the user data, and says which field is meant. The items may lie
      * within structs of your own: give the first one and the distance to the next in bytes. */
 
     template <class Value> Status state_read(Span<const BodyId> bodies, Value *first, std::size_t stride = 0) const
@@ -497,11 +628,41 @@ public:
         return Status(dcd_state_write(world_, bodies.data(), bodies.size(), field<Value>(), first, stride, nullptr));
     }
 
-    Result<std::vector<RayHit>> cast_rays(Span<const Ray> rays) const
+    /* Questions. Answer i is to question i. */
+
+    Result<std::vector<RayHit>> cast_rays(Span<const Ray> rays, const Filter &filter = {}) const
     {
         std::vector<RayHit> hits(rays.size());
-        Status status(dcd_cast_rays(world_, rays.data(), rays.size(), hits.data()));
+        Status status(dcd_cast_rays(world_, rays.data(), rays.size(), &filter, hits.data()));
         return { status, std::move(hits) };
+    }
+    Result<Found<RayHit>> cast_rays_all(Span<const Ray> rays, const Filter &filter = {}) const
+    {
+        return found<RayHit>(rays, filter, dcd_cast_rays_all);
+    }
+    Result<std::vector<ShapeHit>> cast_shapes(Span<const ShapeCast> casts, const Filter &filter = {}) const
+    {
+        std::vector<ShapeHit> hits(casts.size());
+        Status status(dcd_cast_shapes(world_, casts.data(), casts.size(), &filter, hits.data()));
+        return { status, std::move(hits) };
+    }
+    Result<std::vector<PointHit>> project_points(Span<const PointQuery> points, const Filter &filter = {}) const
+    {
+        std::vector<PointHit> hits(points.size());
+        Status status(dcd_project_points(world_, points.data(), points.size(), &filter, hits.data()));
+        return { status, std::move(hits) };
+    }
+    Result<Found<Overlap>> overlap_points(Span<const PointQuery> points, const Filter &filter = {}) const
+    {
+        return found<Overlap>(points, filter, dcd_overlap_points);
+    }
+    Result<Found<Overlap>> overlap_shapes(Span<const ShapeQuery> shapes, const Filter &filter = {}) const
+    {
+        return found<Overlap>(shapes, filter, dcd_overlap_shapes);
+    }
+    Result<Found<Overlap>> overlap_boxes(Span<const BoxQuery> boxes, const Filter &filter = {}) const
+    {
+        return found<Overlap>(boxes, filter, dcd_overlap_boxes);
     }
 
 private:
@@ -533,13 +694,47 @@ private:
         items.resize(status ? count : 0);
         return { status, std::move(items) };
     }
+    /* The same for a batch of questions. */
+    template <class T, class Question, class Call>
+    Result<Found<T>> found(Span<const Question> questions, const Filter &filter, Call call) const
+    {
+        Found<T> all;
+        all.ends.resize(questions.size());
+        std::size_t total = 0;
+        const auto ask = [&](T *out) {
+            return call(world_, questions.data(), questions.size(), &filter, out, all.items.size(), all.ends.data(), &total);
+        };
+        DcdStatus code = ask(nullptr);
+        while (code == DCD_ERR_SMALL_BUFFER) {
+            all.items.resize(total);
+            code = ask(all.items.data());
+        }
+        Status status(code);
+        return { status, std::move(all) };
+    }
+    /* Asks with room for most texts, and again with room for this one. */
+    template <class Call> static Result<std::string> text(Call call)
+    {
+        std::string text(511, '\0');
+        std::size_t needed = 0;
+        DcdStatus code = call(&text[0], text.size() + 1, &needed);
+        if (code == DCD_ERR_SMALL_BUFFER) {
+            text.resize(needed);
+            code = call(&text[0], text.size(), &needed);
+        }
+        Status status(code);
+        text.resize(status ? needed - 1 : 0);
+        return { status, std::move(text) };
+    }
     static const float *floats(Span<const Vec3> points) { return points.empty() ? nullptr : points.data()->data(); }
     template <class Value> static constexpr DcdField field()
     {
-        static_assert(std::is_same_v<Value, Pose> || std::is_same_v<Value, Velocity> || std::is_same_v<Value, std::uint64_t>,
-                      "bodies have a Pose, a Velocity and a std::uint64_t of user data");
+        static_assert(std::is_same_v<Value, Pose> || std::is_same_v<Value, Velocity> || std::is_same_v<Value, Force> ||
+                          std::is_same_v<Value, std::uint64_t>,
+                      "bodies have a Pose, a Velocity, a Force and a std::uint64_t of user data");
         return std::is_same_v<Value, Pose>       ? DCD_FIELD_POSE
                : std::is_same_v<Value, Velocity> ? DCD_FIELD_VELOCITY
+               : std::is_same_v<Value, Force>    ? DCD_FIELD_FORCE
                                                  : DCD_FIELD_USER_DATA;
     }
 };

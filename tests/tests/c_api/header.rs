@@ -81,7 +81,9 @@ fn the_cpp_header_compiles_alone_and_twice_with_and_without_exceptions() {
 fn the_cpp_header_has_every_function_of_the_c_header() {
     let wrapper = fs::read_to_string(root().join("include/dcd.hpp")).unwrap();
     for function in declared() {
-        assert!(wrapper.contains(&format!("{function}(")), "{function} is missing in dcd.hpp");
+        // Called, or handed to what calls it.
+        let is_there = ["(", ")"].iter().any(|end| wrapper.contains(&format!("{function}{end}")));
+        assert!(is_there, "{function} is missing in dcd.hpp");
     }
 }
 

@@ -111,10 +111,31 @@ static void a_ball_breaks_a_tower()
     HOLDS(world.state_write(view.ids(), colours.data()));
     HOLDS(world.body_info(ball)->user_data == 3);
 
-    dcd::Ray ray = { { 15.0, 5.0, 15.0 }, { 0.0f, -1.0f, 0.0f }, 10.0f, { 0 }, 0xFFFFFFFFu, 0 };
+    dcd::Ray ray;
+    ray.origin[0] = ray.origin[2] = 15.0;
+    ray.origin[1] = 5.0;
+    ray.direction[1] = -1.0f;
+    ray.max_distance = 10.0f;
     const dcd::Ray rays[] = { ray, ray };
     const std::vector<dcd::RayHit> hits = *world.cast_rays(rays);
     HOLDS(hits.size() == 2 && std::fabs(hits[1].distance - 5.0f) < 1e-3f);
+    const dcd::Found<dcd::RayHit> through = *world.cast_rays_all(rays);
+    HOLDS(through.of(0).size() == 1 && through.of(1).size() == 1 && through.of(1)[0].body == hits[1].body);
+    dcd::Filter movable;
+    movable.flags = DCD_FILTER_NO_FIXED;
+    HOLDS((*world.cast_rays_all(rays, movable)).items.empty());
+    dcd::PointQuery point;
+    point.point[1] = -0.1;
+    const dcd::PointQuery points[] = { point };
+    HOLDS((*world.overlap_points(points)).of(0).size() == 1 && (*world.project_points(points)).size() == 1);
+
+    const std::vector<unsigned char> saved = *world.snapshot_save();
+    const std::uint64_t then = *world.state_hash();
+    world.step_begin().expect();
+    world.step_wait(60000000000u).expect();
+    world.snapshot_load(saved).expect();
+    HOLDS(*world.state_hash() == then);
+    HOLDS(!world.address() && world.address().status().code() == DCD_ERR_UNSUPPORTED);
 
     HOLDS(world.regions()->size() == 2 && world.own_avatars()->empty());
     HOLDS(world.info()->user_data == 7 && world.stats()->ticks == 120);

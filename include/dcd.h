@@ -239,6 +239,15 @@
 // In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
 #define DCD_HIT_INSIDE 1
 
+// As DcdOwner.node where it is not known or there is none.
+#define DCD_NO_NODE UINT32_MAX
+
+// In DcdOwner.flags: this process computes the region that owns the body.
+#define DCD_OWNER_HERE 1
+
+// In DcdOwner.flags: what this world shows of the body was heard from others, and is some milliseconds old.
+#define DCD_OWNER_HEARD 2
+
 // What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 typedef int32_t DcdStatus;
 
@@ -1084,6 +1093,40 @@ typedef struct DcdRegionInfo {
     // Highest corner, outside, metres.
     double max[3];
 } DcdRegionInfo;
+
+// Where two regions meet.
+typedef struct DcdBorderInfo {
+    // The region of the lower number, as in DcdRegionInfo.
+    uint32_t a;
+    // The other.
+    uint32_t b;
+    // Movable bodies that both hold, whoever owns them.
+    uint32_t bodies;
+    // How often the two agree in the next step; with DCD_COUPLING_AUTO as often as the border came to need.
+    uint32_t exchanges;
+    // Contact hops across the border within which bodies live in both regions, at the side where it is more; 0 with
+    // DCD_COUPLING_OWNER and _PROXY.
+    uint32_t depth;
+    // How far the copies of a body were from agreement here in the last step, summed over its exchanges, m/s; an estimate of
+    // the error that the border makes. 0 with DCD_COUPLING_OWNER and _PROXY.
+    float disagreement;
+} DcdBorderInfo;
+
+// Who has authority over a body. Start from DCD_OWNER_INIT.
+typedef struct DcdOwner {
+    // sizeof(DcdOwner).
+    uint32_t struct_size;
+    // Its region, as in DcdRegionInfo; DCD_NO_REGION for a fixed body, which every region near it has, and for an avatar that
+    // has not appeared yet. In a served world, the region it is in: at a border another may own it for a moment.
+    uint32_t region;
+    // The node that computes the region, as the server numbers nodes from 1; DCD_NO_NODE in a local world and for a client,
+    // which is not told. A participant knows.
+    uint32_t node;
+    // Regions that hold the body, its owner included; 0 in a served world, where it is not told.
+    uint32_t holders;
+    // DCD_OWNER_… bits. In a participant both may be set.
+    uint32_t flags;
+} DcdOwner;
 
 // Counters of a world. Start from DCD_STATS_INIT.
 typedef struct DcdStats {
@@ -2005,6 +2048,18 @@ DcdStatus dcd_overlap_boxes(DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
 
+// Lists the borders into `out`, which has `cap` entries, and their number into `count`, in order of (a, b): of each two
+// regions that have a face in common or hold the same body. With `cap` 0 `out` may be null, to ask for the number.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
+// DCD_ERR_UNSUPPORTED in a served world: what its borders cost, its nodes know.
+DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, size_t *count);
+
+// Says who owns a body.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
+DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
+
 // Reads the counters of a world.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
@@ -2139,6 +2194,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
+#define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_STATS_INIT \
     { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 
@@ -2514,6 +2570,19 @@ DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
 DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
+DCD_ASSERT_(sizeof(DcdOwner) == 20);
+DCD_ASSERT_(offsetof(DcdOwner, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdOwner, region) == 4);
+DCD_ASSERT_(offsetof(DcdOwner, node) == 8);
+DCD_ASSERT_(offsetof(DcdOwner, holders) == 12);
+DCD_ASSERT_(offsetof(DcdOwner, flags) == 16);
+DCD_ASSERT_(sizeof(DcdBorderInfo) == 24);
+DCD_ASSERT_(offsetof(DcdBorderInfo, a) == 0);
+DCD_ASSERT_(offsetof(DcdBorderInfo, b) == 4);
+DCD_ASSERT_(offsetof(DcdBorderInfo, bodies) == 8);
+DCD_ASSERT_(offsetof(DcdBorderInfo, exchanges) == 12);
+DCD_ASSERT_(offsetof(DcdBorderInfo, depth) == 16);
+DCD_ASSERT_(offsetof(DcdBorderInfo, disagreement) == 20);
 DCD_ASSERT_(sizeof(DcdStats) == 96);
 DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);

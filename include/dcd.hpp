@@ -70,6 +70,7 @@ using Transfer = DcdTransfer;
 using BodyChange = DcdBodyChange;
 using RayHit = DcdRayHit;
 using RegionInfo = DcdRegionInfo;
+using BorderInfo = DcdBorderInfo;
 using ShapeHit = DcdShapeHit;
 using PointHit = DcdPointHit;
 using Overlap = DcdOverlap;
@@ -107,6 +108,7 @@ DCD_STRUCT_(BoxQuery, DCD_BOX_QUERY_INIT);
 DCD_STRUCT_(JointDef, DCD_JOINT_DEF_INIT);
 DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
+DCD_STRUCT_(Owner, DCD_OWNER_INIT);
 DCD_STRUCT_(Stats, DCD_STATS_INIT);
 #undef DCD_STRUCT_
 
@@ -406,6 +408,12 @@ public:
             return dcd_regions(world_, out, cap, count);
         });
     }
+    Result<std::vector<BorderInfo>> borders() const
+    {
+        return listed<BorderInfo>([&](BorderInfo *out, std::size_t cap, std::size_t *count) {
+            return dcd_borders(world_, out, cap, count);
+        });
+    }
     Result<std::vector<BodyId>> own_avatars() const
     {
         return listed<BodyId>([&](BodyId *out, std::size_t cap, std::size_t *count) {
@@ -489,6 +497,10 @@ public:
     Result<BodyInfo> body_info(BodyId body) const
     {
         return got<BodyInfo>([&](BodyInfo *out) { return dcd_body_info(world_, body, out); });
+    }
+    Result<Owner> body_owner(BodyId body) const
+    {
+        return got<Owner>([&](Owner *out) { return dcd_body_owner(world_, body, out); });
     }
     Result<Motion> body_get(BodyId body) const
     {

@@ -6,7 +6,7 @@
 use std::io::Read;
 
 use dcd::net::PeerStats;
-use dcd::physics::{Handover, Queries, Region};
+use dcd::physics::{BorderView, Handover, Queries, Region};
 use dcd::protocol::{BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
@@ -16,7 +16,7 @@ use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, Dcd
 use crate::hosted::Hosted;
 use crate::served::{Change, Served};
 use crate::status::{DCD_ERR_UNSUPPORTED, Failure};
-use crate::view::{BodyView, RegionView, StateRow};
+use crate::view::{BodyView, OwnerView, RegionView, StateRow};
 use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
 /// A world by role.
@@ -467,6 +467,29 @@ impl Backend {
             }
             Self::Served(world) => world.regions(),
             Self::Hosted(_) => Vec::new(),
+        }
+    }
+
+    /// Where regions meet, of a world that is computed here.
+    pub(crate) fn borders(&self) -> Result<Vec<BorderView>, Failure> {
+        Ok(self
+            .local("tell what borders cost", "its nodes know; dcd node says it at the end")?
+            .host()
+            .borders())
+    }
+
+    /// Who has authority over a body that is there.
+    pub(crate) fn owner(&self, id: BodyId) -> OwnerView {
+        let unknown = OwnerView { region: None, node: None, holders: 0, here: false, heard: false };
+        match self {
+            Self::Local(world) => OwnerView {
+                region: world.owner_of(id),
+                holders: world.host().holders(id),
+                here: true,
+                ..unknown
+            },
+            Self::Served(world) => world.owner(id),
+            Self::Hosted(_) => unknown,
         }
     }
 

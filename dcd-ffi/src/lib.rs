@@ -58,6 +58,8 @@ pub mod event;
 
 pub mod query;
 
+pub mod topology;
+
 pub mod stats;
 
 pub mod snapshot;

@@ -16,7 +16,7 @@ use rapier3d::prelude::*;
 
 use crate::properties::type_of;
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
-use crate::view::{BodyView, RegionView, StateRow};
+use crate::view::{BodyView, OwnerView, RegionView, StateRow};
 
 /// A client's or participant's world.
 pub(crate) struct Served {
@@ -274,6 +274,13 @@ impl Served {
             user_data: traits.user_data as u64,
             owner: owner.then(|| self.region_at(&state.pose)),
         })
+    }
+
+    pub(crate) fn owner(&self, id: BodyId) -> OwnerView {
+        let region = self.body(id).and_then(|body| body.owner);
+        let node = region.and_then(|region| self.world.computed_by(region));
+        let here = node.is_some() && node == self.world.node();
+        OwnerView { region, node, holders: 0, here, heard: true }
     }
 
     pub(crate) fn user_data(&self, id: BodyId) -> Option<u64> {

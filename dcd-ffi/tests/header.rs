@@ -18,6 +18,7 @@ use dcd_ffi::serve::*;
 use dcd_ffi::shape::*;
 use dcd_ffi::state::*;
 use dcd_ffi::stats::*;
+use dcd_ffi::topology::*;
 use dcd_ffi::types::*;
 use dcd_ffi::world::*;
 
@@ -116,6 +117,8 @@ fn layouts() -> Vec<Layout> {
         DcdBoxQuery { min, max, exclude, mask, reserved }
         DcdOverlap { body, user_data, part, reserved }
         DcdRegionInfo { region, bodies, replicas, reserved, min, max }
+        DcdOwner { struct_size, region, node, holders, flags }
+        DcdBorderInfo { a, b, bodies, exchanges, depth, disagreement }
         DcdStats {
             struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out, rtt,
             last_step, disagreement, exchanges
@@ -197,6 +200,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \\
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
+#define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_STATS_INIT \\
     { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 

@@ -13,7 +13,7 @@ use crate::cluster::{BodyView, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{ContactForce, EnvironmentProperties, Refusal, Touch, Velocity, WorldPose};
-use crate::space::{BodyId, ClientId, NodeId, Tick};
+use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
 /// With what a process enters a served world.
 #[derive(Clone, Debug)]
@@ -134,6 +134,11 @@ impl ClientWorld {
     /// Our name as a node, for a participant.
     pub fn node(&self) -> Option<NodeId> {
         self.member.who.node()
+    }
+
+    /// The node that computes a region, as far as known: by a participant, whose node is told.
+    pub fn computed_by(&self, region: RegionId) -> Option<NodeId> {
+        self.member.shared.lock().allocation.get(&region).copied()
     }
 
     /// Where our node listens, for a participant.

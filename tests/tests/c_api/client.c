@@ -145,6 +145,7 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_cast_rays(world, &ray, 1, NULL, &hit), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_overlap_points(world, NULL, 0, NULL, NULL, 0, NULL, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_borders(world, NULL, 0, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_snapshot_save(world, NULL, 0, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_snapshot_load(world, &hash, sizeof hash), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_impulse(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
@@ -224,6 +225,16 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
     OK(dcd_body_properties(world, avatar, &as));
     HOLDS(as.dominance == 3 && as.user_data == 7);
+    DcdOwner owner = DCD_OWNER_INIT;
+    OK(dcd_body_owner(world, avatar, &owner));
+    HOLDS(owner.region == body_info.region && owner.holders == 0 && (owner.flags & DCD_OWNER_HEARD) != 0);
+    /* A participant is told who computes what, and comes to compute a share. */
+    bool knows = strcmp(role, "participant") == 0;
+    for (int i = 0; knows && i < 3000 && (owner.flags & DCD_OWNER_HERE) == 0; i++) {
+        step(world);
+        OK(dcd_body_owner(world, i % 2 ? avatar : box, &owner));
+    }
+    HOLDS(knows == ((owner.flags & DCD_OWNER_HERE) != 0) && knows == (owner.node != DCD_NO_NODE));
     DcdRegionInfo regions[2];
     OK(dcd_regions(world, regions, 2, &count));
     HOLDS(count == 2 && regions[0].bodies + regions[1].bodies == 101);

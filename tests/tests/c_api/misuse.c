@@ -599,6 +599,8 @@ static void bulk(void)
     DcdStateView view = DCD_STATE_VIEW_INIT, early = DCD_STATE_VIEW_INIT;
     DcdEventView events = DCD_EVENT_VIEW_INIT;
     DcdRegionInfo regions[2];
+    DcdBorderInfo border;
+    DcdOwner owner = DCD_OWNER_INIT;
     DcdStats stats = DCD_STATS_INIT;
     size_t count = 0;
     char text[256], tiny[4] = "abc";
@@ -667,6 +669,16 @@ static void bulk(void)
     EXPECT(dcd_regions(world, regions, 1, &count), DCD_ERR_SMALL_BUFFER);
     EXPECT(dcd_regions(world, regions, 2, &count), DCD_OK);
     HOLDS(regions[0].max[0] == 0.0 && isinf(regions[0].min[0]));
+    EXPECT(dcd_borders(world, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_borders(world, NULL, 1, &count), DCD_ERR_NULL);
+    EXPECT(dcd_borders(world, NULL, 0, &count), DCD_ERR_SMALL_BUFFER);
+    HOLDS(count == 1);
+    EXPECT(dcd_borders(world, &border, 1, &count), DCD_OK);
+    EXPECT(dcd_body_owner(world, NO_BODY, &owner), DCD_ERR_NULL);
+    EXPECT(dcd_body_owner(world, ids[2], &owner), DCD_ERR_STALE_ID);
+    EXPECT(dcd_body_owner(world, ids[0], NULL), DCD_ERR_NULL);
+    owner.struct_size = 4;
+    EXPECT(dcd_body_owner(world, ids[0], &owner), DCD_ERR_STRUCT);
     EXPECT(dcd_stats(world, NULL), DCD_ERR_NULL);
     stats.struct_size = 0;
     EXPECT(dcd_stats(world, &stats), DCD_ERR_STRUCT);

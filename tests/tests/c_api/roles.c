@@ -103,13 +103,17 @@ static void cannot(DcdWorld world, const char *role)
     DcdBodyDef body = DCD_BODY_DEF_INIT;
     DcdBodyId id = { 0 };
     DcdStateView view = DCD_STATE_VIEW_INIT;
+    DcdOwner owner = DCD_OWNER_INIT;
     uint64_t hash = 0;
+    size_t needed = 0;
     const float half[3] = { 0.5f, 0.5f, 0.5f };
     OK(dcd_shape_box(world, half, &shape));
     body.shape = shape;
     FAILS(dcd_body_create(world, &body, &id), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_view(world, &view), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_borders(world, NULL, 0, &needed), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_owner(world, (DcdBodyId){ 1 }, &owner), DCD_ERR_UNSUPPORTED, role);
     HOLDS(id.v == 0 && hash == 0);
 }
 

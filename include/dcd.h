@@ -168,6 +168,9 @@
 // In DcdStateView.flags: the body sleeps.
 #define DCD_STATE_SLEEPING 1
 
+// In DcdStateView.flags: your interest does not reach the body (dcd_interest_set); the state is that last heard of.
+#define DCD_STATE_OUTSIDE 2
+
 // In DcdContact.kind: two bodies began to touch.
 #define DCD_CONTACT_BEGAN 0
 
@@ -582,8 +585,10 @@ typedef struct DcdBodyInfo {
     uint32_t parts;
     // Whether it sleeps: it costs nothing until something wakes it.
     bool sleeping;
+    // Whether your interest does not reach it (dcd_interest_set): what is told here is what was last heard of it.
+    bool outside;
     // 0.
-    uint8_t reserved[3];
+    uint8_t reserved[2];
 } DcdBodyInfo;
 
 // What a body is like, but for its shapes: the members of DcdBodyDef, to be read and changed later. Start from
@@ -2060,6 +2065,22 @@ DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, si
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
 DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 
+// Sets what a client or participant wants to hear of from now on: bodies whose origin is within `radius` metres of `centre`
+// (world space), its own avatars, and what is within 8 m of these. It saves bytes and time where the world is large. A radius of
+// 0 or less, or of infinity, is everything, as at first; `centre` may be null then. Call it as often as you like: as long as
+// the centre stays within a twentieth of the radius of where it was said last, nothing is sent.
+//
+// Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
+// DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What
+// leaves is told so; what comes in, by its own motion or as the interest moves over it, is told within a few steps, also when
+// it rests by then, and counts as outside until it is. Some bodies a little beyond the radius are told of too. When nodes
+// join or leave, everything is told once.
+//
+// A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,
+// DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+DCD_API DcdStatus dcd_interest_set(DcdWorld world, const double *centre, double radius);
+
 // Reads the counters of a world.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
@@ -2180,7 +2201,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \
-      { 0.0f, 0.0f, 0.0f }, 0, false, { 0, 0, 0 } }
+      { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
 #define DCD_BODY_PROPERTIES_INIT \
     { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
@@ -2388,7 +2409,8 @@ DCD_ASSERT_(offsetof(DcdBodyInfo, force) == 48);
 DCD_ASSERT_(offsetof(DcdBodyInfo, torque) == 60);
 DCD_ASSERT_(offsetof(DcdBodyInfo, parts) == 72);
 DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 76);
-DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 77);
+DCD_ASSERT_(offsetof(DcdBodyInfo, outside) == 77);
+DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 78);
 DCD_ASSERT_(sizeof(DcdForce) == 24);
 DCD_ASSERT_(offsetof(DcdForce, force) == 0);
 DCD_ASSERT_(offsetof(DcdForce, torque) == 12);

@@ -408,6 +408,8 @@ public:
             return dcd_regions(world_, out, cap, count);
         });
     }
+    /* A radius of 0 is everything. */
+    Status interest_set(const Point &centre, double radius) { return Status(dcd_interest_set(world_, centre.data(), radius)); }
     Result<std::vector<BorderInfo>> borders() const
     {
         return listed<BorderInfo>([&](BorderInfo *out, std::size_t cap, std::size_t *count) {

@@ -7,7 +7,7 @@ use std::io::Read;
 
 use dcd::net::PeerStats;
 use dcd::physics::{BorderView, Handover, Queries, Region};
-use dcd::protocol::{BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
+use dcd::protocol::{Area, BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
@@ -201,6 +201,7 @@ impl Backend {
                     mass_kg: if body.is_fixed() { 0.0 } else { world.mass_kg(id)? },
                     user_data: body.user_data as u64,
                     owner: world.owner_of(id),
+                    outside: false,
                 })
             }
             Self::Served(world) => world.body(id),
@@ -361,6 +362,7 @@ impl Backend {
                         velocity,
                         user_data: body.map_or(0, |body| body.user_data as u64),
                         sleeping: body.is_some_and(RigidBody::is_sleeping),
+                        outside: false,
                     }
                 };
                 world.states().map(row).take(most).for_each(look);
@@ -467,6 +469,15 @@ impl Backend {
             }
             Self::Served(world) => world.regions(),
             Self::Hosted(_) => Vec::new(),
+        }
+    }
+
+    /// Wants to hear of an area, or of everything.
+    pub(crate) fn turn_to(&mut self, area: Option<Area>) -> Result<(), Failure> {
+        match self {
+            Self::Local(_) => Ok(()),
+            Self::Served(world) => world.turn_to(area),
+            Self::Hosted(world) => Err(world.unsupported("have an interest")),
         }
     }
 

@@ -60,6 +60,8 @@ pub mod query;
 
 pub mod topology;
 
+pub mod interest;
+
 pub mod stats;
 
 pub mod snapshot;

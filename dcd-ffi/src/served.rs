@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 use dcd::cluster::BodyView as Heard;
 use dcd::net::PeerStats;
 use dcd::physics::ShapeLibrary;
-use dcd::protocol::{BodyKind, BodyRecord, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose};
+use dcd::protocol::{
+    Area, BodyKind, BodyRecord, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose,
+};
 use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
 use rapier3d::prelude::*;
@@ -273,6 +275,7 @@ impl Served {
             mass_kg: 0.0,
             user_data: traits.user_data as u64,
             owner: owner.then(|| self.region_at(&state.pose)),
+            outside: self.heard(id).is_some_and(|heard| heard.outside),
         })
     }
 
@@ -303,14 +306,20 @@ impl Served {
     }
 
     pub(crate) fn states(&self) -> impl Iterator<Item = StateRow> {
-        self.movable_bodies().map(|Heard { body, .. }| StateRow {
+        self.movable_bodies().map(|Heard { body, outside, .. }| StateRow {
             id: body.id,
             region: self.region_at(&body.state.pose),
             pose: body.state.pose,
             velocity: body.state.velocity,
             user_data: body.traits.user_data as u64,
             sleeping: body.state.sleeping,
+            outside: *outside,
         })
+    }
+
+    pub(crate) fn turn_to(&self, area: Option<Area>) -> Result<(), Failure> {
+        self.check_link()?;
+        Ok(self.world.turn_to(area)?)
     }
 
     /// Avatars of this client that are in the world or on their way, in id order.

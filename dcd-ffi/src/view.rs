@@ -16,6 +16,8 @@ pub(crate) struct BodyView {
     pub user_data: u64,
     /// `None` for an immovable body.
     pub owner: Option<RegionId>,
+    /// Whether the interest set does not reach it.
+    pub outside: bool,
 }
 
 /// A movable body after a step.
@@ -26,6 +28,8 @@ pub(crate) struct StateRow {
     pub velocity: Velocity,
     pub user_data: u64,
     pub sleeping: bool,
+    /// Whether the interest set does not reach it.
+    pub outside: bool,
 }
 
 /// Who has authority over a body.

@@ -83,7 +83,7 @@ fn layouts() -> Vec<Layout> {
             user_data
         }
         DcdBodyInfo {
-            struct_size, body_type, user_data, centre, mass, region, force, torque, parts, sleeping, reserved
+            struct_size, body_type, user_data, centre, mass, region, force, torque, parts, sleeping, outside, reserved
         }
         DcdForce { force, torque }
         DcdJointDef {
@@ -186,7 +186,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \\
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \\
-      { 0.0f, 0.0f, 0.0f }, 0, false, { 0, 0, 0 } }
+      { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
 #define DCD_BODY_PROPERTIES_INIT \\
     { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \\
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }

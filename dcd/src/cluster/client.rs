@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use super::Peer;
 use crate::protocol::{
-    BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient, Hello, JointRecord, Member,
-    Message, Refusal, Role, ShapeHash, ShapeRecord, SharedState, ToClient, Touch, VERSION, Velocity,
-    WorldPose,
+    Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient, Hello,
+    JointRecord, Member, Message, Refusal, Role, ShapeHash, ShapeRecord, SharedState, ToClient, Touch,
+    VERSION, Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
 
@@ -54,6 +54,8 @@ pub enum ClientEvent {
     },
     /// An avatar is to go for good.
     Despawn(BodyId),
+    /// The user wants to hear of bodies in this area, or of all.
+    Interest(Option<Area>),
     /// The user goes.
     Leave,
 }
@@ -102,17 +104,19 @@ pub struct BodyView {
     pub tick: Tick,
     /// Whether it was computed by a node that waits for others: a guess, until one that is not comes.
     pub provisional: bool,
+    /// Whether the client's interest did not reach it when it was last heard of, or has left it since: it may be elsewhere.
+    pub outside: bool,
     /// Epoch and tick of the newest state that is no guess.
     settled: (Epoch, Tick),
 }
 
 impl BodyView {
     fn new(body: BodyRecord) -> Self {
-        Self { settled: (body.epoch, Tick(0)), body, tick: Tick(0), provisional: false }
+        Self { settled: (body.epoch, Tick(0)), body, tick: Tick(0), provisional: false, outside: false }
     }
 
     /// Takes a state in, unless something newer is known. A guess never counts against what is none.
-    fn learn(&mut self, state: &SharedState, tick: Tick, provisional: bool) {
+    fn learn(&mut self, state: &SharedState, tick: Tick, provisional: bool, outside: bool) {
         let is_news = match provisional {
             false => self.settled <= (state.epoch, tick),
             true => {
@@ -130,6 +134,7 @@ impl BodyView {
             self.body.state.pose = state.pose;
             self.body.state.velocity = state.velocity;
             self.body.state.sleeping = state.sleeping;
+            self.outside = outside;
         }
     }
 
@@ -166,6 +171,8 @@ pub struct Client {
     logical_time: u64,
     /// The newest wish for each avatar and its time: said again when a link is back, and to a new leader.
     newest: BTreeMap<BodyId, (Drive, Duration)>,
+    /// What it wants to hear of, as said to the leader; `None` is everything.
+    area: Option<Area>,
     now: Duration,
     /// What the server has not answered yet, in order: said again when it is back.
     unanswered: Vec<FromClient>,
@@ -195,6 +202,7 @@ impl Client {
             dial_leader_at: None,
             logical_time: 0,
             newest: BTreeMap::new(),
+            area: None,
             now: Duration::ZERO,
             unanswered: Vec::new(),
             touches: VecDeque::new(),
@@ -217,6 +225,9 @@ impl Client {
                 self.dial_leader_at = None;
                 for drive in self.newest.values().map(|&(drive, _)| drive).collect::<Vec<_>>() {
                     self.send_drive(drive);
+                }
+                if self.area.is_some() {
+                    self.send_interest();
                 }
             }
             ClientEvent::Disconnected(Peer::Server) => {
@@ -246,6 +257,7 @@ impl Client {
                 self.send_drive(drive);
             }
             ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
+            ClientEvent::Interest(area) => self.turn_to(area),
             ClientEvent::Leave => self.ask_server(FromClient::Leave),
         }
     }
@@ -388,6 +400,37 @@ impl Client {
         }
     }
 
+    /// Says what it wants to hear of, unless what was said stands for it.
+    fn turn_to(&mut self, area: Option<Area>) {
+        let is_known = match (&self.area, &area) {
+            (Some(known), Some(area)) => known.stands_for(area),
+            (known, area) => known.is_none() && area.is_none(),
+        };
+        if is_known {
+            return;
+        }
+        self.area = area;
+        // What comes into the area counts as outside until it is heard of.
+        let (me, area) = (self.id, self.area);
+        for BodyView { body, outside, .. } in self.bodies.values_mut() {
+            *outside |= is_outside(me, area, body);
+        }
+        self.send_interest();
+    }
+
+    /// To the leader alone, who must know; the next one is told anew.
+    fn send_interest(&mut self) {
+        let wish = FromClient::Interest(self.area);
+        match &self.leader {
+            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(wish)),
+            Some(member) if self.linked => {
+                let to = Peer::Node(member.node);
+                self.send(to, Message::FromClient(self.id, wish));
+            }
+            _ => {}
+        }
+    }
+
     fn told(&mut self, message: ToClient) {
         match message {
             ToClient::Welcome { world, logical_time, .. } => {
@@ -428,6 +471,9 @@ impl Client {
                     for drive in fresh.map(|&(drive, _)| drive).collect::<Vec<_>>() {
                         self.send_drive(drive);
                     }
+                    if self.area.is_some() {
+                        self.send_interest();
+                    }
                 }
             }
             ToClient::Inserted { body, shapes } => {
@@ -446,8 +492,13 @@ impl Client {
             }
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 for state in states {
+                    let outside = !is_followed(self.id, self.area, state.id, &state.pose);
+                    // Nobody would take a guess back there.
+                    if stamp.provisional && outside {
+                        continue;
+                    }
                     if let Some(view) = self.bodies.get_mut(&state.id) {
-                        view.learn(&state, stamp.tick, stamp.provisional);
+                        view.learn(&state, stamp.tick, stamp.provisional, outside);
                     }
                 }
             }
@@ -467,7 +518,8 @@ impl Client {
     /// A body of the server's record; what the leader told before may be newer.
     fn know(&mut self, body: BodyRecord) {
         if self.bodies.get(&body.id).is_none_or(|view| view.settled.0 < body.epoch) {
-            self.bodies.insert(body.id, BodyView::new(body));
+            let outside = is_outside(self.id, self.area, &body);
+            self.bodies.insert(body.id, BodyView { outside, ..BodyView::new(body) });
         }
     }
 
@@ -488,6 +540,16 @@ impl Client {
         }
         self.outputs.extend(leader.map(ClientOutput::Connect));
     }
+}
+
+/// Whether the leader tells a client with this interest of a body whenever it moves, if this is where it is.
+fn is_followed(client: ClientId, area: Option<Area>, id: BodyId, pose: &WorldPose) -> bool {
+    area.is_none_or(|area| area.covers(pose.translation) || id.client() == Some(client))
+}
+
+/// Whether a body may be elsewhere than where it is known to be.
+fn is_outside(client: ClientId, area: Option<Area>, body: &BodyRecord) -> bool {
+    body.traits.kind != BodyKind::Fixed && !is_followed(client, area, body.id, &body.state.pose)
 }
 
 fn keep<T>(queue: &mut VecDeque<(Tick, T)>, tick: Tick, items: Vec<T>) {
@@ -522,5 +584,93 @@ mod tests {
         assert_eq!(tell(ToClient::States { stamp, states: vec![state] }), Some((Epoch(3), Tick(7))));
         assert_eq!(tell(returned(2)), Some((Epoch(3), Tick(7))), "it comes over another link");
         assert_eq!(tell(returned(4)), Some((Epoch(4), Tick(0))));
+    }
+
+    /// A client with a link to its leader that knows two bodies.
+    fn linked() -> Client {
+        let mut client = Client::new(ClientId(1), None);
+        for x in [0.0, 50.0] {
+            let body = sim_body(BodyId::persistent(x as u32), [x, 0.0, 0.0]);
+            tell(&mut client, ToClient::Inserted { body, shapes: Vec::new() });
+        }
+        follow(&mut client, 1);
+        client
+    }
+
+    fn tell(client: &mut Client, message: ToClient) {
+        let message = Message::ToClient(ClientId(1), message);
+        client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Server, message });
+    }
+
+    fn follow(client: &mut Client, node: u32) {
+        let leader = Member { node: NodeId(node), address: ([127, 0, 0, 1], 1).into(), client: None };
+        let view = crate::protocol::ViewNumber(node.into());
+        tell(client, ToClient::LeaderIs { group: GroupId(1), view, leader: Some(leader) });
+        client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Node(NodeId(node))));
+    }
+
+    /// What it says to its leaders of its interest.
+    fn said(client: &mut Client) -> Vec<(Peer, Option<Area>)> {
+        let output = |output| match output {
+            ClientOutput::Send { to, message: Message::FromClient(_, FromClient::Interest(area)) } => {
+                Some((to, area))
+            }
+            _ => None,
+        };
+        std::iter::from_fn(|| client.poll_output()).filter_map(output).collect()
+    }
+
+    #[test]
+    fn an_interest_is_said_when_it_changes_by_more_than_a_little_and_again_to_a_new_leader() {
+        let mut client = linked();
+        let area = |x: f64| Some(Area { centre: [x, 0.0, 0.0], radius_m: 20.0 });
+        let turn = |client: &mut Client, area| {
+            client.handle(Duration::ZERO, ClientEvent::Interest(area));
+            said(client)
+        };
+        let (first, second) = (Peer::Node(NodeId(1)), Peer::Node(NodeId(2)));
+        assert_eq!(said(&mut client), [], "everything is what a leader tells by itself");
+        assert_eq!(turn(&mut client, area(0.0)), [(first, area(0.0))]);
+        assert_eq!(turn(&mut client, area(0.9)), []);
+        assert_eq!(turn(&mut client, area(1.1)), [(first, area(1.1))]);
+        follow(&mut client, 2);
+        assert_eq!(said(&mut client), [(second, area(1.1))]);
+        assert_eq!(turn(&mut client, None), [(second, None)]);
+        assert_eq!(turn(&mut client, None), []);
+    }
+
+    #[test]
+    fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
+        let mut client = linked();
+        let outside = |client: &Client| client.bodies().map(|view| view.outside).collect::<Vec<_>>();
+        let turn = |client: &mut Client, x: f64| {
+            let area = Area { centre: [x, 0.0, 0.0], radius_m: 20.0 };
+            client.handle(Duration::ZERO, ClientEvent::Interest(Some(area)));
+        };
+        let hear = |client: &mut Client, id: u32, x: f64, provisional: bool| {
+            let (pose, velocity) = (WorldPose::at([x, 0.0, 0.0]), Velocity::default());
+            let state =
+                SharedState { id: BodyId::persistent(id), epoch: Epoch(0), pose, velocity, sleeping: false };
+            let stamp = Stamp { group: GroupId(1), tick: Tick(1), provisional };
+            tell(client, ToClient::States { stamp, states: vec![state] });
+        };
+        assert_eq!(outside(&client), [false, false]);
+        turn(&mut client, 0.0);
+        assert_eq!(outside(&client), [false, true]);
+        turn(&mut client, 50.0);
+        assert_eq!(outside(&client), [true, true]);
+        hear(&mut client, 50, 50.0, false);
+        assert_eq!(outside(&client), [true, false]);
+        hear(&mut client, 50, 90.0, true);
+        assert_eq!(client.body(BodyId::persistent(50)).unwrap().body.state.pose.translation[0], 50.0);
+        hear(&mut client, 50, 90.0, false);
+        assert_eq!(outside(&client), [true, true], "it went");
+        client.handle(Duration::ZERO, ClientEvent::Interest(None));
+        hear(&mut client, 50, 90.0, false);
+        assert_eq!(
+            outside(&client),
+            [true, false],
+            "everything is followed, and not everything heard of yet"
+        );
     }
 }

@@ -11,7 +11,7 @@ use bincode::{Decode, Encode};
 use super::{BodyRecord, JointRecord, ShapeRecord};
 use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
-pub use client::{Drive, FromClient, Refusal, Stamp, ToClient};
+pub use client::{Area, Drive, FromClient, Refusal, Stamp, ToClient};
 pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Motion, Report, Stance, TickStats, ToNode,
     ToServer, WorldOp,

@@ -29,7 +29,7 @@ pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
-    BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
+    Area, BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
     EnvironmentProperties, FromClient, Hello, Lane, Member, Message, Motion, Pace, Ping, Placed, Pong,
     Refusal, Report, Role, Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer,
     View, ViewNumber, WorldOp,

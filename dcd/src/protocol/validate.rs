@@ -473,8 +473,18 @@ impl Check for FromClient {
                 body.check()?;
                 all(shapes)
             }
+            Self::Interest(area) => area.map_or(Ok(()), |area| area.check()),
             Self::Despawn(_) | Self::Leave => Ok(()),
         }
+    }
+}
+
+impl Check for Area {
+    fn check(&self) -> Result<(), Invalid> {
+        let is_there = self.centre.iter().all(|v| v.abs() <= WORLD_REACH_M);
+        must(is_there, "interest.centre", "within a million kilometres")?;
+        let is_size = self.radius_m > 0.0 && self.radius_m <= WORLD_REACH_M;
+        must(is_size, "interest.radius_m", "above 0 and at most a million kilometres")
     }
 }
 

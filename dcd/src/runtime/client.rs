@@ -12,7 +12,7 @@ use super::{Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
-use crate::protocol::{ContactForce, EnvironmentProperties, Refusal, Touch, Velocity, WorldPose};
+use crate::protocol::{Area, ContactForce, EnvironmentProperties, Refusal, Touch, Velocity, WorldPose};
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
 /// With what a process enters a served world.
@@ -194,6 +194,12 @@ impl ClientWorld {
         pose: Option<WorldPose>,
     ) -> Result<(), ProcessError> {
         self.member.wish(ClientEvent::Drive { body: avatar, velocity, pose })
+    }
+
+    /// Wants to hear of bodies in this area and about our avatars from now on; `None`: of all, as at first. What is outside stays
+    /// as last heard of, and [`BodyView::outside`] says so.
+    pub fn turn_to(&self, area: Option<Area>) -> Result<(), ProcessError> {
+        self.member.wish(ClientEvent::Interest(area))
     }
 
     /// Our avatars in the world, also those that an earlier stay left behind, in id order.

@@ -7,6 +7,8 @@ use crate::cluster::{ClientEvent, ClientOutput, NodeCounters, Peer};
 use crate::protocol::{Refusal, Velocity};
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
+mod interest;
+
 fn config(seed: u64, nodes: u32) -> SimConfig {
     SimConfig { seed, nodes, ..SimConfig::default() }
 }

@@ -257,6 +257,107 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(count == 0);
 }
 
+/* How many movable bodies the interest does not reach. */
+static size_t outside(DcdWorld world)
+{
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    size_t count = 0;
+    OK(dcd_state_view(world, &view));
+    for (size_t i = 0; i < view.count; i++) {
+        count += (view.flags[i] & DCD_STATE_OUTSIDE) != 0;
+    }
+    return count;
+}
+
+/* Steps until so many bodies are outside. */
+static bool comes_to(DcdWorld world, size_t count)
+{
+    for (int i = 0; i < 3000 && step(world) == DCD_OK; i++) {
+        if (outside(world) == count) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool is_outside(DcdWorld world, DcdBodyId body)
+{
+    DcdBodyInfo info = DCD_BODY_INFO_INIT;
+    OK(dcd_body_info(world, body, &info));
+    return info.outside;
+}
+
+/* What moves unseen stays where it was last heard of, and is where it is once the interest comes over it. */
+static void hears_of_a_part(const char *server, const char *first, const char *second)
+{
+    DcdWorld watcher = connect(server, first, NULL), mover = connect(server, second, NULL);
+    DcdBodyDef def = avatar_def(mover);
+    DcdVelocity east = { { 15.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, still = { { 0.0f }, { 0.0f } };
+    double here[3] = { -12.0, 50.0, 0.0 }, there[3] = { 0.0, 50.0, 0.0 };
+    DcdBodyId avatar, seen, ground;
+    size_t count = 0;
+    OK(dcd_body_create(mover, &def, &avatar));
+    await_change(mover, avatar, DCD_BODY_APPEARED);
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    while (count < 101 && step(watcher) == DCD_OK) {
+        OK(dcd_state_view(watcher, &view));
+        count = view.count;
+    }
+    seen = view.ids[100];
+    HOLDS(outside(watcher) == 0 && pose_of(watcher, seen).p[1] == 50.0);
+    OK(dcd_body_at(watcher, 0, &ground));
+
+    FAILS(dcd_interest_set(watcher, here, NAN), DCD_ERR_ARGUMENT, "radius");
+    FAILS(dcd_interest_set(watcher, NULL, 5.0), DCD_ERR_NULL, "centre");
+    here[2] = INFINITY;
+    FAILS(dcd_interest_set(watcher, here, 5.0), DCD_ERR_ARGUMENT, "centre");
+    here[2] = 0.0;
+
+    /* Around the avatar alone: all boxes are outside, and fixed ground never is. */
+    OK(dcd_interest_set(watcher, here, 5.0));
+    HOLDS(comes_to(watcher, 100) && !is_outside(watcher, seen) && !is_outside(watcher, ground));
+
+    /* It goes away, and is told to have gone; then it goes on unseen, and stops. */
+    OK(dcd_body_set_velocity(mover, avatar, &east));
+    OK(step(mover));
+    HOLDS(comes_to(watcher, 101) && is_outside(watcher, seen));
+    HOLDS(gets_beyond(mover, avatar, 25.0));
+    OK(dcd_body_set_velocity(mover, avatar, &still));
+    double last = -100.0, x = pose_of(mover, avatar).p[0];
+    while (x > last && step(mover) == DCD_OK) {
+        for (int i = 0; i < 10; i++) {
+            step(mover);
+        }
+        last = x;
+        x = pose_of(mover, avatar).p[0];
+    }
+    for (int i = 0; i < 30; i++) {
+        step(watcher);
+    }
+    HOLDS(dcd_body_is_valid(watcher, seen) && pose_of(watcher, seen).p[0] < 10.0 && is_outside(watcher, seen));
+
+    /* The interest comes to where it rests. */
+    there[0] = x;
+    OK(dcd_interest_set(watcher, there, 5.0));
+    HOLDS(comes_to(watcher, 100) && pose_of(watcher, seen).p[0] == x && !is_outside(watcher, seen));
+
+    /* Everything again, by a radius of 0 and by one of infinity. */
+    OK(dcd_interest_set(watcher, NULL, 0.0));
+    HOLDS(comes_to(watcher, 0));
+    OK(dcd_interest_set(watcher, there, 5.0));
+    HOLDS(comes_to(watcher, 100));
+    OK(dcd_interest_set(watcher, NULL, INFINITY));
+    HOLDS(comes_to(watcher, 0));
+
+    /* One's own avatar is always heard of. */
+    OK(dcd_interest_set(mover, here, 5.0));
+    HOLDS(comes_to(mover, 100));
+    OK(dcd_body_set_velocity(mover, avatar, &east));
+    HOLDS(gets_beyond(mover, avatar, x + 10.0) && !is_outside(mover, avatar));
+    OK(dcd_world_destroy(mover));
+    OK(dcd_world_destroy(watcher));
+}
+
 /* An avatar left behind is found again by who joins with the same identity. */
 static void comes_back(const char *server, const char *first, const char *second, const char *identity)
 {
@@ -417,6 +518,8 @@ int main(int argc, char **argv)
         OK(dcd_world_destroy(world));
     } else if (strcmp(mode, "return") == 0 && argc == 6) {
         comes_back(argv[2], argv[3], argv[4], argv[5]);
+    } else if (strcmp(mode, "interest") == 0 && argc == 5) {
+        hears_of_a_part(argv[2], argv[3], argv[4]);
     } else if (strcmp(mode, "lose") == 0) {
         loses(argv[2], argv[3]);
     } else if (strcmp(mode, "survive") == 0) {
@@ -424,7 +527,7 @@ int main(int argc, char **argv)
     } else if (strcmp(mode, "fail") == 0 && argc == 6) {
         fails(argv[2], argv[3], argv[4], argv[5]);
     } else {
-        fprintf(stderr, "usage: client play|participate|return|lose|survive|fail SERVER TOKEN…\n");
+        fprintf(stderr, "usage: client play|participate|return|interest|lose|survive|fail SERVER TOKEN…\n");
         return EXIT_FAILURE;
     }
     printf("%d checks, %d failures\n", checks, failures);

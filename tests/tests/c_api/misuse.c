@@ -674,6 +674,12 @@ static void bulk(void)
     EXPECT(dcd_borders(world, NULL, 0, &count), DCD_ERR_SMALL_BUFFER);
     HOLDS(count == 1);
     EXPECT(dcd_borders(world, &border, 1, &count), DCD_OK);
+    const double nowhere[3] = { 0.0, NAN, 0.0 };
+    EXPECT(dcd_interest_set(world, NULL, 1.0), DCD_ERR_NULL);
+    EXPECT(dcd_interest_set(world, nowhere, 1.0), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_interest_set(world, NULL, NAN), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_interest_set((DcdWorld){ 0 }, NULL, 0.0), DCD_ERR_NULL);
+    EXPECT(dcd_interest_set(world, NULL, 0.0), DCD_OK); /* a local world shows everything */
     EXPECT(dcd_body_owner(world, NO_BODY, &owner), DCD_ERR_NULL);
     EXPECT(dcd_body_owner(world, ids[2], &owner), DCD_ERR_STALE_ID);
     EXPECT(dcd_body_owner(world, ids[0], NULL), DCD_ERR_NULL);

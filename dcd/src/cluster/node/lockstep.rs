@@ -310,9 +310,9 @@ impl Node {
         });
         // What clients wished and was not passed on yet is not lost with the view.
         let pending = self.leader.take().map(Leader::into_wishes).unwrap_or_default();
+        self.wishes.splice(..0, pending);
         self.leader =
             self.world.as_ref().filter(|_| view.leader == me).map(|world| Leader::new(now, &view, world));
-        self.wishes.extend(pending);
         for peer in &self.links {
             if let (Peer::Client(client), Some(leader)) = (peer, &mut self.leader) {
                 leader.admit(*client);
@@ -333,6 +333,7 @@ impl Node {
         self.ask(PhysicsCommand::Rebuild { tick: view.tick, regions, placed, joints, drop });
         self.view = Some(view);
         self.grant_early_wishes();
+        self.repeat_interest();
     }
 
     /// Sends what the regions have to say, and waits for what the others' have.

@@ -1,7 +1,7 @@
 //! What a node refuses, keeps and drops.
 
 use super::*;
-use crate::protocol::{Border, Chunk, ToNode, Velocity, WorldOp};
+use crate::protocol::{Border, Chunk, Drive, ToNode, Velocity, WorldOp};
 use crate::sim::{sim_body, sim_world};
 use crate::space::{BodyId, RegionId};
 

@@ -242,6 +242,15 @@
 // In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
 #define DCD_HIT_INSIDE 1
 
+// The most rays that dcd_rays_submit takes, and the most bodies of its filter.
+#define DCD_MAX_SUBMITTED_RAYS 1024
+
+// The most queries that a world may have open: submitted, and neither fetched nor cancelled.
+#define DCD_MAX_OPEN_QUERIES 64
+
+// The most rays of all of them.
+#define DCD_MAX_OPEN_RAYS 4096
+
 // As DcdOwner.node where it is not known or there is none.
 #define DCD_NO_NODE UINT32_MAX
 
@@ -1082,6 +1091,12 @@ typedef struct DcdBoxQuery {
     // 0.
     uint32_t reserved;
 } DcdBoxQuery;
+
+// Rays that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
+typedef struct DcdQueryId {
+    // Opaque.
+    uint64_t v;
+} DcdQueryId;
 
 // A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
 typedef struct DcdRegionInfo {
@@ -1957,7 +1972,8 @@ DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
 // overlooks them; a null filter overlooks nothing.
 //
 // This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
-// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED.
+// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit
+// asks instead.
 //
 // `rays` and `filter` are read during the call; `hits` has `count` entries.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
@@ -2046,6 +2062,39 @@ DcdStatus dcd_overlap_boxes(DcdWorld world,
                             size_t cap,
                             size_t *ends,
                             size_t *total);
+
+// Asks what each of `count` rays meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
+// client or participant asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
+// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
+//
+// `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
+// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_RAYS, DCD_ERR_BUSY with
+// DCD_MAX_OPEN_QUERIES or DCD_MAX_OPEN_RAYS open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+DCD_API
+DcdStatus dcd_rays_submit(DcdWorld world,
+                          const DcdRay *rays,
+                          size_t count,
+                          const DcdFilter *filter,
+                          DcdQueryId *out);
+
+// Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and
+// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
+// fetched the query is closed and its id stale.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_BUSY while the answer is not there: nothing is written,
+// and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the same, and the query stays open),
+// DCD_ERR_NETWORK when the link is gone.
+DCD_API
+DcdStatus dcd_query_poll(DcdWorld world,
+                         DcdQueryId query,
+                         DcdRayHit *hits,
+                         size_t cap,
+                         size_t *count);
+
+// Closes a query whose answer is not wanted any more.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query).
+DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
 
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
 // ask for the number.
@@ -2585,6 +2634,8 @@ DCD_ASSERT_(offsetof(DcdOverlap, body) == 0);
 DCD_ASSERT_(offsetof(DcdOverlap, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdOverlap, part) == 16);
 DCD_ASSERT_(offsetof(DcdOverlap, reserved) == 20);
+DCD_ASSERT_(sizeof(DcdQueryId) == 8);
+DCD_ASSERT_(offsetof(DcdQueryId, v) == 0);
 DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);
 DCD_ASSERT_(offsetof(DcdRegionInfo, region) == 0);
 DCD_ASSERT_(offsetof(DcdRegionInfo, bodies) == 4);

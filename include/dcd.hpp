@@ -31,6 +31,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -54,6 +55,7 @@
 DCD_ID_(DcdBodyId)
 DCD_ID_(DcdShapeId)
 DCD_ID_(DcdJointId)
+DCD_ID_(DcdQueryId)
 #undef DCD_ID_
 
 namespace dcd {
@@ -61,6 +63,7 @@ namespace dcd {
 using BodyId = DcdBodyId;
 using ShapeId = DcdShapeId;
 using JointId = DcdJointId;
+using QueryId = DcdQueryId;
 using Pose = DcdPose;
 using Velocity = DcdVelocity;
 using Frame = DcdFrame;
@@ -650,6 +653,27 @@ public:
         Status status(dcd_cast_rays(world_, rays.data(), rays.size(), &filter, hits.data()));
         return { status, std::move(hits) };
     }
+    /* Answered later, in a served world too. */
+    Result<QueryId> rays_submit(Span<const Ray> rays, const Filter &filter = {})
+    {
+        return got<QueryId>([&](QueryId *out) { return dcd_rays_submit(world_, rays.data(), rays.size(), &filter, out); });
+    }
+    /* Nothing while the answer is not there. */
+    Result<std::optional<std::vector<RayHit>>> query_poll(QueryId query)
+    {
+        std::vector<RayHit> hits;
+        std::size_t count = 0;
+        DcdStatus code = dcd_query_poll(world_, query, nullptr, 0, &count);
+        if (code == DCD_ERR_SMALL_BUFFER) {
+            hits.resize(count);
+            code = dcd_query_poll(world_, query, hits.data(), hits.size(), &count);
+        }
+        if (code == DCD_ERR_BUSY) {
+            return { Status(DCD_OK), std::nullopt };
+        }
+        return { Status(code), std::move(hits) };
+    }
+    Status query_cancel(QueryId query) { return Status(dcd_query_cancel(world_, query)); }
     Result<Found<RayHit>> cast_rays_all(Span<const Ray> rays, const Filter &filter = {}) const
     {
         return found<RayHit>(rays, filter, dcd_cast_rays_all);

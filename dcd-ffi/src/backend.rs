@@ -7,7 +7,7 @@ use std::io::Read;
 
 use dcd::net::PeerStats;
 use dcd::physics::{BorderView, Handover, Queries, Region};
-use dcd::protocol::{Area, BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
+use dcd::protocol::{Area, BodyRecord, JointRecord, Question, RayAnswer, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
@@ -504,10 +504,32 @@ impl Backend {
         }
     }
 
+    /// Asks those who compute the world; the answer comes under this number.
+    pub(crate) fn submit(&mut self, question: Question) -> Result<u64, Failure> {
+        match self {
+            Self::Served(world) => world.submit(question),
+            Self::Local(_) | Self::Hosted(_) => unreachable!("only a served world asks others"),
+        }
+    }
+
+    /// What others have answered, once they have.
+    pub(crate) fn answer(&self, number: u64) -> Result<Option<Vec<Option<RayAnswer>>>, Failure> {
+        match self {
+            Self::Served(world) => world.answer(number),
+            Self::Local(_) | Self::Hosted(_) => Ok(None),
+        }
+    }
+
+    /// Nobody fetches the answer any more.
+    pub(crate) fn forget(&self, number: u64) {
+        if let Self::Served(world) = self {
+            world.forget(number);
+        }
+    }
+
     /// What there is to ask about the bodies computed here.
     pub(crate) fn queries(&self) -> Result<Queries<'_>, Failure> {
-        let instead =
-            "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
+        let instead = "it hears where bodies are and computes nothing; submit rays (dcd_rays_submit), or make an avatar with a sensor";
         Ok(self.local("ask by rays, shapes and points", instead)?.queries())
     }
 }

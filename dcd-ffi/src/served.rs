@@ -10,7 +10,8 @@ use dcd::cluster::BodyView as Heard;
 use dcd::net::PeerStats;
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{
-    Area, BodyKind, BodyRecord, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose,
+    Area, BodyKind, BodyRecord, EnvironmentProperties, Question, RayAnswer, Refusal, Velocity, WorldEvents,
+    WorldPose,
 };
 use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
@@ -38,6 +39,8 @@ pub(crate) struct Served {
     departed: BTreeMap<BodyId, u64>,
     events: WorldEvents,
     changes: Vec<Change>,
+    /// How many were asked.
+    questions: u64,
     tick: u64,
     last_step: Duration,
     /// Why the world is lost, said by every later step.
@@ -71,6 +74,7 @@ impl Served {
             departed: BTreeMap::new(),
             events: WorldEvents::default(),
             changes: Vec::new(),
+            questions: 0,
             tick: 0,
             last_step: Duration::ZERO,
             lost: None,
@@ -315,6 +319,27 @@ impl Served {
             sleeping: body.state.sleeping,
             outside: *outside,
         })
+    }
+
+    /// Asks the nodes; the answer comes under this number.
+    pub(crate) fn submit(&mut self, question: Question) -> Result<u64, Failure> {
+        self.check_link()?;
+        self.questions += 1;
+        self.world.ask(Question { number: self.questions, ..question })?;
+        Ok(self.questions)
+    }
+
+    /// The answer, once it has come.
+    pub(crate) fn answer(&self, number: u64) -> Result<Option<Vec<Option<RayAnswer>>>, Failure> {
+        match self.world.take_answer(number) {
+            None => self.check_link().map(|()| None),
+            answer => Ok(answer),
+        }
+    }
+
+    pub(crate) fn forget(&self, number: u64) {
+        // Who is gone has nothing to forget.
+        let _ = self.world.forget(number);
     }
 
     pub(crate) fn turn_to(&self, area: Option<Area>) -> Result<(), Failure> {

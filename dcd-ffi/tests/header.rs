@@ -116,6 +116,7 @@ fn layouts() -> Vec<Layout> {
         DcdShapeQuery { shape, pose, exclude, mask, reserved }
         DcdBoxQuery { min, max, exclude, mask, reserved }
         DcdOverlap { body, user_data, part, reserved }
+        DcdQueryId { v }
         DcdRegionInfo { region, bodies, replicas, reserved, min, max }
         DcdOwner { struct_size, region, node, holders, flags }
         DcdBorderInfo { a, b, bodies, exchanges, depth, disagreement }

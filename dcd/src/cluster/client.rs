@@ -6,8 +6,8 @@ use std::time::Duration;
 use super::Peer;
 use crate::protocol::{
     Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient, Hello,
-    JointRecord, Member, Message, Refusal, Role, ShapeHash, ShapeRecord, SharedState, ToClient, Touch,
-    VERSION, Velocity, WorldPose,
+    JointRecord, Member, Message, Question, RayAnswer, Refusal, Role, ShapeHash, ShapeRecord, SharedState,
+    ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
 
@@ -16,6 +16,9 @@ const MAX_CONTACTS: usize = 4_096;
 
 /// Between attempts to dial the server, or a leader that cannot be reached.
 const AGAIN: Duration = Duration::from_millis(250);
+
+/// When a question that is not answered is asked again: with whoever leads by then.
+const ASK_AGAIN: Duration = Duration::from_millis(500);
 
 /// A wish older than this is not said again only because the membership has changed: much may have happened since.
 const STILL_MEANT: Duration = Duration::from_secs(5);
@@ -54,6 +57,10 @@ pub enum ClientEvent {
     },
     /// An avatar is to go for good.
     Despawn(BodyId),
+    /// The user asks about bodies; its number is unlike those of questions before.
+    Ask(Question),
+    /// The user does not want the answer any more.
+    Forget(u64),
     /// The user wants to hear of bodies in this area, or of all.
     Interest(Option<Area>),
     /// The user goes.
@@ -171,6 +178,9 @@ pub struct Client {
     logical_time: u64,
     /// The newest wish for each avatar and its time: said again when a link is back, and to a new leader.
     newest: BTreeMap<BodyId, (Drive, Duration)>,
+    /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
+    asked: BTreeMap<u64, (Question, Duration)>,
+    answers: BTreeMap<u64, Vec<Option<RayAnswer>>>,
     /// What it wants to hear of, as said to the leader; `None` is everything.
     area: Option<Area>,
     now: Duration,
@@ -202,6 +212,8 @@ impl Client {
             dial_leader_at: None,
             logical_time: 0,
             newest: BTreeMap::new(),
+            asked: BTreeMap::new(),
+            answers: BTreeMap::new(),
             area: None,
             now: Duration::ZERO,
             unanswered: Vec::new(),
@@ -258,15 +270,29 @@ impl Client {
             }
             ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
             ClientEvent::Interest(area) => self.turn_to(area),
+            ClientEvent::Ask(question) => {
+                self.tell_leader(FromClient::Ask(question.clone()));
+                self.asked.insert(question.number, (question, now + ASK_AGAIN));
+            }
+            ClientEvent::Forget(number) => {
+                self.asked.remove(&number);
+                self.answers.remove(&number);
+            }
             ClientEvent::Leave => self.ask_server(FromClient::Leave),
         }
     }
 
     /// To be called at [`Client::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
+        let mut again = Vec::new();
         if self.dial_server_at.take_if(|at| *at <= now).is_some() {
             self.outputs.push_back(ClientOutput::Redial);
         }
+        for (question, at) in self.asked.values_mut().filter(|(_, at)| *at <= now) {
+            *at = now + ASK_AGAIN;
+            again.push(question.clone());
+        }
+        again.into_iter().for_each(|question| self.tell_leader(FromClient::Ask(question)));
         if self.dial_leader_at.take_if(|at| *at <= now).is_some() && self.node.is_none() && !self.linked {
             self.outputs.extend(self.leader.clone().map(ClientOutput::Connect));
         }
@@ -274,7 +300,8 @@ impl Client {
 
     /// When [`Client::handle_timeout`] is next due; ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
-        self.dial_server_at.into_iter().chain(self.dial_leader_at).min()
+        let ask = self.asked.values().map(|&(_, at)| at).min();
+        self.dial_server_at.into_iter().chain(self.dial_leader_at).chain(ask).min()
     }
 
     /// The next thing to do, until there is none.
@@ -335,6 +362,11 @@ impl Client {
     /// Forces on own avatars above their thresholds since the last call.
     pub fn take_forces(&mut self) -> impl Iterator<Item = (Tick, ContactForce)> {
         std::mem::take(&mut self.forces).into_iter()
+    }
+
+    /// The answer to a question, if it has come: what each ray met first. It is forgotten with this.
+    pub fn take_answer(&mut self, number: u64) -> Option<Vec<Option<RayAnswer>>> {
+        self.answers.remove(&number)
     }
 
     fn send(&mut self, to: Peer, message: Message) {
@@ -420,7 +452,10 @@ impl Client {
 
     /// To the leader alone, who must know; the next one is told anew.
     fn send_interest(&mut self) {
-        let wish = FromClient::Interest(self.area);
+        self.tell_leader(FromClient::Interest(self.area));
+    }
+
+    fn tell_leader(&mut self, wish: FromClient) {
         match &self.leader {
             Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(wish)),
             Some(member) if self.linked => {
@@ -507,6 +542,11 @@ impl Client {
             ToClient::Contacts { tick, touches, forces } => {
                 keep(&mut self.touches, tick, touches);
                 keep(&mut self.forces, tick, forces);
+            }
+            ToClient::Answer { number, hits } => {
+                if self.asked.remove(&number).is_some() {
+                    self.answers.insert(number, hits);
+                }
             }
             ToClient::Rejected { body, reason } => {
                 body.into_iter().for_each(|id| self.answered(id));

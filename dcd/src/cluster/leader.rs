@@ -4,6 +4,7 @@
 mod abroad;
 mod holders;
 mod interest;
+mod questions;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -12,12 +13,13 @@ use self::abroad::Abroad;
 pub use self::abroad::Deviations;
 use self::holders::Holders;
 use self::interest::{Audience, Latest, Moved};
+use self::questions::Questions;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
     Area, ContactForce, ContactKey, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, FromClient,
-    Pace, Refusal, RegionEvents, Report, SharedState, Stamp, Thresholds, TickStats, ToClient, Touch, View,
-    ViewNumber, WorldEvents, WorldOp,
+    Pace, Question, Refusal, RegionEvents, Report, SharedState, Stamp, Thresholds, TickStats, ToClient,
+    Touch, View, ViewNumber, WorldEvents, WorldOp,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 
@@ -59,6 +61,7 @@ pub struct Leader {
     reminded: BodyId,
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
+    questions: Questions,
     /// What clients have said since the last tick that they want to hear of.
     interests: BTreeMap<ClientId, Option<Area>>,
     /// Of clients that do not want to hear of everything.
@@ -98,6 +101,7 @@ impl Leader {
             reminded: BodyId::default(),
             contacts: ContactLedger::default(),
             clients: participants.collect(),
+            questions: Questions::default(),
             interests: BTreeMap::new(),
             audiences: BTreeMap::new(),
             messages: Vec::new(),
@@ -132,6 +136,13 @@ impl Leader {
         }
     }
 
+    /// A client asks about bodies, perhaps once more; the answer comes with the tick to come, or a later one.
+    pub fn ask(&mut self, client: ClientId, question: Question) {
+        if self.clients.contains_key(&client) {
+            self.questions.ask(client, question);
+        }
+    }
+
     fn turn_audiences(&mut self) {
         for (client, area) in std::mem::take(&mut self.interests) {
             match (self.audiences.get_mut(&client), area) {
@@ -163,6 +174,7 @@ impl Leader {
         if self.clients.get(&client) == Some(&Peer::Client(client)) {
             self.clients.remove(&client);
             self.uninterest(client);
+            self.questions.forget(client);
         }
     }
 
@@ -217,6 +229,7 @@ impl Leader {
             self.holders.now_holds(from, holds);
         }
         self.rounds_wanted = self.rounds_wanted.max(done.rounds_wanted);
+        self.messages.extend(self.questions.answered(from, done.answers));
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
         if self.lag > 0 {
             self.forward_contacts();
@@ -272,6 +285,7 @@ impl Leader {
         self.sort_early();
         ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
         ops.extend(self.corrections());
+        ops.extend(self.questions.dispatch(&self.members));
         // Members that are not in step cannot exchange within a tick.
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };
@@ -491,8 +505,15 @@ mod tests {
             let events =
                 RegionEvents { region: RegionId(id), tick: Tick(tick), touches, ..RegionEvents::default() };
             let (view, stats) = (ViewNumber(1), TickStats::default());
-            let done =
-                Done { view, tick: Tick(tick), rounds_wanted: id, stats, holds: None, events: vec![events] };
+            let done = Done {
+                view,
+                tick: Tick(tick),
+                rounds_wanted: id,
+                stats,
+                holds: None,
+                events: vec![events],
+                answers: vec![],
+            };
             leader.done(NodeId(id), done);
         }
     }
@@ -523,7 +544,15 @@ mod tests {
             let (view, stats) = (ViewNumber(1), TickStats::default());
             leader.done(
                 NodeId(id),
-                Done { view, tick: Tick(1), rounds_wanted, stats, holds: None, events: vec![] },
+                Done {
+                    view,
+                    tick: Tick(1),
+                    rounds_wanted,
+                    stats,
+                    holds: None,
+                    events: vec![],
+                    answers: vec![],
+                },
             );
         }
         assert_eq!(leader.dispatch(Duration::from_secs(1)).unwrap().rounds, 3);

@@ -3,6 +3,7 @@
 
 mod client;
 mod group;
+mod question;
 
 use std::net::SocketAddr;
 
@@ -16,6 +17,7 @@ pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Motion, Report, Stance, TickStats, ToNode,
     ToServer, WorldOp,
 };
+pub use question::{Answer, MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Question, RayAnswer, RayQuestion};
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]

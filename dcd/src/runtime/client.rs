@@ -12,7 +12,9 @@ use super::{Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
-use crate::protocol::{Area, ContactForce, EnvironmentProperties, Refusal, Touch, Velocity, WorldPose};
+use crate::protocol::{
+    Area, ContactForce, EnvironmentProperties, Question, RayAnswer, Refusal, Touch, Velocity, WorldPose,
+};
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
 /// With what a process enters a served world.
@@ -200,6 +202,22 @@ impl ClientWorld {
     /// as last heard of, and [`BodyView::outside`] says so.
     pub fn turn_to(&self, area: Option<Area>) -> Result<(), ProcessError> {
         self.member.wish(ClientEvent::Interest(area))
+    }
+
+    /// Asks those who compute the world what rays meet; [`ClientWorld::take_answer`] has the answer once it has come, some ticks
+    /// later. `number` must be unlike those of other questions.
+    pub fn ask(&self, question: Question) -> Result<(), ProcessError> {
+        self.member.wish(ClientEvent::Ask(question))
+    }
+
+    /// Does not want the answer to a question any more.
+    pub fn forget(&self, number: u64) -> Result<(), ProcessError> {
+        self.member.wish(ClientEvent::Forget(number))
+    }
+
+    /// The answer to a question, if it has come: what each ray met first. It is given once.
+    pub fn take_answer(&self, number: u64) -> Option<Vec<Option<RayAnswer>>> {
+        self.member.shared.lock().client.as_mut()?.take_answer(number)
     }
 
     /// Our avatars in the world, also those that an earlier stay left behind, in id order.

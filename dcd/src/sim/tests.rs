@@ -8,6 +8,7 @@ use crate::protocol::{Refusal, Velocity};
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
 mod interest;
+mod questions;
 
 fn config(seed: u64, nodes: u32) -> SimConfig {
     SimConfig { seed, nodes, ..SimConfig::default() }

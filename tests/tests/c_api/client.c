@@ -113,6 +113,38 @@ static DcdBodyDef avatar_def(DcdWorld world)
     return def;
 }
 
+/* The nodes that own the bodies answer: the avatar, what is under it, and nothing in the sky. */
+static void asks_the_owners(DcdWorld world, DcdBodyId avatar)
+{
+    const DcdPose at = pose_of(world, avatar);
+    DcdRay rays[3], down = DCD_RAY_INIT;
+    DcdRayHit hits[3];
+    DcdQueryId query, other;
+    size_t count = 0;
+    down.origin[0] = at.p[0];
+    down.origin[1] = at.p[1] + 10.0;
+    down.origin[2] = at.p[2];
+    down.direction[1] = -1.0f;
+    rays[0] = rays[1] = rays[2] = down;
+    rays[1].exclude = avatar;
+    rays[2].direction[1] = 1.0f;
+    OK(dcd_rays_submit(world, rays, 3, NULL, &query));
+    OK(dcd_rays_submit(world, rays, 1, NULL, &other));
+    OK(dcd_query_cancel(world, other));
+    FAILS(dcd_query_poll(world, other, hits, 3, &count), DCD_ERR_STALE_ID, "query");
+    DcdStatus status = DCD_ERR_BUSY;
+    for (int i = 0; status == DCD_ERR_BUSY && i < 3000; i++) {
+        status = dcd_query_poll(world, query, hits, 3, &count);
+        OK(step(world));
+    }
+    OK(status);
+    HOLDS(count == 3 && hits[0].body.v == avatar.v && hits[0].user_data == 7);
+    HOLDS(fabs(hits[0].distance - 9.5) < 1e-3 && fabs(hits[0].point[1] - at.p[1] - 0.5) < 1e-3);
+    HOLDS(hits[1].body.v != 0 && hits[1].body.v != avatar.v && hits[1].distance > 10.5f);
+    HOLDS(hits[2].body.v == 0 && hits[2].distance == 0.0f);
+    FAILS(dcd_query_poll(world, query, hits, 3, &count), DCD_ERR_STALE_ID, "query");
+}
+
 /* What this role cannot do names it. */
 static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const char *role)
 {
@@ -203,6 +235,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(await_change(world, avatar, DCD_BODY_APPEARED).user_data == 7);
     OK(dcd_state_view(world, &view));
     HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.user_data[100] == 7);
+    asks_the_owners(world, avatar);
     DcdVelocity east = { { 10.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &east));
     HOLDS(gets_beyond(world, avatar, -10.0));

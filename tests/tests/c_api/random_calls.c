@@ -39,6 +39,7 @@ static DcdWorld worlds[WORLDS];
 static DcdShapeId shapes[KEPT];
 static DcdBodyId bodies[KEPT];
 static DcdJointId joints[KEPT];
+static DcdQueryId queries[KEPT];
 
 static DcdPose some_pose(void)
 {
@@ -129,6 +130,13 @@ static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
             rays[i].max_distance = dice(2) ? 100.0f : number();
             rays[i].exclude = dice(3) == 0 ? named : rays[i].exclude;
             rays[i].flags = dice(3);
+        }
+        if (dice(2)) {
+            DcdQueryId *query = &queries[dice(KEPT)];
+            query->v = handle(query->v);
+            return dice(2)   ? dcd_rays_submit(world, rays, dice(MANY + 1), given, query)
+                   : dice(8) ? dcd_query_poll(world, *query, hits, cap, &total)
+                             : dcd_query_cancel(world, *query);
         }
         status = dice(2) ? dcd_cast_rays(world, rays, MANY, given, hits)
                          : dcd_cast_rays_all(world, rays, MANY, given, hits, cap, ends, &total);
@@ -399,6 +407,14 @@ static DcdStatus play(void)
         static size_t size;
         saved[dice(sizeof saved)] ^= dice(4) == 0;
         return dice(3) == 0 ? dcd_snapshot_save(world, saved, sizeof saved, &size) : dcd_snapshot_load(world, saved, size);
+    }
+    case 35: {
+        DcdOwner owner = DCD_OWNER_INIT;
+        DcdBorderInfo borders[4];
+        size_t count;
+        return dice(3) ? dcd_body_owner(world, named, &owner)
+               : dice(2) ? dcd_borders(world, borders, dice(5), &count)
+                         : dcd_interest_set(world, dice(2) ? pose.p : NULL, (double)number());
     }
     default:
         return dcd_step(world);

@@ -57,6 +57,7 @@ impl Node {
                 }
             }
             (Some(leader), FromClient::Interest(area)) => leader.take_interest(client, area),
+            (Some(leader), FromClient::Ask(question)) => leader.ask(client, question),
             // What lasts is put on record before it happens.
             (_, message @ (FromClient::Spawn { .. } | FromClient::Despawn(_) | FromClient::Leave)) => {
                 self.send(Peer::Server, Message::FromClient(client, message));

@@ -188,7 +188,7 @@ impl Node {
         match event {
             PhysicsEvent::Drifted(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
             PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
-            PhysicsEvent::Settled { rounds_wanted, stats, holds, events, report, checkpoint } => {
+            PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
                 self.tick = tick;
@@ -209,7 +209,7 @@ impl Node {
                 let holds = (self.holds != holds)
                     .then(|| std::mem::replace(&mut self.holds, holds.clone()))
                     .map(|_| holds);
-                let done = Done { view, tick, rounds_wanted, stats, holds, events };
+                let done = Done { view, tick, rounds_wanted, stats, holds, events, answers };
                 self.done = Some(done.clone());
                 self.tell_leader(Message::Done(done));
                 self.outputs.push_back(NodeOutput::Settled(tick));

@@ -74,6 +74,7 @@ fn settle(node: &mut Node) -> Vec<NodeOutput> {
         stats: Default::default(),
         holds: vec![],
         events: vec![],
+        answers: vec![],
         report: vec![],
         checkpoint: vec![],
     };

@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Chunk, EnvironmentProperties, Member, ViewNumber};
+use super::{Chunk, EnvironmentProperties, Member, Question, RayAnswer, ViewNumber};
 use crate::protocol::{BodyRecord, ContactForce, ShapeRecord, SharedState, Touch, Velocity, WorldPose};
 use crate::space::{BodyId, ClientId, GroupId, Tick};
 
@@ -24,6 +24,8 @@ pub enum FromClient {
     Leave,
     /// What the client wants to hear of from now on; `None` is everything. To the leader alone: said again to each new one.
     Interest(Option<Area>),
+    /// The client asks about bodies. To the leader alone, and said again until it is answered.
+    Ask(Question),
 }
 
 /// A ball of world space that a client wants to hear of. The margins around it let it move a little, and bodies go to and fro
@@ -121,6 +123,13 @@ pub enum ToClient {
         touches: Vec<Touch>,
         /// Forces above a threshold.
         forces: Vec<ContactForce>,
+    },
+    /// Answer to [`FromClient::Ask`].
+    Answer {
+        /// The question's.
+        number: u64,
+        /// By ray; none where it meets nothing.
+        hits: Vec<Option<RayAnswer>>,
     },
     /// A wish was refused.
     Rejected {

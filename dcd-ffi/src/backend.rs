@@ -172,6 +172,15 @@ impl Backend {
         }
     }
 
+    /// Pose and velocity, by one look-up.
+    pub(crate) fn motion(&self, id: BodyId) -> Option<(WorldPose, Velocity)> {
+        match self {
+            Self::Local(world) => world.motion(id),
+            Self::Served(world) => world.body(id).map(|body| (body.pose, body.velocity)),
+            Self::Hosted(_) => None,
+        }
+    }
+
     pub(crate) fn user_data(&self, id: BodyId) -> Option<u64> {
         match self {
             Self::Local(world) => world.body(id).map(|body| body.user_data as u64),

@@ -383,13 +383,13 @@ typedef struct DcdGroupDef {
     uint32_t size;
 } DcdGroupDef;
 
-// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `scene` and `data_path`.
+// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
 typedef struct DcdServerDef {
     // sizeof(DcdServerDef).
     uint32_t struct_size;
     // Nodes to wait for before the first tick, 1 to 1024.
     uint32_t nodes;
-    // A scene of the library, or the path of a scene file, as in dcd_world_open_scene.
+    // A scene of the library, or the path of a scene file, as in dcd_world_open_scene; null with `source`.
     const char *scene;
     // Texts "name=value" that change parameters of the scene, or null.
     const char *const *params;
@@ -397,6 +397,9 @@ typedef struct DcdServerDef {
     size_t param_count;
     // How the world is cut and coupled, or null; what counts of it is what counts in dcd_world_open_scene.
     const DcdWorldDef *world;
+    // A local world to serve as it is now, with its cut and settings; else null (v is 0). It is copied and stays yours. Bodies
+    // keep their user data, and have other handles in the worlds that join. `scene`, `params` and `world` are null then.
+    DcdWorld source;
     // How nodes form groups, or null for DCD_GROUP_DEF_INIT.
     const DcdGroupDef *groups;
     // Where to listen, as "127.0.0.1:7420", "0.0.0.0:7420" or "[::]:7420"; port 0 takes any free one (dcd_address).
@@ -2116,7 +2119,8 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_GROUP_DEF_INIT \
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \
-    { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, NULL, "127.0.0.1:0", NULL, 0, 20.0f, 0, 0 }
+    { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, "127.0.0.1:0", NULL, 0, \
+      20.0f, 0, 0 }
 #define DCD_NODE_DEF_INIT \
     { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0 }
 
@@ -2220,20 +2224,21 @@ DCD_ASSERT_(offsetof(DcdGroupDef, near_ms) == 8);
 DCD_ASSERT_(offsetof(DcdGroupDef, far_ms) == 12);
 DCD_ASSERT_(offsetof(DcdGroupDef, agree) == 16);
 DCD_ASSERT_(offsetof(DcdGroupDef, size) == 20);
-DCD_ASSERT_(sizeof(DcdServerDef) == 88);
+DCD_ASSERT_(sizeof(DcdServerDef) == 96);
 DCD_ASSERT_(offsetof(DcdServerDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdServerDef, nodes) == 4);
 DCD_ASSERT_(offsetof(DcdServerDef, scene) == 8);
 DCD_ASSERT_(offsetof(DcdServerDef, params) == 16);
 DCD_ASSERT_(offsetof(DcdServerDef, param_count) == 24);
 DCD_ASSERT_(offsetof(DcdServerDef, world) == 32);
-DCD_ASSERT_(offsetof(DcdServerDef, groups) == 40);
-DCD_ASSERT_(offsetof(DcdServerDef, listen) == 48);
-DCD_ASSERT_(offsetof(DcdServerDef, data_path) == 56);
-DCD_ASSERT_(offsetof(DcdServerDef, last_tick) == 64);
-DCD_ASSERT_(offsetof(DcdServerDef, avatar_speed) == 72);
-DCD_ASSERT_(offsetof(DcdServerDef, flags) == 76);
-DCD_ASSERT_(offsetof(DcdServerDef, user_data) == 80);
+DCD_ASSERT_(offsetof(DcdServerDef, source) == 40);
+DCD_ASSERT_(offsetof(DcdServerDef, groups) == 48);
+DCD_ASSERT_(offsetof(DcdServerDef, listen) == 56);
+DCD_ASSERT_(offsetof(DcdServerDef, data_path) == 64);
+DCD_ASSERT_(offsetof(DcdServerDef, last_tick) == 72);
+DCD_ASSERT_(offsetof(DcdServerDef, avatar_speed) == 80);
+DCD_ASSERT_(offsetof(DcdServerDef, flags) == 84);
+DCD_ASSERT_(offsetof(DcdServerDef, user_data) == 88);
 DCD_ASSERT_(sizeof(DcdNodeDef) == 56);
 DCD_ASSERT_(offsetof(DcdNodeDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdNodeDef, timeout_ms) == 4);

@@ -7,7 +7,7 @@ use std::time::Duration;
 use dcd::cluster::Grouping;
 use dcd::net::Role;
 use dcd::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds};
-use dcd::runtime::{GroupConfig, Member, MemberConfig, ServeConfig, ServerProcess};
+use dcd::runtime::{GroupConfig, Member, MemberConfig, Origin, ServeConfig, ServerProcess};
 use dcd::space::Tick;
 
 use crate::backend::Backend;
@@ -17,7 +17,7 @@ use crate::join::Entry;
 use crate::pointer::{self, Out, Room, Sized32};
 use crate::status::{DcdStatus, Failure};
 use crate::world::{
-    self, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole, DcdWorld, DcdWorldDef, with,
+    self, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole, DcdWorld, DcdWorldDef, Opened, with,
 };
 
 /// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
@@ -44,7 +44,7 @@ pub struct DcdGroupDef {
     pub size: u32,
 }
 
-/// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `scene` and `data_path`.
+/// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdServerDef {
@@ -52,7 +52,7 @@ pub struct DcdServerDef {
     pub struct_size: u32,
     /// Nodes to wait for before the first tick, 1 to 1024.
     pub nodes: u32,
-    /// A scene of the library, or the path of a scene file, as in dcd_world_open_scene.
+    /// A scene of the library, or the path of a scene file, as in dcd_world_open_scene; null with `source`.
     pub scene: *const c_char,
     /// Texts "name=value" that change parameters of the scene, or null.
     pub params: *const *const c_char,
@@ -60,6 +60,9 @@ pub struct DcdServerDef {
     pub param_count: usize,
     /// How the world is cut and coupled, or null; what counts of it is what counts in dcd_world_open_scene.
     pub world: *const DcdWorldDef,
+    /// A local world to serve as it is now, with its cut and settings; else null (v is 0). It is copied and stays yours. Bodies
+    /// keep their user data, and have other handles in the worlds that join. `scene`, `params` and `world` are null then.
+    pub source: DcdWorld,
     /// How nodes form groups, or null for DCD_GROUP_DEF_INIT.
     pub groups: *const DcdGroupDef,
     /// Where to listen, as "127.0.0.1:7420", "0.0.0.0:7420" or "[::]:7420"; port 0 takes any free one (dcd_address).
@@ -132,7 +135,15 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         // SAFETY: the caller vouches for all pointers and texts.
         let (def, out, opened, groups, listen, data) = unsafe {
             let def = pointer::read_sized(def, "def")?;
-            let opened = world::open(def.scene, def.params, def.param_count, def.world)?;
+            let opened = if def.source.v == 0 {
+                Some(world::open(def.scene, def.params, def.param_count, def.world)?)
+            } else if def.scene.is_null() && def.params.is_null() && def.world.is_null() {
+                None
+            } else {
+                return Err(Failure::argument(
+                    "a source says all of the world; give no scene, params or world with it",
+                ));
+            };
             let groups = if def.groups.is_null() {
                 GroupConfig::default()
             } else {
@@ -155,19 +166,26 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             let flags = def.flags;
             return Err(Failure::argument(format!("flags is {flags:#x}; give bits DCD_SERVER_...")));
         }
-        let step = opened.config.step;
         let config = ServeConfig {
             listen,
             data: data.into(),
             fresh: def.flags & DCD_SERVER_FRESH != 0,
-            world: opened.config,
             nodes: def.nodes as usize,
             pace: if def.flags & DCD_SERVER_UNPACED != 0 { Pace::Unpaced } else { Pace::RealTime },
             last_tick: (def.last_tick > 0).then_some(Tick(def.last_tick)),
             avatar_speed_limit: def.avatar_speed,
             groups,
         };
-        let server = ServerProcess::start(&opened.scene, config)?;
+        let (server, step) = match opened {
+            Some(Opened { scene, config: world, .. }) => {
+                (ServerProcess::start(Origin::Scene(&scene, &world), config)?, world.step)
+            }
+            None => with(def.source, |source| {
+                let source =
+                    source.backend.local("be a source", "make the world anew with dcd_world_create")?;
+                Ok((ServerProcess::start(Origin::World(source), config)?, *source.host().settings()))
+            })?,
+        };
         let hosted = Hosted { process: Process::Server(server), dt_s: step.dt_s, gravity: step.gravity };
         out.write(world::add(Backend::Hosted(Box::new(hosted)), def.user_data));
         Ok(())

@@ -58,7 +58,7 @@ fn layouts() -> Vec<Layout> {
         }
         DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
         DcdServerDef {
-            struct_size, nodes, scene, params, param_count, world, groups, listen, data_path, last_tick, avatar_speed,
+            struct_size, nodes, scene, params, param_count, world, source, groups, listen, data_path, last_tick, avatar_speed,
             flags, user_data
         }
         DcdNodeDef {
@@ -174,7 +174,8 @@ const MACROS: &str = "
 #define DCD_GROUP_DEF_INIT \\
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \\
-    { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, NULL, \"127.0.0.1:0\", NULL, 0, 20.0f, 0, 0 }
+    { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, \"127.0.0.1:0\", NULL, 0, \\
+      20.0f, 0, 0 }
 #define DCD_NODE_DEF_INIT \\
     { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0 }
 

@@ -30,5 +30,5 @@ pub use local::{DcdWorld, Partitioning, Stats, WorldConfig, WorldError};
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary};
 #[cfg(feature = "net")]
-pub use server::{GroupConfig, ServeConfig, ServerProcess, ServerSummary};
+pub use server::{GroupConfig, Origin, ServeConfig, ServerProcess, ServerSummary};
 pub use snapshot::SnapshotError;

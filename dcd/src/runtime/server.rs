@@ -1,5 +1,6 @@
 //! The server as a process: one thread that feeds links to the state machine and does what it asks for.
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -12,14 +13,17 @@ use tracing::{error, info, warn};
 
 use super::links::{ENDED, LinkEvent, Links, THE_END};
 use super::member::forward;
-use super::{ProcessError, RedbDirectory, WorldConfig};
+use super::{DcdWorld, ProcessError, RedbDirectory, WorldConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
 use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput};
 use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerStats, Role, check_address};
-use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary};
-use crate::protocol::{BodyKind, EnvironmentProperties, Pace, StateHasher, SyncProtocol, Thresholds, View};
+use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
+use crate::protocol::{
+    BodyKind, BodyRecord, EnvironmentProperties, JointRecord, Pace, ShapeRecord, StateHasher, SyncProtocol,
+    Thresholds, View,
+};
 use crate::scene::Scene;
-use crate::space::Tick;
+use crate::space::{DistributionTree, Epoch, Tick};
 
 /// How often what could not be sent at once is tried again.
 const RETRY: Duration = Duration::from_millis(2);
@@ -30,17 +34,24 @@ const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
 
+/// What a served world begins as.
+pub enum Origin<'a> {
+    /// A scene; of its configuration count how it is cut and how it is stepped.
+    Scene(&'a Scene, &'a WorldConfig),
+    /// A world as it is now, with its cut and settings, copied. What is not a property of a body or joint stays behind:
+    /// contacts under load begin anew, and the tick begins at 0.
+    World(&'a DcdWorld),
+}
+
 /// What a server is started with.
 pub struct ServeConfig {
     /// Where to listen; port 0 takes any free one.
     pub listen: SocketAddr,
     /// Folder of the authority (keys, used tokens) and of the world: a server that died and is started again with the same
-    /// scene and settings goes on with it.
+    /// origin and settings goes on with it.
     pub data: PathBuf,
     /// Begin anew, and forget a world that is stored there.
     pub fresh: bool,
-    /// How the world is cut and stepped.
-    pub world: WorldConfig,
     /// Nodes to wait for before the first tick.
     pub nodes: usize,
     /// How fast ticks follow one another.
@@ -136,9 +147,9 @@ impl Shared {
 }
 
 impl ServerProcess {
-    /// Starts a server with this scene on a thread of its own.
-    pub fn start(scene: &Scene, config: ServeConfig) -> Result<Self, ProcessError> {
-        let (environment, record) = world_of(scene, &config)?;
+    /// Starts a server on a thread of its own.
+    pub fn start(origin: Origin<'_>, config: ServeConfig) -> Result<Self, ProcessError> {
+        let (environment, record) = world_of(Beginning::of(origin)?, &config)?;
         // A port that is taken leaves no new folder behind.
         check_address(config.listen)?;
         let authority = Arc::new(Authority::load_or_create(&config.data)?);
@@ -274,18 +285,62 @@ impl Drop for ServerProcess {
 
 /// The scene as everybody is told of it. The halo is that of a local world with the same bodies, so that both compute
 /// the same bits.
-fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentProperties, Record), ProcessError> {
-    let mut shapes = ShapeLibrary::default();
-    let (bodies, joints) = scene.records(&mut shapes)?;
-    config.world.check()?;
-    let tree = config.world.tree()?;
-    let step = config.world.step;
-    let mut host = RegionHost::new(Partition::new(tree.clone(), config.world.halo_m), step, 1, &[])?;
-    for record in shapes.records() {
-        host.shapes_mut().add(record)?;
+/// A world to be, as values.
+struct Beginning {
+    tree: DistributionTree,
+    halo_m: Option<f64>,
+    step: StepSettings,
+    shapes: Vec<ShapeRecord>,
+    bodies: Vec<BodyRecord>,
+    joints: Vec<JointRecord>,
+}
+
+impl Beginning {
+    fn of(origin: Origin<'_>) -> Result<Self, ProcessError> {
+        match origin {
+            Origin::Scene(scene, config) => {
+                config.check()?;
+                let mut shapes = ShapeLibrary::default();
+                let (bodies, joints) = scene.records(&mut shapes)?;
+                let (tree, halo_m, step) = (config.tree()?, config.halo_m, config.step);
+                Ok(Self { tree, halo_m, step, shapes: shapes.records(), bodies, joints })
+            }
+            Origin::World(world) => {
+                let host = world.host();
+                let movable = host.owned_bodies().map(|(_, region, handle)| region.body_record(handle));
+                let mut bodies: Vec<_> = movable.chain(host.scenery().cloned()).collect();
+                bodies.sort_unstable_by_key(|body| body.id);
+                // Who owned it in the other world means nothing in this one.
+                bodies.iter_mut().for_each(|body| body.epoch = Epoch(0));
+                let joints: BTreeMap<_, _> = bodies
+                    .iter()
+                    .flat_map(|body| host.joints_of(body.id))
+                    .map(|joint| (joint.id, joint))
+                    .collect();
+                Ok(Self {
+                    tree: host.partition().tree().clone(),
+                    halo_m: Some(host.partition().halo_m()),
+                    step: *host.settings(),
+                    shapes: host.shapes().records(),
+                    bodies,
+                    joints: joints.into_values().collect(),
+                })
+            }
+        }
+    }
+}
+
+fn world_of(
+    beginning: Beginning,
+    config: &ServeConfig,
+) -> Result<(EnvironmentProperties, Record), ProcessError> {
+    let Beginning { tree, halo_m, step, shapes, bodies, joints } = beginning;
+    let mut host = RegionHost::new(Partition::new(tree.clone(), halo_m), step, 1, &[])?;
+    for record in &shapes {
+        host.shapes_mut().add(record.clone())?;
     }
     host.insert(bodies.clone(), &joints)?;
-    let record = Record::new(bodies, shapes.records(), joints);
+    let record = Record::new(bodies, shapes, joints);
     let lag_ticks = config.groups.lag_ticks;
     if lag_ticks > 0 && step.coupling != Coupling::Owner {
         return Err(ProcessError::Lag { coupling: step.coupling.name() });

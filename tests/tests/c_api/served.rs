@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use dcd::net::Role;
 use dcd::protocol::Pace;
-use dcd::runtime::{JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, WorldConfig};
+use dcd::runtime::{
+    JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
+};
 use dcd::scene::{Params, Scene};
 
 use crate::programs::{SANITIZED, numbers};
@@ -26,16 +28,13 @@ impl Cluster {
     fn start(nodes: usize) -> Self {
         let scene = Scene::named("pile", &Params::new().with("n", 100)).unwrap();
         let folder = tempfile::tempdir().unwrap();
+        let world = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
         let server = ServerProcess::start(
-            &scene,
+            Origin::Scene(&scene, &world),
             ServeConfig {
                 listen: "127.0.0.1:0".parse().unwrap(),
                 data: folder.path().join("server"),
                 fresh: false,
-                world: WorldConfig {
-                    partitioning: Partitioning::Regions(2),
-                    ..WorldConfig::for_scene(&scene)
-                },
                 nodes,
                 pace: Pace::RealTime,
                 last_tick: None,

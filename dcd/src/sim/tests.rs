@@ -195,7 +195,7 @@ fn chaos(seed: u64) {
             (1, Some(node)) => sim.leave(node),
             (2, _) if nodes.len() < 4 => drop(sim.start_node()),
             (5, _) if nodes.len() < 4 => {
-                let (_, client) = sim.start_participant();
+                let (_, client) = sim.start_participant(None);
                 let body = sim_body(avatar(client), [random.unit() * 16.0, 4.0, 4.0]);
                 sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
             }
@@ -396,7 +396,7 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
         if !leads {
             sim.run_to(Tick(5)).unwrap();
         }
-        let (node, client) = sim.start_participant();
+        let (node, client) = sim.start_participant(None);
         sim.run_until(|sim| sim.client(client).leader().is_some_and(|leader| (leader == node) == leads))
             .unwrap();
         let body = sim_body(avatar(client), [1.0, 4.0, 4.0]);

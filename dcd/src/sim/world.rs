@@ -239,9 +239,9 @@ impl Sim {
         self.start_process(None)
     }
 
-    /// A client and a node in one process join (the thesis's normal participant).
-    pub fn start_participant(&mut self) -> (NodeId, ClientId) {
-        let client = self.new_client_id();
+    /// A client and a node in one process join (the thesis's normal participant); with an id, a client that was there before.
+    pub fn start_participant(&mut self, again: Option<ClientId>) -> (NodeId, ClientId) {
+        let client = again.unwrap_or_else(|| self.new_client_id());
         let node = self.start_process(Some(client));
         self.clients.insert(client, Client::new(client, Some(node)));
         self.host(Peer::Client(client), false);
@@ -298,12 +298,17 @@ impl Sim {
     /// A process is gone from one instant to the next.
     pub fn crash(&mut self, peer: Peer) {
         self.note(|| format!("{} is killed", name(peer)));
+        self.end(peer);
+    }
+
+    /// A process is no more, and those that share it.
+    pub(super) fn end(&mut self, peer: Peer) {
         match peer {
             Peer::Node(node) => {
                 let client = self.nodes.remove(&node).and_then(|process| process.client);
                 self.checker.forget_node(node);
                 if let Some(client) = client {
-                    self.crash(Peer::Client(client));
+                    self.end(Peer::Client(client));
                 }
             }
             Peer::Client(client) => {
@@ -388,6 +393,11 @@ impl Sim {
         if let Some(host) = self.hosts.get_mut(&peer) {
             host.cost = cost;
         }
+    }
+
+    /// A process is at this site from now on.
+    pub fn place(&mut self, peer: Peer, site: u32) {
+        self.network.conditions.sites.insert(peer, site);
     }
 
     /// What the network is like from now on.

@@ -4,9 +4,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
+use crate::cluster::Peer;
 use crate::cluster::correction::deviation_m;
 use crate::protocol::{SharedState, Stance, ToServer, Touch, WorldOp, datagrams};
-use crate::space::{BodyId, Tick};
+use crate::space::{BodyId, ClientId, Tick};
 
 /// Ticks between messages to the other groups.
 const TELL_EVERY: u64 = 6;
@@ -51,6 +52,15 @@ pub(super) struct Abroad {
     pub to_server: Vec<ToServer>,
 }
 
+impl Abroad {
+    fn is_ours(&self, id: BodyId, clients: &BTreeMap<ClientId, Peer>) -> bool {
+        match id.client() {
+            Some(client) => clients.contains_key(&client),
+            None => self.stances.get(&id).map_or(self.by_default, |&(_, ours)| ours),
+        }
+    }
+}
+
 impl Leader {
     /// The server says which group is believed about what.
     pub fn authority(&mut self, alone: bool, by_default: bool, stances: Vec<Stance>) {
@@ -87,12 +97,9 @@ impl Leader {
         }
         for state in states {
             let id = state.id;
-            // Sent before this group was believed.
-            let ours = match id.client() {
-                Some(client) => self.clients.contains_key(&client),
-                None => abroad.stances.get(&id).map_or(abroad.by_default, |&(_, ours)| ours),
-            };
-            if !ours && abroad.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
+            // Else it was sent before this group was believed.
+            let theirs = !abroad.is_ours(id, &self.clients);
+            if theirs && abroad.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
                 abroad.heard.insert(id, (tick, state));
                 // What moves is compared when it is reported, and left alone within the threshold: velocities of some
                 // ticks ago would undo what it has hit since.
@@ -119,13 +126,14 @@ impl Leader {
     }
 
     pub(super) fn moved_here(&mut self, id: BodyId) {
-        let is_local = id.client().map(|client| self.clients.contains_key(&client));
-        if let Some(abroad) = &mut self.abroad {
-            let ours = abroad.stances.get(&id).map_or(abroad.by_default, |&(_, ours)| ours);
-            if is_local.unwrap_or(ours) {
-                abroad.moved.insert(id);
-            }
+        if let Some(abroad) = self.abroad.as_mut().filter(|abroad| abroad.is_ours(id, &self.clients)) {
+            abroad.moved.insert(id);
         }
+    }
+
+    /// Whether this group takes itself to be the one that is believed about a body.
+    pub fn is_believed(&self, id: BodyId) -> bool {
+        self.abroad.as_ref().is_none_or(|abroad| abroad.is_ours(id, &self.clients))
     }
 
     /// A local avatar that touches a body makes its group the one that is believed about it.

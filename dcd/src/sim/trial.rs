@@ -7,12 +7,13 @@ mod looks;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use self::groups::Lately;
 pub use self::looks::Staleness;
 use super::faults::{FaultProfile, Moment, Planned, Promise, Schedule};
 use super::{Comparer, NetworkConditions, Path, Random, Sim, SimConfig, Tally, Timeline, Traffic, Violation};
 use crate::cluster::Peer;
 use crate::protocol::{DelayThresholds, SyncProtocol, Thresholds, Velocity};
-use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
+use crate::space::{ClientId, NodeId, Tick};
 
 /// How long all is looked after once it is calm.
 const CALM: Duration = Duration::from_secs(15);
@@ -25,6 +26,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Which nodes are of one group, where there are several sites.
 const DELAYS: DelayThresholds =
     DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
+/// Of bodies along each axis there: what one group hears of another's still holds, but when they have just bounced.
+const SLOW_M_S: f64 = 2.0;
 /// Ticks between comparisons of groups.
 const SAMPLES: u64 = 3;
 /// Between looks at what no event tells; out of step with ticks.
@@ -164,8 +167,9 @@ struct Trial<'a> {
     /// How many sites there are, and with several how far their groups are apart.
     sites: u32,
     comparer: Comparer,
-    /// When a body of a group was last near enough to where the group that is believed has it.
-    agreed_at: BTreeMap<(GroupId, BodyId), Duration>,
+    /// When a body was last near enough to where the group that is believed has it, and when a leader last knew which that is.
+    agreed_at: Lately,
+    known_at: Lately,
 }
 
 impl<'a> Trial<'a> {
@@ -184,6 +188,7 @@ impl<'a> Trial<'a> {
             thresholds: Thresholds { delay, ..Thresholds::default() },
             regions: config.regions,
             bodies: config.bodies,
+            speed_m_s: if sites > 1 { SLOW_M_S } else { SimConfig::default().speed_m_s },
             dt_s: 1.0 / rate as f32,
             network: schedule.network.clone(),
             skew: schedule.skew,
@@ -222,7 +227,8 @@ impl<'a> Trial<'a> {
             apart: BTreeMap::new(),
             sites,
             comparer: Comparer::new(sites as usize),
-            agreed_at: BTreeMap::new(),
+            agreed_at: Lately::default(),
+            known_at: Lately::default(),
         };
         for (at, node) in trial.sim.nodes.keys().copied().collect::<Vec<_>>().into_iter().enumerate() {
             trial.sim.place(Peer::Node(node), at as u32 % sites);

@@ -29,6 +29,8 @@ pub struct SimConfig {
     pub regions: usize,
     /// Persistent bodies.
     pub bodies: u32,
+    /// Their speed along each axis, at most.
+    pub speed_m_s: f64,
     /// Simulated seconds a tick.
     pub dt_s: f32,
     /// What the network is like at the start.
@@ -58,6 +60,8 @@ impl Default for SimConfig {
             nodes: 3,
             regions: 8,
             bodies: 40,
+            // Each body crosses several regions in a second or two.
+            speed_m_s: 12.0,
             dt_s: 1.0 / 60.0,
             network: NetworkConditions::calm(Path::up_to(2_000)),
             bounds: Bounds::default(),
@@ -157,15 +161,17 @@ impl Sim {
     /// A server with a world, and its nodes about to join.
     pub fn new(config: SimConfig) -> Self {
         let mut random = Random::new(config.seed);
-        let bodies: Vec<_> =
-            (0..config.bodies).map(|i| drifting(BodyId::persistent(i), &mut random)).collect();
+        let bodies: Vec<_> = (0..config.bodies)
+            .map(|i| drifting(BodyId::persistent(i), config.speed_m_s, &mut random))
+            .collect();
         let mut world = sim_world(config.regions);
         world.dt_s = config.dt_s;
         let record = Record::new(bodies, Vec::new(), Vec::new());
         Self::start(config, world, record, || Box::<StandIn>::default(), random)
     }
 
-    /// The same with another world and another physics; of the configuration `regions`, `bodies` and `dt_s` do not count.
+    /// The same with another world and another physics; of the configuration `regions`, `bodies`, their
+    /// speed and `dt_s` do not count.
     pub fn with_world(
         config: SimConfig,
         world: EnvironmentProperties,

@@ -17,8 +17,9 @@ const REMINDERS: usize = 4;
 const STALE_TICKS: u64 = 60;
 /// How many ticks another group may be ahead or behind before this one hurries or waits.
 const STEP_TICKS: i64 = 1;
-/// By how much it does.
-const HURRY: f32 = 0.05;
+/// By how much it does for each of them, and at most: a second is made up for in some five.
+const HURRY: f32 = 0.01;
+const MOST_HURRY: f32 = 0.25;
 
 /// Deviations between this group and those that are believed, since they were last asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -119,8 +120,9 @@ impl Leader {
     /// How much longer or shorter than usual the next tick is to be, so that groups keep step.
     pub(super) fn stretch(&self) -> f32 {
         match self.abroad.as_ref().and_then(|abroad| abroad.ahead) {
-            Some(ahead) if ahead > STEP_TICKS => 1.0 - HURRY,
-            Some(ahead) if ahead < -STEP_TICKS => 1.0 + HURRY,
+            Some(ahead) if ahead.abs() > STEP_TICKS => {
+                1.0 - (ahead as f32 * HURRY).clamp(-MOST_HURRY, MOST_HURRY)
+            }
             _ => 1.0,
         }
     }

@@ -1,5 +1,8 @@
 //! The cluster against its faults.
 
+mod groups;
+mod hour;
+
 use std::time::Duration;
 
 use super::*;

@@ -1,0 +1,171 @@
+//! Three groups of four nodes, 60 ms from one another: two of each group have a client with an avatar in their process.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use super::avatar;
+use crate::cluster::{ClientEvent, Peer};
+use crate::protocol::{DelayThresholds, Thresholds, Velocity};
+use crate::sim::{Comparer, FaultProfile, Random, Sim, SimConfig, sim_body};
+use crate::space::{ClientId, GroupId, NodeId};
+
+const SITES: u32 = 3;
+const MS: Duration = Duration::from_millis(1);
+const TICK: Duration = Duration::from_nanos(16_666_667);
+
+/// The groups have formed, and the avatars are there.
+fn groups(seed: u64) -> (Sim, Vec<ClientId>) {
+    let delay = DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
+    let mut sim = Sim::new(SimConfig {
+        seed,
+        nodes: 2 * SITES,
+        bodies: 20,
+        speed_m_s: 2.0,
+        network: FaultProfile::Groups.schedule(0).network,
+        thresholds: Thresholds { delay: Some(delay), ..Thresholds::default() },
+        report_every: 1,
+        ..SimConfig::default()
+    });
+    for node in 1..=2 * SITES {
+        sim.place(Peer::Node(NodeId(node)), node % SITES);
+    }
+    let mut clients = Vec::new();
+    for at in 0..2 * SITES {
+        let (node, client) = sim.start_participant(None);
+        sim.place(Peer::Node(node), at % SITES);
+        sim.place(Peer::Client(client), at % SITES);
+        clients.push(client);
+    }
+    sim.run_until(|sim| sizes(sim) == [4; SITES as usize]).unwrap();
+    for &client in &clients {
+        sim.run_until(|sim| sim.client(client).leader().is_some()).unwrap();
+        let place = [2.0 + 2.0 * f64::from(client.0), 4.0, 4.0];
+        sim.wish(client, ClientEvent::Spawn { body: sim_body(avatar(client), place), shapes: Vec::new() });
+    }
+    sim.run_until(|sim| clients.iter().all(|&client| sim.client(client).body(avatar(client)).is_some()))
+        .unwrap();
+    sim.run_for(Duration::from_secs(2)).unwrap();
+    (sim, clients)
+}
+
+fn sizes(sim: &Sim) -> Vec<usize> {
+    sim.server().views().map(|(_, view)| view.members.len()).collect()
+}
+
+/// Ticks of each group.
+fn ticks(sim: &Sim) -> BTreeMap<GroupId, u64> {
+    let tick = |group| sim.checker().progress(group).map_or(0, |(_, tick)| tick.0);
+    sim.server().views().map(|(group, _)| (group, tick(group))).collect()
+}
+
+fn drive(sim: &mut Sim, client: ClientId, linear: [f32; 3]) -> Velocity {
+    let velocity = Velocity { linear, angular: [0.0; 3] };
+    sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+    velocity
+}
+
+#[test]
+fn nodes_near_one_another_are_a_group() {
+    for seed in 0..3 {
+        let (sim, clients) = groups(seed);
+        let site = |node: NodeId| {
+            let participant = node.0 > 2 * SITES;
+            (if participant { node.0 - 1 } else { node.0 }) % SITES
+        };
+        for (group, view) in sim.server().views() {
+            let sites: BTreeSet<_> = view.members.iter().map(|member| site(member.node)).collect();
+            assert_eq!(
+                (view.members.len(), sites.len()),
+                (4, 1),
+                "{group} of seed {seed}: {:?}",
+                view.members
+            );
+        }
+        let playing: BTreeSet<_> = clients.iter().map(|&client| sim.client(client).group()).collect();
+        assert_eq!(playing.len(), 3, "clients play with the groups of their nodes");
+    }
+}
+
+#[test]
+fn an_avatar_is_seen_in_its_group_within_two_ticks_of_a_wish() {
+    let (mut sim, clients) = groups(1);
+    let mut random = Random::new(2);
+    for _ in 0..100 {
+        let who = clients[random.below(6) as usize];
+        let group = sim.client(who).group();
+        let others: Vec<_> = clients
+            .iter()
+            .copied()
+            .filter(|&other| other != who && sim.client(other).group() == group)
+            .collect();
+        assert_eq!(others.len(), 1);
+        let began = sim.now();
+        let wish = drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
+        let speeds = |velocity: Velocity| velocity.linear.map(f32::abs);
+        let sees = |sim: &Sim| {
+            let view = sim.client(others[0]).body(avatar(who)).expect("it is there");
+            speeds(view.body.state.velocity) == speeds(wish)
+        };
+        sim.run_until(sees).unwrap();
+        assert!(sim.now() - began <= 2 * TICK, "{:?}", sim.now() - began);
+        for _ in 0..random.below(100) {
+            sim.run_for(MS).unwrap();
+            let tick = ticks(&sim)[&group.expect("it plays")];
+            let view = sim.client(others[0]).body(avatar(who)).expect("it is there");
+            assert!(view.settled_tick().0 + 2 >= tick, "{} at t{tick}", view.settled_tick());
+        }
+    }
+}
+
+#[test]
+fn groups_keep_step_and_agree_on_most_bodies_at_any_time() {
+    let (mut sim, clients) = groups(3);
+    let mut random = Random::new(4);
+    sim.sample_every(6);
+    let (mut comparer, mut deviations) = (Comparer::new(3), Vec::new());
+    for _ in 0..40 {
+        let who = clients[random.below(6) as usize];
+        drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
+        sim.run_for(Duration::from_millis(500)).unwrap();
+        let compared = comparer.compare(&mut sim);
+        assert!(!compared.is_empty());
+        for tick in compared {
+            assert!(tick.apart <= Duration::from_millis(100), "{:?}", tick.apart);
+            deviations.extend(tick.bodies.iter().map(|apart| apart.by_m));
+        }
+    }
+    deviations.sort_by(f64::total_cmp);
+    let q = |q: f64| deviations[((deviations.len() - 1) as f64 * q) as usize];
+    eprintln!("{} {:?}", deviations.len(), [0.5, 0.8, 0.9, 0.95, 0.99, 1.0].map(q));
+}
+
+#[test]
+fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_the_other_groups_nothing() {
+    for seed in 0..4 {
+        let (mut sim, _) = groups(10 + seed);
+        let views: Vec<_> = sim.server().views().map(|(group, view)| (group, view.clone())).collect();
+        for (group, view) in &views {
+            for killed in [view.leader, view.members[2].node] {
+                let before = ticks(&sim);
+                sim.crash(Peer::Node(killed));
+                let is_over = |sim: &Sim| {
+                    let mut views = sim.server().views();
+                    let view = views.find(|(id, _)| id == group).map(|(_, view)| view);
+                    view.is_some_and(|view| {
+                        view.members.iter().all(|member| member.node != killed)
+                            && sim.checker().progress(*group).is_some_and(|(number, _)| number == view.number)
+                    })
+                };
+                let began = sim.now();
+                sim.run_until(is_over).unwrap();
+                let took = sim.now() - began;
+                assert!(took < Duration::from_secs(2), "seed {seed}, {killed} of {group}: {took:?}");
+                for (other, tick) in ticks(&sim) {
+                    let made = TICK * (tick - before[&other]) as u32;
+                    eprintln!("{other} {group} made {made:?} took {took:?}");
+                }
+            }
+        }
+        assert_eq!(sizes(&sim), [2; 3]);
+    }
+}

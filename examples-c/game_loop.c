@@ -159,13 +159,14 @@ int main(int argc, char **argv)
     check(dcd_state_read(world, ids, BALLS / 4, DCD_FIELD_POSE, &sprites[0].pose, sizeof sprites[0], NULL));
 
     /* What is under the first of them? */
-    DcdRay ray = { { 0.0, 0.0, 0.0 }, { 0.0f, -1.0f, 0.0f }, 100.0f, { 0 }, 0xFFFFFFFFu, 0 };
+    DcdRay ray = DCD_RAY_INIT;
     for (int axis = 0; axis < 3; axis++) {
         ray.origin[axis] = sprites[0].pose.p[axis];
     }
+    ray.direction[1] = -1.0f;
     ray.exclude = ids[0];
     DcdRayHit hit;
-    DcdStatus cast = dcd_cast_rays(world, &ray, 1, &hit);
+    DcdStatus cast = dcd_cast_rays(world, &ray, 1, NULL, &hit);
     if (joined && cast == DCD_ERR_UNSUPPORTED) {
         puts("a client casts no rays");
     } else {

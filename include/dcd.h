@@ -7,7 +7,9 @@
  * that belongs to another world, gives DCD_ERR_STALE_ID, for ever; a null one gives DCD_ERR_NULL.
  *
  * Structs. Those that begin with struct_size may grow in later versions. Start from their _INIT macro:
+ *
  *     DcdBodyDef def = DCD_BODY_DEF_INIT;
+ *
  * Members named reserved are 0. Values outside their range are DCD_ERR_ARGUMENT.
  *
  * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set). They
@@ -55,10 +57,16 @@
 // Every coordinate in world space lies within plus and minus this, metres.
 #define DCD_MAX_COORDINATE 1.0e9
 
+// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
+#define DCD_SERVER_FRESH 1
+
+// In DcdServerDef.flags: as fast as the nodes can, rather than in real time.
+#define DCD_SERVER_UNPACED 2
+
 // Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
 #define DCD_MIN_SIZE 1.0e-4
 
-// In DcdBodyDef.flags: never jumps through thin or moving bodies, at some cost.
+// In DcdBodyDef.flags: never jumps through moving bodies either, at some cost. Through fixed ones no body does.
 #define DCD_BODY_CCD 1
 
 // In DcdBodyDef.flags: detects and does not push.
@@ -69,6 +77,18 @@
 
 // In DcdBodyDef.flags: sleeps until something wakes it.
 #define DCD_BODY_ASLEEP 8
+
+// In DcdBodyDef.flags: is not there until dcd_body_set_properties takes this away; it keeps its place, its joints wait.
+#define DCD_BODY_DISABLED 16
+
+// In DcdBodyDef.flags: may turn by more than a quarter turn a step, as wheels and propellers.
+#define DCD_BODY_FAST_SPIN 32
+
+// In DcdBodyDef.flags: its spin is not changed by its own inertia, as that of a thrown book is.
+#define DCD_BODY_NO_GYRO 64
+
+// In DcdBodyDef.flags: one match of groups and mask is enough for two bodies that both say so; else both must match.
+#define DCD_BODY_ANY_GROUP 128
 
 // In DcdBodyDef.events: dcd_events tells of contacts that begin and end.
 #define DCD_EVENT_CONTACT 1
@@ -100,14 +120,50 @@
 // In place of a part's number: all shapes of the body.
 #define DCD_ALL_PARTS UINT32_MAX
 
-// In DcdJointDef.flags: `limit` counts.
+// Most shapes of one body.
+#define DCD_MAX_PARTS 4096
+
+// In DcdBodyDef.pairs: it meets dynamic bodies if it is dynamic.
+#define DCD_PAIR_DYNAMIC_DYNAMIC 1
+
+// In DcdBodyDef.pairs: kinematic if dynamic, and the other way round.
+#define DCD_PAIR_DYNAMIC_KINEMATIC 2
+
+// In DcdBodyDef.pairs: fixed if dynamic, and the other way round.
+#define DCD_PAIR_DYNAMIC_FIXED 4
+
+// In DcdBodyDef.pairs: kinematic if kinematic.
+#define DCD_PAIR_KINEMATIC_KINEMATIC 8
+
+// In DcdBodyDef.pairs: fixed if kinematic, and the other way round, as a fixed sensor that notices doors and players.
+#define DCD_PAIR_KINEMATIC_FIXED 16
+
+// In DcdBodyDef.pairs: fixed if fixed.
+#define DCD_PAIR_FIXED_FIXED 32
+
+// In DcdPartProperties.flags: detects and does not push.
+#define DCD_PART_SENSOR 1
+
+// In DcdPartProperties.flags: is not there until this is taken away.
+#define DCD_PART_DISABLED 2
+
+// In DcdPartProperties.flags: one match of groups and mask is enough for two shapes that both say so; else both must match.
+#define DCD_PART_ANY_GROUP 4
+
+// In DcdJointDef.flags: `limit` counts. In DcdJointInfo.flags: it has some limit.
 #define DCD_JOINT_LIMIT 1
 
-// In DcdJointDef.flags: the motor runs.
+// In DcdJointDef.flags: `motor` runs. In DcdJointInfo.flags: it has some motor.
 #define DCD_JOINT_MOTOR 2
 
 // In DcdJointDef.flags: the two bodies collide with one another too.
 #define DCD_JOINT_COLLIDE 4
+
+// In DcdJointDef.flags: it does nothing until dcd_joint_set_flags takes this away.
+#define DCD_JOINT_DISABLED 8
+
+// As dcd_step_wait's timeout: until the step is done, however long it takes.
+#define DCD_FOREVER UINT64_MAX
 
 // In DcdStateView.flags: the body sleeps.
 #define DCD_STATE_SLEEPING 1
@@ -157,6 +213,31 @@
 
 // In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 #define DCD_EVENTS_LOST 1
+
+// In DcdFilter.flags: overlooks fixed bodies.
+#define DCD_FILTER_NO_FIXED 1
+
+// In DcdFilter.flags: overlooks kinematic bodies.
+#define DCD_FILTER_NO_KINEMATIC 2
+
+// In DcdFilter.flags: overlooks dynamic bodies.
+#define DCD_FILTER_NO_DYNAMIC 4
+
+// In DcdFilter.flags: overlooks sensors.
+#define DCD_FILTER_NO_SENSORS 8
+
+// In DcdFilter.flags: overlooks all but sensors.
+#define DCD_FILTER_NO_SOLIDS 16
+
+// In flags of a ray or a point: bodies are hollow. A ray that starts inside of one meets its surface from within, and the
+// place nearest to a point inside of one is on its surface.
+#define DCD_QUERY_HOLLOW 1
+
+// In DcdShapeCast.flags: what the shape overlaps at the start stops it only if it moves farther in.
+#define DCD_QUERY_LEAVE 2
+
+// In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
+#define DCD_HIT_INSIDE 1
 
 // What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 typedef int32_t DcdStatus;
@@ -224,15 +305,15 @@ typedef uint32_t DcdRole;
 typedef struct DcdWorldInfo {
     // sizeof(DcdWorldInfo).
     uint32_t struct_size;
-    // DCD_ROLE_LOCAL, _CLIENT or _PARTICIPANT.
+    // DCD_ROLE_LOCAL, _CLIENT, _PARTICIPANT, _SERVER or _NODE.
     DcdRole role;
     // Steps since the world began; the newest heard of in a served world.
     uint64_t tick;
     // Your own.
     uint64_t user_data;
-    // Regions the world is cut into.
+    // Regions the world is cut into; those that this process computes, for a node.
     uint32_t regions;
-    // Length of a step, seconds.
+    // Length of a step, seconds; 0 for a node, which takes it from its server, as gravity.
     float dt;
     // m/s².
     float gravity[3];
@@ -285,6 +366,76 @@ typedef struct DcdBodyId {
     uint64_t v;
 } DcdBodyId;
 
+// How nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
+typedef struct DcdGroupDef {
+    // sizeof(DcdGroupDef).
+    uint32_t struct_size;
+    // Nodes run ahead of one another by at most so many ticks, and extrapolate, 0 to 60; 0: they keep in step. Else the
+    // coupling must be DCD_COUPLING_OWNER.
+    uint32_t lag_ticks;
+    // Nodes share a group whose round trips are below this, milliseconds; 0: all that reach each other share one.
+    float near_ms;
+    // Members above this round trip are voted out of their group, milliseconds; above near_ms, and 0 where that is 0.
+    float far_ms;
+    // How far a body may be from where the group that is believed about it has it, metres, above 0.
+    float agree;
+    // Nodes in a group at most, 1 to 1024.
+    uint32_t size;
+} DcdGroupDef;
+
+// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `scene` and `data_path`.
+typedef struct DcdServerDef {
+    // sizeof(DcdServerDef).
+    uint32_t struct_size;
+    // Nodes to wait for before the first tick, 1 to 1024.
+    uint32_t nodes;
+    // A scene of the library, or the path of a scene file, as in dcd_world_open_scene.
+    const char *scene;
+    // Texts "name=value" that change parameters of the scene, or null.
+    const char *const *params;
+    // How many.
+    size_t param_count;
+    // How the world is cut and coupled, or null; what counts of it is what counts in dcd_world_open_scene.
+    const DcdWorldDef *world;
+    // How nodes form groups, or null for DCD_GROUP_DEF_INIT.
+    const DcdGroupDef *groups;
+    // Where to listen, as "127.0.0.1:7420", "0.0.0.0:7420" or "[::]:7420"; port 0 takes any free one (dcd_address).
+    const char *listen;
+    // A folder, made if need be, that keeps the server's keys, which tokens were used, and the world: a server that died
+    // goes on with it when one is made in the same way. One server a folder.
+    const char *data_path;
+    // Ends the world after this tick; 0: when it is destroyed.
+    uint64_t last_tick;
+    // The fastest that clients may move their avatars, m/s, above 0 and up to 100,000.
+    float avatar_speed;
+    // DCD_SERVER_... bits.
+    uint32_t flags;
+    // Your own; dcd_world_info gives it back.
+    uint64_t user_data;
+} DcdServerDef;
+
+// How a node joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
+typedef struct DcdNodeDef {
+    // sizeof(DcdNodeDef).
+    uint32_t struct_size;
+    // As in DcdClientDef.
+    uint32_t timeout_ms;
+    // As in DcdClientDef.
+    const char *server;
+    // What dcd_token_create or `dcd token --role node` gave; joining uses it up.
+    const char *token;
+    // As in DcdClientDef.
+    const char *identity_path;
+    // Where other nodes reach this one, as "192.0.2.7:7421", or null: any free port of the interface towards the server.
+    const char *listen;
+    // Your own; dcd_world_info gives it back.
+    uint64_t user_data;
+    // Regions computed at a time, 1 to 1024; 0 is one per core.
+    uint32_t threads;
+    // 0.
+    uint32_t reserved;
+} DcdNodeDef;
+
 // A shape of one world. 0 is null.
 typedef struct DcdShapeId {
     // Opaque.
@@ -318,24 +469,36 @@ typedef struct DcdVelocity {
     float angular[3];
 } DcdVelocity;
 
-// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`.
+// How the coefficients of two shapes in contact become one; of two rules the one with the higher number counts.
+typedef uint32_t DcdCombineRule;
+
+// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
+// dcd_part_set_properties change it later.
 typedef struct DcdBodyDef {
     // sizeof(DcdBodyDef).
     uint32_t struct_size;
-    // DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    // DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
     DcdBodyType body_type;
     // Where it starts.
     DcdPose pose;
     // How it moves at first.
     DcdVelocity velocity;
-    // Of the same world. Two bodies may share one.
+    // Of the same world. Two bodies may share one. dcd_part_add gives a body more.
     DcdShapeId shape;
-    // kg/m³, above 0 for a dynamic body.
+    // kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`.
     float density;
-    // Coulomb coefficient, 0 or more; two bodies in contact use the mean.
+    // Kilograms of the shape, instead of those that follow from density; 0 is by density.
+    float mass;
+    // Coulomb coefficient, 0 or more.
     float friction;
-    // 0 (no bounce) to 1 (all of the speed); two bodies in contact use the mean.
+    // 0 (no bounce) to 1 (all of the speed).
     float restitution;
+    // DCD_COMBINE_…: what two bodies in contact use of their friction.
+    DcdCombineRule friction_rule;
+    // DCD_COMBINE_…: what they use of their restitution.
+    DcdCombineRule restitution_rule;
+    // Metres that the shape is kept away from others, 0 or more: a thin cushion makes contacts cheaper and calmer.
+    float contact_skin;
     // Slows movement down: 1/s, 0 or more.
     float linear_damping;
     // Slows turning down: 1/s, 0 or more.
@@ -354,6 +517,35 @@ typedef struct DcdBodyDef {
     uint32_t groups;
     // Groups that it meets. Two bodies collide when each meets a group of the other.
     uint32_t mask;
+    // Groups that it belongs to when it comes to pushing; contacts of others are told of and do nothing.
+    uint32_t solver_groups;
+    // Groups that push it and that it pushes.
+    uint32_t solver_mask;
+    // DCD_PAIR_… bits: which types of bodies it meets. A pair meets when either asks for it.
+    uint32_t pairs;
+    // -128 to 127: of two bodies the higher is not moved by the lower, which meets it like a wall.
+    int32_t dominance;
+    // Metres ahead that it looks for what it may meet: cheaper than DCD_BODY_CCD, and not as sure; 0 is none.
+    float soft_ccd;
+    // m/s below which it may fall asleep, 0 or more.
+    float sleep_linear;
+    // rad/s below which it may fall asleep, 0 or more.
+    float sleep_angular;
+    // Seconds it must have been so slow, 0 or more. In a served world these three must be as in DCD_BODY_DEF_INIT.
+    float sleep_after;
+    // Kilograms besides those of its shape, 0 or more. With extra_centre and extra_inertia 0 it makes the shape heavier as it
+    // is.
+    float extra_mass;
+    // Where the extra mass is, from the body's origin, metres.
+    float extra_centre[3];
+    // Its moments of inertia about the body's x, y and z through that centre, kg m², 0 or more.
+    float extra_inertia[3];
+    // Iterations of the solver that it gets more than others, and what touches it; 0 to 1000.
+    uint32_t extra_solver_iterations;
+    // Iterations within each of them, 0 to 1000.
+    uint32_t extra_pgs_iterations;
+    // 0.
+    uint32_t reserved;
     // Your own; events, views and ray hits carry it.
     uint64_t user_data;
 } DcdBodyDef;
@@ -362,29 +554,143 @@ typedef struct DcdBodyDef {
 typedef struct DcdBodyInfo {
     // sizeof(DcdBodyInfo).
     uint32_t struct_size;
-    // DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    // DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
     DcdBodyType body_type;
     // Your own.
     uint64_t user_data;
+    // Its centre of mass, world space, metres; in a served world its origin.
+    double centre[3];
     // Kilograms; 0 for a fixed body, and in a served world, where it is not told.
     float mass;
     // The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
     // not appeared yet. In a served world, the region it is in.
     uint32_t region;
+    // What dcd_body_set_force and dcd_body_add_force made of the force on it, newtons.
+    float force[3];
+    // And of the torque, newton metres.
+    float torque[3];
+    // How many shapes it has.
+    uint32_t parts;
     // Whether it sleeps: it costs nothing until something wakes it.
     bool sleeping;
     // 0.
-    uint8_t reserved[7];
+    uint8_t reserved[3];
 } DcdBodyInfo;
 
-// What a joint lets free.
+// What a body is like, but for its shapes: the members of DcdBodyDef, to be read and changed later. Start from
+// DCD_BODY_PROPERTIES_INIT and dcd_body_properties.
+typedef struct DcdBodyProperties {
+    // sizeof(DcdBodyProperties).
+    uint32_t struct_size;
+    // DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
+    DcdBodyType body_type;
+    // DCD_BODY_CCD, _NO_SLEEP, _DISABLED, _FAST_SPIN and _NO_GYRO bits.
+    uint32_t flags;
+    // DCD_LOCK_… bits.
+    uint32_t locked;
+    // As in DcdBodyDef, and so all that follows.
+    int32_t dominance;
+    // 1/s.
+    float linear_damping;
+    // 1/s.
+    float angular_damping;
+    // Factor on gravity.
+    float gravity_scale;
+    // Metres.
+    float soft_ccd;
+    // m/s.
+    float sleep_linear;
+    // rad/s.
+    float sleep_angular;
+    // Seconds.
+    float sleep_after;
+    // Kilograms.
+    float extra_mass;
+    // Metres.
+    float extra_centre[3];
+    // kg m².
+    float extra_inertia[3];
+    // Iterations of the solver.
+    uint32_t extra_solver_iterations;
+    // Iterations within each of them.
+    uint32_t extra_pgs_iterations;
+    // 0.
+    uint32_t reserved;
+    // Your own.
+    uint64_t user_data;
+} DcdBodyProperties;
+
+// What one shape of a body is like. Start from DCD_PART_PROPERTIES_INIT, or from dcd_part_properties.
+typedef struct DcdPartProperties {
+    // sizeof(DcdPartProperties).
+    uint32_t struct_size;
+    // DCD_PART_… bits.
+    uint32_t flags;
+    // Where it sits on the body.
+    DcdFrame frame;
+    // kg/m³, 0 or more. Read later, it is 0 where the mass was given, or anything of it was changed.
+    float density;
+    // Kilograms; 0 follows from the density.
+    float mass;
+    // As in DcdBodyDef, and so all that follows.
+    float friction;
+    // 0 to 1.
+    float restitution;
+    // DCD_COMBINE_….
+    DcdCombineRule friction_rule;
+    // DCD_COMBINE_….
+    DcdCombineRule restitution_rule;
+    // Metres.
+    float contact_skin;
+    // DCD_EVENT_… bits.
+    uint32_t events;
+    // Newtons.
+    float force_threshold;
+    // As bits.
+    uint32_t groups;
+    // As bits.
+    uint32_t mask;
+    // As bits.
+    uint32_t solver_groups;
+    // As bits.
+    uint32_t solver_mask;
+    // DCD_PAIR_… bits.
+    uint32_t pairs;
+    // 0.
+    uint32_t reserved;
+    // Your own of this shape; nothing else carries it.
+    uint64_t user_data;
+} DcdPartProperties;
+
+// What a joint lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
 typedef uint32_t DcdJointType;
+
+// What stiffness and damping of a motor are per.
+typedef uint32_t DcdMotorModel;
+
+// What drives an axis: stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force. Start
+// from DCD_JOINT_MOTOR_INIT, which holds the axis still by any force. For a speed give `velocity`; for a servo `position`,
+// `stiffness` and `damping`.
+typedef struct DcdJointMotor {
+    // Where to, metres or radians.
+    float position;
+    // How fast, m/s or rad/s.
+    float velocity;
+    // 0 or more; 0 heeds the velocity alone.
+    float stiffness;
+    // 0 or more.
+    float damping;
+    // Most force or torque, newtons or newton metres: finite, 0 or more.
+    float max_force;
+    // DCD_MOTOR_ACCELERATION or DCD_MOTOR_FORCE.
+    DcdMotorModel model;
+} DcdJointMotor;
 
 // How a joint is made. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
 typedef struct DcdJointDef {
     // sizeof(DcdJointDef).
     uint32_t struct_size;
-    // DCD_JOINT_FIXED, _REVOLUTE, _PRISMATIC or _SPHERICAL.
+    // DCD_JOINT_FIXED to DCD_JOINT_GENERIC.
     DcdJointType joint_type;
     // First body.
     DcdBodyId a;
@@ -394,16 +700,27 @@ typedef struct DcdJointDef {
     DcdFrame frame_a;
     // Where it sits on `b`.
     DcdFrame frame_b;
-    // Lowest and highest angle or distance of `b` seen from `a`, with DCD_JOINT_LIMIT.
+    // Lowest and highest position of `b` seen from `a` along or about the type's own axes, with DCD_JOINT_LIMIT. -INFINITY and
+    // INFINITY leave a side open.
     float limit[2];
-    // Speed that the motor tries to keep, with DCD_JOINT_MOTOR.
-    float motor_speed;
-    // Most force or torque of the motor: finite, 0 or more.
-    float motor_max_force;
-    // DCD_JOINT_LIMIT, _MOTOR, _COLLIDE bits.
+    // Drives the type's own axes, with DCD_JOINT_MOTOR.
+    DcdJointMotor motor;
+    // DCD_JOINT_LIMIT, _MOTOR, _COLLIDE, _DISABLED bits.
     uint32_t flags;
+    // Of DCD_JOINT_GENERIC: axes that it does not let free, as bits 1 << DCD_AXIS_…; else 0.
+    uint32_t locked;
+    // Of DCD_JOINT_GENERIC: free axes that count as one, as bits: two or three along, whose position is their common distance,
+    // and two about, whose position is the angle between the third axes, as of a cone. They have one limit, and those along
+    // have one motor. Else 0.
+    uint32_t coupled;
+    // How stiffly it holds what it locks and limits: hertz, above 0. Less than 1 / dt is soft.
+    float natural_frequency;
+    // How fast an error of it calms down, 0 or more; 1 is without swinging.
+    float damping_ratio;
     // 0.
     uint32_t reserved;
+    // Your own; dcd_joint_info gives it back.
+    uint64_t user_data;
 } DcdJointDef;
 
 // A joint. 0 is null; an id is never given again.
@@ -411,6 +728,48 @@ typedef struct DcdJointId {
     // Opaque.
     uint64_t v;
 } DcdJointId;
+
+// What a joint is now. Start from DCD_JOINT_INFO_INIT.
+typedef struct DcdJointInfo {
+    // sizeof(DcdJointInfo).
+    uint32_t struct_size;
+    // By what it lets free: one made generic may be a hinge, and a rope with a motor is a spring.
+    DcdJointType joint_type;
+    // First body.
+    DcdBodyId a;
+    // Second body.
+    DcdBodyId b;
+    // Your own.
+    uint64_t user_data;
+    // Where it sits on `a`.
+    DcdFrame frame_a;
+    // Where it sits on `b`.
+    DcdFrame frame_b;
+    // frame_b seen from frame_a, as the bodies are now.
+    DcdFrame offset;
+    // Angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
+    float position;
+    // What held the axes along x, y and z of frame_a that it locks, in the last step, newtons. Rapier mixes what it solves, so
+    // take it for an estimate, as of what should break the joint.
+    float force[3];
+    // As in DcdJointDef.
+    float natural_frequency;
+    // As in DcdJointDef.
+    float damping_ratio;
+    // DCD_JOINT_LIMIT, _MOTOR, _COLLIDE, _DISABLED bits.
+    uint32_t flags;
+    // Axes that are not free, as bits 1 << DCD_AXIS_….
+    uint32_t locked;
+    // Axes that count as one.
+    uint32_t coupled;
+    // Axes with a limit.
+    uint32_t limited;
+    // Axes with a motor.
+    uint32_t driven;
+} DcdJointInfo;
+
+// An axis of a joint's frame on body `a`: along it, or about it. As a bit it is 1 << axis, which DCD_LOCK_… are.
+typedef uint32_t DcdJointAxis;
 
 // Every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
 // made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
@@ -538,7 +897,7 @@ typedef struct DcdEventView {
     size_t change_count;
 } DcdEventView;
 
-// A ray.
+// A ray. Start from DCD_RAY_INIT and give a direction.
 typedef struct DcdRay {
     // Where it starts, world space, metres.
     double origin[3];
@@ -550,11 +909,27 @@ typedef struct DcdRay {
     DcdBodyId exclude;
     // Groups that it meets, as in DcdBodyDef.groups; 0xFFFFFFFF for all.
     uint32_t mask;
-    // 0.
-    uint32_t reserved;
+    // DCD_QUERY_HOLLOW or 0.
+    uint32_t flags;
 } DcdRay;
 
-// The first body that a ray met.
+// What all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
+typedef struct DcdFilter {
+    // sizeof(DcdFilter).
+    uint32_t struct_size;
+    // DCD_FILTER_… bits.
+    uint32_t flags;
+    // Groups that the queries belong to: shapes whose mask meets none of them are overlooked. 0 asks no shape's mask.
+    uint32_t groups;
+    // Groups that the queries meet; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // Bodies that are overlooked; null when there are none.
+    const DcdBodyId *exclude;
+    // How many.
+    size_t exclude_count;
+} DcdFilter;
+
+// A body that a ray met.
 typedef struct DcdRayHit {
     // Which; null when the ray met nothing, and then all else is 0.
     DcdBodyId body;
@@ -566,7 +941,133 @@ typedef struct DcdRayHit {
     float normal[3];
     // From the origin, metres.
     float distance;
+    // Which shape of the body, from 0.
+    uint32_t part;
+    // Which triangle of a mesh or terrain, which part of a compound; else 0.
+    uint32_t subshape;
 } DcdRayHit;
+
+// A shape that moves straight, and may turn on the way. Start from DCD_SHAPE_CAST_INIT and give shape and motion.
+typedef struct DcdShapeCast {
+    // Of the same world. It cannot be a mesh or terrain.
+    DcdShapeId shape;
+    // Where it starts.
+    DcdPose pose;
+    // How far its origin moves, metres.
+    float motion[3];
+    // By how much it turns on the way: about this axis of the world, by its length in radians. 0 is cheaper.
+    float turn[3];
+    // Metres from a body at which it counts as there, 0 or more; 0 if it turns.
+    float margin;
+    // Groups that it meets; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // A body that it passes through; null for none.
+    DcdBodyId exclude;
+    // DCD_QUERY_LEAVE or 0.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdShapeCast;
+
+// The first body that a moving shape met.
+typedef struct DcdShapeHit {
+    // Which; null when the shape met nothing, and then all else is 0.
+    DcdBodyId body;
+    // Its user data.
+    uint64_t user_data;
+    // Where on the body, world space, metres.
+    double point[3];
+    // Outward of the body there, of length 1.
+    float normal[3];
+    // How much of its way the shape came, 0 to 1.
+    float fraction;
+    // Where on the shape, in its own space, metres.
+    float point_on_shape[3];
+    // Outward of the shape there, in its own space.
+    float normal_on_shape[3];
+    // Which shape of the body, from 0.
+    uint32_t part;
+    // As in DcdRayHit.
+    uint32_t subshape;
+    // DCD_HIT_INSIDE or 0.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdShapeHit;
+
+// A point. Start from DCD_POINT_QUERY_INIT.
+typedef struct DcdPointQuery {
+    // World space, metres.
+    double point[3];
+    // Of dcd_project_points: how far a place may be, metres, 0 or more; INFINITY is allowed.
+    float max_distance;
+    // Groups that it meets; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // A body that is overlooked; null for none.
+    DcdBodyId exclude;
+    // Of dcd_project_points: DCD_QUERY_HOLLOW or 0; else 0.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdPointQuery;
+
+// The place of a body nearest to a point.
+typedef struct DcdPointHit {
+    // Whose; null when there is none near enough, and then all else is 0.
+    DcdBodyId body;
+    // Its user data.
+    uint64_t user_data;
+    // Where, world space, metres.
+    double point[3];
+    // From the point that was asked about, metres.
+    float distance;
+    // Which shape of the body, from 0.
+    uint32_t part;
+    // DCD_HIT_INSIDE or 0.
+    uint32_t flags;
+    // 0.
+    uint32_t reserved;
+} DcdPointHit;
+
+// A shape somewhere. Start from DCD_SHAPE_QUERY_INIT and give a shape.
+typedef struct DcdShapeQuery {
+    // Of the same world. It cannot be a mesh or terrain.
+    DcdShapeId shape;
+    // Where.
+    DcdPose pose;
+    // A body that is overlooked; null for none.
+    DcdBodyId exclude;
+    // Groups that it meets; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // 0.
+    uint32_t reserved;
+} DcdShapeQuery;
+
+// A body that overlaps something.
+typedef struct DcdOverlap {
+    // Which.
+    DcdBodyId body;
+    // Its user data.
+    uint64_t user_data;
+    // Which shape of it, from 0.
+    uint32_t part;
+    // 0.
+    uint32_t reserved;
+} DcdOverlap;
+
+// A box along the axes of the world. Corners may be infinite. Start from DCD_BOX_QUERY_INIT and give them.
+typedef struct DcdBoxQuery {
+    // Lowest corner, metres.
+    double min[3];
+    // Highest corner.
+    double max[3];
+    // A body that is overlooked; null for none.
+    DcdBodyId exclude;
+    // Groups that it meets; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // 0.
+    uint32_t reserved;
+} DcdBoxQuery;
 
 // A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
 typedef struct DcdRegionInfo {
@@ -618,6 +1119,14 @@ typedef struct DcdStats {
     uint32_t exchanges;
 } DcdStats;
 
+// What pushes a body in every step, in world axes.
+typedef struct DcdForce {
+    // At the centre of mass, newtons.
+    float force[3];
+    // Newton metres.
+    float torque[3];
+} DcdForce;
+
 // Nothing.
 #define DCD_LOG_OFF 0
 
@@ -654,7 +1163,8 @@ typedef struct DcdStats {
 // The caller's memory is too small; the size needed was written.
 #define DCD_ERR_SMALL_BUFFER (-5)
 
-// Called from within the log callback, where worlds may not be used.
+// Not now: called from within the log callback, where worlds may not be used, or while a step that was begun is not
+// waited for.
 #define DCD_ERR_BUSY (-6)
 
 // Nobody answered in time.
@@ -663,7 +1173,7 @@ typedef struct DcdStats {
 // The server refuses, or the link to it is gone.
 #define DCD_ERR_NETWORK (-9)
 
-// The header that the program was compiled with does not fit the library it runs with.
+// The header that the program was compiled with does not fit the library it runs with, or a snapshot is of another build.
 #define DCD_ERR_VERSION (-10)
 
 // The library has a bug. The world that was called can only be destroyed; other worlds go on.
@@ -672,7 +1182,7 @@ typedef struct DcdStats {
 // The role of this world (see DcdWorldInfo) cannot do this; the message names the role.
 #define DCD_ERR_UNSUPPORTED (-12)
 
-// A file cannot be read.
+// A file cannot be read or written.
 #define DCD_ERR_IO (-13)
 
 // The system or the world has no more: threads, ids.
@@ -686,6 +1196,12 @@ typedef struct DcdStats {
 
 // Hosts avatars in it, and computes a share of it.
 #define DCD_ROLE_PARTICIPANT 2
+
+// Holds it: decides who computes what, and lets others in.
+#define DCD_ROLE_SERVER 3
+
+// Computes a share of it.
+#define DCD_ROLE_NODE 4
 
 // What the scene says, else DCD_COUPLING_AUTO.
 #define DCD_COUPLING_DEFAULT 0
@@ -726,17 +1242,72 @@ typedef struct DcdStats {
 // At the velocity that you give, whatever it meets. Doors and lifts.
 #define DCD_KINEMATIC 2
 
-// Nothing: the frames stay together.
+// To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
+#define DCD_KINEMATIC_POSE 3
+
+// (a + b) / 2.
+#define DCD_COMBINE_AVERAGE 0
+
+// The smaller: ice makes everything slippery.
+#define DCD_COMBINE_MIN 1
+
+// a * b.
+#define DCD_COMBINE_MULTIPLY 2
+
+// The larger: rubber makes everything stick.
+#define DCD_COMBINE_MAX 3
+
+// a + b, at most 1.
+#define DCD_COMBINE_SUM 4
+
+// The square root of a * b.
+#define DCD_COMBINE_GEOMETRIC_MEAN 5
+
+// Nothing: the frames stay together. It has no axis of its own.
 #define DCD_JOINT_FIXED 0
 
-// Turning about the frames' x axis. Limits in radians, motor in rad/s and N m.
+// Turning about the frames' x axis, as hinges and wheels: DCD_AXIS_TURN_X.
 #define DCD_JOINT_REVOLUTE 1
 
-// Sliding along the frames' x axis. Limits in metres, motor in m/s and N.
+// Sliding along the frames' x axis, as lifts and pistons: DCD_AXIS_X.
 #define DCD_JOINT_PRISMATIC 2
 
-// Turning about every axis. Limits in radians hold for each of the three; no motor.
+// Turning about every axis, as shoulders: DCD_AXIS_TURN_X, _TURN_Y and _TURN_Z, each with the same limit and motor.
 #define DCD_JOINT_SPHERICAL 3
+
+// Everything, up to a distance of the frames' origins: a limit of DCD_AXIS_X from 0 to that length, which it needs.
+#define DCD_JOINT_ROPE 4
+
+// Everything; a spring pulls the frames' origins to a distance: a motor of DCD_AXIS_X, which it needs. Its position is the
+// length at rest; take DCD_MOTOR_FORCE to give stiffness in N/m.
+#define DCD_JOINT_SPRING 5
+
+// What DcdJointDef.locked does not lock. It has no axes of its own: dcd_joint_set_limit and dcd_joint_set_motor take any.
+#define DCD_JOINT_GENERIC 6
+
+// Along x: metres, m/s, newtons.
+#define DCD_AXIS_X 0
+
+// Along y.
+#define DCD_AXIS_Y 1
+
+// Along z.
+#define DCD_AXIS_Z 2
+
+// About x: radians, rad/s, newton metres.
+#define DCD_AXIS_TURN_X 3
+
+// About y.
+#define DCD_AXIS_TURN_Y 4
+
+// About z.
+#define DCD_AXIS_TURN_Z 5
+
+// Unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
+#define DCD_MOTOR_ACCELERATION 0
+
+// Nothing: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
+#define DCD_MOTOR_FORCE 1
 
 // A DcdPose.
 #define DCD_FIELD_POSE 0
@@ -746,6 +1317,12 @@ typedef struct DcdStats {
 
 // A uint64_t.
 #define DCD_FIELD_USER_DATA 2
+
+// A DcdForce, as dcd_body_set_force sets it.
+#define DCD_FIELD_FORCE 3
+
+// A DcdPose, as dcd_body_set_target takes it; to be written only.
+#define DCD_FIELD_TARGET 4
 
 #ifdef __cplusplus
 extern "C" {
@@ -847,6 +1424,49 @@ DCD_API DcdStatus dcd_participant_join(const DcdParticipantDef *def, DcdWorld *o
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, size_t *count);
 
+// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
+// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
+//
+// It works on threads of the library, whether or not you call dcd_step, which only says whether all is well. Of the handle
+// count dcd_world_info, dcd_stats, dcd_address and dcd_token_create; the world is seen by joining it, also from the same
+// process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
+// leaves the world there.
+//
+// `def` and what it points to are read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
+// is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
+// the address cannot be listened on, DCD_ERR_LIMIT without threads.
+DCD_API DcdStatus dcd_server_create(const DcdServerDef *def, DcdWorld *out);
+
+// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It
+// can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
+// size with NUL. With `cap` 0 `buf` may be null, to ask for the size: 512 bytes are always enough, and asking mints none.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another role or time, DCD_ERR_SMALL_BUFFER, DCD_ERR_IO for the
+// server's folder, DCD_ERR_UNSUPPORTED for a world that is not a server.
+DCD_API
+DcdStatus dcd_token_create(DcdWorld world,
+                           DcdRole role,
+                           uint32_t valid_seconds,
+                           char *buf,
+                           size_t cap,
+                           size_t *needed);
+
+// Says where a server or a node listens, as "127.0.0.1:7420": into `buf` of `cap` bytes with a NUL; `needed` receives the size
+// with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
+// DCD_ERR_UNSUPPORTED for a world of another role.
+DCD_API DcdStatus dcd_address(DcdWorld world, char *buf, size_t cap, size_t *needed);
+
+// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
+// which only says whether all is well. Returns once the server has let it in; the share comes when the server gives it one.
+//
+// Of the handle count dcd_world_info, dcd_stats and dcd_address; dcd_participant_join is for who wants to see the world too.
+// dcd_world_destroy first hands the share to other nodes, which may take some seconds.
+// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
+DCD_API DcdStatus dcd_node_join(const DcdNodeDef *def, DcdWorld *out);
+
 // Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
 //
 // This and the other shape functions copy what they read, and write the new handle to `out`. A shape belongs to its world;
@@ -926,7 +1546,7 @@ DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBody
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
 // more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids, DCD_ERR_UNSUPPORTED
-// for a fixed body in a served world, DCD_ERR_NETWORK when its link is gone.
+// in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when its link is gone.
 DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
 
 // Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
@@ -975,11 +1595,21 @@ DcdStatus dcd_body_set_pose(DcdWorld world,
 // Sets how a dynamic or kinematic body moves, and wakes it. In a served world only avatars of this process, and the next
 // dcd_step asks for it.
 //
-// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
+// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a fixed body or one that follows poses.
 DCD_API
 DcdStatus dcd_body_set_velocity(DcdWorld world,
                                 DcdBodyId body,
                                 const DcdVelocity *velocity);
+
+// Sends a body of type DCD_KINEMATIC_POSE to a pose, where it is after the next step: what it touches feels the speed that this
+// takes. It stays there until it is sent on. For many bodies see dcd_state_write.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another type, a pose out of range or whose q is not of length 1, or
+// so far off that it would be faster than DCD_MAX_NUMBER; DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_set_target(DcdWorld world,
+                              DcdBodyId body,
+                              const DcdPose *pose);
 
 // Wakes a body. Bodies wake by themselves when something that moves touches them.
 //
@@ -1006,6 +1636,73 @@ DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, 
 //
 // Errors: as dcd_body_apply_impulse.
 DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
+
+// Adds to what dcd_body_set_force set: `force` in N, world axes, at `point` in world space, metres; a null `point` is the centre
+// of mass. What it turns by is reckoned now and stays when the body moves on: for a thruster, set no force and add those of all
+// thrusters before each step.
+//
+// Errors: as dcd_body_apply_impulse.
+DCD_API DcdStatus dcd_body_add_force(DcdWorld world, DcdBodyId body, const float *force, const double *point);
+
+// Reads what a body is like.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_body_properties(DcdWorld world, DcdBodyId body, DcdBodyProperties *out);
+
+// Changes what a body is like: read it by dcd_body_properties, change members, and give it back. What is as it was stays
+// as it is; if anything but user_data was changed, the body wakes. A body that becomes fixed, or movable, loses the memory
+// of its contacts.
+//
+// `properties` is read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, or to fix a link of a
+// multibody; DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_set_properties(DcdWorld world,
+                                  DcdBodyId body,
+                                  const DcdBodyProperties *properties);
+
+// Reads what one shape of a body is like. `part` is its number, from 0.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there.
+DCD_API DcdStatus dcd_part_properties(DcdWorld world, DcdBodyId body, uint32_t part, DcdPartProperties *out);
+
+// Changes what one shape of a body is like: read it by dcd_part_properties, change members, and give it back. What is as it was
+// stays as it is.
+//
+// `properties` is read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there or a member out of
+// range, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_part_set_properties(DcdWorld world,
+                                  DcdBodyId body,
+                                  uint32_t part,
+                                  const DcdPartProperties *properties);
+
+// Gives a body one more shape, the last of its parts; its number goes to `out`, which may be null. The contacts of the body
+// begin anew, without memory.
+//
+// `properties` is read during the call; null is DCD_PART_PROPERTIES_INIT.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
+// more than DCD_MAX_PARTS, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_part_add(DcdWorld world,
+                       DcdBodyId body,
+                       DcdShapeId shape,
+                       const DcdPartProperties *properties,
+                       uint32_t *out);
+
+// Takes a shape from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
+// memory.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or is the only one,
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API DcdStatus dcd_part_remove(DcdWorld world, DcdBodyId body, uint32_t part);
+
+// Gives a part of a body another shape. The contacts of the body begin anew, without memory.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a part that is not there,
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API DcdStatus dcd_part_set_shape(DcdWorld world, DcdBodyId body, uint32_t part, DcdShapeId shape);
 
 // Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
 // newtons. `part` is the number of one of its shapes, from 0, or DCD_ALL_PARTS.
@@ -1044,26 +1741,95 @@ DcdStatus dcd_body_set_groups(DcdWorld world,
                               uint32_t groups,
                               uint32_t mask);
 
-// Ties two bodies of a local world; in a served world the three joint functions are DCD_ERR_UNSUPPORTED. What joints tie together is owned and moved whole by one region, so keep it small against a region.
+// Ties two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
+// together is owned and moved whole by one region, so keep it small against a region.
 //
 // `def` is read during the call. The joint is gone when either body is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
-// motor on a joint without one, or twice the same body.
-DCD_API
-DcdStatus dcd_joint_create(DcdWorld world,
-                           const DcdJointDef *def,
-                           DcdJointId *out);
-
-// Starts, changes or, with `max_force` 0, stops the motor of a revolute or prismatic joint, and wakes its bodies. `speed` in
-// rad/s or m/s, `max_force` in N m or N, 0 or more.
-//
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a joint of another type.
-DCD_API DcdStatus dcd_joint_set_motor(DcdWorld world, DcdJointId joint, float speed, float max_force);
+// limit or motor of a joint without an axis of its own, or twice the same body.
+DCD_API DcdStatus dcd_joint_create(DcdWorld world, const DcdJointDef *def, DcdJointId *out);
 
 // Unties two bodies and wakes them.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
 DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
+
+// Whether the id names a joint of this world.
+DCD_API bool dcd_joint_is_valid(DcdWorld world, DcdJointId joint);
+
+// Says what a joint is now: what it ties, where it stands, what it bears.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_joint_info(DcdWorld world, DcdJointId joint, DcdJointInfo *out);
+
+// Limits one axis of a joint, and wakes its bodies: `limit` points to the lowest and the highest position, metres or radians;
+// -INFINITY and INFINITY leave a side open. Null takes the limit away. Coupled axes have one limit, a rope's is DCD_AXIS_X;
+// where it is a distance its lowest is 0.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a lowest above the highest, or an axis that
+// is locked or none.
+DCD_API DcdStatus dcd_joint_set_limit(DcdWorld world, DcdJointId joint, DcdJointAxis axis, const float *limit);
+
+// Drives one axis of a joint, and wakes its bodies. Null stops the motor: the axis is free again. Coupled axes have one motor, a
+// spring's is DCD_AXIS_X.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, an unknown model, an axis that is locked or
+// none, or coupled axes about which it would turn.
+DCD_API
+DcdStatus dcd_joint_set_motor(DcdWorld world,
+                              DcdJointId joint,
+                              DcdJointAxis axis,
+                              const DcdJointMotor *motor);
+
+// Reads the limit of one axis: lowest and highest into `out`, which has two entries; -INFINITY to INFINITY where there is
+// none.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an axis that is locked or none.
+DCD_API DcdStatus dcd_joint_get_limit(DcdWorld world, DcdJointId joint, DcdJointAxis axis, float *out);
+
+// Reads the motor of one axis; all is 0 where none runs.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an axis that is locked or none.
+DCD_API
+DcdStatus dcd_joint_get_motor(DcdWorld world,
+                              DcdJointId joint,
+                              DcdJointAxis axis,
+                              DcdJointMotor *out);
+
+// Moves a joint on its bodies, and wakes them: where it sits on `a` and on `b`. A null frame stays as it is.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a frame that is not finite or no rotation.
+DCD_API
+DcdStatus dcd_joint_set_frames(DcdWorld world,
+                               DcdJointId joint,
+                               const DcdFrame *frame_a,
+                               const DcdFrame *frame_b);
+
+// Sets whether a joint acts and whether its bodies collide with one another, and wakes them: DCD_JOINT_COLLIDE and
+// DCD_JOINT_DISABLED bits.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for other bits.
+DCD_API DcdStatus dcd_joint_set_flags(DcdWorld world, DcdJointId joint, uint32_t flags);
+
+// Sets how stiffly a joint holds what it locks and limits, as in DcdJointDef, and wakes its bodies.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range.
+DCD_API
+DcdStatus dcd_joint_set_softness(DcdWorld world,
+                                 DcdJointId joint,
+                                 float natural_frequency,
+                                 float damping_ratio);
+
+// Lists the joints of a body into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be
+// null, to ask for the number. Oldest first.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+DCD_API
+DcdStatus dcd_body_joints(DcdWorld world,
+                          DcdBodyId body,
+                          DcdJointId *out,
+                          size_t cap,
+                          size_t *count);
 
 // Advances the world by one step of its own length, DcdWorldInfo.dt; call it as often as your clock says. The length is the
 // world's and not an argument, since every process that computes the world must use the same.
@@ -1077,13 +1843,27 @@ DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
 // the world has ended (the last state stays readable, and what came before the loss is in dcd_events).
 DCD_API DcdStatus dcd_step(DcdWorld world);
 
+// Begins what dcd_step does, on a thread of the library, and returns at once; dcd_step_wait says what became of it. Meanwhile
+// draw what dcd_state_view lent, which stays as it is until the step after this one. Every other call on the world waits until
+// the step is done, and then sees what it made.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY when a step was begun and dcd_step_wait has not told of it yet,
+// DCD_ERR_LIMIT without a thread.
+DCD_API DcdStatus dcd_step_begin(DcdWorld world);
+
+// Waits until the step that dcd_step_begin began is done, but not longer than `timeout_ns` nanoseconds: 0 only looks, DCD_FOREVER
+// has no limit. Returns what dcd_step would have, once for each step that was begun.
+//
+// Errors: DCD_ERR_TIMEOUT while it is not done, DCD_ERR_ARGUMENT when none was begun, and those of dcd_step.
+DCD_API DcdStatus dcd_step_wait(DcdWorld world, uint64_t timeout_ns);
+
 // Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
 // since shows after the next one; before the first step (and in the first call of all) it shows the present.
 //
 // The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
 // they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
 // this one makes one step. The first call makes every later dcd_step fill the arrays, some 40 ns a body.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
 DCD_API DcdStatus dcd_state_view(DcdWorld world, DcdStateView *out);
 
 // Copies one field of `count` bodies into your memory, as it is now: that of bodies[i] goes to
@@ -1102,8 +1882,8 @@ DcdStatus dcd_state_read(DcdWorld world,
                          size_t stride,
                          DcdStatus *each);
 
-// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose and
-// dcd_body_set_velocity do.
+// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose,
+// dcd_body_set_velocity, dcd_body_set_force and dcd_body_set_target do.
 //
 // With `each` null the first bad body or value fails the call; the bodies before it are changed already, unless the id was
 // bad: ids are checked first. Else `each` has `count` entries that receive DCD_OK or what is wrong with that body, and the
@@ -1125,12 +1905,99 @@ DcdStatus dcd_state_write(DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
 
-// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies.
+// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
+// overlooks them; a null filter overlooks nothing.
 //
-// `rays` is read during the call; `hits` has `count` entries.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_ARGUMENT for numbers that are not finite, a
-// direction of length 0, a distance that is not above 0, or more than DCD_MAX_ITEMS, DCD_ERR_UNSUPPORTED in a served world.
-DCD_API DcdStatus dcd_cast_rays(DcdWorld world, const DcdRay *rays, size_t count, DcdRayHit *hits);
+// This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
+// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED.
+//
+// `rays` and `filter` are read during the call; `hits` has `count` entries.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
+// finite, a direction of length 0, a distance that is not above 0, unknown bits, or more than DCD_MAX_ITEMS,
+// DCD_ERR_UNSUPPORTED.
+DCD_API
+DcdStatus dcd_cast_rays(DcdWorld world,
+                        const DcdRay *rays,
+                        size_t count,
+                        const DcdFilter *filter,
+                        DcdRayHit *hits);
+
+// Finds every body that each of `count` rays meets, a shape of it once, the nearest first. The hits of all rays go to `hits`, which
+// has `cap` entries, and their number to `total`; those of rays[i] end before hits[ends[i]] and begin where those of the ray
+// before end. `ends` has `count` entries. With `cap` 0 `hits` may be null, to ask for the number.
+//
+// Errors: as dcd_cast_rays, and DCD_ERR_SMALL_BUFFER (then `total` is written all the same, and nothing else).
+DCD_API
+DcdStatus dcd_cast_rays_all(DcdWorld world,
+                            const DcdRay *rays,
+                            size_t count,
+                            const DcdFilter *filter,
+                            DcdRayHit *hits,
+                            size_t cap,
+                            size_t *ends,
+                            size_t *total);
+
+// Finds the first body that each of `count` moving shapes meets; hits[i] belongs to casts[i].
+//
+// `casts` and `filter` are read during the call; `hits` has `count` entries.
+// Errors: as dcd_cast_rays; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+DCD_API
+DcdStatus dcd_cast_shapes(DcdWorld world,
+                          const DcdShapeCast *casts,
+                          size_t count,
+                          const DcdFilter *filter,
+                          DcdShapeHit *hits);
+
+// Finds the place of any body that is nearest to each of `count` points; hits[i] belongs to points[i].
+//
+// `points` and `filter` are read during the call; `hits` has `count` entries.
+// Errors: as dcd_cast_rays.
+DCD_API
+DcdStatus dcd_project_points(DcdWorld world,
+                             const DcdPointQuery *points,
+                             size_t count,
+                             const DcdFilter *filter,
+                             DcdPointHit *hits);
+
+// Finds every body that each of `count` shapes overlaps, by age. Outputs as of dcd_cast_rays_all.
+//
+// Errors: as dcd_cast_rays_all; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+DCD_API
+DcdStatus dcd_overlap_shapes(DcdWorld world,
+                             const DcdShapeQuery *shapes,
+                             size_t count,
+                             const DcdFilter *filter,
+                             DcdOverlap *found,
+                             size_t cap,
+                             size_t *ends,
+                             size_t *total);
+
+// Finds every body that each of `count` points lies in, by age. Outputs as of dcd_cast_rays_all.
+//
+// Errors: as dcd_cast_rays_all.
+DCD_API
+DcdStatus dcd_overlap_points(DcdWorld world,
+                             const DcdPointQuery *points,
+                             size_t count,
+                             const DcdFilter *filter,
+                             DcdOverlap *found,
+                             size_t cap,
+                             size_t *ends,
+                             size_t *total);
+
+// Finds every body whose own box along the axes of the world touches each of `count` boxes, by age: what may overlap it, at
+// little cost. Outputs as of dcd_cast_rays_all.
+//
+// Errors: as dcd_cast_rays_all; DCD_ERR_ARGUMENT also for a box whose min is above its max.
+DCD_API
+DcdStatus dcd_overlap_boxes(DcdWorld world,
+                            const DcdBoxQuery *boxes,
+                            size_t count,
+                            const DcdFilter *filter,
+                            DcdOverlap *found,
+                            size_t cap,
+                            size_t *ends,
+                            size_t *total);
 
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
 // ask for the number.
@@ -1155,6 +2022,45 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
+// Saves a local world whole: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
+// or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
+//
+// The bytes go to `buf` of `cap` bytes, and their number to `needed`. `buf` may be null with `cap` 0, to ask for the number, which
+// costs as much as saving; while nothing changes it stays the same.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_snapshot_save(DcdWorld world,
+                            void *buf,
+                            size_t cap,
+                            size_t *needed);
+
+// Saves a local world to a file, as dcd_snapshot_save; `dcd run` goes on with such a file, and writes them by --save. A file that is
+// there is replaced once the new one is whole.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_snapshot_save_file(DcdWorld world,
+                                 const char *path);
+
+// Makes a local world the one that was saved to these `size` bytes: into the world that it was saved from, to go back, or into
+// any other, which loses what it held. Threads and shapes stay those of this world; all else is as saved, gravity and
+// regions too.
+//
+// Ids of bodies and joints that this world gave are valid if the saved world has them, else stale; those given
+// later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving.
+//
+// `data` is read during the call. After an error the world is as it was. Damage is found; malice is not: load nothing that you
+// do not trust.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for bytes that are no snapshot or damaged, DCD_ERR_VERSION for one of
+// another build of the library, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API DcdStatus dcd_snapshot_load(DcdWorld world, const void *data, size_t size);
+
+// Makes a local world the one that was saved to a file, as dcd_snapshot_load.
+//
+// Errors: as dcd_snapshot_load, and DCD_ERR_IO when the file cannot be read.
+DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
+
 #ifdef __cplusplus
 }  // extern "C"
 #endif  // __cplusplus
@@ -1170,14 +2076,35 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \
     { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
-      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.5f, 0.0f, 0.0f, 0.0f, 1.0f, \
-      0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0 }
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, \
+      0.0f, 0.0f, 1.0f, 0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0.0f, \
+      0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+
+/* A shape as dense as water at the body's origin. */
+#define DCD_PART_PROPERTIES_INIT \
+    { (uint32_t)sizeof(DcdPartProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
+      1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0 }
+
+/* A motor that holds still by any force. */
+#define DCD_JOINT_MOTOR_INIT { 0.0f, 0.0f, 0.0f, 1000.0f, 3.402823466e+38f, DCD_MOTOR_ACCELERATION }
 
 /* A fixed joint that brings the origins of two bodies together. */
 #define DCD_JOINT_DEF_INIT \
     { (uint32_t)sizeof(DcdJointDef), DCD_JOINT_FIXED, { 0 }, { 0 }, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
-      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0 }
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, DCD_JOINT_MOTOR_INIT, \
+      0, 0, 0, 1.0e6f, 1.0f, 0, 0 }
+
+/* Nothing is overlooked. */
+#define DCD_FILTER_INIT { (uint32_t)sizeof(DcdFilter), 0, 0, 0xFFFFFFFFu, NULL, 0 }
+#define DCD_RAY_INIT { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 1.0e6f, { 0 }, 0xFFFFFFFFu, 0 }
+#define DCD_SHAPE_CAST_INIT \
+    { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, \
+      0.0f, 0xFFFFFFFFu, { 0 }, 0, 0 }
+#define DCD_POINT_QUERY_INIT { { 0.0, 0.0, 0.0 }, 1.0e6f, 0xFFFFFFFFu, { 0 }, 0, 0 }
+#define DCD_SHAPE_QUERY_INIT \
+    { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0 }, 0xFFFFFFFFu, 0 }
+#define DCD_BOX_QUERY_INIT { { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0 }, 0xFFFFFFFFu, 0 }
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \
@@ -1185,11 +2112,29 @@ DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 #define DCD_PARTICIPANT_DEF_INIT \
     { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0 }
 
+/* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
+#define DCD_GROUP_DEF_INIT \
+    { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
+#define DCD_SERVER_DEF_INIT \
+    { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, NULL, "127.0.0.1:0", NULL, 0, 20.0f, 0, 0 }
+#define DCD_NODE_DEF_INIT \
+    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0 }
+
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \
-    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, 0.0f, 0, false, { 0, 0, 0, 0, 0, 0, 0 } }
+    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \
+      { 0.0f, 0.0f, 0.0f }, 0, false, { 0, 0, 0 } }
+#define DCD_BODY_PROPERTIES_INIT \
+    { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \
+      { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+#define DCD_JOINT_INFO_INIT \
+    { (uint32_t)sizeof(DcdJointInfo), 0, { 0 }, { 0 }, 0, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, 0.0f, \
+      { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \
@@ -1268,34 +2213,130 @@ DCD_ASSERT_(offsetof(DcdParticipantDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdParticipantDef, user_data) == 32);
 DCD_ASSERT_(offsetof(DcdParticipantDef, threads) == 40);
 DCD_ASSERT_(offsetof(DcdParticipantDef, reserved) == 44);
-DCD_ASSERT_(sizeof(DcdBodyDef) == 136);
+DCD_ASSERT_(sizeof(DcdGroupDef) == 24);
+DCD_ASSERT_(offsetof(DcdGroupDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdGroupDef, lag_ticks) == 4);
+DCD_ASSERT_(offsetof(DcdGroupDef, near_ms) == 8);
+DCD_ASSERT_(offsetof(DcdGroupDef, far_ms) == 12);
+DCD_ASSERT_(offsetof(DcdGroupDef, agree) == 16);
+DCD_ASSERT_(offsetof(DcdGroupDef, size) == 20);
+DCD_ASSERT_(sizeof(DcdServerDef) == 88);
+DCD_ASSERT_(offsetof(DcdServerDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdServerDef, nodes) == 4);
+DCD_ASSERT_(offsetof(DcdServerDef, scene) == 8);
+DCD_ASSERT_(offsetof(DcdServerDef, params) == 16);
+DCD_ASSERT_(offsetof(DcdServerDef, param_count) == 24);
+DCD_ASSERT_(offsetof(DcdServerDef, world) == 32);
+DCD_ASSERT_(offsetof(DcdServerDef, groups) == 40);
+DCD_ASSERT_(offsetof(DcdServerDef, listen) == 48);
+DCD_ASSERT_(offsetof(DcdServerDef, data_path) == 56);
+DCD_ASSERT_(offsetof(DcdServerDef, last_tick) == 64);
+DCD_ASSERT_(offsetof(DcdServerDef, avatar_speed) == 72);
+DCD_ASSERT_(offsetof(DcdServerDef, flags) == 76);
+DCD_ASSERT_(offsetof(DcdServerDef, user_data) == 80);
+DCD_ASSERT_(sizeof(DcdNodeDef) == 56);
+DCD_ASSERT_(offsetof(DcdNodeDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdNodeDef, timeout_ms) == 4);
+DCD_ASSERT_(offsetof(DcdNodeDef, server) == 8);
+DCD_ASSERT_(offsetof(DcdNodeDef, token) == 16);
+DCD_ASSERT_(offsetof(DcdNodeDef, identity_path) == 24);
+DCD_ASSERT_(offsetof(DcdNodeDef, listen) == 32);
+DCD_ASSERT_(offsetof(DcdNodeDef, user_data) == 40);
+DCD_ASSERT_(offsetof(DcdNodeDef, threads) == 48);
+DCD_ASSERT_(offsetof(DcdNodeDef, reserved) == 52);
+DCD_ASSERT_(sizeof(DcdBodyDef) == 224);
 DCD_ASSERT_(offsetof(DcdBodyDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyDef, body_type) == 4);
 DCD_ASSERT_(offsetof(DcdBodyDef, pose) == 8);
 DCD_ASSERT_(offsetof(DcdBodyDef, velocity) == 48);
 DCD_ASSERT_(offsetof(DcdBodyDef, shape) == 72);
 DCD_ASSERT_(offsetof(DcdBodyDef, density) == 80);
-DCD_ASSERT_(offsetof(DcdBodyDef, friction) == 84);
-DCD_ASSERT_(offsetof(DcdBodyDef, restitution) == 88);
-DCD_ASSERT_(offsetof(DcdBodyDef, linear_damping) == 92);
-DCD_ASSERT_(offsetof(DcdBodyDef, angular_damping) == 96);
-DCD_ASSERT_(offsetof(DcdBodyDef, gravity_scale) == 100);
-DCD_ASSERT_(offsetof(DcdBodyDef, flags) == 104);
-DCD_ASSERT_(offsetof(DcdBodyDef, locked) == 108);
-DCD_ASSERT_(offsetof(DcdBodyDef, events) == 112);
-DCD_ASSERT_(offsetof(DcdBodyDef, force_threshold) == 116);
-DCD_ASSERT_(offsetof(DcdBodyDef, groups) == 120);
-DCD_ASSERT_(offsetof(DcdBodyDef, mask) == 124);
-DCD_ASSERT_(offsetof(DcdBodyDef, user_data) == 128);
-DCD_ASSERT_(sizeof(DcdBodyInfo) == 32);
+DCD_ASSERT_(offsetof(DcdBodyDef, mass) == 84);
+DCD_ASSERT_(offsetof(DcdBodyDef, friction) == 88);
+DCD_ASSERT_(offsetof(DcdBodyDef, restitution) == 92);
+DCD_ASSERT_(offsetof(DcdBodyDef, friction_rule) == 96);
+DCD_ASSERT_(offsetof(DcdBodyDef, restitution_rule) == 100);
+DCD_ASSERT_(offsetof(DcdBodyDef, contact_skin) == 104);
+DCD_ASSERT_(offsetof(DcdBodyDef, linear_damping) == 108);
+DCD_ASSERT_(offsetof(DcdBodyDef, angular_damping) == 112);
+DCD_ASSERT_(offsetof(DcdBodyDef, gravity_scale) == 116);
+DCD_ASSERT_(offsetof(DcdBodyDef, flags) == 120);
+DCD_ASSERT_(offsetof(DcdBodyDef, locked) == 124);
+DCD_ASSERT_(offsetof(DcdBodyDef, events) == 128);
+DCD_ASSERT_(offsetof(DcdBodyDef, force_threshold) == 132);
+DCD_ASSERT_(offsetof(DcdBodyDef, groups) == 136);
+DCD_ASSERT_(offsetof(DcdBodyDef, mask) == 140);
+DCD_ASSERT_(offsetof(DcdBodyDef, solver_groups) == 144);
+DCD_ASSERT_(offsetof(DcdBodyDef, solver_mask) == 148);
+DCD_ASSERT_(offsetof(DcdBodyDef, pairs) == 152);
+DCD_ASSERT_(offsetof(DcdBodyDef, dominance) == 156);
+DCD_ASSERT_(offsetof(DcdBodyDef, soft_ccd) == 160);
+DCD_ASSERT_(offsetof(DcdBodyDef, sleep_linear) == 164);
+DCD_ASSERT_(offsetof(DcdBodyDef, sleep_angular) == 168);
+DCD_ASSERT_(offsetof(DcdBodyDef, sleep_after) == 172);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_mass) == 176);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_centre) == 180);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_inertia) == 192);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_solver_iterations) == 204);
+DCD_ASSERT_(offsetof(DcdBodyDef, extra_pgs_iterations) == 208);
+DCD_ASSERT_(offsetof(DcdBodyDef, reserved) == 212);
+DCD_ASSERT_(offsetof(DcdBodyDef, user_data) == 216);
+DCD_ASSERT_(sizeof(DcdBodyProperties) == 96);
+DCD_ASSERT_(offsetof(DcdBodyProperties, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdBodyProperties, body_type) == 4);
+DCD_ASSERT_(offsetof(DcdBodyProperties, flags) == 8);
+DCD_ASSERT_(offsetof(DcdBodyProperties, locked) == 12);
+DCD_ASSERT_(offsetof(DcdBodyProperties, dominance) == 16);
+DCD_ASSERT_(offsetof(DcdBodyProperties, linear_damping) == 20);
+DCD_ASSERT_(offsetof(DcdBodyProperties, angular_damping) == 24);
+DCD_ASSERT_(offsetof(DcdBodyProperties, gravity_scale) == 28);
+DCD_ASSERT_(offsetof(DcdBodyProperties, soft_ccd) == 32);
+DCD_ASSERT_(offsetof(DcdBodyProperties, sleep_linear) == 36);
+DCD_ASSERT_(offsetof(DcdBodyProperties, sleep_angular) == 40);
+DCD_ASSERT_(offsetof(DcdBodyProperties, sleep_after) == 44);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_mass) == 48);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_centre) == 52);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_inertia) == 64);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_solver_iterations) == 76);
+DCD_ASSERT_(offsetof(DcdBodyProperties, extra_pgs_iterations) == 80);
+DCD_ASSERT_(offsetof(DcdBodyProperties, reserved) == 84);
+DCD_ASSERT_(offsetof(DcdBodyProperties, user_data) == 88);
+DCD_ASSERT_(sizeof(DcdPartProperties) == 104);
+DCD_ASSERT_(offsetof(DcdPartProperties, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdPartProperties, flags) == 4);
+DCD_ASSERT_(offsetof(DcdPartProperties, frame) == 8);
+DCD_ASSERT_(offsetof(DcdPartProperties, density) == 36);
+DCD_ASSERT_(offsetof(DcdPartProperties, mass) == 40);
+DCD_ASSERT_(offsetof(DcdPartProperties, friction) == 44);
+DCD_ASSERT_(offsetof(DcdPartProperties, restitution) == 48);
+DCD_ASSERT_(offsetof(DcdPartProperties, friction_rule) == 52);
+DCD_ASSERT_(offsetof(DcdPartProperties, restitution_rule) == 56);
+DCD_ASSERT_(offsetof(DcdPartProperties, contact_skin) == 60);
+DCD_ASSERT_(offsetof(DcdPartProperties, events) == 64);
+DCD_ASSERT_(offsetof(DcdPartProperties, force_threshold) == 68);
+DCD_ASSERT_(offsetof(DcdPartProperties, groups) == 72);
+DCD_ASSERT_(offsetof(DcdPartProperties, mask) == 76);
+DCD_ASSERT_(offsetof(DcdPartProperties, solver_groups) == 80);
+DCD_ASSERT_(offsetof(DcdPartProperties, solver_mask) == 84);
+DCD_ASSERT_(offsetof(DcdPartProperties, pairs) == 88);
+DCD_ASSERT_(offsetof(DcdPartProperties, reserved) == 92);
+DCD_ASSERT_(offsetof(DcdPartProperties, user_data) == 96);
+DCD_ASSERT_(sizeof(DcdBodyInfo) == 80);
 DCD_ASSERT_(offsetof(DcdBodyInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyInfo, body_type) == 4);
 DCD_ASSERT_(offsetof(DcdBodyInfo, user_data) == 8);
-DCD_ASSERT_(offsetof(DcdBodyInfo, mass) == 16);
-DCD_ASSERT_(offsetof(DcdBodyInfo, region) == 20);
-DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 24);
-DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 25);
-DCD_ASSERT_(sizeof(DcdJointDef) == 104);
+DCD_ASSERT_(offsetof(DcdBodyInfo, centre) == 16);
+DCD_ASSERT_(offsetof(DcdBodyInfo, mass) == 40);
+DCD_ASSERT_(offsetof(DcdBodyInfo, region) == 44);
+DCD_ASSERT_(offsetof(DcdBodyInfo, force) == 48);
+DCD_ASSERT_(offsetof(DcdBodyInfo, torque) == 60);
+DCD_ASSERT_(offsetof(DcdBodyInfo, parts) == 72);
+DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 76);
+DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 77);
+DCD_ASSERT_(sizeof(DcdForce) == 24);
+DCD_ASSERT_(offsetof(DcdForce, force) == 0);
+DCD_ASSERT_(offsetof(DcdForce, torque) == 12);
+DCD_ASSERT_(sizeof(DcdJointDef) == 144);
 DCD_ASSERT_(offsetof(DcdJointDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdJointDef, joint_type) == 4);
 DCD_ASSERT_(offsetof(DcdJointDef, a) == 8);
@@ -1303,10 +2344,39 @@ DCD_ASSERT_(offsetof(DcdJointDef, b) == 16);
 DCD_ASSERT_(offsetof(DcdJointDef, frame_a) == 24);
 DCD_ASSERT_(offsetof(DcdJointDef, frame_b) == 52);
 DCD_ASSERT_(offsetof(DcdJointDef, limit) == 80);
-DCD_ASSERT_(offsetof(DcdJointDef, motor_speed) == 88);
-DCD_ASSERT_(offsetof(DcdJointDef, motor_max_force) == 92);
-DCD_ASSERT_(offsetof(DcdJointDef, flags) == 96);
-DCD_ASSERT_(offsetof(DcdJointDef, reserved) == 100);
+DCD_ASSERT_(offsetof(DcdJointDef, motor) == 88);
+DCD_ASSERT_(offsetof(DcdJointDef, flags) == 112);
+DCD_ASSERT_(offsetof(DcdJointDef, locked) == 116);
+DCD_ASSERT_(offsetof(DcdJointDef, coupled) == 120);
+DCD_ASSERT_(offsetof(DcdJointDef, natural_frequency) == 124);
+DCD_ASSERT_(offsetof(DcdJointDef, damping_ratio) == 128);
+DCD_ASSERT_(offsetof(DcdJointDef, reserved) == 132);
+DCD_ASSERT_(offsetof(DcdJointDef, user_data) == 136);
+DCD_ASSERT_(sizeof(DcdJointMotor) == 24);
+DCD_ASSERT_(offsetof(DcdJointMotor, position) == 0);
+DCD_ASSERT_(offsetof(DcdJointMotor, velocity) == 4);
+DCD_ASSERT_(offsetof(DcdJointMotor, stiffness) == 8);
+DCD_ASSERT_(offsetof(DcdJointMotor, damping) == 12);
+DCD_ASSERT_(offsetof(DcdJointMotor, max_force) == 16);
+DCD_ASSERT_(offsetof(DcdJointMotor, model) == 20);
+DCD_ASSERT_(sizeof(DcdJointInfo) == 160);
+DCD_ASSERT_(offsetof(DcdJointInfo, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdJointInfo, joint_type) == 4);
+DCD_ASSERT_(offsetof(DcdJointInfo, a) == 8);
+DCD_ASSERT_(offsetof(DcdJointInfo, b) == 16);
+DCD_ASSERT_(offsetof(DcdJointInfo, user_data) == 24);
+DCD_ASSERT_(offsetof(DcdJointInfo, frame_a) == 32);
+DCD_ASSERT_(offsetof(DcdJointInfo, frame_b) == 60);
+DCD_ASSERT_(offsetof(DcdJointInfo, offset) == 88);
+DCD_ASSERT_(offsetof(DcdJointInfo, position) == 116);
+DCD_ASSERT_(offsetof(DcdJointInfo, force) == 120);
+DCD_ASSERT_(offsetof(DcdJointInfo, natural_frequency) == 132);
+DCD_ASSERT_(offsetof(DcdJointInfo, damping_ratio) == 136);
+DCD_ASSERT_(offsetof(DcdJointInfo, flags) == 140);
+DCD_ASSERT_(offsetof(DcdJointInfo, locked) == 144);
+DCD_ASSERT_(offsetof(DcdJointInfo, coupled) == 148);
+DCD_ASSERT_(offsetof(DcdJointInfo, limited) == 152);
+DCD_ASSERT_(offsetof(DcdJointInfo, driven) == 156);
 DCD_ASSERT_(sizeof(DcdStateView) == 72);
 DCD_ASSERT_(offsetof(DcdStateView, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStateView, reserved) == 4);
@@ -1361,19 +2431,82 @@ DCD_ASSERT_(offsetof(DcdEventView, transfers) == 48);
 DCD_ASSERT_(offsetof(DcdEventView, transfer_count) == 56);
 DCD_ASSERT_(offsetof(DcdEventView, changes) == 64);
 DCD_ASSERT_(offsetof(DcdEventView, change_count) == 72);
+DCD_ASSERT_(sizeof(DcdFilter) == 32);
+DCD_ASSERT_(offsetof(DcdFilter, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdFilter, flags) == 4);
+DCD_ASSERT_(offsetof(DcdFilter, groups) == 8);
+DCD_ASSERT_(offsetof(DcdFilter, mask) == 12);
+DCD_ASSERT_(offsetof(DcdFilter, exclude) == 16);
+DCD_ASSERT_(offsetof(DcdFilter, exclude_count) == 24);
 DCD_ASSERT_(sizeof(DcdRay) == 56);
 DCD_ASSERT_(offsetof(DcdRay, origin) == 0);
 DCD_ASSERT_(offsetof(DcdRay, direction) == 24);
 DCD_ASSERT_(offsetof(DcdRay, max_distance) == 36);
 DCD_ASSERT_(offsetof(DcdRay, exclude) == 40);
 DCD_ASSERT_(offsetof(DcdRay, mask) == 48);
-DCD_ASSERT_(offsetof(DcdRay, reserved) == 52);
-DCD_ASSERT_(sizeof(DcdRayHit) == 56);
+DCD_ASSERT_(offsetof(DcdRay, flags) == 52);
+DCD_ASSERT_(sizeof(DcdRayHit) == 64);
 DCD_ASSERT_(offsetof(DcdRayHit, body) == 0);
 DCD_ASSERT_(offsetof(DcdRayHit, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdRayHit, point) == 16);
 DCD_ASSERT_(offsetof(DcdRayHit, normal) == 40);
 DCD_ASSERT_(offsetof(DcdRayHit, distance) == 52);
+DCD_ASSERT_(offsetof(DcdRayHit, part) == 56);
+DCD_ASSERT_(offsetof(DcdRayHit, subshape) == 60);
+DCD_ASSERT_(sizeof(DcdShapeCast) == 96);
+DCD_ASSERT_(offsetof(DcdShapeCast, shape) == 0);
+DCD_ASSERT_(offsetof(DcdShapeCast, pose) == 8);
+DCD_ASSERT_(offsetof(DcdShapeCast, motion) == 48);
+DCD_ASSERT_(offsetof(DcdShapeCast, turn) == 60);
+DCD_ASSERT_(offsetof(DcdShapeCast, margin) == 72);
+DCD_ASSERT_(offsetof(DcdShapeCast, mask) == 76);
+DCD_ASSERT_(offsetof(DcdShapeCast, exclude) == 80);
+DCD_ASSERT_(offsetof(DcdShapeCast, flags) == 88);
+DCD_ASSERT_(offsetof(DcdShapeCast, reserved) == 92);
+DCD_ASSERT_(sizeof(DcdShapeHit) == 96);
+DCD_ASSERT_(offsetof(DcdShapeHit, body) == 0);
+DCD_ASSERT_(offsetof(DcdShapeHit, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdShapeHit, point) == 16);
+DCD_ASSERT_(offsetof(DcdShapeHit, normal) == 40);
+DCD_ASSERT_(offsetof(DcdShapeHit, fraction) == 52);
+DCD_ASSERT_(offsetof(DcdShapeHit, point_on_shape) == 56);
+DCD_ASSERT_(offsetof(DcdShapeHit, normal_on_shape) == 68);
+DCD_ASSERT_(offsetof(DcdShapeHit, part) == 80);
+DCD_ASSERT_(offsetof(DcdShapeHit, subshape) == 84);
+DCD_ASSERT_(offsetof(DcdShapeHit, flags) == 88);
+DCD_ASSERT_(offsetof(DcdShapeHit, reserved) == 92);
+DCD_ASSERT_(sizeof(DcdPointQuery) == 48);
+DCD_ASSERT_(offsetof(DcdPointQuery, point) == 0);
+DCD_ASSERT_(offsetof(DcdPointQuery, max_distance) == 24);
+DCD_ASSERT_(offsetof(DcdPointQuery, mask) == 28);
+DCD_ASSERT_(offsetof(DcdPointQuery, exclude) == 32);
+DCD_ASSERT_(offsetof(DcdPointQuery, flags) == 40);
+DCD_ASSERT_(offsetof(DcdPointQuery, reserved) == 44);
+DCD_ASSERT_(sizeof(DcdPointHit) == 56);
+DCD_ASSERT_(offsetof(DcdPointHit, body) == 0);
+DCD_ASSERT_(offsetof(DcdPointHit, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdPointHit, point) == 16);
+DCD_ASSERT_(offsetof(DcdPointHit, distance) == 40);
+DCD_ASSERT_(offsetof(DcdPointHit, part) == 44);
+DCD_ASSERT_(offsetof(DcdPointHit, flags) == 48);
+DCD_ASSERT_(offsetof(DcdPointHit, reserved) == 52);
+DCD_ASSERT_(sizeof(DcdShapeQuery) == 64);
+DCD_ASSERT_(offsetof(DcdShapeQuery, shape) == 0);
+DCD_ASSERT_(offsetof(DcdShapeQuery, pose) == 8);
+DCD_ASSERT_(offsetof(DcdShapeQuery, exclude) == 48);
+DCD_ASSERT_(offsetof(DcdShapeQuery, mask) == 56);
+DCD_ASSERT_(offsetof(DcdShapeQuery, reserved) == 60);
+DCD_ASSERT_(sizeof(DcdBoxQuery) == 64);
+DCD_ASSERT_(offsetof(DcdBoxQuery, min) == 0);
+DCD_ASSERT_(offsetof(DcdBoxQuery, max) == 24);
+DCD_ASSERT_(offsetof(DcdBoxQuery, exclude) == 48);
+DCD_ASSERT_(offsetof(DcdBoxQuery, mask) == 56);
+DCD_ASSERT_(offsetof(DcdBoxQuery, reserved) == 60);
+DCD_ASSERT_(sizeof(DcdOverlap) == 24);
+DCD_ASSERT_(offsetof(DcdOverlap, body) == 0);
+DCD_ASSERT_(offsetof(DcdOverlap, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdOverlap, part) == 16);
+DCD_ASSERT_(offsetof(DcdOverlap, reserved) == 20);
 DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);
 DCD_ASSERT_(offsetof(DcdRegionInfo, region) == 0);
 DCD_ASSERT_(offsetof(DcdRegionInfo, bodies) == 4);

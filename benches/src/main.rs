@@ -2,6 +2,7 @@
 //! fail.
 
 mod accuracy;
+mod c_api;
 mod chart;
 mod consistency;
 mod draw;
@@ -27,6 +28,8 @@ struct Arguments {
 enum Suite {
     /// Every scene of the suite at 1, 2, 4 and 8 regions, against closed forms and one bare Rapier world.
     Accuracy(accuracy::Accuracy),
+    /// What calls of the C API cost, how long joining takes, and how large a program becomes that links it.
+    CApi(c_api::CApi),
     /// Speed against accuracy, as CSV, SVG and PNG; and whether any fixed setting is better than `auto`.
     Chart(chart::Chart),
     /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
@@ -44,6 +47,7 @@ fn main() -> ExitCode {
     let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().suite {
         Suite::Accuracy(accuracy) => accuracy.run(),
+        Suite::CApi(c_api) => c_api.run(),
         Suite::Chart(chart) => chart.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
         Suite::Speed(speed) => speed.run().map(done),

@@ -3,17 +3,20 @@
 //! The entry points check and convert; what a role does is decided here, so that a new role is a new variant and the
 //! compiler lists what it must answer.
 
+use std::io::Read;
+
 use dcd::net::PeerStats;
-use dcd::physics::{BodyFilter, Handover, RayHit, Region, WorldRay};
-use dcd::protocol::{Velocity, WorldEvents, WorldPose};
+use dcd::physics::{Handover, Queries, Region};
+use dcd::protocol::{BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
 
-use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
+use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType, NewBody};
+use crate::hosted::Hosted;
 use crate::served::{Change, Served};
-use crate::status::Failure;
-use crate::view::{BodyView, RayQuery, RegionView, StateRow};
+use crate::status::{DCD_ERR_UNSUPPORTED, Failure};
+use crate::view::{BodyView, RegionView, StateRow};
 use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
 /// A world by role.
@@ -22,6 +25,8 @@ pub(crate) enum Backend {
     Local(Box<DcdWorld>),
     /// Computed by others, or in part by this process.
     Served(Box<Served>),
+    /// Held or computed for others.
+    Hosted(Box<Hosted>),
 }
 
 impl Backend {
@@ -30,6 +35,7 @@ impl Backend {
             Self::Local(_) => DCD_ROLE_LOCAL,
             Self::Served(world) if world.is_participant() => DCD_ROLE_PARTICIPANT,
             Self::Served(_) => DCD_ROLE_CLIENT,
+            Self::Hosted(world) => world.role(),
         }
     }
 
@@ -38,6 +44,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world),
             Self::Served(world) => Err(world.unsupported(what, instead)),
+            Self::Hosted(world) => Err(world.unsupported(what)),
         }
     }
 
@@ -45,12 +52,31 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world),
             Self::Served(world) => Err(world.unsupported(what, instead)),
+            Self::Hosted(world) => Err(world.unsupported(what)),
         }
     }
 
     /// Whether this role ties bodies together.
     pub(crate) fn check_joints(&self) -> Result<(), Failure> {
-        self.local("make, drive or destroy joints", NO_JOINTS).map(drop)
+        self.local("make, see, drive or destroy joints", NO_JOINTS).map(drop)
+    }
+
+    /// A joint of a world that is computed here.
+    pub(crate) fn joint(&self, id: JointId) -> Option<JointRecord> {
+        let Self::Local(world) = self else { return None };
+        world.joint(id)
+    }
+
+    /// The joints of a body that is computed here, oldest first.
+    pub(crate) fn joints_of(&self, id: BodyId) -> Vec<JointId> {
+        let Self::Local(world) = self else { return Vec::new() };
+        world.joints_of(id)
+    }
+
+    /// What the locked axes of a joint bear: newtons along x, y, z, newton metres about them.
+    pub(crate) fn joint_load(&self, id: JointId) -> [f32; 6] {
+        let Self::Local(world) = self else { return [0.0; 6] };
+        world.joint_load(id).unwrap_or_default()
     }
 
     /// The number of the client that this process is; 0 in a local world.
@@ -58,6 +84,7 @@ impl Backend {
         match self {
             Self::Local(_) => 0,
             Self::Served(world) => world.client(),
+            Self::Hosted(_) => 0,
         }
     }
 
@@ -65,6 +92,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.host().settings().dt_s,
             Self::Served(world) => world.environment().dt_s,
+            Self::Hosted(world) => world.dt_s,
         }
     }
 
@@ -72,6 +100,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.host().settings().gravity,
             Self::Served(world) => world.environment().gravity,
+            Self::Hosted(world) => world.gravity,
         }
     }
 
@@ -79,6 +108,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.tick().0,
             Self::Served(world) => world.tick(),
+            Self::Hosted(world) => world.tick(),
         }
     }
 
@@ -86,18 +116,27 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.step()?),
             Self::Served(world) => world.step(),
+            Self::Hosted(world) => world.look(),
         }
     }
 
-    pub(crate) fn insert(
-        &mut self,
-        pose: WorldPose,
-        body: RigidBodyBuilder,
-        collider: ColliderBuilder,
-    ) -> Result<BodyId, Failure> {
+    pub(crate) fn insert(&mut self, body: NewBody) -> Result<BodyId, Failure> {
+        let NewBody { pose, body, collider, properties } = body;
+        let has_own_sleep = properties.sleep() != USUAL_SLEEP;
         match self {
-            Self::Local(world) => Ok(world.insert_at(pose, body, vec![collider])?),
+            Self::Local(world) => {
+                let id = world.insert_at(pose, body, vec![collider])?;
+                if has_own_sleep {
+                    world.update(id, |body| properties.set_thresholds(body))?;
+                }
+                Ok(id)
+            }
+            Self::Served(world) if has_own_sleep => Err(world.unsupported(
+                "set when its avatars fall asleep",
+                "leave sleep_linear, sleep_angular and sleep_after as DCD_BODY_DEF_INIT has them",
+            )),
             Self::Served(world) => world.spawn(pose, &body, collider),
+            Self::Hosted(world) => Err(world.unsupported("make bodies")),
         }
     }
 
@@ -105,6 +144,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.remove(id)?),
             Self::Served(world) => world.despawn(id),
+            Self::Hosted(world) => Err(world.unsupported("destroy bodies")),
         }
     }
 
@@ -112,6 +152,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.body(id).is_some(),
             Self::Served(world) => world.contains(id),
+            Self::Hosted(_) => false,
         }
     }
 
@@ -119,6 +160,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.pose(id),
             Self::Served(world) => world.body(id).map(|body| body.pose),
+            Self::Hosted(_) => None,
         }
     }
 
@@ -126,6 +168,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.velocity(id),
             Self::Served(world) => world.body(id).map(|body| body.velocity),
+            Self::Hosted(_) => None,
         }
     }
 
@@ -133,6 +176,16 @@ impl Backend {
         match self {
             Self::Local(world) => world.body(id).map(|body| body.user_data as u64),
             Self::Served(world) => world.user_data(id),
+            Self::Hosted(_) => None,
+        }
+    }
+
+    /// A body with all that is known of it.
+    pub(crate) fn record(&self, id: BodyId) -> Option<BodyRecord> {
+        match self {
+            Self::Local(world) => world.host().record(id),
+            Self::Served(world) => world.record(id),
+            Self::Hosted(_) => None,
         }
     }
 
@@ -151,13 +204,14 @@ impl Backend {
                 })
             }
             Self::Served(world) => world.body(id),
+            Self::Hosted(_) => None,
         }
     }
 
     /// Avatars that this process hosts, in id order; none in a local world.
     pub(crate) fn own_avatars(&self) -> Vec<BodyId> {
         match self {
-            Self::Local(_) => Vec::new(),
+            Self::Local(_) | Self::Hosted(_) => Vec::new(),
             Self::Served(world) => world.own_avatars(),
         }
     }
@@ -185,6 +239,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.set_pose(id, pose)?),
             Self::Served(world) => world.jump(id, pose),
+            Self::Hosted(world) => Err(world.unsupported("move bodies")),
         }
     }
 
@@ -192,20 +247,29 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.set_velocity(id, velocity)?),
             Self::Served(world) => world.drive(id, velocity),
+            Self::Hosted(world) => Err(world.unsupported("move bodies")),
         }
+    }
+
+    pub(crate) fn set_target(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Failure> {
+        Ok(self.local_mut(CHANGE_BODY, NO_CHANGE)?.set_next_pose(id, pose)?)
+    }
+
+    /// Whether this role changes bodies other than by driving them.
+    pub(crate) fn check_changes(&self) -> Result<(), Failure> {
+        self.local(CHANGE_BODY, NO_CHANGE).map(drop)
     }
 
     /// Changes a body by Rapier's setters, in every copy.
     pub(crate) fn update(&mut self, id: BodyId, change: impl FnMut(&mut RigidBody)) -> Result<(), Failure> {
-        let instead = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
-        Ok(self.local_mut("change a body in place", instead)?.update(id, change)?)
+        Ok(self.local_mut(CHANGE_BODY, NO_CHANGE)?.update(id, change)?)
     }
 
     /// How many colliders a body has; 0 where it is not computed.
     pub(crate) fn parts(&self, id: BodyId) -> usize {
         match self {
             Self::Local(world) => world.body(id).map_or(0, |body| body.colliders().len()),
-            Self::Served(_) => 0,
+            Self::Served(_) | Self::Hosted(_) => 0,
         }
     }
 
@@ -217,6 +281,16 @@ impl Backend {
         change: impl FnMut(&mut Collider),
     ) -> Result<(), Failure> {
         Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.update_collider(id, part, change)?)
+    }
+
+    /// Gives a body one more collider, the last.
+    pub(crate) fn insert_collider(&mut self, id: BodyId, collider: ColliderBuilder) -> Result<(), Failure> {
+        Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.insert_collider(id, collider)?)
+    }
+
+    /// Takes a collider from a body.
+    pub(crate) fn remove_collider(&mut self, id: BodyId, part: usize) -> Result<(), Failure> {
+        Ok(self.local_mut("change the surface of a body", NO_SURFACE)?.remove_collider(id, part)?)
     }
 
     /// Whether this role changes surfaces of bodies.
@@ -245,11 +319,32 @@ impl Backend {
         Ok(self.local_mut("drive joints", NO_JOINTS)?.update_joint(id, change)?)
     }
 
+    /// Whether this role sees the bodies of its world.
+    pub(crate) fn check_sees(&self) -> Result<(), Failure> {
+        match self {
+            Self::Local(_) | Self::Served(_) => Ok(()),
+            Self::Hosted(world) => Err(world.unsupported("see the bodies of its world")),
+        }
+    }
+
+    /// What is hosted here, or why this role cannot do `what`.
+    pub(crate) fn hosted(&self, what: &str) -> Result<&Hosted, Failure> {
+        match self {
+            Self::Hosted(world) => Ok(world),
+            Self::Served(world) => Err(world.unsupported(what, "ask a server or a node")),
+            Self::Local(_) => {
+                let why = format!("a local world cannot {what}: it has no network; ask a server or a node");
+                Err(Failure::new(DCD_ERR_UNSUPPORTED, why))
+            }
+        }
+    }
+
     /// How many movable bodies there are.
     pub(crate) fn movable(&self) -> usize {
         match self {
             Self::Local(world) => world.host().owned_count(),
             Self::Served(world) => world.movable(),
+            Self::Hosted(_) => 0,
         }
     }
 
@@ -271,6 +366,7 @@ impl Backend {
                 world.states().map(row).take(most).for_each(look);
             }
             Self::Served(world) => world.states().take(most).for_each(look),
+            Self::Hosted(_) => {}
         }
     }
 
@@ -278,13 +374,14 @@ impl Backend {
         match self {
             Self::Local(world) => world.events(),
             Self::Served(world) => world.events(),
+            Self::Hosted(_) => &NO_EVENTS,
         }
     }
 
     /// Bodies that came and went, and refusals; who computes the world alone knows them without.
     pub(crate) fn changes(&self) -> &[Change] {
         match self {
-            Self::Local(_) => &[],
+            Self::Local(_) | Self::Hosted(_) => &[],
             Self::Served(world) => world.changes(),
         }
     }
@@ -293,6 +390,7 @@ impl Backend {
     pub(crate) fn is_lost(&self) -> bool {
         match self {
             Self::Local(_) => false,
+            Self::Hosted(world) => world.look().is_err(),
             Self::Served(world) => world.is_lost(),
         }
     }
@@ -301,7 +399,7 @@ impl Backend {
     pub(crate) fn handovers(&self) -> &[Handover] {
         match self {
             Self::Local(world) => world.handovers(),
-            Self::Served(_) => &[],
+            Self::Served(_) | Self::Hosted(_) => &[],
         }
     }
 
@@ -309,6 +407,7 @@ impl Backend {
         match self {
             Self::Local(world) => world.stats(),
             Self::Served(world) => world.stats(),
+            Self::Hosted(world) => world.stats(),
         }
     }
 
@@ -317,6 +416,7 @@ impl Backend {
         match self {
             Self::Local(_) => 0,
             Self::Served(world) => world.updates(),
+            Self::Hosted(_) => 0,
         }
     }
 
@@ -325,6 +425,7 @@ impl Backend {
         match self {
             Self::Local(_) => PeerStats::default(),
             Self::Served(world) => world.traffic(),
+            Self::Hosted(world) => world.traffic(),
         }
     }
 
@@ -334,10 +435,21 @@ impl Backend {
         Ok(self.local("compute the state's hash", instead)?.state_hash())
     }
 
+    /// The world that can be saved, and gone back to.
+    pub(crate) fn saved(&self) -> Result<&DcdWorld, Failure> {
+        self.local("be saved or loaded", NO_SNAPSHOT)
+    }
+
+    /// Makes it the world that these bytes hold.
+    pub(crate) fn reload(&mut self, from: impl Read) -> Result<(), Failure> {
+        Ok(self.local_mut("be saved or loaded", NO_SNAPSHOT)?.reload(from)?)
+    }
+
     pub(crate) fn region_count(&self) -> usize {
         match self {
             Self::Local(world) => world.regions().len(),
             Self::Served(world) => world.environment().tree.leaf_count(),
+            Self::Hosted(world) => world.regions(),
         }
     }
 
@@ -354,34 +466,46 @@ impl Backend {
                 world.regions().iter().map(view).collect()
             }
             Self::Served(world) => world.regions(),
+            Self::Hosted(_) => Vec::new(),
         }
     }
 
-    /// The first body that a ray meets and does not overlook.
-    pub(crate) fn cast_ray(&self, ray: &RayQuery) -> Result<Option<RayHit>, Failure> {
+    /// What there is to ask about the bodies computed here.
+    pub(crate) fn queries(&self) -> Result<Queries<'_>, Failure> {
         let instead =
             "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
-        let mask = Group::from_bits_retain(ray.mask);
-        // Only memberships count: a ray belongs to no group that a collider could refuse to meet.
-        let member = |_, collider: &Collider| collider.collision_groups().memberships.intersects(mask);
-        let filter = BodyFilter {
-            exclude_bodies: ray.exclude.as_slice(),
-            predicate: Some(&member),
-            ..BodyFilter::default()
-        };
-        let straight = WorldRay::new(ray.origin, ray.direction).up_to(f64::from(ray.max_m));
-        let world = self.local("cast rays", instead)?;
-        world.queries().cast_ray(&straight, &filter).map_err(|error| Failure::argument(error.to_string()))
+        Ok(self.local("ask by rays, shapes and points", instead)?.queries())
     }
 }
 
+static NO_EVENTS: WorldEvents = WorldEvents { touches: Vec::new(), forces: Vec::new() };
+const CHANGE_BODY: &str = "change a body in place";
+const NO_CHANGE: &str = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
 const NO_SURFACE: &str = "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene";
+const NO_SNAPSHOT: &str = "the server keeps the world in its data folder";
 const NO_JOINTS: &str = "joints belong to the scene that the server was given";
 
+/// Rapier's thresholds of sleep: m/s, rad/s, seconds.
+const USUAL_SLEEP: [f32; 3] = [0.05, 0.5, 0.5];
+
 fn kind_of(body: &RigidBody) -> DcdBodyType {
-    match (body.is_fixed(), body.is_dynamic()) {
-        (true, _) => DCD_FIXED,
-        (false, true) => DCD_DYNAMIC,
-        (false, false) => DCD_KINEMATIC,
+    match body.body_type() {
+        RigidBodyType::Fixed => DCD_FIXED,
+        RigidBodyType::Dynamic | RigidBodyType::SoftFrame => DCD_DYNAMIC,
+        RigidBodyType::KinematicVelocityBased => DCD_KINEMATIC,
+        RigidBodyType::KinematicPositionBased => DCD_KINEMATIC_POSE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn usual_sleep_is_rapiers() {
+        let usual = RigidBodyActivation::default();
+        let [linear, angular, after] = USUAL_SLEEP;
+        assert_eq!((linear, angular), (usual.normalized_linear_threshold, usual.angular_threshold));
+        assert_eq!(after, usual.time_until_sleep);
     }
 }

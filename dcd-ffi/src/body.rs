@@ -9,11 +9,12 @@ use rapier3d::prelude::*;
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
 use crate::motion::{check_pose, check_velocity};
-use crate::pointer::{self, Out, Sized32, check_numbers, is_in_range};
+use crate::part::{DCD_PART_ANY_GROUP, DCD_PART_SENSOR, DcdCombineRule, DcdPartProperties};
+use crate::pointer::{self, Out, Sized32};
+use crate::properties::DcdBodyProperties;
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
-use crate::surface;
-use crate::types::{DcdPose, DcdVelocity};
+use crate::types::{DcdFrame, DcdPose, DcdVelocity};
 use crate::world::{DcdWorld, World, with};
 
 /// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
@@ -35,8 +36,10 @@ pub const DCD_FIXED: DcdBodyType = 0;
 pub const DCD_DYNAMIC: DcdBodyType = 1;
 /// At the velocity that you give, whatever it meets. Doors and lifts.
 pub const DCD_KINEMATIC: DcdBodyType = 2;
+/// To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
+pub const DCD_KINEMATIC_POSE: DcdBodyType = 3;
 
-/// In DcdBodyDef.flags: never jumps through thin or moving bodies, at some cost.
+/// In DcdBodyDef.flags: never jumps through moving bodies either, at some cost. Through fixed ones no body does.
 pub const DCD_BODY_CCD: u32 = 1;
 /// In DcdBodyDef.flags: detects and does not push.
 pub const DCD_BODY_SENSOR: u32 = 2;
@@ -44,6 +47,14 @@ pub const DCD_BODY_SENSOR: u32 = 2;
 pub const DCD_BODY_NO_SLEEP: u32 = 4;
 /// In DcdBodyDef.flags: sleeps until something wakes it.
 pub const DCD_BODY_ASLEEP: u32 = 8;
+/// In DcdBodyDef.flags: is not there until dcd_body_set_properties takes this away; it keeps its place, its joints wait.
+pub const DCD_BODY_DISABLED: u32 = 16;
+/// In DcdBodyDef.flags: may turn by more than a quarter turn a step, as wheels and propellers.
+pub const DCD_BODY_FAST_SPIN: u32 = 32;
+/// In DcdBodyDef.flags: its spin is not changed by its own inertia, as that of a thrown book is.
+pub const DCD_BODY_NO_GYRO: u32 = 64;
+/// In DcdBodyDef.flags: one match of groups and mask is enough for two bodies that both say so; else both must match.
+pub const DCD_BODY_ANY_GROUP: u32 = 128;
 
 /// In DcdBodyDef.events: dcd_events tells of contacts that begin and end.
 pub const DCD_EVENT_CONTACT: u32 = 1;
@@ -66,26 +77,35 @@ pub const DCD_LOCK_TURN_Z: u32 = 32;
 /// As DcdBodyInfo.region of a fixed body, which has no owner.
 pub const DCD_NO_REGION: u32 = u32::MAX;
 
-/// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`.
+/// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
+/// dcd_part_set_properties change it later.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBodyDef {
     /// sizeof(DcdBodyDef).
     pub struct_size: u32,
-    /// DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    /// DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
     pub body_type: DcdBodyType,
     /// Where it starts.
     pub pose: DcdPose,
     /// How it moves at first.
     pub velocity: DcdVelocity,
-    /// Of the same world. Two bodies may share one.
+    /// Of the same world. Two bodies may share one. dcd_part_add gives a body more.
     pub shape: DcdShapeId,
-    /// kg/m³, above 0 for a dynamic body.
+    /// kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`.
     pub density: f32,
-    /// Coulomb coefficient, 0 or more; two bodies in contact use the mean.
+    /// Kilograms of the shape, instead of those that follow from density; 0 is by density.
+    pub mass: f32,
+    /// Coulomb coefficient, 0 or more.
     pub friction: f32,
-    /// 0 (no bounce) to 1 (all of the speed); two bodies in contact use the mean.
+    /// 0 (no bounce) to 1 (all of the speed).
     pub restitution: f32,
+    /// DCD_COMBINE_…: what two bodies in contact use of their friction.
+    pub friction_rule: DcdCombineRule,
+    /// DCD_COMBINE_…: what they use of their restitution.
+    pub restitution_rule: DcdCombineRule,
+    /// Metres that the shape is kept away from others, 0 or more: a thin cushion makes contacts cheaper and calmer.
+    pub contact_skin: f32,
     /// Slows movement down: 1/s, 0 or more.
     pub linear_damping: f32,
     /// Slows turning down: 1/s, 0 or more.
@@ -104,6 +124,35 @@ pub struct DcdBodyDef {
     pub groups: u32,
     /// Groups that it meets. Two bodies collide when each meets a group of the other.
     pub mask: u32,
+    /// Groups that it belongs to when it comes to pushing; contacts of others are told of and do nothing.
+    pub solver_groups: u32,
+    /// Groups that push it and that it pushes.
+    pub solver_mask: u32,
+    /// DCD_PAIR_… bits: which types of bodies it meets. A pair meets when either asks for it.
+    pub pairs: u32,
+    /// -128 to 127: of two bodies the higher is not moved by the lower, which meets it like a wall.
+    pub dominance: i32,
+    /// Metres ahead that it looks for what it may meet: cheaper than DCD_BODY_CCD, and not as sure; 0 is none.
+    pub soft_ccd: f32,
+    /// m/s below which it may fall asleep, 0 or more.
+    pub sleep_linear: f32,
+    /// rad/s below which it may fall asleep, 0 or more.
+    pub sleep_angular: f32,
+    /// Seconds it must have been so slow, 0 or more. In a served world these three must be as in DCD_BODY_DEF_INIT.
+    pub sleep_after: f32,
+    /// Kilograms besides those of its shape, 0 or more. With extra_centre and extra_inertia 0 it makes the shape heavier as it
+    /// is.
+    pub extra_mass: f32,
+    /// Where the extra mass is, from the body's origin, metres.
+    pub extra_centre: [f32; 3],
+    /// Its moments of inertia about the body's x, y and z through that centre, kg m², 0 or more.
+    pub extra_inertia: [f32; 3],
+    /// Iterations of the solver that it gets more than others, and what touches it; 0 to 1000.
+    pub extra_solver_iterations: u32,
+    /// Iterations within each of them, 0 to 1000.
+    pub extra_pgs_iterations: u32,
+    /// 0.
+    pub reserved: u32,
     /// Your own; events, views and ray hits carry it.
     pub user_data: u64,
 }
@@ -129,7 +178,7 @@ pub unsafe extern "C" fn dcd_body_create(
 /// `defs` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
 /// more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids, DCD_ERR_UNSUPPORTED
-/// for a fixed body in a served world, DCD_ERR_NETWORK when its link is gone.
+/// in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when its link is gone.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bodies_create(
     world: DcdWorld,
@@ -168,8 +217,8 @@ unsafe fn create(
             })
             .collect::<Result<_, _>>()?;
         let mut made = Vec::with_capacity(count);
-        for (pose, body, collider) in parsed {
-            match world.backend.insert(pose, body, collider) {
+        for body in parsed {
+            match world.backend.insert(body) {
                 Ok(id) => made.push(id),
                 Err(failure) => {
                     for id in made {
@@ -187,68 +236,92 @@ unsafe fn create(
     })
 }
 
+/// A checked definition.
+pub(crate) struct NewBody {
+    pub pose: WorldPose,
+    pub body: RigidBodyBuilder,
+    pub collider: ColliderBuilder,
+    pub properties: DcdBodyProperties,
+}
+
+impl DcdBodyDef {
+    fn properties(&self) -> DcdBodyProperties {
+        DcdBodyProperties {
+            struct_size: size_of::<DcdBodyProperties>() as u32,
+            body_type: self.body_type,
+            flags: self.flags & !(OF_STATE | OF_PART),
+            locked: self.locked,
+            dominance: self.dominance,
+            linear_damping: self.linear_damping,
+            angular_damping: self.angular_damping,
+            gravity_scale: self.gravity_scale,
+            soft_ccd: self.soft_ccd,
+            sleep_linear: self.sleep_linear,
+            sleep_angular: self.sleep_angular,
+            sleep_after: self.sleep_after,
+            extra_mass: self.extra_mass,
+            extra_centre: self.extra_centre,
+            extra_inertia: self.extra_inertia,
+            extra_solver_iterations: self.extra_solver_iterations,
+            extra_pgs_iterations: self.extra_pgs_iterations,
+            reserved: 0,
+            user_data: self.user_data,
+        }
+    }
+
+    fn part(&self) -> DcdPartProperties {
+        let bit = |of: u32, bit: u32| if self.flags & of != 0 { bit } else { 0 };
+        DcdPartProperties {
+            struct_size: size_of::<DcdPartProperties>() as u32,
+            flags: bit(DCD_BODY_SENSOR, DCD_PART_SENSOR) | bit(DCD_BODY_ANY_GROUP, DCD_PART_ANY_GROUP),
+            frame: DcdFrame { p: [0.0; 3], q: [0.0, 0.0, 0.0, 1.0] },
+            density: self.density,
+            mass: self.mass,
+            friction: self.friction,
+            restitution: self.restitution,
+            friction_rule: self.friction_rule,
+            restitution_rule: self.restitution_rule,
+            contact_skin: self.contact_skin,
+            events: self.events,
+            force_threshold: self.force_threshold,
+            groups: self.groups,
+            mask: self.mask,
+            solver_groups: self.solver_groups,
+            solver_mask: self.solver_mask,
+            pairs: self.pairs,
+            reserved: 0,
+            user_data: 0,
+        }
+    }
+}
+
+/// Flags of a definition that say how it is at first, and that belong to its shape.
+const OF_STATE: u32 = DCD_BODY_ASLEEP;
+const OF_PART: u32 = DCD_BODY_SENSOR | DCD_BODY_ANY_GROUP;
+
 /// Checks a definition and turns it into Rapier's builders.
-fn parse(world: &World, def: &DcdBodyDef) -> Result<(WorldPose, RigidBodyBuilder, ColliderBuilder), Failure> {
+fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
     if def.struct_size as usize != size_of::<DcdBodyDef>() {
         return Err(Failure::new(
             crate::status::DCD_ERR_STRUCT,
             format!("struct_size is {}; start each entry from DCD_BODY_DEF_INIT", def.struct_size),
         ));
     }
-    let kind = match def.body_type {
-        DCD_FIXED => RigidBodyType::Fixed,
-        DCD_DYNAMIC => RigidBodyType::Dynamic,
-        DCD_KINEMATIC => RigidBodyType::KinematicVelocityBased,
-        other => {
-            return Err(Failure::argument(format!(
-                "body_type {other} is none; use DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC"
-            )));
-        }
-    };
     check_pose(&def.pose)?;
     check_velocity(&def.velocity)?;
-    for (value, name) in [
-        (def.density, "density"),
-        (def.friction, "friction"),
-        (def.restitution, "restitution"),
-        (def.linear_damping, "linear_damping"),
-        (def.angular_damping, "angular_damping"),
-        (def.force_threshold, "force_threshold"),
-    ] {
-        if !(is_in_range(value) && value >= 0.0) {
-            return Err(Failure::argument(format!(
-                "{name} is {value}; give a number from 0 to DCD_MAX_NUMBER"
-            )));
-        }
-    }
-    if kind == RigidBodyType::Dynamic && def.density == 0.0 {
+    let (properties, part) = (def.properties(), def.part());
+    properties.check()?;
+    part.check()?;
+    if def.body_type == DCD_DYNAMIC && def.density == 0.0 && def.mass == 0.0 && def.extra_mass == 0.0 {
         return Err(Failure::argument("density is 0; a dynamic body needs some mass, water has 1000 kg/m³"));
     }
-    check_numbers(&[def.gravity_scale], "gravity_scale")?;
-    check_bits(def.flags, DCD_BODY_CCD | DCD_BODY_SENSOR | DCD_BODY_NO_SLEEP | DCD_BODY_ASLEEP, "flags")?;
-    check_bits(def.locked, 63, "locked")?;
-    check_bits(def.events, DCD_EVENT_CONTACT | DCD_EVENT_FORCE, "events")?;
-
-    let body = RigidBodyBuilder::new(kind)
+    let body = properties
+        .builder()?
         .linvel(Vector::from_array(def.velocity.linear))
         .angvel(Vector::from_array(def.velocity.angular))
-        .linear_damping(def.linear_damping)
-        .angular_damping(def.angular_damping)
-        .gravity_scale(def.gravity_scale)
-        .locked_axes(LockedAxes::from_bits_truncate(def.locked as u8))
-        .ccd_enabled(def.flags & DCD_BODY_CCD != 0)
-        .can_sleep(def.flags & DCD_BODY_NO_SLEEP == 0)
-        .sleeping(def.flags & DCD_BODY_ASLEEP != 0)
-        .user_data(u128::from(def.user_data));
-    let collider = ColliderBuilder::new(shape::find(world, def.shape)?.clone())
-        .density(def.density)
-        .friction(def.friction)
-        .restitution(def.restitution)
-        .sensor(def.flags & DCD_BODY_SENSOR != 0)
-        .active_events(surface::active_events(def.events))
-        .contact_force_event_threshold(def.force_threshold)
-        .collision_groups(surface::interaction(def.groups, def.mask));
-    Ok((def.pose.into(), body, collider))
+        .sleeping(def.flags & DCD_BODY_ASLEEP != 0);
+    let collider = part.builder(shape::find(world, def.shape)?.clone());
+    Ok(NewBody { pose: def.pose.into(), body, collider, properties })
 }
 
 /// Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.

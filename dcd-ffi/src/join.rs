@@ -4,15 +4,14 @@ use std::ffi::c_char;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
-use dcd::net::NetError;
-use dcd::runtime::{ClientWorld, JoinConfig, ProcessError};
+use dcd::runtime::{ClientWorld, JoinConfig};
 
 use crate::backend::Backend;
 use crate::body::DcdBodyId;
 use crate::guard::guard;
-use crate::pointer::{self, Out, Sized32};
+use crate::pointer::{self, Out, Room, Sized32};
 use crate::served::Served;
-use crate::status::{DCD_ERR_NETWORK, DcdStatus, Failure};
+use crate::status::{DCD_ERR_NETWORK, DCD_ERR_TIMEOUT, DcdStatus, Failure};
 use crate::world::{self, DcdWorld, with};
 
 /// How a client joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
@@ -95,7 +94,7 @@ pub unsafe extern "C" fn dcd_client_connect(def: *const DcdClientDef, out: *mut 
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
             (entry, Out::new(out, "out")?)
         };
-        entry.enter(1, ClientWorld::connect, out)
+        entry.enter(1, out, |config| served(ClientWorld::connect(config)?))
     })
 }
 
@@ -116,10 +115,8 @@ pub unsafe extern "C" fn dcd_participant_join(
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
             (entry, def.threads, Out::new(out, "out")?)
         };
-        if threads > 1024 {
-            return Err(Failure::argument(format!("threads is {threads}; give 1 to 1024, or 0")));
-        }
-        entry.enter(world::threads(threads, usize::MAX), ClientWorld::participate, out)
+        let threads = world::asked_threads(threads)?;
+        entry.enter(threads, out, |config| served(ClientWorld::participate(config)?))
     })
 }
 
@@ -136,25 +133,21 @@ pub unsafe extern "C" fn dcd_own_avatars(
     count: *mut usize,
 ) -> DcdStatus {
     guard("dcd_own_avatars", || {
-        // SAFETY: the caller vouches for the pointer.
-        let count = unsafe { Out::new(count, "count")? };
-        if cap > 0 {
-            pointer::check(out, "out")?;
-        }
+        // SAFETY: the caller vouches for `cap` entries and for `count`.
+        let out = unsafe { Room::new(out, cap, count, "out")? };
         with(world, |world| {
             let avatars = world.backend.own_avatars();
-            pointer::fits(avatars.len(), cap, count, "out")?;
-            for (i, id) in avatars.into_iter().enumerate() {
-                // SAFETY: not null, aligned, and `cap` entries are enough.
-                unsafe { out.add(i).write(world.mark.body(id)) };
-            }
-            Ok(())
+            out.fill(avatars.into_iter().map(|id| world.mark.body(id)))
         })
     })
 }
 
-/// The checked members that both definitions share.
-struct Entry {
+fn served(world: ClientWorld) -> Result<Backend, Failure> {
+    Ok(Backend::Served(Box::new(Served::new(world)?)))
+}
+
+/// The checked members that all definitions of who joins share.
+pub(crate) struct Entry {
     server: String,
     token: String,
     identity: Option<std::path::PathBuf>,
@@ -165,7 +158,7 @@ struct Entry {
 impl Entry {
     /// # Safety
     /// The texts are null or NUL-terminated.
-    unsafe fn read(
+    pub(crate) unsafe fn read(
         server: *const c_char,
         token: *const c_char,
         identity: *const c_char,
@@ -189,11 +182,11 @@ impl Entry {
     }
 
     /// Tries each address that the server's name stands for until one answers.
-    fn enter(
+    pub(crate) fn enter(
         self,
         threads: usize,
-        join: impl Fn(&JoinConfig) -> Result<ClientWorld, ProcessError>,
         out: Out<DcdWorld>,
+        join: impl Fn(&JoinConfig) -> Result<Backend, Failure>,
     ) -> Result<(), Failure> {
         let deadline = Instant::now() + self.timeout;
         let addresses = resolve(&self.server)?;
@@ -209,10 +202,10 @@ impl Entry {
                 ..JoinConfig::new(server, "")
             };
             match join(&config) {
-                Err(ProcessError::Net(NetError::Unreachable { .. })) if left > 1 => {}
+                // Nobody answers there.
+                Err(failure) if failure.status == DCD_ERR_TIMEOUT && left > 1 => {}
                 result => {
-                    let world = Served::new(result?)?;
-                    out.write(world::add(Backend::Served(Box::new(world)), self.user_data));
+                    out.write(world::add(result?, self.user_data));
                     return Ok(());
                 }
             }

@@ -1,14 +1,16 @@
 //! Joints: tying bodies together, limits, motors.
 
+use dcd::protocol::{JointRecord, WorldPose};
+use dcd::space::JointId;
 use rapier3d::prelude::*;
 
-use crate::body::{self, DcdBodyId};
-use crate::guard::guard;
+use crate::body::{self, DcdBodyId, check_bits};
+use crate::guard::{guard, guard_value};
 use crate::handle::stale;
-use crate::pointer::{self, Out, Sized32, check_numbers, is_in_range};
+use crate::pointer::{self, Out, Room, Sized32, check_not_negative, check_numbers, is_in_range};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
-use crate::world::{DcdWorld, with};
+use crate::world::{DcdWorld, World, with};
 
 /// A joint. 0 is null; an id is never given again.
 #[repr(C)]
@@ -18,24 +20,77 @@ pub struct DcdJointId {
     pub v: u64,
 }
 
-/// What a joint lets free.
+/// What a joint lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
 pub type DcdJointType = u32;
 
-/// Nothing: the frames stay together.
+/// Nothing: the frames stay together. It has no axis of its own.
 pub const DCD_JOINT_FIXED: DcdJointType = 0;
-/// Turning about the frames' x axis. Limits in radians, motor in rad/s and N m.
+/// Turning about the frames' x axis, as hinges and wheels: DCD_AXIS_TURN_X.
 pub const DCD_JOINT_REVOLUTE: DcdJointType = 1;
-/// Sliding along the frames' x axis. Limits in metres, motor in m/s and N.
+/// Sliding along the frames' x axis, as lifts and pistons: DCD_AXIS_X.
 pub const DCD_JOINT_PRISMATIC: DcdJointType = 2;
-/// Turning about every axis. Limits in radians hold for each of the three; no motor.
+/// Turning about every axis, as shoulders: DCD_AXIS_TURN_X, _TURN_Y and _TURN_Z, each with the same limit and motor.
 pub const DCD_JOINT_SPHERICAL: DcdJointType = 3;
+/// Everything, up to a distance of the frames' origins: a limit of DCD_AXIS_X from 0 to that length, which it needs.
+pub const DCD_JOINT_ROPE: DcdJointType = 4;
+/// Everything; a spring pulls the frames' origins to a distance: a motor of DCD_AXIS_X, which it needs. Its position is the
+/// length at rest; take DCD_MOTOR_FORCE to give stiffness in N/m.
+pub const DCD_JOINT_SPRING: DcdJointType = 5;
+/// What DcdJointDef.locked does not lock. It has no axes of its own: dcd_joint_set_limit and dcd_joint_set_motor take any.
+pub const DCD_JOINT_GENERIC: DcdJointType = 6;
 
-/// In DcdJointDef.flags: `limit` counts.
+/// An axis of a joint's frame on body `a`: along it, or about it. As a bit it is 1 << axis, which DCD_LOCK_… are.
+pub type DcdJointAxis = u32;
+
+/// Along x: metres, m/s, newtons.
+pub const DCD_AXIS_X: DcdJointAxis = 0;
+/// Along y.
+pub const DCD_AXIS_Y: DcdJointAxis = 1;
+/// Along z.
+pub const DCD_AXIS_Z: DcdJointAxis = 2;
+/// About x: radians, rad/s, newton metres.
+pub const DCD_AXIS_TURN_X: DcdJointAxis = 3;
+/// About y.
+pub const DCD_AXIS_TURN_Y: DcdJointAxis = 4;
+/// About z.
+pub const DCD_AXIS_TURN_Z: DcdJointAxis = 5;
+
+/// In DcdJointDef.flags: `limit` counts. In DcdJointInfo.flags: it has some limit.
 pub const DCD_JOINT_LIMIT: u32 = 1;
-/// In DcdJointDef.flags: the motor runs.
+/// In DcdJointDef.flags: `motor` runs. In DcdJointInfo.flags: it has some motor.
 pub const DCD_JOINT_MOTOR: u32 = 2;
 /// In DcdJointDef.flags: the two bodies collide with one another too.
 pub const DCD_JOINT_COLLIDE: u32 = 4;
+/// In DcdJointDef.flags: it does nothing until dcd_joint_set_flags takes this away.
+pub const DCD_JOINT_DISABLED: u32 = 8;
+
+/// What stiffness and damping of a motor are per.
+pub type DcdMotorModel = u32;
+
+/// Unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
+pub const DCD_MOTOR_ACCELERATION: DcdMotorModel = 0;
+/// Nothing: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
+pub const DCD_MOTOR_FORCE: DcdMotorModel = 1;
+
+/// What drives an axis: stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force. Start
+/// from DCD_JOINT_MOTOR_INIT, which holds the axis still by any force. For a speed give `velocity`; for a servo `position`,
+/// `stiffness` and `damping`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcdJointMotor {
+    /// Where to, metres or radians.
+    pub position: f32,
+    /// How fast, m/s or rad/s.
+    pub velocity: f32,
+    /// 0 or more; 0 heeds the velocity alone.
+    pub stiffness: f32,
+    /// 0 or more.
+    pub damping: f32,
+    /// Most force or torque, newtons or newton metres: finite, 0 or more.
+    pub max_force: f32,
+    /// DCD_MOTOR_ACCELERATION or DCD_MOTOR_FORCE.
+    pub model: DcdMotorModel,
+}
 
 /// How a joint is made. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
 #[repr(C)]
@@ -43,7 +98,7 @@ pub const DCD_JOINT_COLLIDE: u32 = 4;
 pub struct DcdJointDef {
     /// sizeof(DcdJointDef).
     pub struct_size: u32,
-    /// DCD_JOINT_FIXED, _REVOLUTE, _PRISMATIC or _SPHERICAL.
+    /// DCD_JOINT_FIXED to DCD_JOINT_GENERIC.
     pub joint_type: DcdJointType,
     /// First body.
     pub a: DcdBodyId,
@@ -53,31 +108,85 @@ pub struct DcdJointDef {
     pub frame_a: DcdFrame,
     /// Where it sits on `b`.
     pub frame_b: DcdFrame,
-    /// Lowest and highest angle or distance of `b` seen from `a`, with DCD_JOINT_LIMIT.
+    /// Lowest and highest position of `b` seen from `a` along or about the type's own axes, with DCD_JOINT_LIMIT. -INFINITY and
+    /// INFINITY leave a side open.
     pub limit: [f32; 2],
-    /// Speed that the motor tries to keep, with DCD_JOINT_MOTOR.
-    pub motor_speed: f32,
-    /// Most force or torque of the motor: finite, 0 or more.
-    pub motor_max_force: f32,
-    /// DCD_JOINT_LIMIT, _MOTOR, _COLLIDE bits.
+    /// Drives the type's own axes, with DCD_JOINT_MOTOR.
+    pub motor: DcdJointMotor,
+    /// DCD_JOINT_LIMIT, _MOTOR, _COLLIDE, _DISABLED bits.
     pub flags: u32,
+    /// Of DCD_JOINT_GENERIC: axes that it does not let free, as bits 1 << DCD_AXIS_…; else 0.
+    pub locked: u32,
+    /// Of DCD_JOINT_GENERIC: free axes that count as one, as bits: two or three along, whose position is their common distance,
+    /// and two about, whose position is the angle between the third axes, as of a cone. They have one limit, and those along
+    /// have one motor. Else 0.
+    pub coupled: u32,
+    /// How stiffly it holds what it locks and limits: hertz, above 0. Less than 1 / dt is soft.
+    pub natural_frequency: f32,
+    /// How fast an error of it calms down, 0 or more; 1 is without swinging.
+    pub damping_ratio: f32,
     /// 0.
     pub reserved: u32,
+    /// Your own; dcd_joint_info gives it back.
+    pub user_data: u64,
+}
+
+/// What a joint is now. Start from DCD_JOINT_INFO_INIT.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdJointInfo {
+    /// sizeof(DcdJointInfo).
+    pub struct_size: u32,
+    /// By what it lets free: one made generic may be a hinge, and a rope with a motor is a spring.
+    pub joint_type: DcdJointType,
+    /// First body.
+    pub a: DcdBodyId,
+    /// Second body.
+    pub b: DcdBodyId,
+    /// Your own.
+    pub user_data: u64,
+    /// Where it sits on `a`.
+    pub frame_a: DcdFrame,
+    /// Where it sits on `b`.
+    pub frame_b: DcdFrame,
+    /// frame_b seen from frame_a, as the bodies are now.
+    pub offset: DcdFrame,
+    /// Angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
+    pub position: f32,
+    /// What held the axes along x, y and z of frame_a that it locks, in the last step, newtons. Rapier mixes what it solves, so
+    /// take it for an estimate, as of what should break the joint.
+    pub force: [f32; 3],
+    /// As in DcdJointDef.
+    pub natural_frequency: f32,
+    /// As in DcdJointDef.
+    pub damping_ratio: f32,
+    /// DCD_JOINT_LIMIT, _MOTOR, _COLLIDE, _DISABLED bits.
+    pub flags: u32,
+    /// Axes that are not free, as bits 1 << DCD_AXIS_….
+    pub locked: u32,
+    /// Axes that count as one.
+    pub coupled: u32,
+    /// Axes with a limit.
+    pub limited: u32,
+    /// Axes with a motor.
+    pub driven: u32,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
 unsafe impl Sized32 for DcdJointDef {
     const NAME: &'static str = "DcdJointDef";
 }
+// SAFETY: as above.
+unsafe impl Sized32 for DcdJointInfo {
+    const NAME: &'static str = "DcdJointInfo";
+}
 
-/// How hard a velocity motor pulls towards its speed, per second: stiff enough to be there within a few steps.
-const MOTOR_GAIN: f32 = 1000.0;
-
-/// Ties two bodies of a local world; in a served world the three joint functions are DCD_ERR_UNSUPPORTED. What joints tie together is owned and moved whole by one region, so keep it small against a region.
+/// Ties two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
+/// together is owned and moved whole by one region, so keep it small against a region.
 ///
 /// `def` is read during the call. The joint is gone when either body is destroyed.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
-/// motor on a joint without one, or twice the same body.
+/// limit or motor of a joint without an axis of its own, or twice the same body.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_joint_create(
     world: DcdWorld,
@@ -100,33 +209,6 @@ pub unsafe extern "C" fn dcd_joint_create(
     })
 }
 
-/// Starts, changes or, with `max_force` 0, stops the motor of a revolute or prismatic joint, and wakes its bodies. `speed` in
-/// rad/s or m/s, `max_force` in N m or N, 0 or more.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a joint of another type.
-#[unsafe(no_mangle)]
-pub extern "C" fn dcd_joint_set_motor(
-    world: DcdWorld,
-    joint: DcdJointId,
-    speed: f32,
-    max_force: f32,
-) -> DcdStatus {
-    guard("dcd_joint_set_motor", || {
-        check_motor(speed, max_force)?;
-        with(world, |world| {
-            world.backend.check_joints()?;
-            let id = world.mark.joint_id(joint)?;
-            let mut has_motor = true;
-            let change = |joint: &mut GenericJoint| match free_axis(joint.locked_axes) {
-                Some(axis) => drive(joint, axis, speed, max_force),
-                None => has_motor = false,
-            };
-            world.backend.update_joint(id, change).map_err(|_| stale("joint", joint.v))?;
-            if has_motor { Ok(()) } else { Err(no_motor()) }
-        })
-    })
-}
-
 /// Unties two bodies and wakes them.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
@@ -134,85 +216,475 @@ pub extern "C" fn dcd_joint_set_motor(
 pub extern "C" fn dcd_joint_destroy(world: DcdWorld, joint: DcdJointId) -> DcdStatus {
     guard("dcd_joint_destroy", || {
         with(world, |world| {
-            world.backend.check_joints()?;
-            let id = world.mark.joint_id(joint)?;
-            world.backend.remove_joint(id).map_err(|_| stale("joint", joint.v))
+            let id = find(world, joint)?.id;
+            world.backend.remove_joint(id)
         })
     })
 }
 
-fn parse(def: &DcdJointDef) -> Result<GenericJoint, Failure> {
-    let (locked, limited): (_, &[JointAxis]) = match def.joint_type {
-        DCD_JOINT_FIXED => (JointAxesMask::LOCKED_FIXED_AXES, &[]),
-        DCD_JOINT_REVOLUTE => (JointAxesMask::LOCKED_REVOLUTE_AXES, &[JointAxis::AngX]),
-        DCD_JOINT_PRISMATIC => (JointAxesMask::LOCKED_PRISMATIC_AXES, &[JointAxis::LinX]),
+/// Whether the id names a joint of this world.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_joint_is_valid(world: DcdWorld, joint: DcdJointId) -> bool {
+    guard_value(false, || with(world, |world| find(world, joint)).is_ok())
+}
+
+/// Says what a joint is now: what it ties, where it stands, what it bears.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_joint_info(
+    world: DcdWorld,
+    joint: DcdJointId,
+    out: *mut DcdJointInfo,
+) -> DcdStatus {
+    guard("dcd_joint_info", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            let record = find(world, joint)?;
+            out.write(describe(world, &record).ok_or_else(|| stale("joint", joint.v))?);
+            Ok(())
+        })
+    })
+}
+
+/// Limits one axis of a joint, and wakes its bodies: `limit` points to the lowest and the highest position, metres or radians;
+/// -INFINITY and INFINITY leave a side open. Null takes the limit away. Coupled axes have one limit, a rope's is DCD_AXIS_X;
+/// where it is a distance its lowest is 0.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a lowest above the highest, or an axis that
+/// is locked or none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_joint_set_limit(
+    world: DcdWorld,
+    joint: DcdJointId,
+    axis: DcdJointAxis,
+    limit: *const f32,
+) -> DcdStatus {
+    guard("dcd_joint_set_limit", || {
+        let limit = limit.cast::<[f32; 2]>();
+        // SAFETY: the caller vouches for two numbers, if it is not null.
+        let limit = if limit.is_null() { None } else { Some(unsafe { pointer::read(limit, "limit")? }) };
+        with(world, |world| {
+            let record = find(world, joint)?;
+            let axis = free_axis(&record, axis)?;
+            let range = limit.map(|limit| check_limit(axis, axes(record.coupled_axes), limit)).transpose()?;
+            world.backend.update_joint(record.id, |joint| match range {
+                Some(range) => drop(joint.set_limits(axis, range)),
+                None => joint.limit_axes.remove(axis.into()),
+            })
+        })
+    })
+}
+
+/// Drives one axis of a joint, and wakes its bodies. Null stops the motor: the axis is free again. Coupled axes have one motor, a
+/// spring's is DCD_AXIS_X.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, an unknown model, an axis that is locked or
+/// none, or coupled axes about which it would turn.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_joint_set_motor(
+    world: DcdWorld,
+    joint: DcdJointId,
+    axis: DcdJointAxis,
+    motor: *const DcdJointMotor,
+) -> DcdStatus {
+    guard("dcd_joint_set_motor", || {
+        // SAFETY: the caller vouches for the pointer, if it is not null.
+        let motor = if motor.is_null() { None } else { Some(unsafe { pointer::read(motor, "motor")? }) };
+        motor.as_ref().map(check_motor).transpose()?;
+        with(world, |world| {
+            let record = find(world, joint)?;
+            let axis = free_axis(&record, axis)?;
+            if (axes(record.coupled_axes) & JointAxesMask::ANG_AXES).contains(axis.into()) {
+                return Err(Failure::argument("no motor turns coupled axes; drive free ones"));
+            }
+            world.backend.update_joint(record.id, |joint| match &motor {
+                Some(motor) => drive(joint, axis, motor),
+                None => joint.motor_axes.remove(axis.into()),
+            })
+        })
+    })
+}
+
+/// Reads the limit of one axis: lowest and highest into `out`, which has two entries; -INFINITY to INFINITY where there is
+/// none.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an axis that is locked or none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_joint_get_limit(
+    world: DcdWorld,
+    joint: DcdJointId,
+    axis: DcdJointAxis,
+    out: *mut f32,
+) -> DcdStatus {
+    guard("dcd_joint_get_limit", || {
+        // SAFETY: the caller vouches for two places.
+        let out = unsafe { Out::new(out.cast::<[f32; 2]>(), "out")? };
+        with(world, |world| {
+            let record = find(world, joint)?;
+            let axis = free_axis(&record, axis)?;
+            let limit = record.limits[axis as usize];
+            let open = |end: f32| if end.abs() < f32::MAX { end } else { f32::INFINITY.copysign(end) };
+            out.write(if axes(record.limit_axes).contains(axis.into()) {
+                [open(limit.min), open(limit.max)]
+            } else {
+                [f32::NEG_INFINITY, f32::INFINITY]
+            });
+            Ok(())
+        })
+    })
+}
+
+/// Reads the motor of one axis; all is 0 where none runs.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an axis that is locked or none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_joint_get_motor(
+    world: DcdWorld,
+    joint: DcdJointId,
+    axis: DcdJointAxis,
+    out: *mut DcdJointMotor,
+) -> DcdStatus {
+    guard("dcd_joint_get_motor", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::new(out, "out")? };
+        with(world, |world| {
+            let record = find(world, joint)?;
+            let axis = free_axis(&record, axis)?;
+            let motor = record.motors[axis as usize];
+            out.write(if axes(record.motor_axes).contains(axis.into()) {
+                DcdJointMotor {
+                    position: motor.target_pos,
+                    velocity: motor.target_vel,
+                    stiffness: motor.stiffness,
+                    damping: motor.damping,
+                    max_force: motor.max_force,
+                    model: if motor.acceleration_based { DCD_MOTOR_ACCELERATION } else { DCD_MOTOR_FORCE },
+                }
+            } else {
+                let [position, velocity, stiffness, damping, max_force] = [0.0; 5];
+                DcdJointMotor { position, velocity, stiffness, damping, max_force, model: 0 }
+            });
+            Ok(())
+        })
+    })
+}
+
+/// Moves a joint on its bodies, and wakes them: where it sits on `a` and on `b`. A null frame stays as it is.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a frame that is not finite or no rotation.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_joint_set_frames(
+    world: DcdWorld,
+    joint: DcdJointId,
+    frame_a: *const DcdFrame,
+    frame_b: *const DcdFrame,
+) -> DcdStatus {
+    guard("dcd_joint_set_frames", || {
+        let given = |frame: *const DcdFrame, name| {
+            if frame.is_null() {
+                return Ok(None);
+            }
+            // SAFETY: the caller vouches for what is not null.
+            let frame = unsafe { pointer::read(frame, name)? };
+            frame.check(name).map(|()| Some(frame.pose()))
+        };
+        let (a, b) = (given(frame_a, "frame_a")?, given(frame_b, "frame_b")?);
+        with(world, |world| {
+            let id = find(world, joint)?.id;
+            world.backend.update_joint(id, |joint| {
+                joint.local_frame1 = a.unwrap_or(joint.local_frame1);
+                joint.local_frame2 = b.unwrap_or(joint.local_frame2);
+            })
+        })
+    })
+}
+
+/// Sets whether a joint acts and whether its bodies collide with one another, and wakes them: DCD_JOINT_COLLIDE and
+/// DCD_JOINT_DISABLED bits.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for other bits.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_joint_set_flags(world: DcdWorld, joint: DcdJointId, flags: u32) -> DcdStatus {
+    guard("dcd_joint_set_flags", || {
+        check_bits(flags, DCD_JOINT_COLLIDE | DCD_JOINT_DISABLED, "flags")?;
+        with(world, |world| {
+            let id = find(world, joint)?.id;
+            world.backend.update_joint(id, |joint| {
+                joint.set_contacts_enabled(flags & DCD_JOINT_COLLIDE != 0);
+                joint.set_enabled(flags & DCD_JOINT_DISABLED == 0);
+            })
+        })
+    })
+}
+
+/// Sets how stiffly a joint holds what it locks and limits, as in DcdJointDef, and wakes its bodies.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_joint_set_softness(
+    world: DcdWorld,
+    joint: DcdJointId,
+    natural_frequency: f32,
+    damping_ratio: f32,
+) -> DcdStatus {
+    guard("dcd_joint_set_softness", || {
+        let softness = softness(natural_frequency, damping_ratio)?;
+        with(world, |world| {
+            let id = find(world, joint)?.id;
+            world.backend.update_joint(id, |joint| joint.softness = softness)
+        })
+    })
+}
+
+/// Lists the joints of a body into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be
+/// null, to ask for the number. Oldest first.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_joints(
+    world: DcdWorld,
+    body: DcdBodyId,
+    out: *mut DcdJointId,
+    cap: usize,
+    count: *mut usize,
+) -> DcdStatus {
+    guard("dcd_body_joints", || {
+        // SAFETY: the caller vouches for `cap` entries and for `count`.
+        let out = unsafe { Room::new(out, cap, count, "out")? };
+        with(world, |world| {
+            world.backend.check_joints()?;
+            let id = body::find(world, body)?;
+            let joints = world.backend.joints_of(id);
+            out.fill(joints.into_iter().map(|id| world.mark.joint(id)))
+        })
+    })
+}
+
+/// The joint behind a handle.
+fn find(world: &World, joint: DcdJointId) -> Result<JointRecord, Failure> {
+    world.backend.check_joints()?;
+    let id: JointId = world.mark.joint_id(joint)?;
+    world.backend.joint(id).ok_or_else(|| stale("joint", joint.v))
+}
+
+fn axes(bits: u8) -> JointAxesMask {
+    JointAxesMask::from_bits_truncate(bits)
+}
+
+/// What a type locks, couples and has as its own axes.
+fn layout(joint_type: DcdJointType) -> Option<(JointAxesMask, JointAxesMask, &'static [JointAxis])> {
+    let (none, along) = (JointAxesMask::empty(), JointAxesMask::LIN_AXES);
+    Some(match joint_type {
+        DCD_JOINT_FIXED => (JointAxesMask::LOCKED_FIXED_AXES, none, &[]),
+        DCD_JOINT_REVOLUTE => (JointAxesMask::LOCKED_REVOLUTE_AXES, none, &[JointAxis::AngX]),
+        DCD_JOINT_PRISMATIC => (JointAxesMask::LOCKED_PRISMATIC_AXES, none, &[JointAxis::LinX]),
         DCD_JOINT_SPHERICAL => {
-            let all = &[JointAxis::AngX, JointAxis::AngY, JointAxis::AngZ];
-            (JointAxesMask::LOCKED_SPHERICAL_AXES, all)
+            (JointAxesMask::LOCKED_SPHERICAL_AXES, none, &[JointAxis::AngX, JointAxis::AngY, JointAxis::AngZ])
         }
-        other => {
-            return Err(Failure::argument(format!("joint_type {other} is none; use a DCD_JOINT_… type")));
-        }
-    };
-    for (frame, name) in [(&def.frame_a, "frame_a"), (&def.frame_b, "frame_b")] {
-        if !frame.is_valid() {
-            return Err(Failure::argument(format!("{name} is not finite, or its q is not of length 1")));
-        }
+        DCD_JOINT_ROPE | DCD_JOINT_SPRING => (none, along, &[JointAxis::LinX]),
+        DCD_JOINT_GENERIC => (none, none, &[]),
+        _ => return None,
+    })
+}
+
+/// The type whose axes these are.
+fn type_of(record: &JointRecord) -> DcdJointType {
+    let (locked, coupled) = (axes(record.locked_axes), axes(record.coupled_axes));
+    if coupled == JointAxesMask::LIN_AXES && locked.is_empty() {
+        let is_driven = axes(record.motor_axes).contains(JointAxesMask::LIN_X);
+        return if is_driven { DCD_JOINT_SPRING } else { DCD_JOINT_ROPE };
     }
-    if def.flags & !(DCD_JOINT_LIMIT | DCD_JOINT_MOTOR | DCD_JOINT_COLLIDE) != 0 {
-        return Err(Failure::argument(format!(
-            "flags {:#x} has bits that mean nothing; clear them",
-            def.flags
-        )));
+    let plain = DCD_JOINT_FIXED..=DCD_JOINT_SPHERICAL;
+    let same = |&joint_type: &DcdJointType| {
+        layout(joint_type).is_some_and(|(axes, none, _)| (axes, none) == (locked, coupled))
+    };
+    plain.into_iter().find(same).unwrap_or(DCD_JOINT_GENERIC)
+}
+
+fn parse(def: &DcdJointDef) -> Result<GenericJoint, Failure> {
+    let (mut locked, mut coupled, own) = layout(def.joint_type).ok_or_else(|| {
+        Failure::argument(format!("joint_type {} is none; use a DCD_JOINT_… type", def.joint_type))
+    })?;
+    def.frame_a.check("frame_a")?;
+    def.frame_b.check("frame_b")?;
+    let known = DCD_JOINT_LIMIT | DCD_JOINT_MOTOR | DCD_JOINT_COLLIDE | DCD_JOINT_DISABLED;
+    check_bits(def.flags, known, "flags")?;
+    let is_generic = def.joint_type == DCD_JOINT_GENERIC;
+    for (bits, name) in [(def.locked, "locked"), (def.coupled, "coupled")] {
+        check_bits(bits, if is_generic { 63 } else { 0 }, name)?;
+    }
+    if is_generic {
+        (locked, coupled) = (axes(def.locked as u8), axes(def.coupled as u8));
+        check_coupled(locked, coupled)?;
     }
     let mut joint = GenericJoint::new(locked);
+    joint.coupled_axes = coupled;
+    joint.softness = softness(def.natural_frequency, def.damping_ratio)?;
     joint.set_local_frame1(def.frame_a.pose());
     joint.set_local_frame2(def.frame_b.pose());
     joint.set_contacts_enabled(def.flags & DCD_JOINT_COLLIDE != 0);
-    if def.flags & DCD_JOINT_LIMIT != 0 {
-        let [low, high] = def.limit;
-        if limited.is_empty() || !(is_in_range(low) && is_in_range(high) && low <= high) {
-            return Err(Failure::argument(format!(
-                "limit {low} to {high} is none; give a finite lower and upper one, and none for a fixed joint"
-            )));
-        }
-        for &axis in limited {
-            joint.set_limits(axis, [low, high]);
-        }
+    joint.set_enabled(def.flags & DCD_JOINT_DISABLED == 0);
+    joint.user_data = u128::from(def.user_data);
+    let (limit, motor) = (def.flags & DCD_JOINT_LIMIT != 0, def.flags & DCD_JOINT_MOTOR != 0);
+    if (limit || motor) && own.is_empty() {
+        return Err(Failure::argument(
+            "joints of this type have no axis of their own to limit or drive; clear the flags, and for a generic joint use \
+             dcd_joint_set_limit and dcd_joint_set_motor",
+        ));
     }
-    if def.flags & DCD_JOINT_MOTOR != 0 {
-        check_motor(def.motor_speed, def.motor_max_force)?;
-        let axis = free_axis(locked).ok_or_else(no_motor)?;
-        drive(&mut joint, axis, def.motor_speed, def.motor_max_force);
+    if def.joint_type == DCD_JOINT_ROPE && !limit {
+        return Err(Failure::argument(
+            "a rope is its limit; set DCD_JOINT_LIMIT and `limit` to 0 and its length",
+        ));
+    }
+    if def.joint_type == DCD_JOINT_SPRING && !motor {
+        return Err(Failure::argument(
+            "a spring is its motor; set DCD_JOINT_MOTOR, and motor.position to its length",
+        ));
+    }
+    for &axis in own {
+        if limit {
+            joint.set_limits(axis, check_limit(axis, coupled, def.limit)?);
+        }
+        if motor {
+            check_motor(&def.motor)?;
+            drive(&mut joint, axis, &def.motor);
+        }
     }
     Ok(joint)
 }
 
-/// The one axis that a motor can drive.
-fn free_axis(locked: JointAxesMask) -> Option<JointAxis> {
-    match locked {
-        JointAxesMask::LOCKED_REVOLUTE_AXES => Some(JointAxis::AngX),
-        JointAxesMask::LOCKED_PRISMATIC_AXES => Some(JointAxis::LinX),
-        _ => None,
+/// Whether Rapier can couple these axes: along two or three, about two.
+fn check_coupled(locked: JointAxesMask, coupled: JointAxesMask) -> Result<(), Failure> {
+    let count = |axes: JointAxesMask| (coupled & axes).bits().count_ones();
+    let fits = count(JointAxesMask::LIN_AXES) != 1 && matches!(count(JointAxesMask::ANG_AXES), 0 | 2);
+    if fits && (locked & coupled).is_empty() {
+        return Ok(());
     }
+    Err(Failure::argument(
+        "coupled axes are two or three along or none, two about or none, and not locked; couple others",
+    ))
 }
 
-fn drive(joint: &mut GenericJoint, axis: JointAxis, speed: f32, max_force: f32) {
-    joint.set_motor_model(axis, MotorModel::AccelerationBased);
-    joint.set_motor_velocity(axis, speed, MOTOR_GAIN);
-    joint.set_motor_max_force(axis, max_force);
+/// The axis that is meant: of coupled ones, the first, which stands for them.
+fn free_axis(record: &JointRecord, axis: DcdJointAxis) -> Result<JointAxis, Failure> {
+    const ALL: [JointAxis; 6] = [
+        JointAxis::LinX,
+        JointAxis::LinY,
+        JointAxis::LinZ,
+        JointAxis::AngX,
+        JointAxis::AngY,
+        JointAxis::AngZ,
+    ];
+    let Some(&axis) = ALL.get(axis as usize) else {
+        return Err(Failure::argument(format!("axis {axis} is none; use a DCD_AXIS_… constant")));
+    };
+    if axes(record.locked_axes).contains(axis.into()) {
+        return Err(Failure::argument(format!(
+            "the joint locks axis {}; limit and drive those that it lets free",
+            axis as u32
+        )));
+    }
+    let coupled = axes(record.coupled_axes);
+    if !coupled.contains(axis.into()) {
+        return Ok(axis);
+    }
+    let alike = if JointAxesMask::LIN_AXES.contains(axis.into()) { &ALL[..3] } else { &ALL[3..] };
+    Ok(alike.iter().copied().find(|&axis| coupled.contains(axis.into())).unwrap_or(axis))
 }
 
-fn no_motor() -> Failure {
-    Failure::argument("only revolute and prismatic joints have a motor; use one of these")
+/// A limit as Rapier has it, whose numbers are finite.
+fn check_limit(axis: JointAxis, coupled: JointAxesMask, [low, high]: [f32; 2]) -> Result<[f32; 2], Failure> {
+    let fits = |end: f32, open: f32| is_in_range(end) || end == open;
+    if !(fits(low, f32::NEG_INFINITY) && fits(high, f32::INFINITY) && low <= high) {
+        return Err(Failure::argument(format!(
+            "limit {low} to {high} is none; give the lower number first, within DCD_MAX_NUMBER or infinite"
+        )));
+    }
+    if (coupled & JointAxesMask::LIN_AXES).contains(axis.into()) && low != 0.0 {
+        return Err(Failure::argument(format!("limit[0] of a distance is {low}; give 0: it has no lowest")));
+    }
+    Ok([low.max(-f32::MAX), high.min(f32::MAX)])
 }
 
-fn check_motor(speed: f32, max_force: f32) -> Result<(), Failure> {
-    check_numbers(&[speed], "the motor's speed")?;
-    if max_force.is_finite() && max_force >= 0.0 {
+fn check_motor(motor: &DcdJointMotor) -> Result<(), Failure> {
+    check_numbers(&[motor.position, motor.velocity], "motor.position or motor.velocity")?;
+    check_not_negative(motor.stiffness, "motor.stiffness")?;
+    check_not_negative(motor.damping, "motor.damping")?;
+    if motor.model > DCD_MOTOR_FORCE {
+        return Err(Failure::argument(format!(
+            "motor.model {} is none; use DCD_MOTOR_ACCELERATION or DCD_MOTOR_FORCE",
+            motor.model
+        )));
+    }
+    if motor.max_force.is_finite() && motor.max_force >= 0.0 {
         return Ok(());
     }
     Err(Failure::argument(format!(
-        "the motor's greatest force is {max_force}; give a finite number of 0 or more"
+        "motor.max_force is {}; give a finite number of 0 or more",
+        motor.max_force
     )))
+}
+
+fn drive(joint: &mut GenericJoint, axis: JointAxis, motor: &DcdJointMotor) {
+    let force = motor.model == DCD_MOTOR_FORCE;
+    joint.set_motor_model(axis, if force { MotorModel::ForceBased } else { MotorModel::AccelerationBased });
+    joint.set_motor(axis, motor.position, motor.velocity, motor.stiffness, motor.damping);
+    joint.set_motor_max_force(axis, motor.max_force);
+}
+
+fn softness(natural_frequency: f32, damping_ratio: f32) -> Result<SpringCoefficients<f32>, Failure> {
+    check_not_negative(damping_ratio, "damping_ratio")?;
+    check_not_negative(natural_frequency, "natural_frequency")?;
+    if natural_frequency == 0.0 {
+        return Err(Failure::argument("natural_frequency is 0; give hertz above 0, or disable the joint"));
+    }
+    Ok(SpringCoefficients::new(natural_frequency, damping_ratio))
+}
+
+/// `None` when one of its bodies is not there, which cannot be.
+fn describe(world: &World, record: &JointRecord) -> Option<DcdJointInfo> {
+    let frame = |pose: dcd::protocol::Pose| DcdFrame { p: pose.translation, q: pose.rotation };
+    let placed = |body, frame: dcd::protocol::Pose| {
+        let frame = WorldPose { translation: frame.translation.map(f64::from), rotation: frame.rotation };
+        Some(world.backend.pose(body)?.isometry() * frame.isometry())
+    };
+    let between = placed(record.a, record.frame_a)?.inv_mul(&placed(record.b, record.frame_b)?);
+    let (way, turn) = (between.translation.vector, between.rotation);
+    let joint_type = type_of(record);
+    let load = world.backend.joint_load(record.id);
+    let bit = |bit: u32, set: bool| if set { bit } else { 0 };
+    Some(DcdJointInfo {
+        struct_size: size_of::<DcdJointInfo>() as u32,
+        joint_type,
+        a: world.mark.body(record.a),
+        b: world.mark.body(record.b),
+        user_data: record.user_data as u64,
+        frame_a: frame(record.frame_a),
+        frame_b: frame(record.frame_b),
+        offset: DcdFrame {
+            p: [way.x as f32, way.y as f32, way.z as f32],
+            q: [turn.i as f32, turn.j as f32, turn.k as f32, turn.w as f32],
+        },
+        position: match joint_type {
+            // The same for a quaternion and its negative.
+            DCD_JOINT_REVOLUTE => 2.0 * (turn.i * turn.w.signum()).atan2(turn.w.abs()) as f32,
+            DCD_JOINT_PRISMATIC => way.x as f32,
+            DCD_JOINT_ROPE | DCD_JOINT_SPRING => way.norm() as f32,
+            _ => 0.0,
+        },
+        force: [load[0], load[1], load[2]],
+        natural_frequency: record.softness[0],
+        damping_ratio: record.softness[1],
+        flags: bit(DCD_JOINT_LIMIT, record.limit_axes != 0)
+            | bit(DCD_JOINT_MOTOR, record.motor_axes != 0)
+            | bit(DCD_JOINT_COLLIDE, record.contacts_enabled)
+            | bit(DCD_JOINT_DISABLED, !record.enabled),
+        locked: record.locked_axes.into(),
+        coupled: record.coupled_axes.into(),
+        limited: record.limit_axes.into(),
+        driven: record.motor_axes.into(),
+    })
 }

@@ -15,8 +15,10 @@ compile_error!(
 );
 
 mod backend;
+mod cell;
 mod guard;
 mod handle;
+mod hosted;
 mod log;
 mod pinned;
 mod pointer;
@@ -32,6 +34,8 @@ pub mod world;
 
 pub mod join;
 
+pub mod serve;
+
 pub mod shape;
 
 pub mod body;
@@ -40,7 +44,9 @@ pub mod motion;
 
 pub mod push;
 
-pub mod surface;
+pub mod properties;
+
+pub mod part;
 
 pub mod joint;
 
@@ -53,3 +59,5 @@ pub mod event;
 pub mod query;
 
 pub mod stats;
+
+pub mod snapshot;

@@ -3,9 +3,10 @@
 use dcd::protocol::WorldPose;
 use dcd::space::BodyId;
 
-use crate::body::{DCD_FIXED, DCD_NO_REGION, DcdBodyId, DcdBodyType, find};
+use crate::body::{DCD_FIXED, DCD_KINEMATIC_POSE, DCD_NO_REGION, DcdBodyId, DcdBodyType, find};
 use crate::guard::guard;
 use crate::handle::stale;
+use crate::library::DCD_MAX_NUMBER;
 use crate::pointer::{self, Out, Sized32, check_numbers, check_point};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, DcdVelocity};
@@ -18,19 +19,27 @@ use crate::world::{DcdWorld, World, with};
 pub struct DcdBodyInfo {
     /// sizeof(DcdBodyInfo).
     pub struct_size: u32,
-    /// DCD_FIXED, DCD_DYNAMIC or DCD_KINEMATIC.
+    /// DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
     pub body_type: DcdBodyType,
     /// Your own.
     pub user_data: u64,
+    /// Its centre of mass, world space, metres; in a served world its origin.
+    pub centre: [f64; 3],
     /// Kilograms; 0 for a fixed body, and in a served world, where it is not told.
     pub mass: f32,
     /// The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
     /// not appeared yet. In a served world, the region it is in.
     pub region: u32,
+    /// What dcd_body_set_force and dcd_body_add_force made of the force on it, newtons.
+    pub force: [f32; 3],
+    /// And of the torque, newton metres.
+    pub torque: [f32; 3],
+    /// How many shapes it has.
+    pub parts: u32,
     /// Whether it sleeps: it costs nothing until something wakes it.
     pub sleeping: bool,
     /// 0.
-    pub reserved: [u8; 7],
+    pub reserved: [u8; 3],
 }
 
 // SAFETY: begins with `struct_size`; it is only written, so that any bits in `sleeping` do no harm.
@@ -47,15 +56,21 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
+            let id = world.mark.body_id(body)?;
             let view = view(world, body)?;
+            let record = world.backend.record(id).ok_or_else(|| stale("body", body.v))?;
             out.write(DcdBodyInfo {
                 struct_size: size_of::<DcdBodyInfo>() as u32,
                 body_type: view.kind,
                 user_data: view.user_data,
+                centre: world.backend.centre_of_mass(id).unwrap_or(view.pose.translation),
                 mass: view.mass_kg,
                 region: view.owner.map_or(DCD_NO_REGION, |region| region.0),
+                force: record.state.force,
+                torque: record.state.torque,
+                parts: record.traits.colliders.len() as u32,
                 sleeping: view.sleeping,
-                reserved: [0; 7],
+                reserved: [0; 3],
             });
             Ok(())
         })
@@ -149,7 +164,7 @@ pub unsafe extern "C" fn dcd_body_set_pose(
 /// Sets how a dynamic or kinematic body moves, and wakes it. In a served world only avatars of this process, and the next
 /// dcd_step asks for it.
 ///
-/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range or a fixed body.
+/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a fixed body or one that follows poses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(
     world: DcdWorld,
@@ -162,6 +177,27 @@ pub unsafe extern "C" fn dcd_body_set_velocity(
         with(world, |world| {
             let id = find(world, body)?;
             set_velocity(world, id, velocity)
+        })
+    })
+}
+
+/// Sends a body of type DCD_KINEMATIC_POSE to a pose, where it is after the next step: what it touches feels the speed that this
+/// takes. It stays there until it is sent on. For many bodies see dcd_state_write.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another type, a pose out of range or whose q is not of length 1, or
+/// so far off that it would be faster than DCD_MAX_NUMBER; DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_set_target(
+    world: DcdWorld,
+    body: DcdBodyId,
+    pose: *const DcdPose,
+) -> DcdStatus {
+    guard("dcd_body_set_target", || {
+        // SAFETY: the caller vouches for the pointer.
+        let pose = unsafe { pointer::read(pose, "pose")? };
+        with(world, |world| {
+            let id = find(world, body)?;
+            set_target(world, id, pose)
         })
     })
 }
@@ -205,10 +241,32 @@ pub(crate) fn set_pose(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(
 
 pub(crate) fn set_velocity(world: &mut World, id: BodyId, velocity: DcdVelocity) -> Result<(), Failure> {
     check_velocity(&velocity)?;
-    if world.backend.body(id).is_some_and(|body| body.kind == DCD_FIXED) {
-        return Err(Failure::argument("the body is fixed; make it kinematic to move it"));
+    match world.backend.body(id).map(|body| body.kind) {
+        Some(DCD_FIXED) => Err(Failure::argument("the body is fixed; make it kinematic to move it"))?,
+        Some(DCD_KINEMATIC_POSE) => {
+            Err(Failure::argument("the body follows poses; give it one by dcd_body_set_target"))?
+        }
+        _ => {}
     }
     world.backend.set_velocity(id, velocity.into())
+}
+
+pub(crate) fn set_target(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {
+    world.backend.check_changes()?;
+    check_pose(&pose)?;
+    let Some(body) = world.backend.body(id).filter(|body| body.kind == DCD_KINEMATIC_POSE) else {
+        return Err(Failure::argument(
+            "the body does not follow poses; make it DCD_KINEMATIC_POSE, or move it by dcd_body_set_pose",
+        ));
+    };
+    let way: [f64; 3] = std::array::from_fn(|i| pose.p[i] - body.pose.translation[i]);
+    let speed = way.iter().map(|v| v * v).sum::<f64>().sqrt() / f64::from(world.backend.dt_s());
+    if speed > f64::from(DCD_MAX_NUMBER) {
+        return Err(Failure::argument(format!(
+            "to be there after a step it would move at {speed:.0} m/s; send it nearer, or put it there by dcd_body_set_pose"
+        )));
+    }
+    world.backend.set_target(id, pose.into())
 }
 
 pub(crate) fn check_pose(pose: &DcdPose) -> Result<(), Failure> {

@@ -79,16 +79,48 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     bytes.to_str().map_err(|_| Failure::argument(format!("{name} is not UTF-8; convert it first")))
 }
 
-/// Whether `items` results fit into `cap`; writes how many there are either way.
-pub(crate) fn fits(items: usize, cap: usize, count: Out<usize>, name: &str) -> Result<(), Failure> {
-    count.write(items);
-    if items <= cap {
-        return Ok(());
+/// The caller's memory for a list whose length only the call will know.
+#[derive(Debug)]
+pub(crate) struct Room<T> {
+    out: *mut T,
+    cap: usize,
+    count: Out<usize>,
+    name: &'static str,
+}
+
+impl<T> Room<T> {
+    /// # Safety
+    /// `out` is valid for writing `cap` values, or `cap` is 0; `count` is null or valid for writing.
+    pub(crate) unsafe fn new(
+        out: *mut T,
+        cap: usize,
+        count: *mut usize,
+        name: &'static str,
+    ) -> Result<Self, Failure> {
+        // SAFETY: passed on.
+        let count = unsafe { Out::new(count, "count")? };
+        if cap > 0 {
+            check(out, name)?;
+        }
+        Ok(Self { out, cap, count, name })
     }
-    Err(Failure::new(
-        crate::status::DCD_ERR_SMALL_BUFFER,
-        format!("{name} has room for {cap} and there are {items}; give it more"),
-    ))
+
+    /// Writes how many there are, and all of them if they fit.
+    pub(crate) fn fill(self, items: impl ExactSizeIterator<Item = T>) -> Result<(), Failure> {
+        let (there, Self { out, cap, count, name }) = (items.len(), self);
+        count.write(there);
+        if there > cap {
+            return Err(Failure::new(
+                crate::status::DCD_ERR_SMALL_BUFFER,
+                format!("{name} has room for {cap} and there are {there}; give it more"),
+            ));
+        }
+        for (i, item) in items.take(cap).enumerate() {
+            // SAFETY: not null, aligned, and `i` is below `cap`, for which the caller vouches.
+            unsafe { out.add(i).write(item) };
+        }
+        Ok(())
+    }
 }
 
 /// Whether a pointer can point to one or more `T`.
@@ -125,6 +157,14 @@ pub(crate) fn check_numbers(numbers: &[f32], name: &str) -> Result<(), Failure> 
 /// Whether a number is one that stays finite in a step; NaN is not.
 pub(crate) fn is_in_range(number: f32) -> bool {
     number.abs() <= DCD_MAX_NUMBER
+}
+
+/// Whether a number is one that stays finite in a step, and not below 0.
+pub(crate) fn check_not_negative(value: f32, name: &str) -> Result<(), Failure> {
+    if is_in_range(value) && value >= 0.0 {
+        return Ok(());
+    }
+    Err(Failure::argument(format!("{name} is {value}; give a number from 0 to DCD_MAX_NUMBER")))
 }
 
 /// Whether a point of world space is within range.

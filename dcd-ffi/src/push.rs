@@ -3,9 +3,9 @@
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
 
-use crate::body::{DCD_DYNAMIC, DcdBodyId};
+use crate::body::{self, DCD_DYNAMIC, DcdBodyId};
 use crate::guard::guard;
-use crate::motion::view;
+use crate::handle::stale;
 use crate::pointer::{self, check_point, is_in_range};
 use crate::status::{DcdStatus, Failure};
 use crate::world::{DcdWorld, World, with};
@@ -24,27 +24,12 @@ pub unsafe extern "C" fn dcd_body_apply_impulse(
 ) -> DcdStatus {
     guard("dcd_body_apply_impulse", || {
         // SAFETY: the caller vouches for three numbers behind each pointer that is not null.
-        let (impulse, point) = unsafe {
-            let point = point.cast::<[f64; 3]>();
-            (
-                pointer::read(impulse.cast::<[f32; 3]>(), "impulse")?,
-                if point.is_null() { None } else { Some(pointer::read(point, "point")?) },
-            )
-        };
-        if let Some(point) = &point {
-            check_point(point, "point")?;
-        }
+        let (impulse, point) =
+            unsafe { (pointer::read(impulse.cast::<[f32; 3]>(), "impulse")?, read_point(point)?) };
         with(world, |world| {
             let id = find_dynamic(world, body)?;
             let impulse = Vector::from_array(impulse);
-            // About the centre of mass, which is the same in every region, whatever its anchor.
-            let turn = match (point, world.backend.centre_of_mass(id)) {
-                (Some(point), Some(centre)) => {
-                    let arm: [f32; 3] = std::array::from_fn(|i| (point[i] - centre[i]) as f32);
-                    Vector::from_array(arm).cross(impulse)
-                }
-                _ => Vector::ZERO,
-            };
+            let turn = turn_of(world, id, impulse, point);
             check_kick(world, id, impulse, turn, 1.0)?;
             world.backend.update(id, |body| {
                 body.apply_impulse(impulse, true);
@@ -92,25 +77,82 @@ pub unsafe extern "C" fn dcd_body_set_force(
         let (force, torque) = (given(force, "force")?, given(torque, "torque")?);
         with(world, |world| {
             let id = find_dynamic(world, body)?;
-            let (force, torque) = (Vector::from_array(force), Vector::from_array(torque));
-            check_kick(world, id, force, torque, world.backend.dt_s())?;
-            world.backend.update(id, |body| {
-                body.reset_forces(true);
-                body.reset_torques(true);
-                body.add_force(force, true);
-                body.add_torque(torque, true);
-            })
+            set_force(world, id, Vector::from_array(force), Vector::from_array(torque))
         })
     })
 }
 
+/// Adds to what dcd_body_set_force set: `force` in N, world axes, at `point` in world space, metres; a null `point` is the centre
+/// of mass. What it turns by is reckoned now and stays when the body moves on: for a thruster, set no force and add those of all
+/// thrusters before each step.
+///
+/// Errors: as dcd_body_apply_impulse.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_add_force(
+    world: DcdWorld,
+    body: DcdBodyId,
+    force: *const f32,
+    point: *const f64,
+) -> DcdStatus {
+    guard("dcd_body_add_force", || {
+        // SAFETY: the caller vouches for three numbers behind each pointer that is not null.
+        let (force, point) =
+            unsafe { (pointer::read(force.cast::<[f32; 3]>(), "force")?, read_point(point)?) };
+        with(world, |world| {
+            let id = find_dynamic(world, body)?;
+            let force = Vector::from_array(force);
+            let turn = turn_of(world, id, force, point);
+            let state = world.backend.record(id).ok_or_else(|| stale("body", body.v))?.state;
+            let (before, turned) = (Vector::from_array(state.force), Vector::from_array(state.torque));
+            set_force(world, id, before + force, turned + turn)
+        })
+    })
+}
+
+pub(crate) fn set_force(world: &mut World, id: BodyId, force: Vector, torque: Vector) -> Result<(), Failure> {
+    check_kick(world, id, force, torque, world.backend.dt_s())?;
+    world.backend.update(id, |body| {
+        body.reset_forces(true);
+        body.reset_torques(true);
+        body.add_force(force, true);
+        body.add_torque(torque, true);
+    })
+}
+
+/// # Safety
+/// The pointer is null or has three numbers.
+unsafe fn read_point(point: *const f64) -> Result<Option<[f64; 3]>, Failure> {
+    if point.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: passed on.
+    let point = unsafe { pointer::read(point.cast::<[f64; 3]>(), "point")? };
+    check_point(&point, "point").map(|()| Some(point))
+}
+
+/// How a push at a point turns a body, about the centre of mass, which is the same in every region, whatever its anchor.
+fn turn_of(world: &World, id: BodyId, push: Vector, point: Option<[f64; 3]>) -> Vector {
+    match (point, world.backend.centre_of_mass(id)) {
+        (Some(point), Some(centre)) => {
+            let arm: [f32; 3] = std::array::from_fn(|i| (point[i] - centre[i]) as f32);
+            Vector::from_array(arm).cross(push)
+        }
+        _ => Vector::ZERO,
+    }
+}
+
 fn find_dynamic(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
+    let id = body::find(world, body)?;
+    check_dynamic(world, id).map(|()| id)
+}
+
+pub(crate) fn check_dynamic(world: &World, id: BodyId) -> Result<(), Failure> {
     let instead = "it drives its own avatars, which push what they meet (dcd_body_set_velocity)";
     world.backend.local("push bodies by force", instead)?;
-    if view(world, body)?.kind != DCD_DYNAMIC {
+    if world.backend.body(id).is_none_or(|body| body.kind != DCD_DYNAMIC) {
         return Err(Failure::argument("the body is not dynamic; forces move dynamic bodies only"));
     }
-    world.mark.body_id(body)
+    Ok(())
 }
 
 /// Whether a body keeps a speed in range when it is pushed so for `seconds`; impulses last one.

@@ -8,12 +8,13 @@ use std::time::{Duration, Instant};
 
 use dcd::cluster::BodyView as Heard;
 use dcd::net::PeerStats;
-use dcd::protocol::{BodyKind, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose};
+use dcd::physics::ShapeLibrary;
+use dcd::protocol::{BodyKind, BodyRecord, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
 use rapier3d::prelude::*;
 
-use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DcdBodyType};
+use crate::properties::type_of;
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 use crate::view::{BodyView, RegionView, StateRow};
 
@@ -24,7 +25,7 @@ pub(crate) struct Served {
     /// As heard up to the last step, in id order.
     bodies: Vec<Heard>,
     /// Avatars asked for and not heard of yet.
-    awaited: BTreeMap<BodyId, Awaited>,
+    awaited: BTreeMap<BodyId, BodyRecord>,
     /// What is asked of avatars since the last step.
     wishes: BTreeMap<BodyId, Wish>,
     /// The newest velocity asked of each kinematic avatar, which is heard back some ticks later.
@@ -46,13 +47,6 @@ pub(crate) enum Change {
     Appeared(BodyId),
     Removed(BodyId),
     Refused(Option<BodyId>, Refusal, u64),
-}
-
-struct Awaited {
-    pose: WorldPose,
-    velocity: Velocity,
-    kind: DcdBodyType,
-    user_data: u64,
 }
 
 #[derive(Default)]
@@ -184,24 +178,22 @@ impl Served {
         body: &RigidBodyBuilder,
         collider: ColliderBuilder,
     ) -> Result<BodyId, Failure> {
-        let awaited = Awaited {
-            pose,
-            velocity: Velocity { linear: body.linvel.to_array(), angular: body.angvel.to_array() },
-            kind: match body.body_type {
-                RigidBodyType::Fixed => {
-                    return Err(self.unsupported(
-                        "make fixed bodies",
-                        "give the scene the fixed body, or make a kinematic one",
-                    ));
-                }
-                RigidBodyType::Dynamic => DCD_DYNAMIC,
-                _ => DCD_KINEMATIC,
-            },
-            user_data: body.user_data as u64,
+        let refused = match body.body_type {
+            RigidBodyType::Fixed => {
+                Some(("make fixed bodies", "give the scene the fixed body, or make a kinematic one"))
+            }
+            RigidBodyType::KinematicPositionBased => {
+                Some(("make bodies that follow poses", "make a DCD_KINEMATIC one and give it velocities"))
+            }
+            _ => None,
         };
+        if let Some((what, instead)) = refused {
+            return Err(self.unsupported(what, instead));
+        }
         self.check_link()?;
-        let id = self.world.spawn(pose, body, &[collider])?;
-        self.awaited.insert(id, awaited);
+        let colliders = [collider];
+        let id = self.world.spawn(pose, body, &colliders)?;
+        self.awaited.insert(id, ShapeLibrary::default().describe(id, pose, body, &colliders)?);
         Ok(id)
     }
 
@@ -222,7 +214,7 @@ impl Served {
         self.check_own(id, "drive bodies of others")?;
         self.wishes.entry(id).or_default().velocity = Some(velocity);
         if let Some(awaited) = self.awaited.get_mut(&id) {
-            awaited.velocity = velocity;
+            awaited.state.velocity = velocity;
         }
         Ok(())
     }
@@ -231,7 +223,7 @@ impl Served {
         self.check_own(id, "move bodies of others")?;
         self.wishes.entry(id).or_default().pose = Some(pose);
         if let Some(awaited) = self.awaited.get_mut(&id) {
-            awaited.pose = pose;
+            awaited.state.pose = pose;
         }
         Ok(())
     }
@@ -261,40 +253,32 @@ impl Served {
         self.place(id).is_ok() || self.awaited.contains_key(&id)
     }
 
+    /// A body as last heard of, or as asked for.
+    fn known(&self, id: BodyId) -> Option<&BodyRecord> {
+        self.awaited.get(&id).or_else(|| self.heard(id).map(|heard| &heard.body))
+    }
+
+    pub(crate) fn record(&self, id: BodyId) -> Option<BodyRecord> {
+        self.known(id).cloned()
+    }
+
     pub(crate) fn body(&self, id: BodyId) -> Option<BodyView> {
-        if let Some(Awaited { pose, velocity, kind, user_data }) = self.awaited.get(&id) {
-            return Some(BodyView {
-                pose: *pose,
-                velocity: *velocity,
-                kind: *kind,
-                sleeping: false,
-                mass_kg: 0.0,
-                user_data: *user_data,
-                owner: None,
-            });
-        }
-        let body = &self.heard(id)?.body;
-        let kind = match body.traits.kind {
-            BodyKind::Fixed => DCD_FIXED,
-            BodyKind::Dynamic => DCD_DYNAMIC,
-            BodyKind::KinematicPosition | BodyKind::KinematicVelocity => DCD_KINEMATIC,
-        };
+        let BodyRecord { state, traits, .. } = self.known(id)?;
+        let owner = traits.kind != BodyKind::Fixed && !self.awaited.contains_key(&id);
         Some(BodyView {
-            pose: body.state.pose,
-            velocity: body.state.velocity,
-            kind,
-            sleeping: body.state.sleeping,
+            pose: state.pose,
+            velocity: state.velocity,
+            kind: type_of(traits.kind),
+            sleeping: state.sleeping,
             mass_kg: 0.0,
-            user_data: body.traits.user_data as u64,
-            owner: (kind != DCD_FIXED).then(|| self.region_at(&body.state.pose)),
+            user_data: traits.user_data as u64,
+            owner: owner.then(|| self.region_at(&state.pose)),
         })
     }
 
     pub(crate) fn user_data(&self, id: BodyId) -> Option<u64> {
-        self.heard(id)
-            .map(|body| body.body.traits.user_data as u64)
-            .or_else(|| self.awaited.get(&id).map(|awaited| awaited.user_data))
-            .or_else(|| self.departed.get(&id).copied())
+        let known = self.known(id).map(|body| body.traits.user_data as u64);
+        known.or_else(|| self.departed.get(&id).copied())
     }
 
     /// Owners are not told; a body belongs to the region it is in but for a moment at borders, or while joints tie it to

@@ -263,11 +263,7 @@ pub unsafe extern "C" fn dcd_shape_compound(
                         "parts[{i}] is made of parts itself; add those instead"
                     )));
                 }
-                if !frame.is_valid() {
-                    return Err(Failure::argument(format!(
-                        "frames[{i}] is not finite, or q is not of length 1"
-                    )));
-                }
+                frame.check(&format!("frames[{i}]"))?;
                 placed.push((frame.pose(), shape.clone()));
             }
             let slot = world.shapes.insert(SharedShape::compound(placed));

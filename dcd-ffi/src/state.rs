@@ -1,5 +1,7 @@
 //! The state of many bodies at a time: lent as arrays, or copied by a list of ids.
 
+use rapier3d::prelude::Vector;
+
 use crate::backend::Backend;
 use crate::body::{self, DcdBodyId};
 use crate::guard::guard;
@@ -7,6 +9,7 @@ use crate::handle::Mark;
 use crate::motion;
 use crate::pinned::Pinned;
 use crate::pointer::{self, Out, Sized32, check_count};
+use crate::push;
 use crate::status::{DCD_OK, DcdStatus, Failure, remember};
 use crate::types::{DcdPose, DcdVelocity};
 use crate::world::{DcdWorld, World, with};
@@ -23,6 +26,20 @@ pub const DCD_FIELD_POSE: DcdField = 0;
 pub const DCD_FIELD_VELOCITY: DcdField = 1;
 /// A uint64_t.
 pub const DCD_FIELD_USER_DATA: DcdField = 2;
+/// A DcdForce, as dcd_body_set_force sets it.
+pub const DCD_FIELD_FORCE: DcdField = 3;
+/// A DcdPose, as dcd_body_set_target takes it; to be written only.
+pub const DCD_FIELD_TARGET: DcdField = 4;
+
+/// What pushes a body in every step, in world axes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcdForce {
+    /// At the centre of mass, newtons.
+    pub force: [f32; 3],
+    /// Newton metres.
+    pub torque: [f32; 3],
+}
 
 /// Every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
 /// made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
@@ -134,13 +151,14 @@ impl StateBuffers {
 /// The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
 /// they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
 /// this one makes one step. The first call makes every later dcd_step fill the arrays, some 40 ns a body.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_state_view(world: DcdWorld, out: *mut DcdStateView) -> DcdStatus {
     guard("dcd_state_view", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
+            world.backend.check_sees()?;
             out.write(world.states.view(&world.backend, world.mark));
             Ok(())
         })
@@ -167,6 +185,9 @@ pub unsafe extern "C" fn dcd_state_read(
     guard("dcd_state_read", || {
         // SAFETY: the caller vouches for `count` entries of everything.
         let bulk = unsafe { Bulk::new(bodies, count, field, dst, stride, each)? };
+        if field == DCD_FIELD_TARGET {
+            return Err(Failure::argument("targets are written and not read; read DCD_FIELD_POSE"));
+        }
         with(world, |world| {
             let row = |body| {
                 let id = body::find(world, body)?;
@@ -175,6 +196,10 @@ pub unsafe extern "C" fn dcd_state_read(
                     DCD_FIELD_POSE => Value::Pose(world.backend.pose(id).ok_or_else(gone)?.into()),
                     DCD_FIELD_VELOCITY => {
                         Value::Velocity(world.backend.velocity(id).ok_or_else(gone)?.into())
+                    }
+                    DCD_FIELD_FORCE => {
+                        let state = world.backend.record(id).ok_or_else(gone)?.state;
+                        Value::Force(DcdForce { force: state.force, torque: state.torque })
                     }
                     _ => Value::UserData(world.backend.user_data(id).ok_or_else(gone)?),
                 })
@@ -202,8 +227,8 @@ pub unsafe extern "C" fn dcd_state_read(
     })
 }
 
-/// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose and
-/// dcd_body_set_velocity do.
+/// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose,
+/// dcd_body_set_velocity, dcd_body_set_force and dcd_body_set_target do.
 ///
 /// With `each` null the first bad body or value fails the call; the bodies before it are changed already, unless the id was
 /// bad: ids are checked first. Else `each` has `count` entries that receive DCD_OK or what is wrong with that body, and the
@@ -249,6 +274,11 @@ fn apply(world: &mut World, body: DcdBodyId, value: Value) -> Result<(), Failure
     match value {
         Value::Pose(pose) => motion::set_pose(world, id, pose),
         Value::Velocity(velocity) => motion::set_velocity(world, id, velocity),
+        Value::Target(pose) => motion::set_target(world, id, pose),
+        Value::Force(DcdForce { force, torque }) => {
+            push::check_dynamic(world, id)?;
+            push::set_force(world, id, Vector::from_array(force), Vector::from_array(torque))
+        }
         Value::UserData(data) => world.backend.update(id, |body| body.user_data = u128::from(data)),
     }
 }
@@ -259,6 +289,8 @@ enum Value {
     Pose(DcdPose),
     Velocity(DcdVelocity),
     UserData(u64),
+    Force(DcdForce),
+    Target(DcdPose),
 }
 
 impl Value {
@@ -268,9 +300,10 @@ impl Value {
         // SAFETY: the caller vouches for the place; none of the writes asks for alignment.
         unsafe {
             match self {
-                Self::Pose(pose) => place.cast::<DcdPose>().write_unaligned(pose),
+                Self::Pose(pose) | Self::Target(pose) => place.cast::<DcdPose>().write_unaligned(pose),
                 Self::Velocity(velocity) => place.cast::<DcdVelocity>().write_unaligned(velocity),
                 Self::UserData(data) => place.cast::<u64>().write_unaligned(data),
+                Self::Force(force) => place.cast::<DcdForce>().write_unaligned(force),
             }
         }
     }
@@ -283,6 +316,8 @@ impl Value {
             match field {
                 DCD_FIELD_POSE => Self::Pose(place.cast::<DcdPose>().read_unaligned()),
                 DCD_FIELD_VELOCITY => Self::Velocity(place.cast::<DcdVelocity>().read_unaligned()),
+                DCD_FIELD_FORCE => Self::Force(place.cast::<DcdForce>().read_unaligned()),
+                DCD_FIELD_TARGET => Self::Target(place.cast::<DcdPose>().read_unaligned()),
                 _ => Self::UserData(place.cast::<u64>().read_unaligned()),
             }
         }
@@ -307,7 +342,8 @@ impl<'a> Bulk<'a> {
         each: *mut DcdStatus,
     ) -> Result<Self, Failure> {
         let size = match field {
-            DCD_FIELD_POSE => size_of::<DcdPose>(),
+            DCD_FIELD_POSE | DCD_FIELD_TARGET => size_of::<DcdPose>(),
+            DCD_FIELD_FORCE => size_of::<DcdForce>(),
             DCD_FIELD_VELOCITY => size_of::<DcdVelocity>(),
             DCD_FIELD_USER_DATA => size_of::<u64>(),
             other => {

@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use crate::backend::Backend;
 use crate::guard::guard;
-use crate::pointer::{self, Out, Sized32};
-use crate::status::{self, DcdStatus};
+use crate::pointer::{Out, Room, Sized32};
+use crate::status::DcdStatus;
 use crate::world::{DcdWorld, with};
 
 /// A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
@@ -80,26 +80,17 @@ pub unsafe extern "C" fn dcd_regions(
     count: *mut usize,
 ) -> DcdStatus {
     guard("dcd_regions", || {
-        // SAFETY: the caller vouches for the pointer.
-        let count = unsafe { Out::new(count, "count")? };
-        if cap > 0 {
-            pointer::check(out, "out")?;
-        }
+        // SAFETY: the caller vouches for `cap` entries and for `count`.
+        let out = unsafe { Room::new(out, cap, count, "out")? };
         with(world, |world| {
-            pointer::fits(world.backend.region_count(), cap, count, "out")?;
-            for (i, region) in world.backend.regions().into_iter().enumerate() {
-                let info = DcdRegionInfo {
-                    region: region.id.0,
-                    bodies: region.owned as u32,
-                    replicas: region.replicas as u32,
-                    reserved: 0,
-                    min: region.min,
-                    max: region.max,
-                };
-                // SAFETY: not null, aligned, and `cap` entries are enough.
-                unsafe { out.add(i).write(info) };
-            }
-            Ok(())
+            out.fill(world.backend.regions().into_iter().map(|region| DcdRegionInfo {
+                region: region.id.0,
+                bodies: region.owned as u32,
+                replicas: region.replicas as u32,
+                reserved: 0,
+                min: region.min,
+                max: region.max,
+            }))
         })
     })
 }
@@ -147,17 +138,12 @@ pub unsafe extern "C" fn dcd_stats_text(
     needed: *mut usize,
 ) -> DcdStatus {
     guard("dcd_stats_text", || {
-        // SAFETY: the caller vouches for the pointer.
-        let needed = unsafe { Out::new(needed, "needed")? };
-        if cap > 0 {
-            pointer::check(buf, "buf")?;
-        }
+        // SAFETY: the caller vouches for `cap` bytes and for `needed`.
+        let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, "buf")? };
         with(world, |world| {
-            let text = describe(&world.backend);
-            pointer::fits(text.len() + 1, cap, needed, "buf")?;
-            // SAFETY: not null, and `cap` bytes are enough.
-            unsafe { status::copy_text(&text, buf, cap) };
-            Ok(())
+            let mut text = describe(&world.backend).into_bytes();
+            text.push(0);
+            out.fill(text.into_iter())
         })
     })
 }

@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_char};
 
 use dcd::net::NetError;
 use dcd::physics::{HostError, ShapeError};
-use dcd::runtime::{ProcessError, WorldError};
+use dcd::runtime::{ProcessError, SnapshotError, WorldError};
 use dcd::scene::SceneError;
 
 /// What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
@@ -23,19 +23,20 @@ pub const DCD_ERR_STRUCT: DcdStatus = -3;
 pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
 /// The caller's memory is too small; the size needed was written.
 pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
-/// Called from within the log callback, where worlds may not be used.
+/// Not now: called from within the log callback, where worlds may not be used, or while a step that was begun is not
+/// waited for.
 pub const DCD_ERR_BUSY: DcdStatus = -6;
 /// Nobody answered in time.
 pub const DCD_ERR_TIMEOUT: DcdStatus = -8;
 /// The server refuses, or the link to it is gone.
 pub const DCD_ERR_NETWORK: DcdStatus = -9;
-/// The header that the program was compiled with does not fit the library it runs with.
+/// The header that the program was compiled with does not fit the library it runs with, or a snapshot is of another build.
 pub const DCD_ERR_VERSION: DcdStatus = -10;
 /// The library has a bug. The world that was called can only be destroyed; other worlds go on.
 pub const DCD_ERR_PANIC: DcdStatus = -11;
 /// The role of this world (see DcdWorldInfo) cannot do this; the message names the role.
 pub const DCD_ERR_UNSUPPORTED: DcdStatus = -12;
-/// A file cannot be read.
+/// A file cannot be read or written.
 pub const DCD_ERR_IO: DcdStatus = -13;
 /// The system or the world has no more: threads, ids.
 pub const DCD_ERR_LIMIT: DcdStatus = -14;
@@ -101,6 +102,21 @@ impl From<ProcessError> for Failure {
             | ProcessError::Evicted { .. }
             | ProcessError::Refused(_)
             | ProcessError::Stopped => DCD_ERR_NETWORK,
+        };
+        Self::new(status, error.to_string())
+    }
+}
+
+impl From<SnapshotError> for Failure {
+    fn from(error: SnapshotError) -> Self {
+        let status = match &error {
+            SnapshotError::Io(_) | SnapshotError::Unsavable(_) => DCD_ERR_IO,
+            SnapshotError::Unlike { .. } => DCD_ERR_VERSION,
+            SnapshotError::Threads(_) => DCD_ERR_LIMIT,
+            SnapshotError::Foreign
+            | SnapshotError::Truncated(_)
+            | SnapshotError::Damaged(_)
+            | SnapshotError::Undecodable(_) => DCD_ERR_ARGUMENT,
         };
         Self::new(status, error.to_string())
     }

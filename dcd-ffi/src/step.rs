@@ -1,8 +1,14 @@
 //! Time.
 
+use std::time::Duration;
+
 use crate::guard::guard;
+use crate::handle::stale;
 use crate::status::DcdStatus;
-use crate::world::{DcdWorld, with};
+use crate::world::{DcdWorld, World, cell, with};
+
+/// As dcd_step_wait's timeout: until the step is done, however long it takes.
+pub const DCD_FOREVER: u64 = u64::MAX;
 
 /// Advances the world by one step of its own length, DcdWorldInfo.dt; call it as often as your clock says. The length is the
 /// world's and not an argument, since every process that computes the world must use the same.
@@ -16,12 +22,28 @@ use crate::world::{DcdWorld, with};
 /// the world has ended (the last state stays readable, and what came before the loss is in dcd_events).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_step(world: DcdWorld) -> DcdStatus {
-    guard("dcd_step", || {
-        with(world, |world| {
-            let stepped = world.backend.step();
-            world.events.fill(&world.backend, world.mark);
-            world.states.after_step(&world.backend, world.mark);
-            stepped
-        })
+    guard("dcd_step", || with(world, World::step))
+}
+
+/// Begins what dcd_step does, on a thread of the library, and returns at once; dcd_step_wait says what became of it. Meanwhile
+/// draw what dcd_state_view lent, which stays as it is until the step after this one. Every other call on the world waits until
+/// the step is done, and then sees what it made.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY when a step was begun and dcd_step_wait has not told of it yet,
+/// DCD_ERR_LIMIT without a thread.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_step_begin(world: DcdWorld) -> DcdStatus {
+    guard("dcd_step_begin", || cell(world)?.begin().unwrap_or_else(|| Err(stale("world", world.v))))
+}
+
+/// Waits until the step that dcd_step_begin began is done, but not longer than `timeout_ns` nanoseconds: 0 only looks, DCD_FOREVER
+/// has no limit. Returns what dcd_step would have, once for each step that was begun.
+///
+/// Errors: DCD_ERR_TIMEOUT while it is not done, DCD_ERR_ARGUMENT when none was begun, and those of dcd_step.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_step_wait(world: DcdWorld, timeout_ns: u64) -> DcdStatus {
+    guard("dcd_step_wait", || {
+        let timeout = (timeout_ns != DCD_FOREVER).then(|| Duration::from_nanos(timeout_ns));
+        cell(world)?.wait(timeout)
     })
 }

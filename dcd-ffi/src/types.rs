@@ -3,6 +3,9 @@
 use dcd::protocol::{Velocity, WorldPose};
 use rapier3d::prelude as rapier;
 
+use crate::pointer::check_numbers;
+use crate::status::Failure;
+
 /// A place and a turn in world space.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,8 +61,13 @@ impl From<DcdVelocity> for Velocity {
 }
 
 impl DcdFrame {
-    pub(crate) fn is_valid(&self) -> bool {
-        WorldPose { translation: self.p.map(f64::from), rotation: self.q }.is_valid()
+    /// Whether it is a place and a turn.
+    pub(crate) fn check(&self, name: &str) -> Result<(), Failure> {
+        check_numbers(&self.p, &format!("{name}.p"))?;
+        if (WorldPose { translation: [0.0; 3], rotation: self.q }).is_valid() {
+            return Ok(());
+        }
+        Err(Failure::argument(format!("{name}.q is {:?}; give a quaternion x, y, z, w of length 1", self.q)))
     }
 
     pub(crate) fn pose(&self) -> rapier::Pose {

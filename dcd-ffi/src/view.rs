@@ -36,12 +36,3 @@ pub(crate) struct RegionView {
     pub min: [f64; 3],
     pub max: [f64; 3],
 }
-
-/// A ray and what it does not see.
-pub(crate) struct RayQuery {
-    pub origin: [f64; 3],
-    pub direction: [f32; 3],
-    pub max_m: f32,
-    pub mask: u32,
-    pub exclude: Option<BodyId>,
-}

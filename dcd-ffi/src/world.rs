@@ -11,13 +11,14 @@ use dcd::space::Bounds;
 use rapier3d::prelude::SharedShape;
 
 use crate::backend::Backend;
+use crate::cell::Cell;
 use crate::event::EventBuffers;
 use crate::guard::{guard, guard_value};
 use crate::handle::{Mark, Slots, not_null, stale};
 use crate::log;
 use crate::pointer::{self, Out, Sized32};
 use crate::state::StateBuffers;
-use crate::status::{DCD_ERR_PANIC, DcdStatus, Failure};
+use crate::status::{DcdStatus, Failure};
 
 /// A world, whatever its role. 0 is null.
 #[repr(C)]
@@ -36,6 +37,10 @@ pub const DCD_ROLE_LOCAL: DcdRole = 0;
 pub const DCD_ROLE_CLIENT: DcdRole = 1;
 /// Hosts avatars in it, and computes a share of it.
 pub const DCD_ROLE_PARTICIPANT: DcdRole = 2;
+/// Holds it: decides who computes what, and lets others in.
+pub const DCD_ROLE_SERVER: DcdRole = 3;
+/// Computes a share of it.
+pub const DCD_ROLE_NODE: DcdRole = 4;
 
 /// How regions agree on the bodies that they share.
 pub type DcdCoupling = u32;
@@ -109,15 +114,15 @@ pub struct DcdWorldDef {
 pub struct DcdWorldInfo {
     /// sizeof(DcdWorldInfo).
     pub struct_size: u32,
-    /// DCD_ROLE_LOCAL, _CLIENT or _PARTICIPANT.
+    /// DCD_ROLE_LOCAL, _CLIENT, _PARTICIPANT, _SERVER or _NODE.
     pub role: DcdRole,
     /// Steps since the world began; the newest heard of in a served world.
     pub tick: u64,
     /// Your own.
     pub user_data: u64,
-    /// Regions the world is cut into.
+    /// Regions the world is cut into; those that this process computes, for a node.
     pub regions: u32,
-    /// Length of a step, seconds.
+    /// Length of a step, seconds; 0 for a node, which takes it from its server, as gravity.
     pub dt: f32,
     /// m/s².
     pub gravity: [f32; 3],
@@ -144,14 +149,33 @@ pub(crate) struct World {
     user_data: u64,
 }
 
-/// One world behind its own lock. `None` once it is destroyed, for calls that waited meanwhile.
-type Cell = Arc<Mutex<Option<World>>>;
+impl World {
+    /// Advances the world, and shows what happened.
+    pub(crate) fn step(&mut self) -> Result<(), Failure> {
+        let stepped = self.backend.step();
+        self.show();
+        stepped
+    }
 
-static WORLDS: Mutex<Slots<Cell>> = Mutex::new(Slots::new());
+    /// Takes down state and events of the last step for those who look.
+    pub(crate) fn show(&mut self) {
+        self.events.fill(&self.backend, self.mark);
+        self.states.after_step(&self.backend, self.mark);
+    }
+}
 
-fn worlds() -> MutexGuard<'static, Slots<Cell>> {
+static WORLDS: Mutex<Slots<Arc<Cell>>> = Mutex::new(Slots::new());
+
+fn worlds() -> MutexGuard<'static, Slots<Arc<Cell>>> {
     // Nothing that can panic halfway runs under this lock.
     WORLDS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The place of a world; for calls that do not take turns on it.
+pub(crate) fn cell(world: DcdWorld) -> Result<Arc<Cell>, Failure> {
+    log::check_outside()?;
+    not_null(world.v, "world")?;
+    worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))
 }
 
 /// Calls `work` with the world, after every other call on it.
@@ -161,11 +185,19 @@ pub(crate) fn with<R>(
 ) -> Result<R, Failure> {
     log::check_outside()?;
     not_null(world.v, "world")?;
-    let cell = worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))?;
-    let mut place = cell.lock().map_err(|_| {
-        Failure::new(DCD_ERR_PANIC, "a bug in dcd stopped an earlier call on this world; destroy it")
-    })?;
-    work(place.as_mut().ok_or_else(|| stale("world", world.v))?)
+    let (handle, cell) = match LAST.take() {
+        Some(last) if last.0 == world.v => last,
+        _ => (world.v, cell(world)?),
+    };
+    let Some(done) = cell.with(work) else { return Err(stale("world", handle)) };
+    LAST.set(Some((handle, cell)));
+    done
+}
+
+thread_local! {
+    /// The world that this thread last called, so that it is not looked for again: handles are never given twice. Once it is
+    /// destroyed, nothing is left in its cell.
+    static LAST: std::cell::Cell<Option<(u64, Arc<Cell>)>> = const { std::cell::Cell::new(None) };
 }
 
 pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
@@ -179,9 +211,17 @@ pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
         events: EventBuffers::default(),
         user_data,
     };
-    let handle = DcdWorld { v: worlds().insert(Arc::new(Mutex::new(Some(world)))) };
+    let handle = DcdWorld { v: worlds().insert(Arc::new(Cell::new(world))) };
     tracing::info!(world = handle.v, "world made");
     handle
+}
+
+/// How many threads a process that joins is to use.
+pub(crate) fn asked_threads(asked: u32) -> Result<usize, Failure> {
+    if asked > 1024 {
+        return Err(Failure::argument(format!("threads is {asked}; give 1 to 1024, or 0")));
+    }
+    Ok(threads(asked, usize::MAX))
 }
 
 /// How many threads are meant; 0 is as many as are of use.
@@ -277,32 +317,55 @@ pub unsafe extern "C" fn dcd_world_open_scene(
     out: *mut DcdWorld,
 ) -> DcdStatus {
     guard("dcd_world_open_scene", || {
-        // SAFETY: the caller vouches for the pointers; the texts are only used during the call.
-        let (name, params, out) = unsafe {
-            let texts = pointer::slice(params, param_count, "params")?;
-            let texts: Vec<&str> =
-                texts.iter().map(|&text| pointer::text(text, "params[i]")).collect::<Result<_, _>>()?;
-            (pointer::text(name_or_path, "name_or_path")?, Params::from_args(texts)?, Out::new(out, "out")?)
-        };
-        let (asked_threads, regions, user_data, choice) = if def.is_null() {
-            (0, 0, 0, CouplingChoice::default())
-        } else {
-            // SAFETY: not null; the caller vouches for the rest.
-            let def = unsafe { pointer::read_sized(def, "def")? };
-            (def.threads, def.regions, def.user_data, choice(&def)?)
-        };
-        let scene = Scene::open(name, &params)?;
-        let mut config = WorldConfig::for_scene(&scene);
-        if regions > 0 {
-            config.partitioning = Partitioning::Regions(regions as usize);
-        }
-        let leaves = config.tree().map_err(dcd::runtime::WorldError::from)?.leaves().count();
-        config.threads = threads(asked_threads, leaves);
-        config.step = choice.applied_to(config.step);
+        // SAFETY: the caller vouches for the pointers and the texts.
+        let (opened, out) = unsafe { (open(name_or_path, params, param_count, def)?, Out::new(out, "out")?) };
+        let Opened { scene, config, user_data } = opened;
         let backend = Backend::Local(Box::new(LocalWorld::from_scene(&scene, config)?));
         out.write(add(backend, user_data));
         Ok(())
     })
+}
+
+/// A scene, and how the world that it describes is computed.
+pub(crate) struct Opened {
+    pub scene: Scene,
+    pub config: WorldConfig,
+    pub user_data: u64,
+}
+
+/// Opens a scene by what dcd_world_open_scene is given.
+///
+/// # Safety
+/// Each pointer is null or valid for reading; texts end with NUL and nobody writes them meanwhile.
+pub(crate) unsafe fn open(
+    name_or_path: *const c_char,
+    params: *const *const c_char,
+    param_count: usize,
+    def: *const DcdWorldDef,
+) -> Result<Opened, Failure> {
+    // SAFETY: passed on.
+    let (name, params) = unsafe {
+        let texts = pointer::slice(params, param_count, "params")?;
+        let texts: Vec<&str> =
+            texts.iter().map(|&text| pointer::text(text, "params[i]")).collect::<Result<_, _>>()?;
+        (pointer::text(name_or_path, "the scene's name or path")?, Params::from_args(texts)?)
+    };
+    let (asked_threads, regions, user_data, choice) = if def.is_null() {
+        (0, 0, 0, CouplingChoice::default())
+    } else {
+        // SAFETY: not null; the caller vouches for the rest.
+        let def = unsafe { pointer::read_sized(def, "def")? };
+        (def.threads, def.regions, def.user_data, choice(&def)?)
+    };
+    let scene = Scene::open(name, &params)?;
+    let mut config = WorldConfig::for_scene(&scene);
+    if regions > 0 {
+        config.partitioning = Partitioning::Regions(regions as usize);
+    }
+    let leaves = config.tree().map_err(dcd::runtime::WorldError::from)?.leaves().count();
+    config.threads = threads(asked_threads, leaves);
+    config.step = choice.applied_to(config.step);
+    Ok(Opened { scene, config, user_data })
 }
 
 /// Destroys a local world with everything in it, or leaves a served one, whose avatars wait for your return. Its handles
@@ -316,9 +379,7 @@ pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
         log::check_outside()?;
         not_null(world.v, "world")?;
         let cell = worlds().remove(world.v).ok_or_else(|| stale("world", world.v))?;
-        // A poisoned world is destroyed like any other.
-        let gone = cell.lock().unwrap_or_else(PoisonError::into_inner).take();
-        drop(gone);
+        drop(cell.close());
         tracing::info!(world = world.v, "world destroyed");
         Ok(())
     })
@@ -357,8 +418,8 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::status::{DCD_ERR_STALE_ID, DCD_OK};
-    use crate::step::dcd_step;
+    use crate::status::{DCD_ERR_PANIC, DCD_ERR_STALE_ID, DCD_OK};
+    use crate::step::{DCD_FOREVER, dcd_step, dcd_step_begin, dcd_step_wait};
 
     #[test]
     fn the_numbers_of_couplings_and_presets_are_in_their_order() {
@@ -384,6 +445,8 @@ mod tests {
         assert_eq!(status, DCD_ERR_PANIC);
         assert_eq!(dcd_step(broken), DCD_ERR_PANIC);
         assert_eq!(dcd_step(other), DCD_OK);
+        assert_eq!(dcd_step_begin(broken), DCD_OK);
+        assert_eq!(dcd_step_wait(broken, DCD_FOREVER), DCD_ERR_PANIC);
         assert_eq!(dcd_world_destroy(broken), DCD_OK);
         assert_eq!(dcd_step(broken), DCD_ERR_STALE_ID);
         assert_eq!(dcd_world_destroy(other), DCD_OK);

@@ -11,7 +11,10 @@ use dcd_ffi::event::*;
 use dcd_ffi::join::*;
 use dcd_ffi::joint::*;
 use dcd_ffi::motion::*;
+use dcd_ffi::part::*;
+use dcd_ffi::properties::*;
 use dcd_ffi::query::*;
+use dcd_ffi::serve::*;
 use dcd_ffi::shape::*;
 use dcd_ffi::state::*;
 use dcd_ffi::stats::*;
@@ -53,13 +56,43 @@ fn layouts() -> Vec<Layout> {
         DcdParticipantDef {
             struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved
         }
-        DcdBodyDef {
-            struct_size, body_type, pose, velocity, shape, density, friction, restitution, linear_damping,
-            angular_damping, gravity_scale, flags, locked, events, force_threshold, groups, mask, user_data
+        DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
+        DcdServerDef {
+            struct_size, nodes, scene, params, param_count, world, groups, listen, data_path, last_tick, avatar_speed,
+            flags, user_data
         }
-        DcdBodyInfo { struct_size, body_type, user_data, mass, region, sleeping, reserved }
+        DcdNodeDef {
+            struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved
+        }
+        DcdBodyDef {
+            struct_size, body_type, pose, velocity, shape, density, mass, friction, restitution, friction_rule,
+            restitution_rule, contact_skin, linear_damping, angular_damping, gravity_scale, flags, locked, events,
+            force_threshold, groups, mask, solver_groups, solver_mask, pairs, dominance, soft_ccd, sleep_linear,
+            sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia, extra_solver_iterations,
+            extra_pgs_iterations, reserved, user_data
+        }
+        DcdBodyProperties {
+            struct_size, body_type, flags, locked, dominance, linear_damping, angular_damping, gravity_scale, soft_ccd,
+            sleep_linear, sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia,
+            extra_solver_iterations, extra_pgs_iterations, reserved, user_data
+        }
+        DcdPartProperties {
+            struct_size, flags, frame, density, mass, friction, restitution, friction_rule, restitution_rule,
+            contact_skin, events, force_threshold, groups, mask, solver_groups, solver_mask, pairs, reserved,
+            user_data
+        }
+        DcdBodyInfo {
+            struct_size, body_type, user_data, centre, mass, region, force, torque, parts, sleeping, reserved
+        }
+        DcdForce { force, torque }
         DcdJointDef {
-            struct_size, joint_type, a, b, frame_a, frame_b, limit, motor_speed, motor_max_force, flags, reserved
+            struct_size, joint_type, a, b, frame_a, frame_b, limit, motor, flags, locked, coupled, natural_frequency,
+            damping_ratio, reserved, user_data
+        }
+        DcdJointMotor { position, velocity, stiffness, damping, max_force, model }
+        DcdJointInfo {
+            struct_size, joint_type, a, b, user_data, frame_a, frame_b, offset, position, force,
+            natural_frequency, damping_ratio, flags, locked, coupled, limited, driven
         }
         DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
         DcdContact { a, b, user_a, user_b, point, normal, speed, kind, flags, part_a, part_b }
@@ -70,8 +103,18 @@ fn layouts() -> Vec<Layout> {
             struct_size, flags, tick, contacts, contact_count, forces, force_count, transfers, transfer_count,
             changes, change_count
         }
-        DcdRay { origin, direction, max_distance, exclude, mask, reserved }
-        DcdRayHit { body, user_data, point, normal, distance }
+        DcdFilter { struct_size, flags, groups, mask, exclude, exclude_count }
+        DcdRay { origin, direction, max_distance, exclude, mask, flags }
+        DcdRayHit { body, user_data, point, normal, distance, part, subshape }
+        DcdShapeCast { shape, pose, motion, turn, margin, mask, exclude, flags, reserved }
+        DcdShapeHit {
+            body, user_data, point, normal, fraction, point_on_shape, normal_on_shape, part, subshape, flags, reserved
+        }
+        DcdPointQuery { point, max_distance, mask, exclude, flags, reserved }
+        DcdPointHit { body, user_data, point, distance, part, flags, reserved }
+        DcdShapeQuery { shape, pose, exclude, mask, reserved }
+        DcdBoxQuery { min, max, exclude, mask, reserved }
+        DcdOverlap { body, user_data, part, reserved }
         DcdRegionInfo { region, bodies, replicas, reserved, min, max }
         DcdStats {
             struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out, rtt,
@@ -91,14 +134,35 @@ const MACROS: &str = "
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \\
     { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
-      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.5f, 0.0f, 0.0f, 0.0f, 1.0f, \\
-      0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0 }
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, \\
+      0.0f, 0.0f, 1.0f, 0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0.0f, \\
+      0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+
+/* A shape as dense as water at the body's origin. */
+#define DCD_PART_PROPERTIES_INIT \\
+    { (uint32_t)sizeof(DcdPartProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
+      1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0 }
+
+/* A motor that holds still by any force. */
+#define DCD_JOINT_MOTOR_INIT { 0.0f, 0.0f, 0.0f, 1000.0f, 3.402823466e+38f, DCD_MOTOR_ACCELERATION }
 
 /* A fixed joint that brings the origins of two bodies together. */
 #define DCD_JOINT_DEF_INIT \\
     { (uint32_t)sizeof(DcdJointDef), DCD_JOINT_FIXED, { 0 }, { 0 }, \\
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
-      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0 }
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, DCD_JOINT_MOTOR_INIT, \\
+      0, 0, 0, 1.0e6f, 1.0f, 0, 0 }
+
+/* Nothing is overlooked. */
+#define DCD_FILTER_INIT { (uint32_t)sizeof(DcdFilter), 0, 0, 0xFFFFFFFFu, NULL, 0 }
+#define DCD_RAY_INIT { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 1.0e6f, { 0 }, 0xFFFFFFFFu, 0 }
+#define DCD_SHAPE_CAST_INIT \\
+    { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, \\
+      0.0f, 0xFFFFFFFFu, { 0 }, 0, 0 }
+#define DCD_POINT_QUERY_INIT { { 0.0, 0.0, 0.0 }, 1.0e6f, 0xFFFFFFFFu, { 0 }, 0, 0 }
+#define DCD_SHAPE_QUERY_INIT \\
+    { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0 }, 0xFFFFFFFFu, 0 }
+#define DCD_BOX_QUERY_INIT { { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0 }, 0xFFFFFFFFu, 0 }
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \\
@@ -106,11 +170,29 @@ const MACROS: &str = "
 #define DCD_PARTICIPANT_DEF_INIT \\
     { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0 }
 
+/* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
+#define DCD_GROUP_DEF_INIT \\
+    { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
+#define DCD_SERVER_DEF_INIT \\
+    { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, NULL, \"127.0.0.1:0\", NULL, 0, 20.0f, 0, 0 }
+#define DCD_NODE_DEF_INIT \\
+    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0 }
+
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \\
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \\
-    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, 0.0f, 0, false, { 0, 0, 0, 0, 0, 0, 0 } }
+    { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \\
+      { 0.0f, 0.0f, 0.0f }, 0, false, { 0, 0, 0 } }
+#define DCD_BODY_PROPERTIES_INIT \\
+    { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \\
+      { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+#define DCD_JOINT_INFO_INIT \\
+    { (uint32_t)sizeof(DcdJointInfo), 0, { 0 }, { 0 }, 0, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, 0.0f, \\
+      { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \\
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \\
@@ -243,8 +325,8 @@ fn size_of_member(declaration: &str) -> usize {
     let size = match kind {
         _ if name.contains('*') => size_of::<usize>(),
         "uint8_t" | "bool" => 1,
-        "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdRole"
-        | "DcdCoupling" | "DcdPreset" => 4,
+        "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
+        | "DcdCombineRule" | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
         "double" | "uint64_t" | "size_t" => 8,
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };

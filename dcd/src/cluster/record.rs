@@ -296,7 +296,7 @@ impl Record {
     /// Shapes as chunks, each before the compounds that name it, without those of `known`, which it is added to.
     pub(super) fn shape_chunks(&self, known: &mut BTreeSet<ShapeHash>) -> Vec<Chunk> {
         let mut new: Vec<_> = self.shapes.iter().filter(|(hash, _)| !known.contains(hash)).collect();
-        new.sort_by_key(|(_, shape)| shape.parts().next().is_some());
+        new.sort_by_key(|(_, shape)| shape.is_compound());
         known.extend(new.iter().map(|(hash, _)| **hash));
         chunks(new.into_iter().map(|(_, shape)| shape.clone()), Chunk::Shapes)
     }

@@ -34,7 +34,8 @@ pub fn joint_record(id: JointId, a: BodyId, b: BodyId, joint: &GenericJoint) -> 
         }),
         softness: [joint.softness.natural_frequency, joint.softness.damping_ratio],
         contacts_enabled: joint.contacts_enabled,
-        enabled: joint.is_enabled(),
+        // Of a joint at rest because a body of it is disabled, the user has said nothing.
+        enabled: joint.enabled != JointEnabled::Disabled,
         user_data: joint.user_data,
         link: None,
     }

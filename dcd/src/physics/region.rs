@@ -245,6 +245,11 @@ impl Region {
         self.slots.iter().flatten().filter(|slot| slot.role == Role::Owner).count()
     }
 
+    /// Whether there are any: found at once where there are, as bodies are inserted one by one.
+    pub fn owns_any(&self) -> bool {
+        self.slots.iter().flatten().any(|slot| slot.role == Role::Owner)
+    }
+
     /// How many of them are awake.
     pub fn awake_count(&self) -> usize {
         let owned = |handle| self.slot_at(handle).is_some_and(|slot| slot.role == Role::Owner);

@@ -86,7 +86,7 @@ impl ShapeLibrary {
 
     fn in_order(&self) -> impl Iterator<Item = &ShapeRecord> {
         let records = || self.shapes.values().map(|(record, _)| record);
-        let is_part = |record: &&ShapeRecord| record.parts().next().is_none();
+        let is_part = |record: &&ShapeRecord| !record.is_compound();
         records().filter(is_part).chain(records().filter(move |record| !is_part(record)))
     }
 

@@ -280,9 +280,10 @@ impl Region {
         }
     }
 
-    /// A joint held here, whole: with the impulses of the last step, or as its multibody moves.
+    /// A joint held here, whole: with the impulses of the last step, or as its multibody moves; or one that waits.
     pub(super) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
-        Some(self.whole_record(self.joints.get(&id)?))
+        let held = self.joints.get(&id).map(|held| self.whole_record(held));
+        held.or_else(|| self.waiting.get(&id).cloned())
     }
 
     fn whole_record(&self, held: &HeldJoint) -> JointRecord {

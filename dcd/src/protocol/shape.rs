@@ -92,6 +92,11 @@ impl ShapeRecord {
         ShapeHash(short)
     }
 
+    /// Whether it is made of other shapes.
+    pub fn is_compound(&self) -> bool {
+        matches!(self, Self::Compound(_))
+    }
+
     /// The shapes that this one is made of.
     pub fn parts(&self) -> impl Iterator<Item = ShapeHash> {
         let parts: &[(Pose, ShapeHash)] = match self {

@@ -367,8 +367,18 @@ impl DcdWorld {
         if self.host.update_joint(joint, change) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
+    /// A joint as it is now: its motors are whole, however many regions share it.
+    pub fn joint(&self, joint: JointId) -> Option<JointRecord> {
+        self.host.joint(joint)
+    }
+
+    /// The joints that a body hangs on, in order of insertion.
+    pub fn joints_of(&self, body: BodyId) -> Vec<JointId> {
+        self.host.all_joints_of(body).into_keys().collect()
+    }
+
     /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
-    /// about them.
+    /// about them. Rapier makes what it solves orthogonal first, so the numbers of several axes are mixed.
     pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
         self.host.joint_load(joint)
     }

@@ -228,6 +228,17 @@ impl Member {
         self.shared.lock().summary.tick
     }
 
+    /// What has passed over the network; a tenth of a second old.
+    pub fn traffic(&self) -> PeerStats {
+        self.shared.lock().traffic
+    }
+
+    /// Whether the loop has ended, and why if something went wrong.
+    pub fn ended(&self) -> Option<Option<String>> {
+        let state = self.shared.lock();
+        state.end.as_ref().map(|end| end.as_ref().err().map(ToString::to_string))
+    }
+
     /// Whether the loop has ended.
     pub fn is_over(&self) -> bool {
         self.shared.lock().end.is_some()

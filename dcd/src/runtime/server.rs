@@ -15,7 +15,7 @@ use super::member::forward;
 use super::{ProcessError, RedbDirectory, WorldConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
 use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput};
-use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, Role, check_address};
+use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerStats, Role, check_address};
 use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary};
 use crate::protocol::{BodyKind, EnvironmentProperties, Pace, StateHasher, SyncProtocol, Thresholds, View};
 use crate::scene::Scene;
@@ -113,6 +113,7 @@ struct Shared {
 struct State {
     summary: ServerSummary,
     view: Option<View>,
+    traffic: PeerStats,
     over: bool,
     failure: Option<ProcessError>,
 }
@@ -211,6 +212,11 @@ impl ServerProcess {
     /// What became of the world so far.
     pub fn summary(&self) -> ServerSummary {
         self.shared.lock().summary.clone()
+    }
+
+    /// What has passed over the network.
+    pub fn traffic(&self) -> PeerStats {
+        self.shared.lock().traffic
     }
 
     /// The membership, while nodes compute the world.
@@ -460,6 +466,7 @@ impl Loop {
         state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
         if let Some(links) = &self.links {
             let traffic = links.totals().traffic;
+            state.traffic = traffic;
             state.summary.bytes = traffic.bytes_in + traffic.bytes_out;
         }
         drop(state);

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 static int checks, failures;
 
@@ -99,11 +100,16 @@ static DcdVelocity velocity_of(DcdWorld world, DcdBodyId body)
     return velocity;
 }
 
-static uint32_t region_of(DcdWorld world, DcdBodyId body)
+static DcdBodyInfo info_of(DcdWorld world, DcdBodyId body)
 {
     DcdBodyInfo info = DCD_BODY_INFO_INIT;
     OK(dcd_body_info(world, body, &info));
-    return info.region;
+    return info;
+}
+
+static uint32_t region_of(DcdWorld world, DcdBodyId body)
+{
+    return info_of(world, body).region;
 }
 
 static void members_of_a_body_count(void)
@@ -324,6 +330,458 @@ static void surfaces_can_be_changed(void)
     OK(dcd_world_destroy(world));
 }
 
+static DcdBodyProperties properties_of(DcdWorld world, DcdBodyId body)
+{
+    DcdBodyProperties properties = DCD_BODY_PROPERTIES_INIT;
+    OK(dcd_body_properties(world, body, &properties));
+    return properties;
+}
+
+static DcdPartProperties part_of(DcdWorld world, DcdBodyId body, uint32_t part)
+{
+    DcdPartProperties properties = DCD_PART_PROPERTIES_INIT;
+    OK(dcd_part_properties(world, body, part, &properties));
+    return properties;
+}
+
+/* A body whose definition has something to say in every member. */
+static DcdBodyDef peculiar(DcdWorld world)
+{
+    DcdBodyDef def = crate(world, 20.0, 50.0);
+    def.density = 500.0f;
+    def.friction = 0.25f;
+    def.restitution = 0.125f;
+    def.friction_rule = DCD_COMBINE_GEOMETRIC_MEAN;
+    def.restitution_rule = DCD_COMBINE_MULTIPLY;
+    def.contact_skin = 0.01f;
+    def.linear_damping = 0.5f;
+    def.angular_damping = 0.75f;
+    def.gravity_scale = -2.0f;
+    def.flags = DCD_BODY_CCD | DCD_BODY_SENSOR | DCD_BODY_FAST_SPIN | DCD_BODY_NO_GYRO | DCD_BODY_ANY_GROUP;
+    def.locked = DCD_LOCK_X | DCD_LOCK_TURN_Z;
+    def.events = DCD_EVENT_CONTACT;
+    def.force_threshold = 3.0f;
+    def.groups = 5;
+    def.mask = 6;
+    def.solver_groups = 9;
+    def.solver_mask = 10;
+    def.pairs = DCD_PAIR_DYNAMIC_FIXED | DCD_PAIR_KINEMATIC_FIXED;
+    def.dominance = -7;
+    def.soft_ccd = 0.25f;
+    def.sleep_linear = 0.5f;
+    def.sleep_angular = 0.25f;
+    def.sleep_after = 4.0f;
+    def.extra_mass = 8.0f;
+    def.extra_centre[1] = 0.5f;
+    def.extra_inertia[0] = 2.0f;
+    def.extra_inertia[2] = 4.0f;
+    def.extra_solver_iterations = 3;
+    def.extra_pgs_iterations = 2;
+    def.user_data = 99;
+    return def;
+}
+
+static void every_member_of_a_body_is_read_back(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyDef def = peculiar(world);
+    DcdBodyId body = add(world, def);
+    DcdBodyProperties as = properties_of(world, body);
+    HOLDS(as.body_type == DCD_DYNAMIC && as.flags == (DCD_BODY_CCD | DCD_BODY_FAST_SPIN | DCD_BODY_NO_GYRO));
+    HOLDS(as.locked == def.locked && as.dominance == -7 && as.linear_damping == 0.5f && as.angular_damping == 0.75f);
+    HOLDS(as.gravity_scale == -2.0f && as.soft_ccd == 0.25f && as.user_data == 99);
+    HOLDS(as.sleep_linear == 0.5f && as.sleep_angular == 0.25f && as.sleep_after == 4.0f);
+    HOLDS(as.extra_mass == 8.0f && as.extra_centre[1] == 0.5f && as.extra_inertia[0] == 2.0f);
+    HOLDS(as.extra_inertia[1] == 0.0f && as.extra_inertia[2] == 4.0f);
+    HOLDS(as.extra_solver_iterations == 3 && as.extra_pgs_iterations == 2);
+
+    DcdPartProperties part = part_of(world, body, 0);
+    HOLDS(part.flags == (DCD_PART_SENSOR | DCD_PART_ANY_GROUP) && part.density == 500.0f && part.mass == 0.0f);
+    HOLDS(part.friction == 0.25f && part.restitution == 0.125f && part.contact_skin == 0.01f);
+    HOLDS(part.friction_rule == DCD_COMBINE_GEOMETRIC_MEAN && part.restitution_rule == DCD_COMBINE_MULTIPLY);
+    HOLDS(part.events == DCD_EVENT_CONTACT && part.force_threshold == 3.0f && part.pairs == def.pairs);
+    HOLDS(part.groups == 5 && part.mask == 6 && part.solver_groups == 9 && part.solver_mask == 10);
+
+    /* Given to another body, they make it the same. */
+    DcdBodyId other = add(world, crate(world, -20.0, 50.0));
+    DcdBodyProperties usual = properties_of(world, other), again;
+    DcdPartProperties plain = part_of(world, other, 0), part_again;
+    OK(dcd_body_set_properties(world, other, &as));
+    again = properties_of(world, other);
+    HOLDS(memcmp(&again, &as, sizeof as) == 0);
+    part.frame.p[1] = 0.25f;
+    part.user_data = 12;
+    OK(dcd_part_set_properties(world, other, 0, &part));
+    part_again = part_of(world, other, 0);
+    HOLDS(part_again.density == 0.0f && fabsf(part_again.mass - 500.0f) < 0.01f); /* changed later, it is a mass */
+    part_again.density = part.density;
+    part_again.mass = part.mass;
+    HOLDS(memcmp(&part_again, &part, sizeof part) == 0);
+    /* And back again. */
+    OK(dcd_body_set_properties(world, other, &usual));
+    again = properties_of(world, other);
+    HOLDS(memcmp(&again, &usual, sizeof as) == 0);
+    OK(dcd_part_set_properties(world, other, 0, &plain));
+    HOLDS(part_of(world, other, 0).frame.p[1] == 0.0f && part_of(world, other, 0).friction == 0.5f);
+    NEAR(info_of(world, other).mass, 1000.0, 0.01);
+
+    /* What is asleep and given back as it was sleeps on. */
+    OK(dcd_body_sleep(world, other));
+    OK(dcd_body_set_properties(world, other, &again));
+    HOLDS(info_of(world, other).sleeping);
+    again.user_data = 5;
+    OK(dcd_body_set_properties(world, other, &again));
+    HOLDS(info_of(world, other).sleeping && info_of(world, other).user_data == 5);
+    again.gravity_scale = 2.0f;
+    OK(dcd_body_set_properties(world, other, &again));
+    HOLDS(!info_of(world, other).sleeping);
+    OK(dcd_world_destroy(world));
+}
+
+static void changed_bodies_behave_so(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyProperties as;
+    add_floor(world);
+
+    /* A body that is fixed hangs in the air, one that is dynamic again falls; what is disabled is not there. */
+    DcdBodyId fixed = add(world, crate(world, -30.0, 20.0)), gone = add(world, crate(world, -25.0, 20.0));
+    DcdBodyId light = add(world, crate(world, -20.0, 20.0)), held = add(world, crate(world, -15.0, 20.0));
+    DcdBodyId slow = add(world, crate(world, -10.0, 20.0));
+    as = properties_of(world, fixed);
+    as.body_type = DCD_FIXED;
+    OK(dcd_body_set_properties(world, fixed, &as));
+    as = properties_of(world, gone);
+    as.flags = DCD_BODY_DISABLED;
+    OK(dcd_body_set_properties(world, gone, &as));
+    as = properties_of(world, light);
+    as.gravity_scale = 0.0f;
+    OK(dcd_body_set_properties(world, light, &as));
+    as = properties_of(world, held);
+    as.locked = DCD_LOCK_Y;
+    OK(dcd_body_set_properties(world, held, &as));
+    as = properties_of(world, slow);
+    as.linear_damping = 5.0f;
+    OK(dcd_body_set_properties(world, slow, &as));
+    steps(world, 60);
+    NEAR(pose_of(world, fixed).p[1], 20.0, 0.0);
+    NEAR(pose_of(world, gone).p[1], 20.0, 0.0);
+    NEAR(pose_of(world, light).p[1], 20.0, 1e-6);
+    NEAR(pose_of(world, held).p[1], 20.0, 1e-6);
+    HOLDS(pose_of(world, slow).p[1] > 18.0 && pose_of(world, slow).p[1] < 19.5);
+    as = properties_of(world, fixed);
+    as.body_type = DCD_DYNAMIC;
+    OK(dcd_body_set_properties(world, fixed, &as));
+    as = properties_of(world, gone);
+    as.flags = 0;
+    OK(dcd_body_set_properties(world, gone, &as));
+    steps(world, 30);
+    NEAR(velocity_of(world, fixed).linear[1], -5.0, 0.05);
+    HOLDS(pose_of(world, gone).p[1] < 19.0);
+
+    /* Half a ton more, half a metre up. */
+    DcdBodyId heavy = add(world, crate(world, 10.0, 20.0));
+    as = properties_of(world, heavy);
+    as.extra_mass = 500.0f;
+    OK(dcd_body_set_properties(world, heavy, &as));
+    NEAR(info_of(world, heavy).mass, 1500.0, 0.1);
+    NEAR(info_of(world, heavy).centre[1], 20.0, 1e-4);
+    as.extra_centre[1] = 0.6f;
+    OK(dcd_body_set_properties(world, heavy, &as));
+    NEAR(info_of(world, heavy).mass, 1500.0, 0.1);
+    NEAR(info_of(world, heavy).centre[1], 20.2, 1e-3);
+
+    /* Who dominates is not pushed back by a hundred times its mass. */
+    DcdBodyDef def = crate(world, 20.0, 0.5);
+    def.friction = 0.0f;
+    def.friction_rule = DCD_COMBINE_MULTIPLY;
+    DcdBodyId anvil = add(world, def);
+    def.pose.p[0] = 17.0;
+    def.density = 10.0f;
+    def.dominance = 1;
+    def.velocity.linear[0] = 2.0f;
+    DcdBodyId lord = add(world, def);
+    steps(world, 150);
+    NEAR(velocity_of(world, lord).linear[0], 2.0, 0.02);
+    HOLDS(pose_of(world, anvil).p[0] > 20.5);
+    OK(dcd_world_destroy(world));
+}
+
+static void speed_and_spin_are_as_asked(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    const float plate[3] = { 0.02f, 5.0f, 5.0f }, book[3] = { 0.5f, 0.1f, 0.3f };
+    DcdBodyDef wall = DCD_BODY_DEF_INIT, def = crate(world, -4.0, 0.0);
+    wall.body_type = DCD_KINEMATIC; /* no body jumps through fixed ones */
+    OK(dcd_shape_box(world, plate, &wall.shape));
+    add(world, wall);
+    /* Bullets of 300 m/s at a plate of 4 cm: one passes, one looks ahead, one is swept. */
+    OK(dcd_shape_sphere(world, 0.05f, &def.shape));
+    def.velocity.linear[0] = 300.0f;
+    def.pose.p[1] = -3.0;
+    DcdBodyId bullet = add(world, def);
+    def.pose.p[1] = 0.0;
+    def.soft_ccd = 10.0f;
+    DcdBodyId careful = add(world, def);
+    def.soft_ccd = 0.0f;
+    def.pose.p[1] = 3.0;
+    DcdBodyId swept = add(world, def);
+    DcdBodyProperties as = properties_of(world, swept);
+    as.flags |= DCD_BODY_CCD;
+    OK(dcd_body_set_properties(world, swept, &as));
+    steps(world, 30);
+    HOLDS(pose_of(world, bullet).p[0] > 10.0);
+    HOLDS(pose_of(world, careful).p[0] < 0.0 && pose_of(world, swept).p[0] < 0.0);
+
+    /* 200 rad/s is more than a quarter turn a step. */
+    def = crate(world, 20.0, 20.0);
+    def.velocity.angular[1] = 200.0f;
+    def.flags = DCD_BODY_NO_SLEEP;
+    DcdBodyId capped = add(world, def);
+    def.pose.p[0] = 25.0;
+    def.flags |= DCD_BODY_FAST_SPIN;
+    DcdBodyId wheel = add(world, def);
+    /* A book tumbles about its middle axis, but for one without gyroscopic torque. */
+    def = crate(world, 30.0, 20.0);
+    OK(dcd_shape_box(world, book, &def.shape));
+    def.velocity.angular[0] = 0.05f;
+    def.velocity.angular[2] = 6.0f;
+    DcdBodyId tumbles = add(world, def);
+    def.pose.p[0] = 35.0;
+    def.flags |= DCD_BODY_NO_GYRO;
+    DcdBodyId steady = add(world, def);
+    float wildest = 0.0f;
+    for (int i = 0; i < 300; i++) {
+        OK(dcd_step(world));
+        wildest = fmaxf(wildest, fabsf(velocity_of(world, tumbles).angular[0]));
+        NEAR(velocity_of(world, steady).angular[0], 0.05, 1e-3);
+    }
+    HOLDS(velocity_of(world, capped).angular[1] < 100.0f);
+    NEAR(velocity_of(world, wheel).angular[1], 200.0, 0.1);
+    HOLDS(wildest > 1.0f);
+    OK(dcd_world_destroy(world));
+}
+
+static void bodies_sleep_by_their_own_measure(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    add_floor(world);
+    DcdBodyDef def = crate(world, -6.0, 0.5);
+    DcdBodyId usual = add(world, def);
+    def.pose.p[0] = -3.0;
+    def.sleep_after = 3.0f;
+    DcdBodyId late = add(world, def);
+    def.pose.p[0] = 3.0;
+    def.flags = DCD_BODY_NO_SLEEP;
+    DcdBodyId never = add(world, def);
+    steps(world, 90);
+    HOLDS(info_of(world, usual).sleeping && !info_of(world, late).sleeping && !info_of(world, never).sleeping);
+    steps(world, 150);
+    HOLDS(info_of(world, late).sleeping && !info_of(world, never).sleeping);
+    DcdBodyProperties as = properties_of(world, never);
+    as.flags = 0;
+    as.sleep_after = 0.5f;
+    OK(dcd_body_set_properties(world, never, &as));
+    steps(world, 90);
+    HOLDS(info_of(world, never).sleeping);
+    OK(dcd_world_destroy(world));
+}
+
+static void materials_and_groups_combine(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyId ground = add_floor(world);
+    DcdPartProperties part = part_of(world, ground, 0);
+    part.friction = 1.0f;
+    OK(dcd_part_set_properties(world, ground, 0, &part));
+    DcdBodyDef def = crate(world, -20.0, 0.5);
+    def.velocity.linear[0] = 5.0f;
+    def.friction = 0.0f;
+    def.friction_rule = DCD_COMBINE_MIN;
+    DcdBodyId ice = add(world, def);
+    def.pose.p[2] = 10.0;
+    def.friction_rule = DCD_COMBINE_AVERAGE;
+    DcdBodyId wood = add(world, def);
+    /* A skin keeps it off the ground. */
+    DcdBodyId cushioned = add(world, crate(world, 20.0, 0.7));
+    part = part_of(world, cushioned, 0);
+    part.contact_skin = 0.1f;
+    OK(dcd_part_set_properties(world, cushioned, 0, &part));
+    steps(world, 120);
+    NEAR(velocity_of(world, ice).linear[0], 5.0, 0.01);
+    NEAR(velocity_of(world, wood).linear[0], 0.0, 0.01);
+    NEAR(pose_of(world, cushioned).p[1], 0.6, 0.02);
+
+    /* Seen and not pushed: it falls through the ground, and the contact is told of. */
+    def = crate(world, 30.0, 2.0);
+    def.events = DCD_EVENT_CONTACT;
+    def.solver_mask = 0;
+    DcdBodyId ghost = add(world, def);
+    HOLDS(next_contact(world, DCD_CONTACT_BEGAN).b.v == ghost.v);
+    steps(world, 60);
+    HOLDS(pose_of(world, ghost).p[1] < -2.0);
+
+    /* One match is enough for those that both say so. */
+    def = crate(world, 35.0, 10.0);
+    def.body_type = DCD_FIXED;
+    def.flags = DCD_BODY_ANY_GROUP;
+    def.groups = 1;
+    def.mask = 2;
+    add(world, def);
+    def.body_type = DCD_DYNAMIC;
+    def.groups = 2;
+    def.mask = 2;
+    def.pose.p[1] = 12.0;
+    DcdBodyId either = add(world, def);
+    def.pose.p[1] = 14.0;
+    def.flags = 0;
+    DcdBodyId both = add(world, def);
+    def.groups = 4;
+    steps(world, 120);
+    NEAR(pose_of(world, either).p[1], 11.0, 0.05);
+    NEAR(pose_of(world, both).p[1], 12.0, 0.05); /* on the other one, which it matches both ways */
+    part = part_of(world, either, 0);
+    part.flags = 0;
+    OK(dcd_part_set_properties(world, either, 0, &part));
+    OK(dcd_body_wake(world, either));
+    steps(world, 60);
+    HOLDS(pose_of(world, either).p[1] < 10.0);
+    OK(dcd_world_destroy(world));
+
+    /* A fixed sensor notices a door only if it asks for such pairs. */
+    world = make_world(2, 1, 0.0f);
+    def = crate(world, 0.0, 0.0);
+    def.flags = DCD_BODY_SENSOR;
+    def.body_type = DCD_FIXED;
+    def.events = DCD_EVENT_CONTACT;
+    DcdBodyId gate = add(world, def);
+    def = crate(world, -3.0, 0.0);
+    def.body_type = DCD_KINEMATIC;
+    def.velocity.linear[0] = 3.0f;
+    DcdBodyId door = add(world, def);
+    HOLDS(next_contact(world, DCD_CONTACT_BEGAN).kind == 99);
+    part = part_of(world, gate, 0);
+    part.pairs = DCD_PAIR_KINEMATIC_FIXED;
+    OK(dcd_part_set_properties(world, gate, 0, &part));
+    OK(dcd_body_set_pose(world, door, &def.pose));
+    HOLDS(next_contact(world, DCD_CONTACT_BEGAN).b.v == door.v);
+    OK(dcd_world_destroy(world));
+}
+
+static void parts_come_and_go(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyId ground = add_floor(world), body = add(world, crate(world, 0.0, 2.0));
+    DcdShapeId ball = { 0 };
+    DcdPartProperties foot = DCD_PART_PROPERTIES_INIT;
+    uint32_t part = 9;
+    OK(dcd_shape_sphere(world, 0.25f, &ball));
+    foot.frame.p[1] = -1.0f;
+    foot.mass = 500.0f;
+    OK(dcd_part_add(world, body, ball, &foot, &part));
+    HOLDS(part == 1 && info_of(world, body).parts == 2);
+    NEAR(info_of(world, body).mass, 1500.0, 0.1);
+    HOLDS(part_of(world, body, 1).mass == 500.0f && part_of(world, body, 1).frame.p[1] == -1.0f);
+    DcdBodyProperties as = properties_of(world, body);
+    as.locked = DCD_LOCK_TURN_X | DCD_LOCK_TURN_Z;
+    OK(dcd_body_set_properties(world, body, &as));
+    steps(world, 120);
+    NEAR(pose_of(world, body).p[1], 1.25, 0.03); /* on its foot */
+
+    OK(dcd_body_set_events(world, body, 1, DCD_EVENT_CONTACT, 0.0f));
+    OK(dcd_body_set_pose(world, body, &(DcdPose){ { 5.0, 2.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
+    DcdContact contact = next_contact(world, DCD_CONTACT_BEGAN);
+    HOLDS(contact.a.v == ground.v && contact.b.v == body.v && contact.part_b == 1);
+
+    /* A longer foot, set off centre as its frame says, and a switched off one. */
+    DcdShapeId bigger = { 0 };
+    OK(dcd_shape_sphere(world, 0.5f, &bigger));
+    OK(dcd_part_set_shape(world, body, 1, bigger));
+    steps(world, 120);
+    NEAR(pose_of(world, body).p[1], 1.5, 0.03);
+    foot = part_of(world, body, 1);
+    foot.flags = DCD_PART_DISABLED;
+    OK(dcd_part_set_properties(world, body, 1, &foot));
+    OK(dcd_body_wake(world, body));
+    steps(world, 120);
+    NEAR(pose_of(world, body).p[1], 0.5, 0.03);
+    OK(dcd_part_remove(world, body, 1));
+    HOLDS(info_of(world, body).parts == 1);
+    NEAR(info_of(world, body).mass, 1000.0, 0.1);
+
+    /* A compound that touches several becomes a ball: Rapier would not forget all of its contacts. */
+    const DcdShapeId two[2] = { bigger, bigger };
+    const DcdFrame sides[2] = { { { -0.4f, 0.0f, 0.0f }, { 0, 0, 0, 1 } }, { { 0.4f, 0.0f, 0.0f }, { 0, 0, 0, 1 } } };
+    DcdBodyDef def = crate(world, 20.0, 0.7);
+    add(world, def);
+    def.pose.p[0] = 21.0;
+    def.pose.p[1] = 0.3;
+    add(world, def);
+    OK(dcd_shape_compound(world, two, sides, 2, &def.shape));
+    def.pose.p[0] = 20.8;
+    DcdBodyId changed = add(world, def);
+    steps(world, 2);
+    OK(dcd_part_set_shape(world, changed, 0, bigger));
+    steps(world, 240);
+    NEAR(pose_of(world, changed).p[1], 0.5, 0.03);
+    OK(dcd_world_destroy(world));
+}
+
+static void bodies_follow_poses(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyDef def = crate(world, -3.0, 0.0);
+    def.body_type = DCD_KINEMATIC_POSE;
+    def.shape = box(world, 2.0f, 0.5f, 2.0f);
+    def.friction = 1.0f;
+    DcdBodyId lift = add(world, def);
+    def = crate(world, -3.0, 1.0);
+    def.friction = 1.0f;
+    DcdBodyId load = add(world, def);
+    DcdPose pose = pose_of(world, lift);
+    HOLDS(properties_of(world, lift).body_type == DCD_KINEMATIC_POSE && info_of(world, lift).body_type == DCD_KINEMATIC_POSE);
+    for (int i = 0; i < 120; i++) {
+        pose.p[0] += 0.05;
+        if (i % 2 == 0) {
+            OK(dcd_body_set_target(world, lift, &pose));
+        } else {
+            OK(dcd_state_write(world, &lift, 1, DCD_FIELD_TARGET, &pose, 0, NULL));
+        }
+        OK(dcd_step(world));
+        NEAR(pose_of(world, lift).p[0], pose.p[0], 1e-3);
+    }
+    NEAR(velocity_of(world, lift).linear[0], 3.0, 0.01);
+    NEAR(velocity_of(world, load).linear[0], 3.0, 0.1);
+    steps(world, 1);
+    NEAR(velocity_of(world, lift).linear[0], 0.0, 1e-3);
+    NEAR(pose_of(world, lift).p[0], 3.0, 1e-3);
+    OK(dcd_world_destroy(world));
+}
+
+static void forces_add_up(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    DcdBodyId rocket = add(world, crate(world, 0.0, 0.0)), other = add(world, crate(world, 10.0, 0.0));
+    const float push[3] = { 0.0f, 1000.0f, 0.0f };
+    const double left[3] = { -0.5, 0.0, 0.0 }, right[3] = { 0.5, 0.0, 0.0 };
+    OK(dcd_body_add_force(world, rocket, push, left));
+    OK(dcd_body_add_force(world, rocket, push, right));
+    OK(dcd_body_add_force(world, rocket, push, right));
+    HOLDS(info_of(world, rocket).force[1] == 3000.0f);
+    NEAR(info_of(world, rocket).torque[2], 500.0, 1e-3);
+    DcdForce force;
+    OK(dcd_state_read(world, &rocket, 1, DCD_FIELD_FORCE, &force, 0, NULL));
+    OK(dcd_state_write(world, &other, 1, DCD_FIELD_FORCE, &force, 0, NULL));
+    steps(world, 60);
+    NEAR(velocity_of(world, rocket).linear[1], 3.0, 1e-3);
+    NEAR(velocity_of(world, rocket).angular[2], 3.0, 0.05); /* 500 N m on 1000/6 kg m² */
+    NEAR(velocity_of(world, other).linear[1], 3.0, 1e-3);
+    NEAR(velocity_of(world, other).angular[2], velocity_of(world, rocket).angular[2], 1e-3);
+    OK(dcd_body_set_force(world, rocket, NULL, NULL));
+    HOLDS(info_of(world, rocket).force[1] == 0.0f && info_of(world, rocket).torque[2] == 0.0f);
+    OK(dcd_world_destroy(world));
+}
+
 /* A post at the origin and a crate beside it, tied at the post. */
 static DcdJointDef tied(DcdWorld world, DcdJointType type)
 {
@@ -337,6 +795,13 @@ static DcdJointDef tied(DcdWorld world, DcdJointType type)
     joint.joint_type = type;
     joint.frame_b.p[0] = -2.0f;
     return joint;
+}
+
+static DcdJointInfo joint_info(DcdWorld world, DcdJointId joint)
+{
+    DcdJointInfo info = DCD_JOINT_INFO_INIT;
+    OK(dcd_joint_info(world, joint, &info));
+    return info;
 }
 
 static void joints_hold(void)
@@ -357,28 +822,44 @@ static void joints_hold(void)
     world = make_world(2, 1, 0.0f);
     joint = tied(world, DCD_JOINT_REVOLUTE);
     joint.flags = DCD_JOINT_MOTOR;
-    joint.motor_speed = 2.0f;
-    joint.motor_max_force = 1e6f;
+    joint.motor.velocity = 2.0f;
     OK(dcd_joint_create(world, &joint, &id));
     steps(world, 60);
     NEAR(velocity_of(world, joint.b).angular[0], 2.0, 0.05);
     NEAR(pose_of(world, joint.b).p[0], 2.0, 0.02);
-    OK(dcd_joint_set_motor(world, id, -1.0f, 1e6f));
+    joint.motor.velocity = -1.0f;
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, &joint.motor));
     steps(world, 60);
     NEAR(velocity_of(world, joint.b).angular[0], -1.0, 0.05);
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, NULL));
+    steps(world, 60);
+    NEAR(velocity_of(world, joint.b).angular[0], -1.0, 0.05); /* nothing brakes it */
     OK(dcd_world_destroy(world));
 
-    /* Along x, pushed by a motor against the limit. */
+    /* Along x, pushed by a motor against the limit, which is moved and taken away. */
     world = make_world(2, 1, 0.0f);
     joint = tied(world, DCD_JOINT_PRISMATIC);
     joint.flags = DCD_JOINT_MOTOR | DCD_JOINT_LIMIT;
     joint.limit[0] = -0.5f;
     joint.limit[1] = 0.75f;
-    joint.motor_speed = 1.0f;
-    joint.motor_max_force = 1000.0f;
+    joint.motor.velocity = 1.0f;
+    joint.motor.max_force = 1000.0f;
     OK(dcd_joint_create(world, &joint, &id));
     steps(world, 180);
     NEAR(pose_of(world, joint.b).p[0], 2.75, 0.02);
+    const float wider[2] = { -INFINITY, 1.5f };
+    float limit[2] = { 0.0f, 0.0f };
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_X, wider));
+    OK(dcd_joint_get_limit(world, id, DCD_AXIS_X, limit));
+    HOLDS(limit[0] == -INFINITY && limit[1] == 1.5f);
+    steps(world, 180);
+    NEAR(pose_of(world, joint.b).p[0], 3.5, 0.02);
+    NEAR(joint_info(world, id).position, 1.5, 0.02);
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_X, NULL));
+    OK(dcd_joint_get_limit(world, id, DCD_AXIS_X, limit));
+    HOLDS(limit[0] == -INFINITY && limit[1] == INFINITY);
+    steps(world, 120);
+    HOLDS(pose_of(world, joint.b).p[0] > 4.5);
     OK(dcd_world_destroy(world));
 
     /* A pendulum: it keeps its distance and comes down. */
@@ -389,6 +870,154 @@ static void joints_hold(void)
     DcdPose pose = pose_of(world, joint.b);
     NEAR(sqrt(pose.p[0] * pose.p[0] + pose.p[1] * pose.p[1] + pose.p[2] * pose.p[2]), 2.0, 0.02);
     HOLDS(pose.p[1] < -1.0);
+    OK(dcd_world_destroy(world));
+}
+
+/* Ropes, springs, servos: what holds by distance or by stiffness. */
+static void joints_pull(void)
+{
+    DcdJointId id;
+    DcdJointMotor motor = DCD_JOINT_MOTOR_INIT;
+
+    /* A rope of 3 m from centre to centre: the crate falls beside the post, then hangs below it. */
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdJointDef joint = tied(world, DCD_JOINT_ROPE);
+    joint.frame_b.p[0] = 0.0f;
+    joint.flags = DCD_JOINT_LIMIT;
+    joint.limit[1] = 3.0f;
+    OK(dcd_joint_create(world, &joint, &id));
+    steps(world, 20);
+    HOLDS(pose_of(world, joint.b).p[1] < -0.5 && joint_info(world, id).position < 2.9f); /* it is slack */
+    OK(dcd_body_set_pose(world, joint.b, &(DcdPose){ { 0.0, -2.5, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
+    OK(dcd_body_set_velocity(world, joint.b, &(DcdVelocity){ { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }));
+    steps(world, 120);
+    NEAR(joint_info(world, id).position, 3.0, 0.02);
+    HOLDS(joint_info(world, id).joint_type == DCD_JOINT_ROPE);
+    const float shorter[2] = { 0.0f, 2.0f };
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_Z, shorter)); /* its axes are one */
+    steps(world, 240);
+    NEAR(joint_info(world, id).position, 2.0, 0.02);
+    OK(dcd_world_destroy(world));
+
+    /* 1000 kg on a spring of 20 kN/m: half a metre longer than at rest. */
+    world = make_world(2, 1, -10.0f);
+    joint = tied(world, DCD_JOINT_SPRING);
+    joint.frame_b.p[0] = 0.0f;
+    joint.flags = DCD_JOINT_MOTOR;
+    joint.motor.position = 2.0f;
+    joint.motor.stiffness = 20000.0f;
+    joint.motor.damping = 5000.0f;
+    joint.motor.model = DCD_MOTOR_FORCE;
+    OK(dcd_body_set_pose(world, joint.b, &(DcdPose){ { 0.0, -2.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
+    OK(dcd_joint_create(world, &joint, &id));
+    steps(world, 300);
+    NEAR(joint_info(world, id).position, 2.5, 0.02);
+    HOLDS(joint_info(world, id).joint_type == DCD_JOINT_SPRING);
+    OK(dcd_world_destroy(world));
+
+    /* A servo turns a wheel to an angle. */
+    world = make_world(2, 1, 0.0f);
+    joint = tied(world, DCD_JOINT_REVOLUTE);
+    OK(dcd_joint_create(world, &joint, &id));
+    motor.position = -1.2f;
+    motor.stiffness = 200.0f;
+    motor.damping = 30.0f;
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, &motor));
+    steps(world, 240);
+    NEAR(joint_info(world, id).position, -1.2, 0.01);
+    DcdJointMotor read = { 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0 };
+    OK(dcd_joint_get_motor(world, id, DCD_AXIS_TURN_X, &read));
+    HOLDS(read.position == motor.position && read.stiffness == 200.0f && read.damping == 30.0f);
+    HOLDS(read.velocity == 0.0f && read.max_force == motor.max_force && read.model == DCD_MOTOR_ACCELERATION);
+    /* Its strength and not its will: too weak to turn. */
+    motor.position = 1.0f;
+    motor.max_force = 0.0f;
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, &motor));
+    steps(world, 60);
+    NEAR(joint_info(world, id).position, -1.2, 0.02);
+    OK(dcd_world_destroy(world));
+}
+
+static void generic_joints_free_what_they_are_told(void)
+{
+    /* Free along y only, between -1 and 1, and driven there. */
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdJointDef joint = tied(world, DCD_JOINT_GENERIC);
+    DcdJointId id;
+    const float range[2] = { -1.0f, 1.0f };
+    joint.locked = DCD_LOCK_X | DCD_LOCK_Z | DCD_LOCK_TURN_X | DCD_LOCK_TURN_Y | DCD_LOCK_TURN_Z;
+    joint.user_data = UINT64_MAX;
+    OK(dcd_joint_create(world, &joint, &id));
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_Y, range));
+    steps(world, 120);
+    NEAR(pose_of(world, joint.b).p[1], -1.0, 0.02);
+    NEAR(pose_of(world, joint.b).p[0], 2.0, 0.02);
+    DcdJointMotor lift = DCD_JOINT_MOTOR_INIT;
+    lift.velocity = 2.0f;
+    OK(dcd_joint_set_motor(world, id, DCD_AXIS_Y, &lift));
+    steps(world, 120);
+    NEAR(pose_of(world, joint.b).p[1], 1.0, 0.02);
+    DcdJointInfo info = joint_info(world, id);
+    HOLDS(info.joint_type == DCD_JOINT_GENERIC && info.locked == joint.locked && info.coupled == 0);
+    HOLDS(info.limited == 1u << DCD_AXIS_Y && info.driven == 1u << DCD_AXIS_Y && info.user_data == UINT64_MAX);
+    HOLDS(info.flags == (DCD_JOINT_LIMIT | DCD_JOINT_MOTOR));
+    HOLDS(info.a.v == joint.a.v && info.b.v == joint.b.v && info.frame_b.p[0] == -2.0f);
+    NEAR(info.offset.p[1], 1.0, 0.02);
+    NEAR(info.offset.q[3], 1.0, 1e-3);
+    OK(dcd_world_destroy(world));
+
+    /* A cone of 0.5 rad about x, held at the origin: the crate falls until the cone holds it. */
+    world = make_world(2, 1, -10.0f);
+    joint = tied(world, DCD_JOINT_GENERIC);
+    joint.locked = DCD_LOCK_X | DCD_LOCK_Y | DCD_LOCK_Z;
+    joint.coupled = DCD_LOCK_TURN_Y | DCD_LOCK_TURN_Z;
+    const float cone[2] = { 0.0f, 0.5f };
+    OK(dcd_joint_create(world, &joint, &id));
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_TURN_Z, cone));
+    steps(world, 240);
+    DcdPose pose = pose_of(world, joint.b);
+    NEAR(atan2(-pose.p[1], hypot(pose.p[0], pose.p[2])), 0.5, 0.02);
+    OK(dcd_world_destroy(world));
+}
+
+static void joints_are_changed_and_found(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdJointDef joint = tied(world, DCD_JOINT_FIXED);
+    DcdJointId first, second, found[2];
+    size_t count = 0;
+    OK(dcd_joint_create(world, &joint, &first));
+    steps(world, 60);
+    NEAR(fabs((double)joint_info(world, first).force[1]), 10000.0, 200.0); /* 1000 kg */
+
+    /* Longer by a metre, then switched off and on again. */
+    const DcdFrame farther = { { -3.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    OK(dcd_joint_set_frames(world, first, NULL, &farther));
+    steps(world, 120);
+    NEAR(pose_of(world, joint.b).p[0], 3.0, 0.05);
+    HOLDS(joint_info(world, first).frame_b.p[0] == -3.0f && joint_info(world, first).frame_a.p[0] == 0.0f);
+    OK(dcd_joint_set_flags(world, first, DCD_JOINT_DISABLED | DCD_JOINT_COLLIDE));
+    HOLDS(joint_info(world, first).flags == (DCD_JOINT_DISABLED | DCD_JOINT_COLLIDE));
+    steps(world, 30);
+    HOLDS(pose_of(world, joint.b).p[1] < -1.0);
+    OK(dcd_joint_set_flags(world, first, 0));
+    steps(world, 300);
+    NEAR(pose_of(world, joint.b).p[1], 0.0, 0.05);
+
+    /* At 1 Hz it gives way under the load. */
+    OK(dcd_joint_set_softness(world, first, 1.0f, 1.0f));
+    HOLDS(joint_info(world, first).natural_frequency == 1.0f);
+    steps(world, 120);
+    HOLDS(pose_of(world, joint.b).p[1] < -0.1);
+
+    OK(dcd_joint_create(world, &joint, &second));
+    OK(dcd_body_joints(world, joint.a, found, 2, &count));
+    HOLDS(count == 2 && found[0].v == first.v && found[1].v == second.v);
+    OK(dcd_body_joints(world, joint.b, found, 2, &count));
+    HOLDS(count == 2 && found[0].v == first.v && dcd_joint_is_valid(world, second));
+    OK(dcd_joint_destroy(world, first));
+    OK(dcd_body_joints(world, joint.b, found, 2, &count));
+    HOLDS(count == 1 && found[0].v == second.v && !dcd_joint_is_valid(world, first));
     OK(dcd_world_destroy(world));
 }
 
@@ -549,6 +1178,315 @@ static void couplings_are_as_asked(void)
     HOLDS(hashes[1] != hashes[2] && hashes[0] != hashes[2]);
 }
 
+/* A fixed crate at x = 0, a dynamic one at 3, a sensor at 6, a kinematic one at 9; two regions meet at 0. */
+enum { WALL, CRATE, GATE, DOOR, ROW };
+
+static void lay_out(DcdWorld world, DcdBodyId row[ROW])
+{
+    for (int i = 0; i < ROW; i++) {
+        DcdBodyDef def = crate(world, 3.0 * i, 0.0);
+        def.body_type = i == WALL ? DCD_FIXED : i == DOOR ? DCD_KINEMATIC : DCD_DYNAMIC;
+        def.flags = i == GATE ? DCD_BODY_SENSOR : 0;
+        def.groups = 1u << i;
+        def.user_data = 100u + (uint64_t)i;
+        row[i] = add(world, def);
+    }
+}
+
+static void rays_meet_what_the_filter_lets_through(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    DcdBodyId row[ROW];
+    DcdRayHit hits[8];
+    size_t ends[3], total = 0;
+    DcdRay rays[3] = { DCD_RAY_INIT, DCD_RAY_INIT, DCD_RAY_INIT };
+    lay_out(world, row); /* no step is needed */
+    rays[0].origin[0] = -5.0; /* along the row */
+    rays[0].direction[0] = 2.0f;
+    rays[1].origin[0] = 20.0; /* and back, not farther than the gate */
+    rays[1].direction[0] = -1.0f;
+    rays[1].max_distance = 14.0f;
+    rays[2].origin[1] = 5.0; /* past all */
+    rays[2].direction[0] = 1.0f;
+    OK(dcd_cast_rays(world, rays, 3, NULL, hits));
+    HOLDS(hits[0].body.v == row[WALL].v && hits[0].user_data == 100 && hits[0].part == 0 && hits[0].normal[0] == -1.0f);
+    NEAR(hits[0].distance, 4.5, 1e-4);
+    NEAR(hits[0].point[0], -0.5, 1e-4);
+    HOLDS(hits[1].body.v == row[DOOR].v && hits[2].body.v == 0);
+
+    OK(dcd_cast_rays_all(world, rays, 3, NULL, hits, 8, ends, &total));
+    HOLDS(total == 6 && ends[0] == 4 && ends[1] == 6 && ends[2] == 6);
+    for (int i = 0; i < ROW; i++) {
+        HOLDS(hits[i].body.v == row[i].v && hits[i].user_data == 100u + (uint64_t)i);
+        NEAR(hits[i].distance, 4.5 + 3.0 * i, 1e-4);
+    }
+    HOLDS(hits[4].body.v == row[DOOR].v && hits[5].body.v == row[GATE].v);
+
+    /* Each way of overlooking. */
+    const struct Case {
+        uint32_t flags, mask, left;
+    } cases[] = {
+        { DCD_FILTER_NO_FIXED, 0xFFFFFFFFu, 1u << CRATE | 1u << GATE | 1u << DOOR },
+        { DCD_FILTER_NO_DYNAMIC, 0xFFFFFFFFu, 1u << WALL | 1u << DOOR },
+        { DCD_FILTER_NO_KINEMATIC, 0xFFFFFFFFu, 1u << WALL | 1u << CRATE | 1u << GATE },
+        { DCD_FILTER_NO_SENSORS, 0xFFFFFFFFu, 1u << WALL | 1u << CRATE | 1u << DOOR },
+        { DCD_FILTER_NO_SOLIDS, 0xFFFFFFFFu, 1u << GATE },
+        { 0, 1u << DOOR | 1u << CRATE, 1u << CRATE | 1u << DOOR },
+        { DCD_FILTER_NO_DYNAMIC, 1u << DOOR | 1u << CRATE, 1u << DOOR },
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        DcdFilter filter = DCD_FILTER_INIT;
+        uint32_t seen = 0;
+        filter.flags = cases[k].flags;
+        filter.mask = cases[k].mask;
+        OK(dcd_cast_rays_all(world, rays, 1, &filter, hits, 8, ends, &total));
+        for (size_t i = 0; i < total; i++) {
+            seen |= 1u << (hits[i].user_data - 100);
+        }
+        HOLDS(seen == cases[k].left);
+    }
+    DcdFilter filter = DCD_FILTER_INIT;
+    const DcdBodyId out[2] = { row[GATE], row[WALL] };
+    filter.exclude = out;
+    filter.exclude_count = 2;
+    rays[0].exclude = row[CRATE];
+    OK(dcd_cast_rays_all(world, rays, 1, &filter, hits, 8, ends, &total));
+    HOLDS(total == 1 && hits[0].body.v == row[DOOR].v);
+    rays[0].mask = 1u << WALL;
+    OK(dcd_cast_rays_all(world, rays, 1, &filter, hits, 8, ends, &total));
+    HOLDS(total == 0 && ends[0] == 0);
+
+    /* A query of group 2 is met by those whose mask has it. */
+    OK(dcd_body_set_groups(world, row[WALL], 0, 1, 1));
+    rays[0].mask = 0xFFFFFFFFu;
+    rays[0].exclude.v = 0;
+    filter = (DcdFilter)DCD_FILTER_INIT;
+    filter.groups = 2;
+    OK(dcd_cast_rays(world, rays, 1, &filter, hits));
+    HOLDS(hits[0].body.v == row[CRATE].v);
+
+    /* From inside of the wall: at once, or on the way out. */
+    rays[0].origin[0] = 0.25;
+    OK(dcd_cast_rays(world, rays, 1, NULL, hits));
+    HOLDS(hits[0].body.v == row[WALL].v && hits[0].distance == 0.0f && hits[0].normal[0] == 0.0f);
+    rays[0].flags = DCD_QUERY_HOLLOW;
+    OK(dcd_cast_rays(world, rays, 1, NULL, hits));
+    HOLDS(hits[0].body.v == row[WALL].v);
+    NEAR(hits[0].distance, 0.25, 1e-4);
+    OK(dcd_world_destroy(world));
+}
+
+static void shapes_and_points_find_bodies(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    DcdBodyId row[ROW];
+    lay_out(world, row);
+    DcdShapeId ball = { 0 }, plank = box(world, 3.0f, 0.1f, 0.1f);
+    OK(dcd_shape_sphere(world, 0.5f, &ball));
+
+    /* A ball rolls against the row, one stays short of it, one starts inside and leaves, a plank turns into it. */
+    DcdShapeCast casts[5] = { DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT,
+                              DCD_SHAPE_CAST_INIT };
+    DcdShapeHit hits[5];
+    for (int i = 0; i < 5; i++) {
+        casts[i].shape = ball;
+        casts[i].pose.p[0] = -6.0;
+        casts[i].motion[0] = 10.0f;
+    }
+    casts[1].motion[0] = 4.0f;
+    casts[2].margin = 0.5f;
+    casts[3].pose.p[0] = -0.25;
+    casts[3].motion[0] = -1.0f;
+    casts[3].flags = DCD_QUERY_LEAVE;
+    casts[4].shape = plank;
+    casts[4].pose.p[0] = -1.0;
+    casts[4].pose.p[1] = 2.0;
+    casts[4].motion[0] = 0.0f;
+    casts[4].turn[2] = -3.0f; /* clockwise, its right end down */
+    OK(dcd_cast_shapes(world, casts, 5, NULL, hits));
+    HOLDS(hits[0].body.v == row[WALL].v && hits[0].user_data == 100 && hits[0].flags == 0);
+    NEAR(hits[0].fraction, 0.5, 1e-3);
+    NEAR(hits[0].point[0], -0.5, 1e-3);
+    NEAR(hits[0].normal[0], -1.0, 1e-3);
+    NEAR(hits[0].point_on_shape[0], 0.5, 1e-3);
+    NEAR(hits[0].normal_on_shape[0], 1.0, 1e-3);
+    HOLDS(hits[1].body.v == 0 && hits[1].fraction == 0.0f);
+    NEAR(hits[2].fraction, 0.45, 1e-3);
+    HOLDS(hits[3].body.v == 0);
+    casts[3].flags = 0;
+    OK(dcd_cast_shapes(world, &casts[3], 1, NULL, &hits[3]));
+    HOLDS(hits[3].body.v == row[WALL].v && hits[3].fraction == 0.0f && hits[3].flags == DCD_HIT_INSIDE);
+    HOLDS(hits[4].body.v == row[WALL].v && hits[4].fraction > 0.1f && hits[4].fraction < 0.9f);
+    casts[4].turn[2] = 0.0f;
+    OK(dcd_cast_shapes(world, &casts[4], 1, NULL, &hits[4]));
+    HOLDS(hits[4].body.v == 0);
+
+    /* What a blast reaches, what a point lies in, what a box touches. */
+    DcdOverlap found[8];
+    size_t ends[3], total = 0;
+    DcdShapeQuery blasts[2] = { DCD_SHAPE_QUERY_INIT, DCD_SHAPE_QUERY_INIT };
+    blasts[0].shape = plank;
+    blasts[0].pose.p[0] = 3.0;
+    blasts[1].shape = ball;
+    blasts[1].pose.p[1] = 4.0;
+    OK(dcd_overlap_shapes(world, blasts, 2, NULL, found, 8, ends, &total));
+    HOLDS(total == 3 && ends[0] == 3 && ends[1] == 3);
+    HOLDS(found[0].body.v == row[WALL].v && found[1].body.v == row[CRATE].v && found[2].body.v == row[GATE].v);
+    HOLDS(found[2].user_data == 102 && found[2].part == 0);
+    blasts[0].exclude = row[CRATE];
+    DcdFilter filter = DCD_FILTER_INIT;
+    filter.flags = DCD_FILTER_NO_SENSORS;
+    OK(dcd_overlap_shapes(world, blasts, 1, &filter, found, 8, ends, &total));
+    HOLDS(total == 1 && found[0].body.v == row[WALL].v);
+
+    DcdPointQuery points[2] = { DCD_POINT_QUERY_INIT, DCD_POINT_QUERY_INIT };
+    points[0].point[0] = 3.25;
+    points[1].point[0] = 4.0;
+    OK(dcd_overlap_points(world, points, 2, NULL, found, 8, ends, &total));
+    HOLDS(total == 1 && ends[0] == 1 && ends[1] == 1 && found[0].body.v == row[CRATE].v);
+    DcdBoxQuery boxes[2] = { DCD_BOX_QUERY_INIT, DCD_BOX_QUERY_INIT };
+    for (int axis = 0; axis < 3; axis++) {
+        boxes[0].min[axis] = -INFINITY;
+        boxes[0].max[axis] = INFINITY;
+        boxes[1].min[axis] = -1.0;
+        boxes[1].max[axis] = 1.0;
+    }
+    boxes[0].mask = 1u << DOOR | 1u << GATE;
+    OK(dcd_overlap_boxes(world, boxes, 2, NULL, found, 8, ends, &total));
+    HOLDS(total == 3 && ends[0] == 2 && found[0].body.v == row[GATE].v && found[1].body.v == row[DOOR].v);
+    HOLDS(found[2].body.v == row[WALL].v);
+
+    /* The nearest place: of the crate from outside and inside, none within reach. */
+    DcdPointHit nearest[2];
+    points[1].point[0] = 4.5;
+    points[1].exclude = row[GATE];
+    OK(dcd_project_points(world, points, 2, NULL, nearest));
+    HOLDS(nearest[0].body.v == row[CRATE].v && nearest[0].flags == DCD_HIT_INSIDE && nearest[0].distance == 0.0f);
+    HOLDS(nearest[1].body.v == row[CRATE].v && nearest[1].flags == 0 && nearest[1].user_data == 101);
+    NEAR(nearest[1].point[0], 3.5, 1e-4);
+    NEAR(nearest[1].distance, 1.0, 1e-4);
+    points[0].flags = DCD_QUERY_HOLLOW;
+    points[1].max_distance = 0.9f;
+    OK(dcd_project_points(world, points, 2, NULL, nearest));
+    NEAR(nearest[0].distance, 0.25, 1e-4);
+    HOLDS(nearest[0].flags == DCD_HIT_INSIDE && nearest[1].body.v == 0);
+    OK(dcd_world_destroy(world));
+}
+
+static uint64_t hash_of(DcdWorld world)
+{
+    uint64_t hash = 0;
+    OK(dcd_state_hash(world, &hash));
+    return hash;
+}
+
+static uint64_t tick_of(DcdWorld world)
+{
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    OK(dcd_world_info(world, &info));
+    return info.tick;
+}
+
+/* `path` is where a file may be written; it is left there. */
+static void snapshots_are_gone_back_to(const char *path)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    const char *params[] = { "n=60" };
+    DcdWorld world = { 0 }, other = make_world(1, 1, 0.0f);
+    DcdBodyId box_at, later, again;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    size_t size = 0, small = 0;
+    def.regions = 3;
+    def.user_data = 5;
+    OK(dcd_world_open_scene("pile", params, 1, &def, &world));
+    OK(dcd_body_at(world, 7, &box_at));
+    steps(world, 20);
+    OK(dcd_state_view(world, &view));
+    HOLDS(dcd_snapshot_save(world, NULL, 0, &size) == DCD_ERR_SMALL_BUFFER && size > 1000);
+    unsigned char *saved = malloc(size);
+    OK(dcd_snapshot_save(world, saved, size, &small));
+    HOLDS(small == size);
+    uint64_t hash = hash_of(world);
+    double height = pose_of(world, box_at).p[1];
+    steps(world, 30);
+    uint64_t end = hash_of(world);
+    later = add(world, crate(world, 0.0, 60.0));
+    OK(dcd_step(world));
+
+    /* Back: the same bodies by the same ids, the same future; what was made since is gone for ever. */
+    OK(dcd_snapshot_load(world, saved, size));
+    HOLDS(hash_of(world) == hash && tick_of(world) == 20 && pose_of(world, box_at).p[1] == height);
+    HOLDS(!dcd_body_is_valid(world, later));
+    OK(dcd_state_view(world, &view));
+    HOLDS(view.tick == 20 && view.count == 60 && view.ids[7].v != 0);
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    OK(dcd_world_info(world, &info));
+    HOLDS(info.user_data == 5 && info.regions == 3);
+    steps(world, 30);
+    HOLDS(hash_of(world) == end);
+    again = add(world, crate(world, 0.0, 60.0));
+    HOLDS(again.v != later.v && !dcd_body_is_valid(world, later));
+
+    /* Into another world, by memory and by file: all of it is there, by other ids. */
+    DcdShapeId kept = box(other, 0.5f, 0.5f, 0.5f);
+    OK(dcd_snapshot_load(other, saved, size));
+    HOLDS(hash_of(other) == hash && !dcd_body_is_valid(other, box_at));
+    OK(dcd_body_at(other, 7, &again));
+    HOLDS(pose_of(other, again).p[1] == height);
+    DcdBodyDef more = DCD_BODY_DEF_INIT;
+    more.shape = kept;
+    more.pose.p[1] = 60.0;
+    add(other, more); /* shapes stay */
+    OK(dcd_snapshot_load(world, saved, size));
+    OK(dcd_snapshot_save_file(world, path));
+    OK(dcd_snapshot_load_file(other, path));
+    HOLDS(hash_of(other) == hash);
+    steps(other, 30);
+    HOLDS(hash_of(other) == end);
+
+    /* One bit of damage is found, and changes nothing. */
+    hash = hash_of(other);
+    saved[size / 2] ^= 1;
+    HOLDS(dcd_snapshot_load(other, saved, size) == DCD_ERR_ARGUMENT && hash_of(other) == hash);
+    free(saved);
+    OK(dcd_world_destroy(other));
+    OK(dcd_world_destroy(world));
+}
+
+static void steps_go_on_in_the_background(void)
+{
+    const char *params[] = { "n=60" };
+    DcdWorld world = { 0 }, other = { 0 };
+    OK(dcd_world_open_scene("pile", params, 1, NULL, &world));
+    OK(dcd_world_open_scene("pile", params, 1, NULL, &other));
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_state_view(world, &view));
+    for (uint64_t tick = 1; tick <= 60; tick++) {
+        double before = view.poses[59].p[1];
+        OK(dcd_step_begin(world));
+        HOLDS(dcd_step_begin(world) == DCD_ERR_BUSY);
+        HOLDS(view.poses[59].p[1] == before); /* lent before, read meanwhile */
+        if (tick % 3 == 0) {
+            HOLDS(tick_of(world) == tick); /* another call waits for it */
+        }
+        DcdStatus status = DCD_ERR_TIMEOUT;
+        while (status == DCD_ERR_TIMEOUT) {
+            status = dcd_step_wait(world, tick % 2 == 0 ? DCD_FOREVER : 1000);
+        }
+        OK(status);
+        HOLDS(dcd_step_wait(world, DCD_FOREVER) == DCD_ERR_ARGUMENT);
+        OK(dcd_state_view(world, &view));
+        HOLDS(view.tick == tick);
+        OK(dcd_step(other));
+    }
+    HOLDS(hash_of(world) == hash_of(other));
+    OK(dcd_step_begin(world));
+    OK(dcd_step_begin(other));
+    OK(dcd_world_destroy(world)); /* which waits for its step */
+    OK(dcd_step_wait(other, DCD_FOREVER));
+    OK(dcd_world_destroy(other));
+}
+
 static void millimetres_count_far_out(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -561,25 +1499,40 @@ static void millimetres_count_far_out(void)
     DcdRay ray = { { 100000.001, 5.0, 0.0 }, { 0.0f, -1.0f, 0.0f }, 10.0f, { 0 }, 0xFFFFFFFFu, 0 };
     DcdRayHit hit;
     OK(dcd_step(world));
-    OK(dcd_cast_rays(world, &ray, 1, &hit));
+    OK(dcd_cast_rays(world, &ray, 1, NULL, &hit));
     HOLDS(hit.body.v == body.v);
     NEAR(hit.point[0], 100000.001, 1e-3);
     OK(dcd_world_destroy(world));
 }
 
-int main(void)
+int main(int count, char **texts)
 {
     members_of_a_body_count();
     pushes_push();
     events_tell();
     a_transfer_is_told_once();
     surfaces_can_be_changed();
+    every_member_of_a_body_is_read_back();
+    changed_bodies_behave_so();
+    speed_and_spin_are_as_asked();
+    bodies_sleep_by_their_own_measure();
+    materials_and_groups_combine();
+    parts_come_and_go();
+    bodies_follow_poses();
+    forces_add_up();
     joints_hold();
+    joints_pull();
+    generic_joints_free_what_they_are_told();
+    joints_are_changed_and_found();
     every_shape_rests_on_every_ground();
     views_and_bulk_agree();
     threads_do_not_change_the_result();
     couplings_are_as_asked();
+    rays_meet_what_the_filter_lets_through();
+    shapes_and_points_find_bodies();
     millimetres_count_far_out();
+    snapshots_are_gone_back_to(count > 1 ? texts[1] : "behaviour.dcd");
+    steps_go_on_in_the_background();
     printf("%d checks, %d failures\n", checks, failures);
     return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 }

@@ -48,11 +48,15 @@ static DcdWorld connect(const char *server, const char *token, const char *ident
     return world;
 }
 
-/* One step and the time it stands for. */
+/* One step and the time it stands for; in the background as in the foreground. */
 static DcdStatus step(DcdWorld world)
 {
     struct timespec pause = { 0, 10 * 1000 * 1000 };
-    DcdStatus status = dcd_step(world);
+    static unsigned count;
+    DcdStatus status = count++ % 2 == 0 ? dcd_step(world) : dcd_step_begin(world);
+    if (status == DCD_OK && count % 2 == 0) {
+        status = dcd_step_wait(world, DCD_FOREVER);
+    }
     nanosleep(&pause, NULL);
     return status;
 }
@@ -105,6 +109,7 @@ static DcdBodyDef avatar_def(DcdWorld world)
     def.pose.p[0] = -12.0;
     def.pose.p[1] = 50.0;
     def.user_data = 7;
+    def.dominance = 3;
     return def;
 }
 
@@ -117,20 +122,41 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     DcdRay ray = { { 0.0, 0.0, 0.0 }, { 0.0f, 1.0f, 0.0f }, 10.0f, { 0 }, 1, 0 };
     DcdRayHit hit;
     uint64_t hash, data = 1;
+    size_t count;
     DcdPose pose = pose_of(world, other);
     DcdVelocity velocity = { { 1.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     DcdBodyDef fixed = avatar_def(world);
     DcdBodyId body;
 
+    DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+    DcdPartProperties part = DCD_PART_PROPERTIES_INIT;
+
+    OK(dcd_body_properties(world, other, &as));
+    HOLDS(as.body_type == DCD_DYNAMIC);
+    OK(dcd_body_properties(world, avatar, &as)); /* on its way */
+    HOLDS(as.body_type == DCD_KINEMATIC && as.user_data == 7 && as.dominance == 3);
+    OK(dcd_part_properties(world, other, 0, &part));
     joint.a = other;
     joint.b = avatar;
     fixed.body_type = DCD_FIXED;
     FAILS(dcd_joint_create(world, &joint, &joint_id), DCD_ERR_UNSUPPORTED, role);
-    FAILS(dcd_cast_rays(world, &ray, 1, &hit), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_joint_set_motor(world, (DcdJointId){ 1 }, DCD_AXIS_X, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_joints(world, other, &joint_id, 1, &count), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_cast_rays(world, &ray, 1, NULL, &hit), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_overlap_points(world, NULL, 0, NULL, NULL, 0, NULL, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_snapshot_save(world, NULL, 0, &count), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_snapshot_load(world, &hash, sizeof hash), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_impulse(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_torque_impulse(world, avatar, one), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_force(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_add_force(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_set_target(world, avatar, &pose), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_set_properties(world, other, &as), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_part_set_properties(world, other, 0, &part), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_part_add(world, other, fixed.shape, NULL, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_part_remove(world, other, 0), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_part_set_shape(world, other, 0, fixed.shape), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_wake(world, avatar), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_sleep(world, avatar), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_events(world, other, 0, DCD_EVENT_CONTACT, 0.0f), DCD_ERR_UNSUPPORTED, role);
@@ -140,6 +166,11 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_body_set_pose(world, other, &pose), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_velocity(world, other, &velocity), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_destroy(world, other), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
+    fixed.body_type = DCD_KINEMATIC_POSE;
+    FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
+    fixed.body_type = DCD_KINEMATIC;
+    fixed.sleep_after = 9.0f;
     FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
 }
 
@@ -189,7 +220,10 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
 
     DcdBodyInfo body_info = DCD_BODY_INFO_INIT;
     OK(dcd_body_info(world, avatar, &body_info));
-    HOLDS(body_info.body_type == DCD_KINEMATIC && body_info.region != DCD_NO_REGION);
+    HOLDS(body_info.body_type == DCD_KINEMATIC && body_info.region != DCD_NO_REGION && body_info.parts == 1);
+    DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+    OK(dcd_body_properties(world, avatar, &as));
+    HOLDS(as.dominance == 3 && as.user_data == 7);
     DcdRegionInfo regions[2];
     OK(dcd_regions(world, regions, 2, &count));
     HOLDS(count == 2 && regions[0].bodies + regions[1].bodies == 101);

@@ -1,10 +1,10 @@
-//! `include/dcd.h` compiles by itself, twice in a row, in C and C++, without a warning.
+//! The headers compile by themselves, twice in a row, in C and C++, without a warning.
 
 use std::fs;
+use std::process::Command;
 
-use crate::toolchain::compiler;
-
-const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-pedantic", "-Werror"];
+use crate::library::declared;
+use crate::toolchain::{STRICT, compiler, is_installed, root, run_well};
 
 /// Uses every macro, so that none is only a comment.
 const EVERY_INIT: &str = "
@@ -15,6 +15,16 @@ int main(void)
     DcdWorldDef world_def = DCD_WORLD_DEF_INIT;
     DcdBodyDef body_def = DCD_BODY_DEF_INIT;
     DcdJointDef joint_def = DCD_JOINT_DEF_INIT;
+    DcdBodyProperties body_properties = DCD_BODY_PROPERTIES_INIT;
+    DcdPartProperties part_properties = DCD_PART_PROPERTIES_INIT;
+    DcdFilter filter = DCD_FILTER_INIT;
+    DcdRay ray = DCD_RAY_INIT;
+    DcdShapeCast shape_cast = DCD_SHAPE_CAST_INIT;
+    DcdPointQuery point_query = DCD_POINT_QUERY_INIT;
+    DcdShapeQuery shape_query = DCD_SHAPE_QUERY_INIT;
+    DcdBoxQuery box_query = DCD_BOX_QUERY_INIT;
+    DcdJointMotor joint_motor = DCD_JOINT_MOTOR_INIT;
+    DcdJointInfo joint_info = DCD_JOINT_INFO_INIT;
     DcdWorldInfo world_info = DCD_WORLD_INFO_INIT;
     DcdBodyInfo body_info = DCD_BODY_INFO_INIT;
     DcdStateView state_view = DCD_STATE_VIEW_INIT;
@@ -22,7 +32,9 @@ int main(void)
     DcdStats stats = DCD_STATS_INIT;
     DcdClientDef client_def = DCD_CLIENT_DEF_INIT;
     DcdParticipantDef participant_def = DCD_PARTICIPANT_DEF_INIT;
-    return world_def.struct_size + body_def.struct_size + joint_def.struct_size + world_info.struct_size +
+    return world_def.struct_size + body_def.struct_size + joint_def.struct_size + joint_motor.model + filter.struct_size + ray.flags +
+                   shape_cast.flags + point_query.flags + shape_query.reserved + box_query.reserved + body_properties.struct_size +
+                   part_properties.struct_size + joint_info.struct_size + world_info.struct_size +
                    body_info.struct_size + state_view.struct_size + event_view.struct_size + stats.struct_size +
                    client_def.struct_size + participant_def.struct_size ==
                0
@@ -36,8 +48,7 @@ fn compiles(variable: &str, default: &str, name: &str, source: &str, flags: &[&s
     let path = dir.path().join(name);
     fs::write(&path, source).unwrap();
     let mut command = compiler(variable, default);
-    let output = command.args(STRICT).args(flags).arg("-fsyntax-only").arg(&path).output().unwrap();
-    assert!(output.status.success(), "{flags:?}: {}", String::from_utf8_lossy(&output.stderr));
+    run_well(command.args(STRICT).args(flags).arg("-fsyntax-only").arg(&path));
 }
 
 #[test]
@@ -53,4 +64,42 @@ fn the_header_compiles_alone_and_twice_as_c() {
 fn the_header_compiles_alone_and_twice_as_cpp() {
     compiles("CXX", "c++", "alone.cpp", "#include \"dcd.h\"\n", &["-std=c++17"]);
     compiles("CXX", "c++", "twice.cpp", EVERY_INIT, &["-std=c++17"]);
+}
+
+#[test]
+fn the_cpp_header_compiles_alone_and_twice_with_and_without_exceptions() {
+    for dialect in ["-std=c++17", "-std=c++20"] {
+        for flag in ["-fno-exceptions", "-DDCD_EXCEPTIONS"] {
+            let source = "#include \"dcd.hpp\"\n";
+            compiles("CXX", "c++", "alone.cpp", source, &[dialect, flag]);
+            compiles("CXX", "c++", "twice.cpp", &source.repeat(2), &[dialect, flag]);
+        }
+    }
+}
+
+#[test]
+fn the_cpp_header_has_every_function_of_the_c_header() {
+    let wrapper = fs::read_to_string(root().join("include/dcd.hpp")).unwrap();
+    for function in declared() {
+        // Called, or handed to what calls it.
+        let is_there = ["(", ")"].iter().any(|end| wrapper.contains(&format!("{function}{end}")));
+        assert!(is_there, "{function} is missing in dcd.hpp");
+    }
+}
+
+#[test]
+fn the_manual_builds_without_a_warning() {
+    if !is_installed("doxygen") {
+        eprintln!("doxygen is not installed: nothing checked");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let mut settings = fs::read_to_string(root().join("dcd-ffi/Doxyfile")).unwrap();
+    settings += &format!("OUTPUT_DIRECTORY = {}\n", dir.path().display());
+    fs::write(dir.path().join("Doxyfile"), settings).unwrap();
+    run_well(Command::new("doxygen").arg(dir.path().join("Doxyfile")).current_dir(root()));
+    let manual = fs::read_to_string(dir.path().join("html/dcd_8h.html")).unwrap();
+    for function in declared() {
+        assert!(manual.contains(&format!(">{function}()</h2>")), "{function} is missing in the manual");
+    }
 }

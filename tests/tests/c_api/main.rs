@@ -1,7 +1,10 @@
-//! The C API from C: the header in every dialect, the examples, misuse, the exported symbols.
+//! The C API from C: the header in every dialect, the examples, misuse, the exported symbols, the package, what older
+//! programs find changed.
 
+mod abi;
 mod header;
 mod library;
+mod packaging;
 mod programs;
 mod served;
 mod toolchain;

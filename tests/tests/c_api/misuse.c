@@ -296,7 +296,7 @@ static void bodies(void)
     def.member = value;                                                                                               \
     EXPECT(dcd_body_create(world, &def, &body), code)
     REFUSED(struct_size, 8, DCD_ERR_STRUCT);
-    REFUSED(body_type, 3, DCD_ERR_ARGUMENT);
+    REFUSED(body_type, 4, DCD_ERR_ARGUMENT);
     REFUSED(pose.p[0], (double)NAN, DCD_ERR_ARGUMENT);
     REFUSED(pose.p[0], (double)INFINITY, DCD_ERR_ARGUMENT);
     REFUSED(pose.q[3], 0.0f, DCD_ERR_ARGUMENT);
@@ -310,11 +310,30 @@ static void bodies(void)
     REFUSED(linear_damping, -0.5f, DCD_ERR_ARGUMENT);
     REFUSED(angular_damping, NAN, DCD_ERR_ARGUMENT);
     REFUSED(gravity_scale, NAN, DCD_ERR_ARGUMENT);
-    REFUSED(flags, 16, DCD_ERR_ARGUMENT);
+    REFUSED(flags, 256, DCD_ERR_ARGUMENT);
     REFUSED(locked, 64, DCD_ERR_ARGUMENT);
     REFUSED(events, 4, DCD_ERR_ARGUMENT);
     REFUSED(force_threshold, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(mass, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(friction_rule, 6, DCD_ERR_ARGUMENT);
+    REFUSED(restitution_rule, UINT32_MAX, DCD_ERR_ARGUMENT);
+    REFUSED(contact_skin, NAN, DCD_ERR_ARGUMENT);
+    REFUSED(pairs, 64, DCD_ERR_ARGUMENT);
+    REFUSED(dominance, 128, DCD_ERR_ARGUMENT);
+    REFUSED(dominance, -129, DCD_ERR_ARGUMENT);
+    REFUSED(soft_ccd, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(sleep_linear, NAN, DCD_ERR_ARGUMENT);
+    REFUSED(sleep_angular, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(sleep_after, INFINITY, DCD_ERR_ARGUMENT);
+    REFUSED(extra_mass, -1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(extra_centre[0], 1.0f, DCD_ERR_ARGUMENT); /* of no extra mass */
+    REFUSED(extra_inertia[2], 1.0f, DCD_ERR_ARGUMENT);
+    REFUSED(extra_solver_iterations, 1001, DCD_ERR_ARGUMENT);
+    REFUSED(extra_pgs_iterations, UINT32_MAX, DCD_ERR_ARGUMENT);
     HOLDS(body.v == 5);
+    REFUSED(extra_mass, 1.0f, DCD_OK);
+    EXPECT(dcd_body_destroy(world, body), DCD_OK);
+    body.v = 5;
 
     defs[0] = defs[1] = defs[2] = good;
     defs[2].density = -1.0f;
@@ -373,6 +392,64 @@ static void bodies(void)
     EXPECT(dcd_body_set_material(world, fixed, 0, 0.5f, 0.0f), DCD_OK);
     EXPECT(dcd_body_set_groups(world, many[0], 7, 1, 1), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_groups(world, many[0], 0, 0xFFFFFFFFu, 0xFFFFFFFFu), DCD_OK);
+    DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+    EXPECT(dcd_body_properties(world, many[0], NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_properties(other, many[0], &as), DCD_ERR_STALE_ID);
+    as.struct_size = 4;
+    EXPECT(dcd_body_properties(world, many[0], &as), DCD_ERR_STRUCT);
+    as.struct_size = sizeof as;
+    EXPECT(dcd_body_properties(world, many[0], &as), DCD_OK);
+    EXPECT(dcd_body_set_properties(world, many[0], NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_set_properties(world, NO_BODY, &as), DCD_ERR_NULL);
+    EXPECT(dcd_body_set_properties(other, many[0], &as), DCD_ERR_STALE_ID);
+    as.flags = DCD_BODY_SENSOR; /* of its shape */
+    EXPECT(dcd_body_set_properties(world, many[0], &as), DCD_ERR_ARGUMENT);
+    as.flags = 0;
+    as.gravity_scale = NAN;
+    EXPECT(dcd_body_set_properties(world, many[0], &as), DCD_ERR_ARGUMENT);
+    as.gravity_scale = 1.0f;
+    as.body_type = 4;
+    EXPECT(dcd_body_set_properties(world, many[0], &as), DCD_ERR_ARGUMENT);
+
+    DcdPartProperties part = DCD_PART_PROPERTIES_INIT;
+    uint32_t number = 7;
+    EXPECT(dcd_part_properties(world, many[0], 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_part_properties(world, many[0], 1, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_part_properties(world, many[0], DCD_ALL_PARTS, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_part_properties(world, many[0], 0, &part), DCD_OK);
+    EXPECT(dcd_part_set_properties(world, many[0], 1, &part), DCD_ERR_ARGUMENT);
+    part.frame.q[0] = 2.0f;
+    EXPECT(dcd_part_set_properties(world, many[0], 0, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_part_add(world, many[0], box, &part, &number), DCD_ERR_ARGUMENT);
+    part.struct_size = 0;
+    EXPECT(dcd_part_add(world, many[0], box, &part, &number), DCD_ERR_STRUCT);
+    EXPECT(dcd_part_add(world, many[0], NO_SHAPE, NULL, &number), DCD_ERR_NULL);
+    EXPECT(dcd_part_add(other, many[0], box, NULL, &number), DCD_ERR_STALE_ID);
+    EXPECT(dcd_part_remove(world, many[0], 0), DCD_ERR_ARGUMENT); /* it has no other */
+    EXPECT(dcd_part_set_shape(world, many[0], 0, NO_SHAPE), DCD_ERR_NULL);
+    EXPECT(dcd_part_set_shape(world, many[0], 1, box), DCD_ERR_ARGUMENT);
+    HOLDS(number == 7);
+    EXPECT(dcd_part_add(world, many[0], box, NULL, NULL), DCD_OK);
+    EXPECT(dcd_part_remove(world, many[0], 2), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_part_remove(world, many[0], 0), DCD_OK);
+    EXPECT(dcd_body_set_events(world, many[0], 1, 0, 0.0f), DCD_ERR_ARGUMENT);
+
+    DcdBodyId guided = make_body(world, box, DCD_KINEMATIC_POSE, -20.0);
+    EXPECT(dcd_body_set_target(world, many[0], &good.pose), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_target(world, guided, NULL), DCD_ERR_NULL);
+    pose = good.pose;
+    pose.p[0] = 1e9;
+    EXPECT(dcd_body_set_target(world, guided, &pose), DCD_ERR_ARGUMENT); /* at 60 Gm/s */
+    pose.p[0] = (double)NAN;
+    EXPECT(dcd_body_set_target(world, guided, &pose), DCD_ERR_ARGUMENT);
+    velocity.linear[0] = 1.0f;
+    EXPECT(dcd_body_set_velocity(world, guided, &velocity), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_set_target(world, guided, &good.pose), DCD_OK);
+    EXPECT(dcd_body_add_force(world, many[0], NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_add_force(world, many[0], BAD, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_add_force(world, many[0], HALF, far_point), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_add_force(world, guided, HALF, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_add_force(other, many[0], HALF, NULL), DCD_ERR_STALE_ID);
     EXPECT(dcd_own_avatars(world, NULL, 0, NULL), DCD_ERR_NULL);
     EXPECT(dcd_body_wake(world, NO_BODY), DCD_ERR_NULL);
     EXPECT(dcd_body_sleep(world, many[0]), DCD_OK);
@@ -416,15 +493,89 @@ static void joints(void)
     UNTIED(a, good.b, DCD_ERR_ARGUMENT);
     UNTIED(frame_a.p[0], NAN, DCD_ERR_ARGUMENT);
     UNTIED(frame_b.q[0], 1.0f, DCD_ERR_ARGUMENT);
-    UNTIED(flags, 8, DCD_ERR_ARGUMENT);
+    UNTIED(flags, 16, DCD_ERR_ARGUMENT);
     UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* a fixed joint has none */
     UNTIED(flags, DCD_JOINT_MOTOR, DCD_ERR_ARGUMENT);
+    UNTIED(locked, DCD_LOCK_X, DCD_ERR_ARGUMENT); /* its type says what it locks */
+    UNTIED(coupled, DCD_LOCK_X, DCD_ERR_ARGUMENT);
+    UNTIED(natural_frequency, 0.0f, DCD_ERR_ARGUMENT);
+    UNTIED(natural_frequency, NAN, DCD_ERR_ARGUMENT);
+    UNTIED(damping_ratio, -1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(joint_type, DCD_JOINT_ROPE, DCD_ERR_ARGUMENT);   /* without a length */
+    UNTIED(joint_type, DCD_JOINT_SPRING, DCD_ERR_ARGUMENT); /* without stiffness */
+    good.joint_type = DCD_JOINT_ROPE;
+    good.flags = DCD_JOINT_LIMIT | DCD_JOINT_MOTOR;
+    UNTIED(limit[0], 0.5f, DCD_ERR_ARGUMENT); /* a distance has no lowest */
+    UNTIED(limit[1], -1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(limit[1], NAN, DCD_ERR_ARGUMENT);
+    UNTIED(limit[1], 1e30f, DCD_ERR_ARGUMENT);
+    UNTIED(motor.position, INFINITY, DCD_ERR_ARGUMENT);
+    UNTIED(motor.velocity, NAN, DCD_ERR_ARGUMENT);
+    UNTIED(motor.stiffness, -1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(motor.damping, INFINITY, DCD_ERR_ARGUMENT);
+    UNTIED(motor.max_force, INFINITY, DCD_ERR_ARGUMENT);
+    UNTIED(motor.max_force, -1.0f, DCD_ERR_ARGUMENT);
+    UNTIED(motor.model, 2, DCD_ERR_ARGUMENT);
+    good.joint_type = DCD_JOINT_GENERIC;
+    UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* of which axis? */
+    good.flags = 0;
+    UNTIED(locked, 64, DCD_ERR_ARGUMENT);
+    UNTIED(coupled, DCD_LOCK_TURN_X, DCD_ERR_ARGUMENT);
+    UNTIED(coupled, DCD_LOCK_TURN_X | DCD_LOCK_TURN_Y | DCD_LOCK_TURN_Z, DCD_ERR_ARGUMENT);
+    UNTIED(coupled, DCD_LOCK_X, DCD_ERR_ARGUMENT);
+    def.locked = DCD_LOCK_X;
+    def.coupled = DCD_LOCK_X | DCD_LOCK_Y;
+    EXPECT(dcd_joint_create(world, &def, &joint), DCD_ERR_ARGUMENT);
     HOLDS(joint.v == 5);
+
+    /* Along x and y it is locked, about x and y coupled. */
+    DcdJointMotor motor = DCD_JOINT_MOTOR_INIT;
+    DcdJointInfo info = DCD_JOINT_INFO_INIT;
+    DcdFrame frame = good.frame_a;
+    const float range[2] = { -1.0f, 1.0f }, backwards[2] = { 1.0f, -1.0f };
+    float limit[2];
+    size_t count;
+    good.locked = DCD_LOCK_X | DCD_LOCK_Y;
+    good.coupled = DCD_LOCK_TURN_X | DCD_LOCK_TURN_Y;
     EXPECT(dcd_joint_create(world, &good, &joint), DCD_OK);
-    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, 1.0f), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_joint_set_motor(world, joint, NAN, 1.0f), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, -1.0f), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_joint_set_motor(world, NO_JOINT, 1.0f, 1.0f), DCD_ERR_NULL);
+    EXPECT(dcd_joint_set_limit(world, joint, DCD_AXIS_X, range), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_limit(world, joint, 6, range), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_limit(world, joint, DCD_AXIS_Z, backwards), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_limit(world, joint, DCD_AXIS_Z, CROOKED(const float, range)), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_limit(other, joint, DCD_AXIS_Z, range), DCD_ERR_STALE_ID);
+    EXPECT(dcd_joint_set_limit(world, NO_JOINT, DCD_AXIS_Z, range), DCD_ERR_NULL);
+    EXPECT(dcd_joint_set_limit(world, joint, DCD_AXIS_TURN_Y, range), DCD_OK);
+    EXPECT(dcd_joint_get_limit(world, joint, DCD_AXIS_TURN_X, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_joint_get_limit(world, joint, DCD_AXIS_Y, limit), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_get_limit(world, joint, DCD_AXIS_TURN_X, limit), DCD_OK);
+    HOLDS(limit[0] == -1.0f && limit[1] == 1.0f);
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_Y, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_TURN_Y, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, joint, UINT32_MAX, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_Z, &motor), DCD_OK);
+    EXPECT(dcd_joint_get_motor(world, joint, DCD_AXIS_Z, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_joint_get_motor(world, joint, DCD_AXIS_Y, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_get_motor(world, joint, DCD_AXIS_TURN_Z, &motor), DCD_OK);
+    HOLDS(motor.max_force == 0.0f && motor.damping == 0.0f);
+    motor.velocity = NAN;
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_Z, &motor), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_motor(world, NO_JOINT, DCD_AXIS_Z, NULL), DCD_ERR_NULL);
+    frame.q[3] = 0.5f;
+    EXPECT(dcd_joint_set_frames(world, joint, &frame, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_frames(world, joint, NULL, NULL), DCD_OK);
+    EXPECT(dcd_joint_set_flags(world, joint, DCD_JOINT_MOTOR), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_softness(world, joint, -1.0f, 1.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_set_softness(world, joint, 1.0f, NAN), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_joint_info(world, joint, NULL), DCD_ERR_NULL);
+    info.struct_size = 4;
+    EXPECT(dcd_joint_info(world, joint, &info), DCD_ERR_STRUCT);
+    EXPECT(dcd_body_joints(world, good.a, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_body_joints(world, good.a, NULL, 1, &count), DCD_ERR_NULL);
+    EXPECT(dcd_body_joints(world, good.a, NULL, 0, &count), DCD_ERR_SMALL_BUFFER);
+    HOLDS(count == 1);
+    EXPECT(dcd_body_joints(other, good.a, &joint, 1, &count), DCD_ERR_STALE_ID);
+    HOLDS(dcd_joint_is_valid(world, joint) && !dcd_joint_is_valid(other, joint) && !dcd_joint_is_valid(world, NO_JOINT));
+    EXPECT(dcd_step(world), DCD_OK);
     EXPECT(dcd_joint_destroy(other, joint), DCD_ERR_STALE_ID);
     EXPECT(dcd_joint_destroy(world, NO_JOINT), DCD_ERR_NULL);
     EXPECT(dcd_joint_destroy(world, joint), DCD_OK);
@@ -432,7 +583,8 @@ static void joints(void)
     EXPECT(dcd_joint_create(world, &good, &joint), DCD_OK);
     EXPECT(dcd_body_destroy(world, good.b), DCD_OK);
     EXPECT(dcd_joint_destroy(world, joint), DCD_ERR_STALE_ID); /* it went with its body */
-    EXPECT(dcd_joint_set_motor(world, joint, 1.0f, 1.0f), DCD_ERR_STALE_ID);
+    EXPECT(dcd_joint_set_motor(world, joint, DCD_AXIS_Z, NULL), DCD_ERR_STALE_ID);
+    HOLDS(!dcd_joint_is_valid(world, joint));
     EXPECT(dcd_world_destroy(world), DCD_OK);
     EXPECT(dcd_world_destroy(other), DCD_OK);
 }
@@ -481,13 +633,16 @@ static void bulk(void)
 
     EXPECT(dcd_state_read(world, NULL, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_NULL);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, NULL, 0, NULL), DCD_ERR_NULL);
-    EXPECT(dcd_state_read(world, ids, 3, 3, poses, 0, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, 3, 5, poses, 0, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_TARGET, poses, 0, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_FORCE, poses, 8, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 8, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, SIZE_MAX, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, SIZE_MAX / 2, NULL), DCD_ERR_ARGUMENT);
     EXPECT(dcd_state_read(world, NULL, 0, DCD_FIELD_POSE, NULL, 0, NULL), DCD_OK);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_OK);
     EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_OK);
+    EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_TARGET, poses, 0, NULL), DCD_ERR_ARGUMENT);
     poses[0].p[0] = -1.0;
     poses[1].q[3] = NAN;
     EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_POSE, poses, sizeof poses[0], each), DCD_OK);
@@ -527,29 +682,29 @@ static void bulk(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
-static void rays(void)
+static void queries(void)
 {
     DcdWorld world = make_world(2);
     DcdBodyId body = make_body(world, make_box(world), DCD_FIXED, 0.0);
     DcdRay good = { { 0.0, 5.0, 0.0 }, { 0.0f, -2.0f, 0.0f }, 100.0f, { 0 }, 0xFFFFFFFFu, 0 }, ray;
-    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f };
+    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0 };
 
     EXPECT(dcd_step(world), DCD_OK);
-    EXPECT(dcd_cast_rays(world, NULL, 1, &hit), DCD_ERR_NULL);
-    EXPECT(dcd_cast_rays(world, &good, 1, NULL), DCD_ERR_NULL);
-    EXPECT(dcd_cast_rays(world, &good, SIZE_MAX, &hit), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_cast_rays(world, NULL, 0, NULL), DCD_OK);
+    EXPECT(dcd_cast_rays(world, NULL, 1, NULL, &hit), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays(world, &good, 1, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays(world, &good, SIZE_MAX, NULL, &hit), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_rays(world, NULL, 0, NULL, NULL), DCD_OK);
 #define BLIND(member, value, code)                                                                                    \
     ray = good;                                                                                                       \
     ray.member = value;                                                                                               \
-    EXPECT(dcd_cast_rays(world, &ray, 1, &hit), code)
+    EXPECT(dcd_cast_rays(world, &ray, 1, NULL, &hit), code)
     BLIND(origin[0], (double)NAN, DCD_ERR_ARGUMENT);
     BLIND(direction[1], 0.0f, DCD_ERR_ARGUMENT);
     BLIND(direction[0], INFINITY, DCD_ERR_ARGUMENT);
     BLIND(max_distance, 0.0f, DCD_ERR_ARGUMENT);
     BLIND(max_distance, NAN, DCD_ERR_ARGUMENT);
     BLIND(exclude, (DcdBodyId){ 77 }, DCD_ERR_STALE_ID);
-    EXPECT(dcd_cast_rays(world, &good, 1, &hit), DCD_OK);
+    EXPECT(dcd_cast_rays(world, &good, 1, NULL, &hit), DCD_OK);
     HOLDS(hit.body.v == body.v && fabsf(hit.distance - 4.5f) < 1e-4f && hit.normal[1] > 0.99f);
     BLIND(max_distance, INFINITY, DCD_OK);
     HOLDS(hit.body.v == body.v);
@@ -557,7 +712,123 @@ static void rays(void)
     HOLDS(memcmp(&hit, &nothing, sizeof hit) == 0);
     BLIND(mask, 0, DCD_OK);
     HOLDS(hit.body.v == 0);
+    BLIND(flags, DCD_QUERY_LEAVE, DCD_ERR_ARGUMENT);
+
+    DcdFilter filter = DCD_FILTER_INIT;
+    const DcdBodyId stale[2] = { body, { 77 } };
+    filter.struct_size = 0;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_STRUCT);
+    filter.struct_size = sizeof filter;
+    filter.flags = 32;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_ARGUMENT);
+    filter.flags = 0;
+    filter.exclude_count = 2;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_NULL);
+    filter.exclude = stale;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_STALE_ID);
+    filter.exclude_count = SIZE_MAX;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_ERR_ARGUMENT);
+    filter.exclude_count = 1;
+    EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_OK);
+    HOLDS(hit.body.v == 0);
+
+    size_t ends = 9, total = 9;
+    EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, &hit, 1, NULL, &total), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, NULL, 1, &ends, &total), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, &hit, 1, &ends, NULL), DCD_ERR_NULL);
+    HOLDS(ends == 9 && total == 9);
+    EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, NULL, 0, &ends, &total), DCD_ERR_SMALL_BUFFER);
+    HOLDS(ends == 9 && total == 1);
+    EXPECT(dcd_cast_rays_all(world, NULL, 0, NULL, NULL, 0, NULL, &total), DCD_OK);
+    HOLDS(total == 0);
+
+    DcdShapeId box = make_box(world), mesh;
+    const float corners[9] = { 0, 0, 0, 1, 0, 0, 0, 0, 1 };
+    const uint32_t triangle[3] = { 0, 1, 2 };
+    DcdShapeCast cast = DCD_SHAPE_CAST_INIT, fair;
+    DcdShapeHit met;
+    EXPECT(dcd_shape_mesh(world, corners, 3, triangle, 1, &mesh), DCD_OK);
+    fair = cast;
+    fair.shape = box;
+#define STUCK(member, value, code)                                                                                    \
+    cast = fair;                                                                                                      \
+    cast.member = value;                                                                                              \
+    EXPECT(dcd_cast_shapes(world, &cast, 1, NULL, &met), code)
+    STUCK(shape, NO_SHAPE, DCD_ERR_NULL);
+    STUCK(shape.v, 12345, DCD_ERR_STALE_ID);
+    STUCK(shape, mesh, DCD_ERR_ARGUMENT);
+    STUCK(pose.p[0], (double)NAN, DCD_ERR_ARGUMENT);
+    STUCK(pose.q[3], 0.0f, DCD_ERR_ARGUMENT);
+    STUCK(motion[0], INFINITY, DCD_ERR_ARGUMENT);
+    STUCK(turn[0], NAN, DCD_ERR_ARGUMENT);
+    STUCK(margin, -1.0f, DCD_ERR_ARGUMENT);
+    STUCK(flags, DCD_QUERY_HOLLOW, DCD_ERR_ARGUMENT);
+    STUCK(exclude, stale[1], DCD_ERR_STALE_ID);
+    STUCK(turn[0], 1.0f, DCD_OK);
+    cast.margin = 1.0f;
+    EXPECT(dcd_cast_shapes(world, &cast, 1, NULL, &met), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_shapes(world, &fair, 1, NULL, NULL), DCD_ERR_NULL);
+
+    DcdPointQuery point = DCD_POINT_QUERY_INIT;
+    DcdPointHit place;
+    DcdOverlap found[2];
+    EXPECT(dcd_project_points(world, &point, 1, NULL, NULL), DCD_ERR_NULL);
+    point.max_distance = -1.0f;
+    EXPECT(dcd_project_points(world, &point, 1, NULL, &place), DCD_ERR_ARGUMENT);
+    point.max_distance = NAN;
+    EXPECT(dcd_project_points(world, &point, 1, NULL, &place), DCD_ERR_ARGUMENT);
+    point.max_distance = INFINITY;
+    EXPECT(dcd_project_points(world, &point, 1, NULL, &place), DCD_OK);
+    point.flags = DCD_QUERY_HOLLOW;
+    EXPECT(dcd_overlap_points(world, &point, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
+    point.flags = 4;
+    EXPECT(dcd_project_points(world, &point, 1, NULL, &place), DCD_ERR_ARGUMENT);
+    point.flags = 0;
+    point.point[1] = (double)INFINITY;
+    EXPECT(dcd_overlap_points(world, &point, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
+    DcdShapeQuery blast = DCD_SHAPE_QUERY_INIT;
+    EXPECT(dcd_overlap_shapes(world, &blast, 1, NULL, found, 2, &ends, &total), DCD_ERR_NULL);
+    blast.shape = mesh;
+    EXPECT(dcd_overlap_shapes(world, &blast, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
+    DcdBoxQuery area = DCD_BOX_QUERY_INIT;
+    area.min[2] = 1.0;
+    EXPECT(dcd_overlap_boxes(world, &area, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
+    area.min[2] = (double)NAN;
+    EXPECT(dcd_overlap_boxes(world, &area, 1, NULL, found, 2, &ends, &total), DCD_ERR_ARGUMENT);
     EXPECT(dcd_world_destroy(world), DCD_OK);
+}
+
+static void snapshots(void)
+{
+    DcdWorld world = make_world(2);
+    size_t size = 0;
+    char small[8] = "as it is";
+    const char junk[64] = "not a snapshot at all, but some text";
+    EXPECT(dcd_snapshot_save(world, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_save(world, NULL, 8, &size), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_save(world, small, sizeof small, &size), DCD_ERR_SMALL_BUFFER);
+    HOLDS(memcmp(small, "as it is", 8) == 0 && size > 8);
+    EXPECT(dcd_snapshot_load(world, NULL, 8), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_load(world, junk, 0), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_snapshot_load(world, junk, sizeof junk), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_snapshot_load(world, junk, SIZE_MAX), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_snapshot_load(NO_WORLD, junk, sizeof junk), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_load_file(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_load_file(world, "no/such/file.dcd"), DCD_ERR_IO);
+    EXPECT(dcd_snapshot_save_file(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_snapshot_save_file(world, "no/such/folder/file.dcd"), DCD_ERR_IO);
+    char *saved = malloc(size);
+    EXPECT(dcd_snapshot_save(world, saved, size, &size), DCD_OK);
+    EXPECT(dcd_snapshot_load(world, saved, size - 1), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_snapshot_load(world, saved, size), DCD_OK);
+    free(saved);
+    EXPECT(dcd_step(world), DCD_OK);
+    EXPECT(dcd_step_wait(world, 0), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_step_wait(NO_WORLD, 0), DCD_ERR_NULL);
+    EXPECT(dcd_step_begin(NO_WORLD), DCD_ERR_NULL);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_step_begin(world), DCD_ERR_STALE_ID);
+    EXPECT(dcd_step_wait(world, 0), DCD_ERR_STALE_ID);
 }
 
 static DcdWorld logged_world;
@@ -601,6 +872,20 @@ static void *step_it(void *unused)
     return status == DCD_ERR_STALE_ID ? NULL : &shared;
 }
 
+/* Two of these take turns: the other one's step is not theirs to wait for. */
+static void *begin_it(void *unused)
+{
+    (void)unused;
+    DcdStatus status = DCD_OK;
+    while (status == DCD_OK || status == DCD_ERR_BUSY || status == DCD_ERR_ARGUMENT) {
+        status = dcd_step_begin(shared);
+        if (status == DCD_OK) {
+            status = dcd_step_wait(shared, DCD_FOREVER);
+        }
+    }
+    return status == DCD_ERR_STALE_ID ? NULL : &shared;
+}
+
 static void *change_it(void *unused)
 {
     (void)unused;
@@ -634,20 +919,21 @@ static void *read_it(void *unused)
 
 static void threads(void)
 {
-    void *(*work[])(void *) = { step_it, step_it, change_it, read_it };
-    pthread_t running[4];
+    void *(*work[])(void *) = { step_it, step_it, change_it, read_it, begin_it, begin_it };
+    enum { THREADS = sizeof work / sizeof work[0] };
+    pthread_t running[THREADS];
     DcdWorldInfo info = DCD_WORLD_INFO_INIT;
     shared = make_world(2);
     shared_box = make_box(shared);
     make_body(shared, shared_box, DCD_DYNAMIC, 0.0);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < THREADS; i++) {
         HOLDS(pthread_create(&running[i], NULL, work[i], NULL) == 0);
     }
     while (info.tick < 50) {
         EXPECT(dcd_world_info(shared, &info), DCD_OK);
     }
     EXPECT(dcd_world_destroy(shared), DCD_OK);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < THREADS; i++) {
         void *wrong = &shared;
         HOLDS(pthread_join(running[i], &wrong) == 0);
         HOLDS(wrong == NULL);
@@ -663,7 +949,8 @@ int main(void)
     bodies();
     joints();
     bulk();
-    rays();
+    queries();
+    snapshots();
     logging();
     threads();
     printf("%d checks, %d failures\n", checks, failures);

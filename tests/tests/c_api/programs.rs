@@ -1,9 +1,9 @@
 //! The examples say what they should, and misuse gets its codes: bare, under the sanitizers, and under valgrind.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::toolchain::{build, is_installed, root, run_well};
+use crate::toolchain::{STRICT, build, compiler, is_installed, root, run_well};
 
 fn example(name: &str) -> PathBuf {
     root().join("examples-c").join(name)
@@ -51,28 +51,111 @@ fn game_loop_sees_contacts_and_transfers_and_draws_between_steps() {
     assert!(said.contains("ball 0 is 0.25 m above something"), "{said}");
 }
 
-/// Runs a program that counts its own checks.
-fn run_checker(name: &str) {
+/// The numbers of a line, in their order.
+pub(crate) fn numbers(line: &str) -> Vec<f64> {
+    line.split(|c: char| !(c.is_ascii_digit() || c == '.')).filter_map(|n| n.parse().ok()).collect()
+}
+
+#[test]
+fn ragdolls_cross_borders_in_one_piece() {
+    let said = run_example("ragdolls.c", &[]);
+    let [dolls, over, transfers, gap_mm] = numbers(&said)[..] else { panic!("{said}") };
+    assert_eq!(dolls, 16.0);
+    assert!(over >= 4.0, "they tumble down: {said}");
+    // All ten parts of a doll change owner together.
+    assert!(transfers >= 30.0 && transfers % 10.0 == 0.0, "{said}");
+    assert!(gap_mm < 100.0, "a joint came apart: {said}");
+}
+
+#[test]
+fn stress_moves_and_reads_all_of_its_bodies() {
     let dir = tempfile::tempdir().unwrap();
-    let said = run_well(&mut Command::new(build(&checker(name), dir.path(), &[])));
+    let said = run_well(Command::new(build(&example("stress.c"), dir.path(), &[])).args(["2000", "30", "2"]));
+    let last = said.lines().last().expect("it says something");
+    let [bodies, steps, transfers, highest] = numbers(last)[..] else { panic!("{said}") };
+    assert_eq!((bodies, steps), (2000.0, 30.0), "{said}");
+    assert!(transfers > 0.0 && (0.25..3.0).contains(&highest), "{said}");
+}
+
+#[test]
+fn engine_draws_frames_in_the_colours_of_four_regions() {
+    let dir = tempfile::tempdir().unwrap();
+    let program = build(&example("engine.cpp"), dir.path(), &["-fno-exceptions"]);
+    let said = run_well(Command::new(program).arg(dir.path()).arg("1"));
+    let [frames, steps, transfers] = numbers(&said)[..] else { panic!("{said}") };
+    assert!((30.0..=31.0).contains(&frames) && (59.0..=62.0).contains(&steps) && transfers > 0.0, "{said}");
+    let file = std::fs::File::open(dir.path().join("frame0029.png")).unwrap();
+    let mut frame = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG file");
+    assert_eq!((frame.info().width, frame.info().height), (320, 320));
+    let mut pixels = vec![0; 320 * 320 * 3];
+    frame.next_frame(&mut pixels).expect("its whole picture");
+    let count = |is: fn([i32; 3]) -> bool| {
+        let colour = |pixel: &[u8]| [0, 1, 2].map(|part| i32::from(pixel[part]));
+        pixels.chunks(3).filter(|pixel| is(colour(pixel))).count()
+    };
+    let ground = count(|colour| colour == [24, 26, 30]);
+    assert!((60_000..100_000).contains(&ground), "the ground shows between the things: {ground}");
+    let red = count(|[r, g, b]| r > g + 50 && r > b + 50);
+    let green = count(|[r, g, b]| g > r + 20 && g > b + 20);
+    let blue = count(|[r, g, b]| b > r + 40 && b > g + 20);
+    let yellow = count(|[r, g, b]| r > b + 40 && g > b + 40);
+    for region in [red, green, blue, yellow] {
+        assert!(region > 300, "each of four regions shows: {red} {green} {blue} {yellow}");
+    }
+}
+
+/// Runs a program that counts its own checks, and may write a file there.
+fn run_checker(name: &str, dir: &Path, file: &Path) {
+    let said = run_well(Command::new(build(&checker(name), dir, &[])).arg(file));
     assert!(said.contains(" checks, 0 failures"), "{said}");
 }
 
 #[test]
-fn functions_do_what_the_header_says() {
-    run_checker("behaviour.c");
+fn functions_do_what_the_header_says_and_the_command_line_goes_on_with_a_snapshot() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("saved.dcd");
+    run_checker("behaviour.c", dir.path(), &file);
+    let mut run = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
+    let said = run_well(run.arg("run").arg(file).args(["--seconds", "0.1", "--json"]));
+    assert!(said.contains("\"bodies\":60"), "{said}");
 }
 
 #[test]
 fn misuse_gets_its_documented_codes() {
-    run_checker("misuse.c");
+    let dir = tempfile::tempdir().unwrap();
+    run_checker("misuse.c", dir.path(), &dir.path().join("nothing"));
+}
+
+/// `wrapper.cpp`, which goes without exceptions, with `throwing.cpp` in the same program.
+fn build_wrapper(out: &Path, flags: &[&str]) -> PathBuf {
+    let thrower = out.join("throwing.o");
+    let mut cxx = compiler("CXX", "c++");
+    cxx.arg("-std=c++17").args(STRICT).args(flags).arg("-c").arg(checker("throwing.cpp"));
+    run_well(cxx.arg("-o").arg(&thrower));
+    let thrower = thrower.display().to_string();
+    build(&checker("wrapper.cpp"), out, &[&["-fno-exceptions", &thrower], flags].concat())
+}
+
+#[test]
+fn the_cpp_header_does_what_it_says() {
+    for dialect in ["-std=c++17", "-std=c++20"] {
+        let dir = tempfile::tempdir().unwrap();
+        let said = run_well(&mut Command::new(build_wrapper(dir.path(), &[dialect])));
+        assert!(said.contains(" checks, 0 failures"), "{said}");
+    }
 }
 
 #[test]
 fn sanitizers_find_nothing_in_the_programs() {
     let dir = tempfile::tempdir().unwrap();
+    run_well(&mut Command::new(build_wrapper(dir.path(), &SANITIZED)));
     for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c"), example("game_loop.c")] {
-        run_well(&mut Command::new(build(&source, dir.path(), &SANITIZED)));
+        run_well(Command::new(build(&source, dir.path(), &SANITIZED)).current_dir(dir.path()));
+    }
+    let short = [("stress.c", ["500", "10"]), ("ragdolls.c", ["4", "2"]), ("engine.cpp", [".", "0.2"])];
+    for (name, arguments) in short {
+        let program = build(&example(name), dir.path(), &SANITIZED);
+        run_well(Command::new(program).args(arguments).current_dir(dir.path()));
     }
 }
 
@@ -101,7 +184,7 @@ fn valgrind_finds_nothing_in_the_programs() {
             "--errors-for-leak-kinds=definite",
         ]);
         valgrind.arg(format!("--suppressions={}", root().join("tests/tests/c_api/valgrind.supp").display()));
-        run_well(valgrind.arg(build(&source, dir.path(), &[])));
+        run_well(valgrind.arg(build(&source, dir.path(), &[])).current_dir(dir.path()));
     }
 }
 
@@ -118,19 +201,4 @@ fn the_makefile_builds_the_examples() {
     make.arg(format!("BUILD={}", dir.path().join("made").display()));
     run_well(&mut make);
     assert!(run_well(&mut Command::new(dir.path().join("made/hello"))).contains("box 4"));
-}
-
-#[test]
-fn cmake_builds_the_examples() {
-    if !is_installed("cmake") {
-        eprintln!("cmake is not installed: nothing checked");
-        return;
-    }
-    let dir = tempfile::tempdir().unwrap();
-    let library = crate::toolchain::library_dir().join("libdcd_ffi.a");
-    let mut configure = Command::new("cmake");
-    configure.arg("-S").arg(root().join("examples-c")).arg("-B").arg(dir.path());
-    run_well(configure.arg(format!("-DDCD_LIBRARY={}", library.display())));
-    run_well(Command::new("cmake").arg("--build").arg(dir.path()));
-    assert!(run_well(&mut Command::new(dir.path().join("hello"))).contains("box 4"));
 }

@@ -63,20 +63,123 @@ static DcdVelocity some_velocity(void)
     return velocity;
 }
 
+static DcdJointMotor some_motor(void)
+{
+    DcdJointMotor motor = DCD_JOINT_MOTOR_INIT;
+    motor.position = number();
+    motor.velocity = number();
+    motor.stiffness = dice(2) ? 0.0f : number();
+    motor.damping = dice(2) ? 10.0f : number();
+    motor.max_force = dice(2) ? motor.max_force : number();
+    motor.model = dice(20) == 0 ? dice(4) : dice(2);
+    return motor;
+}
+
 static DcdBodyDef some_body(void)
 {
     DcdBodyDef def = DCD_BODY_DEF_INIT;
     def.shape.v = handle(shapes[dice(KEPT)].v);
-    def.body_type = dice(8) == 0 ? dice(5) : DCD_DYNAMIC;
+    def.body_type = dice(6) == 0 ? dice(5) : DCD_DYNAMIC;
     def.pose = some_pose();
     def.density = dice(4) == 0 ? number() : def.density;
     def.restitution = dice(4) == 0 ? number() : def.restitution;
-    def.flags = dice(8) == 0 ? dice(20) : 0;
+    def.flags = dice(8) == 0 ? dice(260) : 0;
+    def.mass = dice(8) == 0 ? number() : 0.0f;
+    def.friction_rule = dice(8) == 0 ? dice(7) : 0;
+    def.contact_skin = dice(8) == 0 ? number() * 0.1f : 0.0f;
+    def.solver_mask = dice(8) == 0 ? dice(3) : def.solver_mask;
+    def.pairs = dice(8) == 0 ? dice(65) : def.pairs;
+    def.dominance = dice(8) == 0 ? (int32_t)dice(300) - 150 : 0;
+    def.soft_ccd = dice(8) == 0 ? number() : 0.0f;
+    def.sleep_after = dice(8) == 0 ? number() : def.sleep_after;
+    def.extra_mass = dice(8) == 0 ? number() : 0.0f;
+    def.extra_centre[1] = def.extra_mass != 0.0f && dice(2) ? number() : 0.0f;
+    def.extra_inertia[dice(3)] = def.extra_mass != 0.0f && dice(2) ? number() : 0.0f;
+    def.extra_solver_iterations = dice(8) == 0 ? dice(4) : 0;
     def.locked = dice(8) == 0 ? dice(70) : 0;
     def.events = dice(4);
     def.mask = dice(8) == 0 ? dice(3) : def.mask;
     def.struct_size -= dice(50) == 0;
     return def;
+}
+
+/* Any query; what it finds must be numbers. */
+static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
+{
+    DcdFilter filter = DCD_FILTER_INIT;
+    size_t ends[MANY], total;
+    DcdStatus status;
+    double sum = 0.0;
+    filter.flags = dice(4) == 0 ? dice(33) : 0;
+    filter.groups = dice(4) == 0 ? dice(4) : 0;
+    filter.mask = dice(4) == 0 ? dice(4) : filter.mask;
+    filter.exclude = &bodies[dice(KEPT - MANY)];
+    filter.exclude_count = dice(4) == 0 ? dice(MANY) : 0;
+    const DcdFilter *given = dice(2) ? &filter : NULL;
+    switch (dice(5)) {
+    case 0: {
+        DcdRay rays[MANY];
+        DcdRayHit hits[8];
+        size_t cap = dice(9);
+        for (int i = 0; i < MANY; i++) {
+            rays[i] = (DcdRay)DCD_RAY_INIT;
+            rays[i].origin[1] = (double)number();
+            rays[i].direction[dice(3)] = number();
+            rays[i].direction[1] = number();
+            rays[i].max_distance = dice(2) ? 100.0f : number();
+            rays[i].exclude = dice(3) == 0 ? named : rays[i].exclude;
+            rays[i].flags = dice(3);
+        }
+        status = dice(2) ? dcd_cast_rays(world, rays, MANY, given, hits)
+                         : dcd_cast_rays_all(world, rays, MANY, given, hits, cap, ends, &total);
+        break;
+    }
+    case 1: {
+        DcdShapeCast cast = DCD_SHAPE_CAST_INIT;
+        DcdShapeHit hit;
+        cast.shape.v = handle(shape.v);
+        cast.pose = some_pose();
+        cast.motion[dice(3)] = number();
+        cast.turn[dice(3)] = dice(2) ? number() : 0.0f;
+        cast.margin = dice(3) == 0 ? number() : 0.0f;
+        cast.flags = dice(4);
+        status = dcd_cast_shapes(world, &cast, 1, given, &hit);
+        sum = status == DCD_OK ? hit.point[0] + (double)hit.fraction + (double)hit.normal[1] : 0.0;
+        break;
+    }
+    case 2: {
+        DcdPointQuery point = DCD_POINT_QUERY_INIT;
+        DcdPointHit hit;
+        DcdOverlap found[4];
+        point.point[dice(3)] = (double)number();
+        point.max_distance = dice(2) ? point.max_distance : number();
+        point.flags = dice(3);
+        if (dice(2)) {
+            return dcd_overlap_points(world, &point, 1, given, found, dice(5), ends, &total);
+        }
+        status = dcd_project_points(world, &point, 1, given, &hit);
+        sum = status == DCD_OK ? hit.point[0] + (double)hit.distance : 0.0;
+        break;
+    }
+    case 3: {
+        DcdShapeQuery query = DCD_SHAPE_QUERY_INIT;
+        DcdOverlap found[4];
+        query.shape.v = handle(shape.v);
+        query.pose = some_pose();
+        status = dcd_overlap_shapes(world, &query, 1, given, found, dice(5), ends, &total);
+        break;
+    }
+    default: {
+        DcdBoxQuery query = DCD_BOX_QUERY_INIT;
+        DcdOverlap found[4];
+        for (int i = 0; i < 3; i++) {
+            query.min[i] = (double)number() - 5.0;
+            query.max[i] = (double)number();
+        }
+        status = dcd_overlap_boxes(world, &query, 1, given, found, dice(5), ends, &total);
+    }
+    }
+    return isnan(sum) ? DCD_ERR_PANIC : status;
 }
 
 static DcdStatus play(void)
@@ -103,7 +206,7 @@ static DcdStatus play(void)
         indices[i] = dice(dice(10) == 0 ? 20 : 8);
     }
 
-    switch (dice(33)) {
+    switch (dice(38)) {
     case 0:
         if (dice(20) == 0) {
             DcdWorld *place = &worlds[dice(WORLDS)];
@@ -162,21 +265,47 @@ static DcdStatus play(void)
         return dice(2) ? dcd_body_wake(world, named) : dcd_body_sleep(world, named);
     case 19: {
         DcdJointDef def = DCD_JOINT_DEF_INIT;
-        def.joint_type = dice(5);
+        def.joint_type = dice(8);
         def.a = named;
         def.b = list[0];
         def.frame_b.p[0] = number();
-        def.flags = dice(9);
-        def.limit[0] = number();
+        def.flags = dice(17);
+        def.limit[0] = dice(2) ? 0.0f : number();
         def.limit[1] = number();
-        def.motor_speed = number();
-        def.motor_max_force = number();
+        def.motor = some_motor();
+        if (def.joint_type == DCD_JOINT_GENERIC) {
+            def.flags &= ~(DCD_JOINT_LIMIT | DCD_JOINT_MOTOR);
+            def.locked = dice(65);
+            def.coupled = dice(4) == 0 ? dice(65) & ~def.locked : 0;
+        }
         return dcd_joint_create(world, &def, joint);
     }
-    case 20:
-        return dcd_joint_set_motor(world, *joint, number(), number());
-    case 21:
-        return dcd_joint_destroy(world, *joint);
+    case 20: {
+        float limit[2] = { dice(2) ? 0.0f : number(), number() };
+        DcdJointMotor motor = some_motor();
+        DcdJointInfo info = DCD_JOINT_INFO_INIT;
+        DcdFrame frame = { { number(), 0.0f, number() }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+        switch (dice(6)) {
+        case 0:
+            return dcd_joint_set_limit(world, *joint, dice(7), dice(4) ? limit : NULL);
+        case 1:
+            return dcd_joint_set_frames(world, *joint, dice(2) ? &frame : NULL, dice(2) ? &frame : NULL);
+        case 2:
+            return dcd_joint_set_flags(world, *joint, dice(4) * 4);
+        case 3:
+            return dcd_joint_set_softness(world, *joint, number(), number());
+        case 4: {
+            DcdStatus status = dcd_joint_info(world, *joint, &info);
+            return status == DCD_OK && isnan(info.position) ? DCD_ERR_PANIC : status;
+        }
+        default:
+            return dcd_joint_set_motor(world, *joint, dice(7), dice(4) ? &motor : NULL);
+        }
+    }
+    case 21: {
+        size_t count;
+        return dice(2) ? dcd_joint_destroy(world, *joint) : dcd_body_joints(world, named, &joints[dice(KEPT - 1)], 1, &count);
+    }
     case 22: {
         DcdStateView view = DCD_STATE_VIEW_INIT;
         double sum = 0.0;
@@ -191,22 +320,86 @@ static DcdStatus play(void)
         return dcd_events(world, &view);
     }
     case 24:
-        return dcd_state_read(world, list, MANY, dice(4), poses, sizeof poses[0], dice(2) ? each : NULL);
+        return dcd_state_read(world, list, MANY, dice(6), poses, sizeof poses[0], dice(2) ? each : NULL);
     case 25:
-        return dcd_state_write(world, list, MANY, dice(4), poses, sizeof poses[0], dice(2) ? each : NULL);
-    case 26: {
-        DcdRay ray = { { 0.0, 0.0, 0.0 }, { number(), number(), number() }, number(), { 0 }, 1 + dice(3), 0 };
-        DcdRayHit hit;
-        ray.origin[1] = (double)number();
-        ray.exclude = dice(3) == 0 ? named : ray.exclude;
-        return dcd_cast_rays(world, &ray, 1, &hit);
-    }
+        return dcd_state_write(world, list, MANY, dice(6), poses, sizeof poses[0], dice(2) ? each : NULL);
+    case 26:
+        return ask(world, named, *shape);
     case 27:
         return dcd_body_set_events(world, named, dice(2), dice(5), number());
     case 28:
         return dcd_body_set_material(world, named, dice(2) ? DCD_ALL_PARTS : dice(2), number(), number());
     case 29:
         return dcd_body_set_groups(world, named, 0, dice(4), dice(4));
+    case 30: {
+        DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+        DcdStatus status = dcd_body_properties(world, named, &as);
+        if (status != DCD_OK) {
+            return status;
+        }
+        switch (dice(7)) {
+        case 0:
+            as.body_type = dice(5);
+            break;
+        case 1:
+            as.flags ^= 1u << dice(8);
+            break;
+        case 2:
+            as.locked = dice(65);
+            break;
+        case 3:
+            as.extra_mass = number();
+            break;
+        case 4:
+            as.gravity_scale = number();
+            break;
+        case 5:
+            as.sleep_linear = number();
+            break;
+        default:
+            as.linear_damping = number();
+            as.dominance = (int32_t)dice(5) - 2;
+        }
+        return dcd_body_set_properties(world, named, &as);
+    }
+    case 31: {
+        DcdPartProperties as = DCD_PART_PROPERTIES_INIT;
+        uint32_t part = dice(2);
+        switch (dice(6)) {
+        case 0:
+            as.frame.p[dice(3)] = number();
+            as.mass = dice(2) ? number() : 0.0f;
+            return dcd_part_add(world, named, *shape, dice(4) ? &as : NULL, dice(2) ? &part : NULL);
+        case 1:
+            return dcd_part_remove(world, named, part);
+        case 2:
+            return dcd_part_set_shape(world, named, part, *shape);
+        default: {
+            DcdStatus status = dcd_part_properties(world, named, part, &as);
+            if (status != DCD_OK) {
+                return status;
+            }
+            as.flags ^= dice(8);
+            as.frame.p[0] = dice(4) ? as.frame.p[0] : number();
+            as.density = dice(4) ? as.density : number();
+            as.mass = dice(4) ? as.mass : number();
+            as.pairs = dice(4) ? as.pairs : dice(64);
+            as.contact_skin = dice(4) ? as.contact_skin : number() * 0.1f;
+            return dcd_part_set_properties(world, named, part, &as);
+        }
+        }
+    }
+    case 32:
+        return dice(2) ? dcd_body_set_target(world, named, &pose)
+                       : dcd_body_add_force(world, named, velocity.linear, dice(2) ? pose.p : NULL);
+    case 33:
+        return dice(2) ? dcd_step_begin(world) : dcd_step_wait(world, dice(2) ? DCD_FOREVER : 0);
+    case 34: {
+        static char saved[1 << 20];
+        static size_t size;
+        saved[dice(sizeof saved)] ^= dice(4) == 0;
+        return dice(3) == 0 ? dcd_snapshot_save(world, saved, sizeof saved, &size) : dcd_snapshot_load(world, saved, size);
+    }
     default:
         return dcd_step(world);
     }

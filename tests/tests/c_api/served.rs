@@ -10,7 +10,7 @@ use dcd::protocol::Pace;
 use dcd::runtime::{JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, WorldConfig};
 use dcd::scene::{Params, Scene};
 
-use crate::programs::SANITIZED;
+use crate::programs::{SANITIZED, numbers};
 use crate::toolchain::{build, root, run_well};
 
 const LIMIT: Duration = Duration::from_secs(60);
@@ -110,6 +110,25 @@ fn a_game_loop_written_for_a_local_world_joins_a_served_one() {
         last.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
     let [300, 249, began, ..] = numbers[..] else { panic!("{said}") };
     assert!(began >= 16, "16 balls fall on the ground: {said}");
+    cluster.stop();
+}
+
+#[test]
+fn an_mmo_client_draws_its_avatar_ahead_of_what_it_hears() {
+    let cluster = Cluster::start(2);
+    let program = build(&root().join("examples-c/mmo_client.c"), cluster.folder.path(), &SANITIZED);
+    let mut client = Command::new(program);
+    client.arg(cluster.server.address.to_string()).arg(cluster.token(Role::Client));
+    let said = run_well(client.arg("3"));
+    let last = said.lines().last().expect("it says something");
+    let numbers = numbers(last);
+    let [steps, delay, moved_m, ahead_m, corrected_m] = numbers[..] else { panic!("{said}") };
+    assert_eq!(steps, 180.0, "{said}");
+    assert!((1.0..60.0).contains(&delay), "the world hears of it later: {said}");
+    assert!((8.0..10.0).contains(&moved_m), "3 s at 3 m/s, from the first step on: {said}");
+    // Each step asks for 0.05 m; drawn where it is heard of, it would be 0 ahead.
+    assert!(ahead_m > 0.5 * 0.05 * delay, "{said}");
+    assert!(corrected_m < 2.0, "prediction and world agree: {said}");
     cluster.stop();
 }
 
@@ -234,4 +253,14 @@ fn what_is_wrong_on_entering_is_said_to_c() {
     program.args([cluster.token(Role::Client), cluster.token(Role::Node)]);
     check(&run_well(program.arg(silent.local_addr().unwrap().to_string())));
     cluster.stop();
+}
+
+#[test]
+fn one_program_serves_computes_and_sees_a_world() {
+    for flags in [&[][..], &SANITIZED] {
+        let folder = tempfile::tempdir().unwrap();
+        let program = build(&root().join("tests/tests/c_api/roles.c"), folder.path(), flags);
+        let said = run_well(Command::new(program).arg(folder.path().join("server")));
+        assert!(said.contains(" checks, 0 failures"), "{said}");
+    }
 }

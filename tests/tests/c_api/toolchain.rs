@@ -24,34 +24,42 @@ fn profile_dir() -> PathBuf {
     test.parent().and_then(Path::parent).expect("tests lie in <profile>/deps").to_owned()
 }
 
+/// What cargo calls the profile of this test.
+pub(crate) fn profile() -> String {
+    let name =
+        profile_dir().file_name().and_then(OsStr::to_str).expect("profiles have plain names").to_owned();
+    if name == "debug" { "dev".to_owned() } else { name }
+}
+
 /// Builds the C library once a test run, so that no stale one is tested. Returns the folder that has it.
 pub(crate) fn library_dir() -> &'static Path {
     static DIR: OnceLock<PathBuf> = OnceLock::new();
     DIR.get_or_init(|| {
         let dir = profile_dir();
-        let profile = match dir.file_name().and_then(OsStr::to_str) {
-            Some("debug") | None => "dev",
-            Some(name) => name,
-        };
         let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-        cargo.current_dir(root()).args(["build", "--quiet", "--profile", profile]);
+        cargo.current_dir(root()).args(["build", "--quiet", "--profile", &profile()]);
         // With this package, so that the features are those of the test's own build and nothing is compiled twice.
         cargo.args(["--package", "dcd-ffi", "--package", "dcd-tests"]);
         // Where the test itself lies. Cargo holds no lock on it while tests run.
         cargo.arg("--target-dir").arg(dir.parent().expect("profiles lie in the target directory"));
-        // What cargo tells this test about its package would make it build other packages anew.
-        for (name, _) in std::env::vars_os() {
-            if name
-                .to_str()
-                .is_some_and(|name| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_"))
-            {
-                cargo.env_remove(name);
-            }
-        }
+        forget_cargo(&mut cargo);
         let status = cargo.status().expect("cargo runs");
         assert!(status.success(), "the C library does not build");
         dir
     })
+}
+
+/// Hides from a command what cargo tells this test about its package: it would make a cargo within build packages anew.
+pub(crate) fn forget_cargo(command: &mut Command) -> &mut Command {
+    for (name, _) in std::env::vars_os() {
+        if name
+            .to_str()
+            .is_some_and(|name| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_"))
+        {
+            command.env_remove(name);
+        }
+    }
+    command
 }
 
 /// A compiler of the system: `CC` or `cc`, `CXX` or `c++`.
@@ -61,15 +69,24 @@ pub(crate) fn compiler(variable: &str, default: &str) -> Command {
     compiler
 }
 
-/// Compiles a C program and links it to the static library. Returns the program.
+/// What every C and C++ program of ours compiles with.
+pub(crate) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-pedantic", "-Werror"];
+
+/// Compiles a C or C++ program and links it to the static library. Returns the program.
 pub(crate) fn build(source: &Path, out: &Path, flags: &[&str]) -> PathBuf {
     let program = out.join(source.file_stem().expect("a source has a name"));
-    let mut cc = compiler("CC", "cc");
-    cc.args(["-std=c11", "-g", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wstrict-prototypes"])
-        .args(flags);
-    cc.arg(source).arg(library_dir().join("libdcd_ffi.a")).args(NATIVE_LIBS).arg("-o").arg(&program);
-    let output = cc.output().expect("the C compiler runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut compiler = if source.extension() == Some(OsStr::new("cpp")) {
+        let mut cxx = compiler("CXX", "c++");
+        cxx.arg("-std=c++17");
+        cxx
+    } else {
+        let mut cc = compiler("CC", "cc");
+        cc.args(["-std=c11", "-Wstrict-prototypes"]);
+        cc
+    };
+    compiler.arg("-g").args(STRICT).args(flags).arg(source);
+    compiler.arg(library_dir().join("libdcd_ffi.a")).args(NATIVE_LIBS).arg("-o").arg(&program);
+    run_well(&mut compiler);
     program
 }
 

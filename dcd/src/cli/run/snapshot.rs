@@ -1,7 +1,7 @@
 //! Worlds that `dcd run` saves and goes on with.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -12,34 +12,25 @@ use crate::runtime::{DcdWorld, SnapshotError};
 /// A file to save to, beside which one could be written before the run began: a long run is not to be lost to a wrong path.
 pub(super) struct Target {
     path: PathBuf,
-    /// What is half written never stands where a whole snapshot stood.
-    part: PathBuf,
 }
 
 impl Target {
     pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
         let mut part = path.clone().into_os_string();
         part.push(".part");
-        let target = Self { path, part: part.into() };
+        let target = Self { path };
         if target.path.is_dir() {
             return Err(Failure::usage(target.refused(&"it is a folder")));
         }
-        File::create(&target.part)
-            .and_then(|_| std::fs::remove_file(&target.part))
+        File::create(&part)
+            .and_then(|_| std::fs::remove_file(&part))
             .map_err(|error| Failure::usage(target.refused(&error)))?;
         Ok(target)
     }
 
     pub(super) fn write(&self, world: &DcdWorld, common: &Common) -> Result<(), Failure> {
         let start = Instant::now();
-        let written = File::create(&self.part)
-            .map_err(SnapshotError::from)
-            .and_then(|file| world.save(BufWriter::new(file)))
-            .and_then(|()| Ok(std::fs::rename(&self.part, &self.path)?));
-        if let Err(error) = written {
-            let _ = std::fs::remove_file(&self.part);
-            return Err(Failure::run(self.refused(&error)));
-        }
+        world.save_file(&self.path).map_err(|error| Failure::run(self.refused(&error)))?;
         say(&self.path, "saved", start, common);
         Ok(())
     }
@@ -61,9 +52,7 @@ pub(super) fn is_one(path: &str) -> bool {
 
 pub(super) fn restore(path: &str, threads: usize, common: &Common) -> Result<DcdWorld, Failure> {
     let start = Instant::now();
-    let restored = File::open(path)
-        .map_err(SnapshotError::from)
-        .and_then(|file| DcdWorld::restore(BufReader::with_capacity(1 << 16, file), threads));
+    let restored = DcdWorld::open_snapshot(path.as_ref()).and_then(|file| DcdWorld::restore(file, threads));
     let world = restored.map_err(|error| {
         let said = format!("cannot go on with {path}: {error}");
         if matches!(error, SnapshotError::Threads(_)) { Failure::run(said) } else { Failure::usage(said) }

@@ -263,8 +263,14 @@ pub(in crate::physics) fn whole<R>(
     change: impl FnOnce(&mut RigidBody) -> R,
 ) -> R {
     let Some(mut shared) = region.slot_mut(handle).shared.take() else {
+        let extra_mass = region.slot(handle).traits.extra_mass;
         let result = change(&mut region.world_mut().bodies[handle]);
         region.refresh(handle);
+        if region.slot(handle).traits.extra_mass != extra_mass {
+            // Rapier itself does so only when it steps.
+            let PhysicsWorld { bodies, colliders, .. } = region.world_mut();
+            bodies[handle].recompute_mass_properties_from_colliders(colliders);
+        }
         return result;
     };
     let parts = shared.parts;

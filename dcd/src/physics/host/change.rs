@@ -8,7 +8,7 @@ use super::{HostError, RegionHost};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Region, Role};
-use crate::protocol::{BodyRecord, BodyState, LinkMotion, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, JointRecord, LinkMotion, WorldPose};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
@@ -31,13 +31,16 @@ impl RegionHost {
     }
 
     /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.
-    /// Returns what [`RegionHost::update`] would. Immovable bodies whose shape or place changed are placed anew.
+    /// Returns what [`RegionHost::update`] would. Bodies whose shape changed, and immovable ones whose place did, are placed
+    /// anew: Rapier 0.36.1 does not forget all contacts of a compound that becomes something else.
     pub fn update_collider<R>(
         &mut self,
         id: BodyId,
         index: usize,
         mut change: impl FnMut(&mut Collider) -> R,
     ) -> Result<Option<R>, HostError> {
+        let shape_of = |body: &BodyRecord| body.traits.colliders.get(index).map(|collider| collider.shape);
+        let shape = self.record(id).as_ref().and_then(shape_of);
         let (mut result, mut reach_m) = (None, 0.0f32);
         for region in &mut self.regions {
             let Some(handle) = region.handle_of(id) else { continue };
@@ -65,7 +68,12 @@ impl RegionHost {
                     self.replace(BodyRecord { traits, ..known })?;
                 }
             }
-            None => self.partition.widen_halo(reach_m),
+            None => {
+                self.partition.widen_halo(reach_m);
+                if let Some(body) = self.record(id).filter(|body| shape_of(body) != shape) {
+                    self.replace(body)?;
+                }
+            }
         }
         Ok(result)
     }
@@ -102,8 +110,22 @@ impl RegionHost {
         found
     }
 
+    /// A joint, whole, if any region here holds it.
+    pub fn joint(&self, id: JointId) -> Option<JointRecord> {
+        self.regions.iter().find_map(|region| region.joint_record(id))
+    }
+
+    /// The joints of a body, whole, by id; an immovable one has them in many regions, each of which has those of its own
+    /// bodies.
+    pub fn all_joints_of(&self, id: BodyId) -> BTreeMap<JointId, JointRecord> {
+        let holders = self.regions.iter().filter_map(|region| Some((region, region.handle_of(id)?)));
+        let joints = holders.flat_map(|(region, handle)| region.joints_of(handle));
+        joints.map(|joint| (joint.id, joint)).collect()
+    }
+
     /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
-    /// about them. Summed over the regions here that hold it.
+    /// about them. Summed over the regions here that hold it. Rapier makes
+    /// what it solves orthogonal first, so the numbers of several axes are mixed.
     pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         let loads = self.regions.iter().filter_map(|region| region.joint_load(id));
         loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
@@ -173,10 +195,7 @@ impl RegionHost {
         if let Some(body) = self.statics.body(id) {
             let mut body = body.clone();
             body.state.pose = pose;
-            // Each region has the joints of its own bodies.
-            let holders = self.regions.iter().filter_map(|region| Some((region, region.handle_of(id)?)));
-            let joints = holders.flat_map(|(region, handle)| region.joints_of(handle));
-            let joints: BTreeMap<_, _> = joints.map(|joint| (joint.id, joint)).collect();
+            let joints = self.all_joints_of(id);
             self.remove(id);
             self.insert(vec![body], &joints.into_values().collect::<Vec<_>>())?;
             return Ok(true);

@@ -249,6 +249,17 @@ impl RegionHost {
         self.lend_threads()
     }
 
+    /// Takes over threads and hooks of a host whose place this one takes.
+    pub(crate) fn serve_as(&mut self, former: &Self) -> Result<(), HostError> {
+        self.pool = former.pool.clone();
+        #[cfg(feature = "parallel")]
+        {
+            self.threads = former.threads;
+        }
+        self.set_hooks(former.hooks.clone());
+        self.lend_threads()
+    }
+
     /// Gives Rapier's own parallel solver its threads: all of them in the only region; elsewhere each region has one, since
     /// a world that waited for workers busy in other regions would wait for ever.
     #[cfg(feature = "parallel")]

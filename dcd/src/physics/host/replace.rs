@@ -61,9 +61,7 @@ impl RegionHost {
             return Err(HostError::NotFinite(body.id));
         }
         let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
-        // Each region has the joints of its own bodies.
-        let holders = self.regions.iter().filter_map(|region| Some((region, region.handle_of(body.id)?)));
-        for joint in holders.flat_map(|(region, handle)| region.joints_of(handle)).collect::<Vec<_>>() {
+        for joint in self.all_joints_of(body.id).into_values() {
             self.gather_assembly(joint.a, &mut bodies, &mut ties);
             self.gather_assembly(joint.b, &mut bodies, &mut ties);
             ties.insert(joint.id, joint);

@@ -9,7 +9,9 @@ mod header;
 #[cfg(test)]
 mod tests;
 
-use std::io::{Read, Write};
+use std::fs::{self, File};
+use std::io::{BufReader, BufWriter, Read, Write};
+use std::path::Path;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -64,6 +66,36 @@ impl DcdWorld {
         host.resume();
         host.set_threads(threads).map_err(WorldError::from)?;
         Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO })
+    }
+
+    /// Goes back, or on, to a world that [`DcdWorld::save`] wrote, with the threads and hooks that this one has. Ids that this
+    /// world has given are not given again. After an error nothing has changed.
+    pub fn reload(&mut self, from: impl Read) -> Result<(), SnapshotError> {
+        let mut world = Self::restore(from, 1)?;
+        world.host.serve_as(&self.host).map_err(WorldError::from)?;
+        world.next_body = world.next_body.max(self.next_body);
+        world.next_joint = world.next_joint.max(self.next_joint);
+        *self = world;
+        Ok(())
+    }
+
+    /// Saves to a file. It is written beside its place first, so that half of one never stands where a whole one stood.
+    pub fn save_file(&self, path: &Path) -> Result<(), SnapshotError> {
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let written = File::create(&part)
+            .map_err(SnapshotError::from)
+            .and_then(|file| self.save(BufWriter::new(file)))
+            .and_then(|()| Ok(fs::rename(&part, path)?));
+        if written.is_err() {
+            let _ = fs::remove_file(&part);
+        }
+        written
+    }
+
+    /// Opens a file for [`DcdWorld::restore`] or [`DcdWorld::reload`].
+    pub fn open_snapshot(path: &Path) -> Result<impl Read + use<>, SnapshotError> {
+        Ok(BufReader::with_capacity(1 << 16, File::open(path)?))
     }
 
     /// Whether a file that begins with these bytes says that it is a snapshot; eight are enough.

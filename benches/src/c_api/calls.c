@@ -1,0 +1,166 @@
+/* What calls of the C API cost, seen from C. One figure a line: its name and its value.
+ *
+ *   calls read BODIES REPEATS          ns a body: through the view, by a list of ids, one by one
+ *   calls step BODIES STEPS            ms a step of a pile, the median; without and with the view
+ *   calls connect SERVER TOKEN         ms until a client has the first state of a served world */
+#define _POSIX_C_SOURCE 200809L
+
+#include "dcd.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum { WARM_UP = 30 };
+
+static void check(DcdStatus status)
+{
+    if (status != DCD_OK) {
+        char message[512];
+        dcd_last_error(message, sizeof message);
+        fprintf(stderr, "%s\n", message);
+        exit(EXIT_FAILURE);
+    }
+}
+
+static double now_ns(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return (double)time.tv_sec * 1e9 + (double)time.tv_nsec;
+}
+
+static void *allocate(size_t count, size_t size)
+{
+    void *memory = calloc(count, size);
+    if (memory == NULL) {
+        exit(EXIT_FAILURE);
+    }
+    return memory;
+}
+
+/* A result that the compiler must believe is used. */
+static volatile double sink;
+
+/* Bodies that fly freely: what is read does not depend on what they do. */
+static void reading(size_t count, size_t repeats)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world;
+    def.threads = 1;
+    def.regions = 2;
+    check(dcd_world_create(&def, &world));
+    DcdBodyDef ball = DCD_BODY_DEF_INIT;
+    DcdBodyId *ids = allocate(count, sizeof *ids);
+    check(dcd_shape_sphere(world, 0.25f, &ball.shape));
+    for (size_t i = 0; i < count; i++) {
+        ball.pose.p[0] = (double)(i % 100) - 49.5;
+        ball.pose.p[1] = (double)(i / 10000);
+        ball.pose.p[2] = (double)(i / 100 % 100) - 49.5;
+        check(dcd_body_create(world, &ball, &ids[i]));
+    }
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    DcdPose *poses = allocate(count, sizeof *poses);
+    check(dcd_state_view(world, &view));
+    check(dcd_step(world));
+    double best[3] = { 1e30, 1e30, 1e30 };
+    for (size_t repeat = 0; repeat < repeats; repeat++) {
+        double sum = 0.0, times[4];
+        times[0] = now_ns();
+        check(dcd_state_view(world, &view));
+        for (size_t i = 0; i < view.count; i++) {
+            const DcdPose *pose = &view.poses[i];
+            sum += pose->p[0] + pose->p[1] + pose->p[2] + (double)pose->q[3];
+        }
+        sink = sum;
+        times[1] = now_ns();
+        check(dcd_state_read(world, ids, count, DCD_FIELD_POSE, poses, 0, NULL));
+        times[2] = now_ns();
+        for (size_t i = 0; i < count; i++) {
+            check(dcd_body_get(world, ids[i], &poses[i], NULL));
+        }
+        times[3] = now_ns();
+        for (int way = 0; way < 3; way++) {
+            const double time = (times[way + 1] - times[way]) / (double)count;
+            best[way] = time < best[way] ? time : best[way];
+        }
+    }
+    printf("view_ns %.3f\nread_ns %.3f\nget_ns %.3f\n", best[0], best[1], best[2]);
+    check(dcd_world_destroy(world));
+    free(poses);
+    free(ids);
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median_step_ms(size_t bodies, size_t steps, bool viewed)
+{
+    char n[32];
+    const char *params[1] = { n };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    double *times = allocate(steps, sizeof *times);
+    snprintf(n, sizeof n, "n=%zu", bodies);
+    def.regions = 1;
+    def.threads = 1;
+    check(dcd_world_open_scene("pile", params, 1, &def, &world));
+    if (viewed) {
+        check(dcd_state_view(world, &view));
+    }
+    for (size_t i = 0; i < WARM_UP + steps; i++) {
+        const double start = now_ns();
+        check(dcd_step(world));
+        if (viewed) {
+            check(dcd_state_view(world, &view));
+        }
+        if (i >= WARM_UP) {
+            times[i - WARM_UP] = now_ns() - start;
+        }
+    }
+    check(dcd_world_destroy(world));
+    qsort(times, steps, sizeof *times, by_value);
+    const double median = times[steps / 2] / 1e6;
+    free(times);
+    return median;
+}
+
+static void connecting(const char *server, const char *token)
+{
+    DcdClientDef def = DCD_CLIENT_DEF_INIT;
+    DcdWorld world;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    def.server = server;
+    def.token = token;
+    const double start = now_ns();
+    check(dcd_client_connect(&def, &world));
+    check(dcd_state_view(world, &view));
+    printf("connect_ms %.3f\n", (now_ns() - start) / 1e6);
+    if (view.count == 0) {
+        fprintf(stderr, "calls: the first state is empty\n");
+        exit(EXIT_FAILURE);
+    }
+    check(dcd_world_destroy(world));
+}
+
+int main(int argc, char **argv)
+{
+    if (argc == 4 && strcmp(argv[1], "read") == 0) {
+        reading(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10));
+    } else if (argc == 4 && strcmp(argv[1], "step") == 0) {
+        const size_t bodies = strtoul(argv[2], NULL, 10), steps = strtoul(argv[3], NULL, 10);
+        printf("step_ms %.6f\n", median_step_ms(bodies, steps, false));
+        printf("viewed_step_ms %.6f\n", median_step_ms(bodies, steps, true));
+    } else if (argc == 4 && strcmp(argv[1], "connect") == 0) {
+        connecting(argv[2], argv[3]);
+    } else {
+        fprintf(stderr, "usage: calls read BODIES REPEATS | step BODIES STEPS | connect SERVER TOKEN\n");
+        return EXIT_FAILURE;
+    }
+    return EXIT_SUCCESS;
+}

@@ -1,0 +1,214 @@
+//! What the C API costs: calls as a C program sees them, joining a world, and the size of a program that links it.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::time::Duration;
+
+use clap::Args;
+use dcd::net::Role;
+use dcd::protocol::Pace;
+use dcd::runtime::measure::Plan;
+use dcd::runtime::{JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, WorldConfig};
+use dcd::scene::{Params, Scene};
+use serde::{Deserialize, Serialize};
+
+use crate::machine::Machine;
+use crate::results::{self, Measured, short};
+use crate::timing::StepMs;
+use crate::{page, timing};
+
+/// Bodies of a step whose cost calls are compared with.
+const STEPPED: usize = 1000;
+/// Longer than joining takes on a busy machine.
+const LIMIT: Duration = Duration::from_secs(60);
+/// What Rust's standard library needs of a Linux system; `tests/tests/c_api/library.rs` checks the list.
+const LINK: &str = "-Wl,--gc-sections -lgcc_s -lutil -lrt -lpthread -lm -ldl -lc";
+
+/// Measures against the goals of the C API; fails when one is missed, but for `--quick`.
+#[derive(Args)]
+pub(crate) struct CApi {
+    /// Few bodies and few repeats.
+    #[arg(long)]
+    quick: bool,
+    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+}
+
+/// One figure and what it may be at most.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    figure: String,
+    value: f64,
+    unit: String,
+    /// `None` where nobody set one.
+    goal: Option<f64>,
+}
+
+impl Row {
+    fn new(figure: &str, value: f64, unit: &str, goal: impl Into<Option<f64>>) -> Self {
+        Self { figure: figure.to_owned(), value, unit: unit.to_owned(), goal: goal.into() }
+    }
+
+    fn is_missed(&self) -> bool {
+        self.goal.is_some_and(|goal| self.value > goal)
+    }
+}
+
+impl CApi {
+    pub(crate) fn run(self) -> Result<ExitCode, Box<dyn Error>> {
+        let folder = results::folder(self.out.as_deref(), self.quick)?;
+        let rows = self.measure()?;
+        let cells = |row: &Row| {
+            let goal = row.goal.map_or_else(String::new, short);
+            let verdict = if row.is_missed() { "missed" } else { "" };
+            vec![row.figure.clone(), short(row.value), row.unit.clone(), goal, verdict.to_owned()]
+        };
+        let table = page::table(&["figure", "measured", "unit", "at most", ""], rows.iter().map(cells));
+        println!("{table}");
+        let missed = rows.iter().any(Row::is_missed);
+        let machine = Machine::here();
+        let measured: Vec<_> =
+            rows.into_iter().map(|row| Measured { row, machine: machine.clone() }).collect();
+        results::write_csv(&folder.join("c-api.csv"), &measured)?;
+        page::put(&folder, "c-api", &table)?;
+        Ok(if missed && !self.quick { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    }
+
+    fn measure(&self) -> Result<Vec<Row>, Box<dyn Error>> {
+        let (bodies, repeats, steps, rounds, joins) =
+            if self.quick { (2_000, 5, 60, 1, 1) } else { (100_000, 50, 600, 7, 9) };
+        let work = std::env::temp_dir().join(format!("dcd-benches-c-api-{}", std::process::id()));
+        std::fs::create_dir_all(&work)?;
+        let library = library()?;
+        let calls = Calls(compile(&library, &root().join("benches/src/c_api/calls.c"), &work)?);
+
+        let mut rows = Vec::new();
+        let read = calls.said(&["read", &bodies.to_string(), &repeats.to_string()])?;
+        rows.push(Row::new("a pose through the view, of all bodies", read["view_ns"], "ns a body", 2.0));
+        rows.push(Row::new("a pose by a list of ids, of all bodies", read["read_ns"], "ns a body", None));
+        let few = calls.said(&["read", &STEPPED.to_string(), &(100 * repeats).to_string()])?;
+        rows.push(Row::new("dcd_body_get, of 1,000 bodies", few["get_ns"], "ns a body", 25.0));
+        rows.push(Row::new("dcd_body_get, of all bodies", read["get_ns"], "ns a body", None));
+
+        // In turn, and of each the run that was disturbed least.
+        let (mut rust, mut c, mut viewed) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
+        for _ in 0..rounds {
+            rust = rust.min(rust_step_ms(steps)?);
+            let from_c = calls.said(&["step", &STEPPED.to_string(), &steps.to_string()])?;
+            (c, viewed) = (c.min(from_c["step_ms"]), viewed.min(from_c["viewed_step_ms"]));
+        }
+        let added = |c: f64| 100.0 * (c / rust - 1.0);
+        rows.push(Row::new("what dcd_step adds to a step of 1,000 bodies", added(c), "%", 1.0));
+        rows.push(Row::new("the same with the view", added(viewed), "%", None));
+
+        let joined = join_ms(&calls, joins, &work)?;
+        rows.push(Row::new("from dcd_client_connect to the first state", joined, "ms", 50.0));
+
+        let game = compile(&library, &root().join("examples-c/game_loop.c"), &work)?;
+        let stripped = Command::new("strip").arg(&game).status()?;
+        if !stripped.success() {
+            return Err("strip failed".into());
+        }
+        let size = std::fs::metadata(&game)?.len() as f64 / 1e6;
+        rows.push(Row::new("game_loop, linked statically and stripped", size, "MB", 8.0));
+        std::fs::remove_dir_all(&work)?;
+        Ok(rows)
+    }
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package lies in the workspace")
+}
+
+/// Builds the static library as users do, beside this program.
+fn library() -> Result<PathBuf, Box<dyn Error>> {
+    let program = std::env::current_exe()?;
+    let profile = program.parent().ok_or("this program lies in no folder")?;
+    let target = profile.parent().ok_or("this program lies in no target folder")?;
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.args(["build", "--quiet", "--package", "dcd-ffi", "--target-dir"]).arg(target).current_dir(root());
+    // Figures come from what users build; a quick try takes what is built already, with this program's features.
+    cargo.args(if cfg!(debug_assertions) { ["--package", "dcd-benches"].as_slice() } else { &["--release"] });
+    if !cargo.status()?.success() {
+        return Err("the C library does not build".into());
+    }
+    Ok(profile.join("libdcd_ffi.a"))
+}
+
+fn compile(library: &Path, source: &Path, out: &Path) -> Result<PathBuf, Box<dyn Error>> {
+    let program = out.join(source.file_stem().expect("a source has a name"));
+    let mut cc = Command::new(std::env::var_os("CC").unwrap_or_else(|| "cc".into()));
+    cc.args(["-std=c11", "-O2", "-I"]).arg(root().join("include")).arg(source).arg(library);
+    if !cc.args(LINK.split(' ')).arg("-o").arg(&program).status()?.success() {
+        return Err(format!("{} does not compile", source.display()).into());
+    }
+    Ok(program)
+}
+
+/// The program that `calls.c` becomes.
+struct Calls(PathBuf);
+
+impl Calls {
+    /// What it says: a name and a number a line.
+    fn said(&self, arguments: &[&str]) -> Result<BTreeMap<String, f64>, Box<dyn Error>> {
+        let output = Command::new(&self.0).args(arguments).stderr(Stdio::inherit()).output()?;
+        if !output.status.success() {
+            return Err(format!("calls {arguments:?} ends with {}", output.status).into());
+        }
+        let text = String::from_utf8(output.stdout)?;
+        let figure = |line: &str| -> Result<_, Box<dyn Error>> {
+            let (name, value) = line.split_once(' ').ok_or_else(|| format!("{line} is no figure"))?;
+            Ok((name.to_owned(), value.parse()?))
+        };
+        text.lines().map(figure).collect()
+    }
+}
+
+/// The scene that `calls.c` steps.
+fn pile() -> Result<Scene, Box<dyn Error>> {
+    Ok(Scene::named("pile", &Params::new().with("n", STEPPED as f64))?)
+}
+
+/// The median step of the same world without the C API.
+fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
+    let scene = pile()?;
+    let config =
+        WorldConfig { partitioning: Partitioning::Regions(1), threads: 1, ..WorldConfig::for_scene(&scene) };
+    let plan = Plan { config: Some(config), ticks: (timing::WARM_UP + steps) as u64 };
+    Ok(StepMs::of(&mut plan.subject(&scene)?, steps)?.p50_ms)
+}
+
+/// The median of several clients that join a world on this machine, one after the other.
+fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Error>> {
+    let scene = pile()?;
+    let server = ServerProcess::start(
+        &scene,
+        ServeConfig {
+            listen: "127.0.0.1:0".parse()?,
+            data: work.join("server"),
+            fresh: false,
+            world: WorldConfig { partitioning: Partitioning::Regions(1), ..WorldConfig::for_scene(&scene) },
+            nodes: 1,
+            pace: Pace::RealTime,
+            last_tick: None,
+            avatar_speed_limit: 20.0,
+            groups: Default::default(),
+        },
+    )?;
+    let identity = JoinConfig::new(server.address, server.token(Role::Node, LIMIT)?).join(Role::Node)?;
+    let node = Member::start(MemberConfig::new(server.address, identity))?;
+    let mut times = Vec::new();
+    // The first waits for the node to begin, and does not count.
+    for _ in 0..joins + 1 {
+        let token = server.token(Role::Client, LIMIT)?;
+        times.push(calls.said(&["connect", &server.address.to_string(), &token])?["connect_ms"]);
+    }
+    server.stop();
+    node.finish()?;
+    let times = &mut times[1..];
+    times.sort_by(f64::total_cmp);
+    Ok(times[times.len() / 2])
+}

@@ -1,0 +1,154 @@
+//! One world behind its lock, and the thread that steps it in the background.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use crate::status::{DCD_ERR_BUSY, DCD_ERR_LIMIT, DCD_ERR_PANIC, DCD_ERR_TIMEOUT, Failure};
+use crate::world::World;
+
+/// A world that calls take turns on.
+pub(crate) struct Cell {
+    /// `None` once it is destroyed, for calls that waited meanwhile.
+    world: Mutex<Option<World>>,
+    background: Mutex<Background>,
+    /// A step that was begun is not done: looked at by every call, so it has a place of its own.
+    stepping: AtomicBool,
+    /// Rung when a step in the background is done.
+    done: Condvar,
+}
+
+#[derive(Default)]
+struct Background {
+    thread: Option<(Sender<()>, JoinHandle<()>)>,
+    /// What became of the step that was begun, until it is asked for.
+    outcome: Option<Result<(), Failure>>,
+    /// The world is being destroyed.
+    closed: bool,
+}
+
+impl Cell {
+    pub(crate) fn new(world: World) -> Self {
+        Self {
+            world: Mutex::new(Some(world)),
+            background: Mutex::default(),
+            stepping: AtomicBool::new(false),
+            done: Condvar::new(),
+        }
+    }
+
+    /// Calls `work` with the world, after every other call on it and after a step that was begun. `None` if it is destroyed.
+    pub(crate) fn with<R>(
+        &self,
+        work: impl FnOnce(&mut World) -> Result<R, Failure>,
+    ) -> Option<Result<R, Failure>> {
+        if self.stepping.load(Ordering::Acquire) {
+            drop(self.settled());
+        }
+        match self.world.lock() {
+            Ok(mut world) => Some(work(world.as_mut()?)),
+            Err(_) => Some(Err(Failure::new(
+                DCD_ERR_PANIC,
+                "a bug in dcd stopped an earlier call on this world; destroy it",
+            ))),
+        }
+    }
+
+    /// Begins a step in the background. `None` if the world is destroyed.
+    pub(crate) fn begin(self: &Arc<Self>) -> Option<Result<(), Failure>> {
+        let mut background = self.background();
+        if background.closed {
+            return None;
+        }
+        if self.stepping.load(Ordering::Acquire) || background.outcome.is_some() {
+            let message = "a step was begun already; call dcd_step_wait first";
+            return Some(Err(Failure::new(DCD_ERR_BUSY, message)));
+        }
+        if background.thread.is_none() {
+            let (orders, inbox) = mpsc::channel();
+            let cell = self.clone();
+            let spawned =
+                std::thread::Builder::new().name("dcd-step".into()).spawn(move || cell.serve(&inbox));
+            match spawned {
+                Ok(thread) => background.thread = Some((orders, thread)),
+                Err(cause) => {
+                    let message = format!("cannot start a thread: {cause}; raise the limit of threads");
+                    return Some(Err(Failure::new(DCD_ERR_LIMIT, message)));
+                }
+            }
+        }
+        self.stepping.store(true, Ordering::Release);
+        let (orders, _) = background.thread.as_ref()?;
+        // It lives as long as its thread is kept here.
+        let _ = orders.send(());
+        Some(Ok(()))
+    }
+
+    /// What became of the step that was begun, once it is done; no later than after `timeout`.
+    pub(crate) fn wait(&self, timeout: Option<Duration>) -> Result<(), Failure> {
+        let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
+        let mut background = self.background();
+        while self.stepping.load(Ordering::Acquire) {
+            let left = match deadline {
+                None => Duration::MAX,
+                Some(deadline) => deadline.saturating_duration_since(Instant::now()),
+            };
+            if left.is_zero() {
+                return Err(Failure::new(DCD_ERR_TIMEOUT, "the step is not done yet; wait again"));
+            }
+            let waited = self.done.wait_timeout(background, left);
+            background = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+        let none = || Err(Failure::argument("no step was begun; call dcd_step_begin first"));
+        background.outcome.take().unwrap_or_else(none)
+    }
+
+    /// Takes the world out, after every call that runs on it, and ends its thread.
+    pub(crate) fn close(&self) -> Option<World> {
+        let mut background = self.settled();
+        background.closed = true;
+        let thread = background.thread.take();
+        drop(background);
+        if let Some((orders, thread)) = thread {
+            drop(orders);
+            // It has nothing to do, and panics nowhere.
+            let _ = thread.join();
+        }
+        // A poisoned world is destroyed like any other.
+        self.world.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    fn background(&self) -> MutexGuard<'_, Background> {
+        // Nothing that can panic halfway runs under this lock.
+        self.background.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits until no step runs in the background.
+    fn settled(&self) -> MutexGuard<'_, Background> {
+        let stepping = |_: &mut Background| self.stepping.load(Ordering::Acquire);
+        self.done.wait_while(self.background(), stepping).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The thread's work: a step an order.
+    fn serve(&self, orders: &Receiver<()>) {
+        while orders.recv().is_ok() {
+            let step = || match self.world.lock() {
+                Ok(mut world) => world.as_mut().map_or(Ok(()), World::step),
+                Err(_) => Err(panicked()),
+            };
+            let outcome = catch_unwind(AssertUnwindSafe(step)).unwrap_or_else(|_| Err(panicked()));
+            let mut background = self.background();
+            background.outcome = Some(outcome);
+            self.stepping.store(false, Ordering::Release);
+            drop(background);
+            self.done.notify_all();
+        }
+    }
+}
+
+fn panicked() -> Failure {
+    Failure::new(DCD_ERR_PANIC, "a bug in dcd stopped a call on this world; destroy it, and report this")
+}

@@ -1,0 +1,519 @@
+//! The shapes that a body consists of: what they are like to touch, what they weigh, what they report.
+
+use dcd::protocol::{ColliderMass, ColliderRecord};
+use rapier3d::prelude::*;
+
+use crate::body::{self, DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdBodyId, check_bits};
+use crate::guard::guard;
+use crate::handle::stale;
+use crate::pointer::{self, Out, Sized32, check_not_negative};
+use crate::shape::{self, DcdShapeId};
+use crate::status::{DcdStatus, Failure};
+use crate::types::DcdFrame;
+use crate::world::{DcdWorld, World, with};
+
+/// In place of a part's number: all shapes of the body.
+pub const DCD_ALL_PARTS: u32 = u32::MAX;
+
+/// Most shapes of one body.
+pub const DCD_MAX_PARTS: u32 = 4096;
+
+/// How the coefficients of two shapes in contact become one; of two rules the one with the higher number counts.
+pub type DcdCombineRule = u32;
+
+/// (a + b) / 2.
+pub const DCD_COMBINE_AVERAGE: DcdCombineRule = 0;
+/// The smaller: ice makes everything slippery.
+pub const DCD_COMBINE_MIN: DcdCombineRule = 1;
+/// a * b.
+pub const DCD_COMBINE_MULTIPLY: DcdCombineRule = 2;
+/// The larger: rubber makes everything stick.
+pub const DCD_COMBINE_MAX: DcdCombineRule = 3;
+/// a + b, at most 1.
+pub const DCD_COMBINE_SUM: DcdCombineRule = 4;
+/// The square root of a * b.
+pub const DCD_COMBINE_GEOMETRIC_MEAN: DcdCombineRule = 5;
+
+/// In DcdBodyDef.pairs: it meets dynamic bodies if it is dynamic.
+pub const DCD_PAIR_DYNAMIC_DYNAMIC: u32 = 1;
+/// In DcdBodyDef.pairs: kinematic if dynamic, and the other way round.
+pub const DCD_PAIR_DYNAMIC_KINEMATIC: u32 = 2;
+/// In DcdBodyDef.pairs: fixed if dynamic, and the other way round.
+pub const DCD_PAIR_DYNAMIC_FIXED: u32 = 4;
+/// In DcdBodyDef.pairs: kinematic if kinematic.
+pub const DCD_PAIR_KINEMATIC_KINEMATIC: u32 = 8;
+/// In DcdBodyDef.pairs: fixed if kinematic, and the other way round, as a fixed sensor that notices doors and players.
+pub const DCD_PAIR_KINEMATIC_FIXED: u32 = 16;
+/// In DcdBodyDef.pairs: fixed if fixed.
+pub const DCD_PAIR_FIXED_FIXED: u32 = 32;
+
+/// In DcdPartProperties.flags: detects and does not push.
+pub const DCD_PART_SENSOR: u32 = 1;
+/// In DcdPartProperties.flags: is not there until this is taken away.
+pub const DCD_PART_DISABLED: u32 = 2;
+/// In DcdPartProperties.flags: one match of groups and mask is enough for two shapes that both say so; else both must match.
+pub const DCD_PART_ANY_GROUP: u32 = 4;
+
+/// What one shape of a body is like. Start from DCD_PART_PROPERTIES_INIT, or from dcd_part_properties.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcdPartProperties {
+    /// sizeof(DcdPartProperties).
+    pub struct_size: u32,
+    /// DCD_PART_… bits.
+    pub flags: u32,
+    /// Where it sits on the body.
+    pub frame: DcdFrame,
+    /// kg/m³, 0 or more. Read later, it is 0 where the mass was given, or anything of it was changed.
+    pub density: f32,
+    /// Kilograms; 0 follows from the density.
+    pub mass: f32,
+    /// As in DcdBodyDef, and so all that follows.
+    pub friction: f32,
+    /// 0 to 1.
+    pub restitution: f32,
+    /// DCD_COMBINE_….
+    pub friction_rule: DcdCombineRule,
+    /// DCD_COMBINE_….
+    pub restitution_rule: DcdCombineRule,
+    /// Metres.
+    pub contact_skin: f32,
+    /// DCD_EVENT_… bits.
+    pub events: u32,
+    /// Newtons.
+    pub force_threshold: f32,
+    /// As bits.
+    pub groups: u32,
+    /// As bits.
+    pub mask: u32,
+    /// As bits.
+    pub solver_groups: u32,
+    /// As bits.
+    pub solver_mask: u32,
+    /// DCD_PAIR_… bits.
+    pub pairs: u32,
+    /// 0.
+    pub reserved: u32,
+    /// Your own of this shape; nothing else carries it.
+    pub user_data: u64,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdPartProperties {
+    const NAME: &'static str = "DcdPartProperties";
+}
+
+const RULES: [CoefficientCombineRule; 6] = [
+    CoefficientCombineRule::Average,
+    CoefficientCombineRule::Min,
+    CoefficientCombineRule::Multiply,
+    CoefficientCombineRule::Max,
+    CoefficientCombineRule::ClampedSum,
+    CoefficientCombineRule::GeometricMean,
+];
+
+/// In the order of DCD_PAIR_… bits.
+const PAIRS: [ActiveCollisionTypes; 6] = [
+    ActiveCollisionTypes::DYNAMIC_DYNAMIC,
+    ActiveCollisionTypes::DYNAMIC_KINEMATIC,
+    ActiveCollisionTypes::DYNAMIC_FIXED,
+    ActiveCollisionTypes::KINEMATIC_KINEMATIC,
+    ActiveCollisionTypes::KINEMATIC_FIXED,
+    ActiveCollisionTypes::FIXED_FIXED,
+];
+
+impl DcdPartProperties {
+    fn of(record: &ColliderRecord) -> Self {
+        let bit = |bit: u32, set: bool| if set { bit } else { 0 };
+        let (density, mass) = match record.mass {
+            ColliderMass::Density(density) => (density, 0.0),
+            ColliderMass::Mass(mass) => (0.0, mass),
+            ColliderMass::Properties(record) if record.inv_mass == 0.0 => (0.0, 0.0),
+            ColliderMass::Properties(record) => (0.0, record.inv_mass.recip()),
+        };
+        let types = ActiveCollisionTypes::from_bits_truncate(record.collision_types);
+        let events = ActiveEvents::from_bits_truncate(record.events);
+        let groups = record.collision_groups;
+        Self {
+            struct_size: size_of::<Self>() as u32,
+            flags: bit(DCD_PART_SENSOR, record.sensor)
+                | bit(DCD_PART_DISABLED, !record.enabled)
+                | bit(DCD_PART_ANY_GROUP, groups.any),
+            frame: DcdFrame { p: record.pose.translation, q: record.pose.rotation },
+            density,
+            mass,
+            friction: record.friction,
+            restitution: record.restitution,
+            friction_rule: record.friction_rule as u32,
+            restitution_rule: record.restitution_rule as u32,
+            contact_skin: record.contact_skin_m,
+            events: bit(DCD_EVENT_CONTACT, events.contains(ActiveEvents::COLLISION_EVENTS))
+                | bit(DCD_EVENT_FORCE, events.contains(ActiveEvents::CONTACT_FORCE_EVENTS)),
+            force_threshold: record.force_event_threshold_n,
+            groups: groups.memberships,
+            mask: groups.filter,
+            solver_groups: record.solver_groups.memberships,
+            solver_mask: record.solver_groups.filter,
+            pairs: (0..6).map(|i| bit(1 << i, types.contains(PAIRS[i]))).sum(),
+            reserved: 0,
+            user_data: record.user_data as u64,
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), Failure> {
+        check_bits(self.flags, DCD_PART_SENSOR | DCD_PART_DISABLED | DCD_PART_ANY_GROUP, "flags")?;
+        self.frame.check("frame")?;
+        for (value, name) in [
+            (self.density, "density"),
+            (self.mass, "mass"),
+            (self.friction, "friction"),
+            (self.restitution, "restitution"),
+            (self.contact_skin, "contact_skin"),
+            (self.force_threshold, "force_threshold"),
+        ] {
+            check_not_negative(value, name)?;
+        }
+        for (rule, name) in
+            [(self.friction_rule, "friction_rule"), (self.restitution_rule, "restitution_rule")]
+        {
+            if rule > DCD_COMBINE_GEOMETRIC_MEAN {
+                return Err(Failure::argument(format!("{name} {rule} is none; use a DCD_COMBINE_… rule")));
+            }
+        }
+        check_bits(self.events, DCD_EVENT_CONTACT | DCD_EVENT_FORCE, "events")?;
+        check_bits(self.pairs, 63, "pairs")
+    }
+
+    /// A new shape like this.
+    pub(crate) fn builder(&self, shape: SharedShape) -> ColliderBuilder {
+        let builder = ColliderBuilder::new(shape)
+            .position(self.frame.pose())
+            .friction(self.friction)
+            .restitution(self.restitution)
+            .friction_combine_rule(RULES[self.friction_rule as usize])
+            .restitution_combine_rule(RULES[self.restitution_rule as usize])
+            .contact_skin(self.contact_skin)
+            .sensor(self.has(DCD_PART_SENSOR))
+            .enabled(!self.has(DCD_PART_DISABLED))
+            .active_events(active_events(self.events))
+            .contact_force_event_threshold(self.force_threshold)
+            .collision_groups(self.interaction(self.groups, self.mask))
+            .solver_groups(self.interaction(self.solver_groups, self.solver_mask))
+            .active_collision_types(self.collision_types())
+            .user_data(u128::from(self.user_data));
+        if self.mass > 0.0 { builder.mass(self.mass) } else { builder.density(self.density) }
+    }
+
+    /// Makes a shape of the properties `before` one of these. What is as it was is not touched: of some of it Rapier knows
+    /// more than C.
+    fn apply(&self, before: &Self, collider: &mut Collider) {
+        if self.frame != before.frame {
+            collider.set_position_wrt_parent(self.frame.pose());
+        }
+        if (self.density, self.mass) != (before.density, before.mass) {
+            if self.mass > 0.0 {
+                collider.set_mass(self.mass);
+            } else {
+                collider.set_density(self.density);
+            }
+        }
+        collider.set_friction(self.friction);
+        collider.set_restitution(self.restitution);
+        collider.set_friction_combine_rule(RULES[self.friction_rule as usize]);
+        collider.set_restitution_combine_rule(RULES[self.restitution_rule as usize]);
+        collider.set_contact_skin(self.contact_skin);
+        collider.set_sensor(self.has(DCD_PART_SENSOR));
+        if (self.flags ^ before.flags) & DCD_PART_DISABLED != 0 {
+            collider.set_enabled(!self.has(DCD_PART_DISABLED));
+        }
+        if self.events != before.events {
+            collider.set_active_events(active_events(self.events));
+        }
+        collider.set_contact_force_event_threshold(self.force_threshold);
+        let groups = |own: &Self| (own.groups, own.mask, own.flags & DCD_PART_ANY_GROUP);
+        if groups(self) != groups(before) {
+            collider.set_collision_groups(self.interaction(self.groups, self.mask));
+        }
+        let groups = |own: &Self| (own.solver_groups, own.solver_mask, own.flags & DCD_PART_ANY_GROUP);
+        if groups(self) != groups(before) {
+            collider.set_solver_groups(self.interaction(self.solver_groups, self.solver_mask));
+        }
+        if self.pairs != before.pairs {
+            collider.set_active_collision_types(self.collision_types());
+        }
+        if self.user_data != before.user_data {
+            collider.user_data = u128::from(self.user_data);
+        }
+    }
+
+    fn has(&self, bit: u32) -> bool {
+        self.flags & bit != 0
+    }
+
+    fn interaction(&self, groups: u32, mask: u32) -> InteractionGroups {
+        let mode =
+            if self.has(DCD_PART_ANY_GROUP) { InteractionTestMode::Or } else { InteractionTestMode::And };
+        InteractionGroups::new(Group::from_bits_retain(groups), Group::from_bits_retain(mask), mode)
+    }
+
+    fn collision_types(&self) -> ActiveCollisionTypes {
+        let asked = PAIRS.iter().enumerate().filter(|(i, _)| self.pairs & (1 << i) != 0);
+        asked.map(|(_, &types)| types).collect()
+    }
+}
+
+/// Reads what one shape of a body is like. `part` is its number, from 0.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_part_properties(
+    world: DcdWorld,
+    body: DcdBodyId,
+    part: u32,
+    out: *mut DcdPartProperties,
+) -> DcdStatus {
+    guard("dcd_part_properties", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            out.write(read(world, body, part)?);
+            Ok(())
+        })
+    })
+}
+
+/// Changes what one shape of a body is like: read it by dcd_part_properties, change members, and give it back. What is as it was
+/// stays as it is.
+///
+/// `properties` is read during the call.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there or a member out of
+/// range, DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_part_set_properties(
+    world: DcdWorld,
+    body: DcdBodyId,
+    part: u32,
+    properties: *const DcdPartProperties,
+) -> DcdStatus {
+    guard("dcd_part_set_properties", || {
+        // SAFETY: the caller vouches for the pointer.
+        let after = unsafe { pointer::read_sized(properties, "properties")? };
+        with(world, |world| {
+            world.backend.check_surfaces()?;
+            let (id, before) = (body::find(world, body)?, read(world, body, part)?);
+            after.check()?;
+            world.backend.update_collider(id, part as usize, |collider| after.apply(&before, collider))
+        })
+    })
+}
+
+/// Gives a body one more shape, the last of its parts; its number goes to `out`, which may be null. The contacts of the body
+/// begin anew, without memory.
+///
+/// `properties` is read during the call; null is DCD_PART_PROPERTIES_INIT.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
+/// more than DCD_MAX_PARTS, DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_part_add(
+    world: DcdWorld,
+    body: DcdBodyId,
+    shape: DcdShapeId,
+    properties: *const DcdPartProperties,
+    out: *mut u32,
+) -> DcdStatus {
+    guard("dcd_part_add", || {
+        // SAFETY: the caller vouches for what is not null.
+        let (properties, out) = unsafe {
+            (
+                if properties.is_null() { USUAL } else { pointer::read_sized(properties, "properties")? },
+                if out.is_null() { None } else { Some(Out::new(out, "out")?) },
+            )
+        };
+        properties.check()?;
+        with(world, |world| {
+            world.backend.check_surfaces()?;
+            let (id, shape) = (body::find(world, body)?, shape::find(world, shape)?.clone());
+            let part = world.backend.parts(id);
+            if part >= DCD_MAX_PARTS as usize {
+                return Err(Failure::argument(format!("the body has {part} parts; make a compound of some")));
+            }
+            world.backend.insert_collider(id, properties.builder(shape))?;
+            if let Some(out) = out {
+                out.write(part as u32);
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Takes a shape from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
+/// memory.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or is the only one,
+/// DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_part_remove(world: DcdWorld, body: DcdBodyId, part: u32) -> DcdStatus {
+    guard("dcd_part_remove", || {
+        with(world, |world| {
+            world.backend.check_surfaces()?;
+            let id = body::find(world, body)?;
+            if world.backend.parts(id) == 1 && part == 0 {
+                return Err(Failure::argument("the body has no other part; destroy it, or disable the part"));
+            }
+            world.backend.remove_collider(id, part as usize)
+        })
+    })
+}
+
+/// Gives a part of a body another shape. The contacts of the body begin anew, without memory.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a part that is not there,
+/// DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_part_set_shape(
+    world: DcdWorld,
+    body: DcdBodyId,
+    part: u32,
+    shape: DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_part_set_shape", || {
+        with(world, |world| {
+            world.backend.check_surfaces()?;
+            let (id, shape) = (body::find(world, body)?, shape::find(world, shape)?.clone());
+            world.backend.update_collider(id, part as usize, |collider| collider.set_shape(shape.clone()))
+        })
+    })
+}
+
+/// Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
+/// newtons. `part` is the number of one of its shapes, from 0, or DCD_ALL_PARTS.
+///
+/// Of a contact that is there already, the end is told only if the beginning was.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, unknown bits or a threshold below 0,
+/// DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_body_set_events(
+    world: DcdWorld,
+    body: DcdBodyId,
+    part: u32,
+    events: u32,
+    force_threshold: f32,
+) -> DcdStatus {
+    guard("dcd_body_set_events", || {
+        check_bits(events, DCD_EVENT_CONTACT | DCD_EVENT_FORCE, "events")?;
+        check_not_negative(force_threshold, "force_threshold")?;
+        change(world, body, part, |collider| {
+            collider.set_active_events(active_events(events));
+            collider.set_contact_force_event_threshold(force_threshold);
+        })
+    })
+}
+
+/// Sets how a body slides and bounces: Coulomb coefficient, 0 or more, and restitution, 0 to 1. `part` as in
+/// dcd_body_set_events.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or a coefficient out of range,
+/// DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_body_set_material(
+    world: DcdWorld,
+    body: DcdBodyId,
+    part: u32,
+    friction: f32,
+    restitution: f32,
+) -> DcdStatus {
+    guard("dcd_body_set_material", || {
+        check_not_negative(friction, "friction")?;
+        check_not_negative(restitution, "restitution")?;
+        change(world, body, part, |collider| {
+            collider.set_friction(friction);
+            collider.set_restitution(restitution);
+        })
+    })
+}
+
+/// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `part` as in
+/// dcd_body_set_events.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, DCD_ERR_UNSUPPORTED in a served
+/// world.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_body_set_groups(
+    world: DcdWorld,
+    body: DcdBodyId,
+    part: u32,
+    groups: u32,
+    mask: u32,
+) -> DcdStatus {
+    guard("dcd_body_set_groups", || {
+        let group = Group::from_bits_retain;
+        change(world, body, part, |collider| {
+            let mode = collider.collision_groups().test_mode;
+            collider.set_collision_groups(InteractionGroups::new(group(groups), group(mask), mode));
+        })
+    })
+}
+
+/// DCD_PART_PROPERTIES_INIT.
+const USUAL: DcdPartProperties = DcdPartProperties {
+    struct_size: size_of::<DcdPartProperties>() as u32,
+    flags: 0,
+    frame: DcdFrame { p: [0.0; 3], q: [0.0, 0.0, 0.0, 1.0] },
+    density: 1000.0,
+    mass: 0.0,
+    friction: 0.5,
+    restitution: 0.0,
+    friction_rule: DCD_COMBINE_AVERAGE,
+    restitution_rule: DCD_COMBINE_AVERAGE,
+    contact_skin: 0.0,
+    events: 0,
+    force_threshold: 0.0,
+    groups: u32::MAX,
+    mask: u32::MAX,
+    solver_groups: u32::MAX,
+    solver_mask: u32::MAX,
+    pairs: DCD_PAIR_DYNAMIC_DYNAMIC | DCD_PAIR_DYNAMIC_KINEMATIC | DCD_PAIR_DYNAMIC_FIXED,
+    reserved: 0,
+    user_data: 0,
+};
+
+fn read(world: &World, body: DcdBodyId, part: u32) -> Result<DcdPartProperties, Failure> {
+    let id = world.mark.body_id(body)?;
+    let record = world.backend.record(id).ok_or_else(|| stale("body", body.v))?;
+    let parts = &record.traits.colliders;
+    let collider = parts.get(part as usize).ok_or_else(|| {
+        Failure::argument(format!(
+            "the body has {} parts, there is no part {part}; count from 0",
+            parts.len()
+        ))
+    })?;
+    Ok(DcdPartProperties::of(collider))
+}
+
+/// Rapier's flags for DCD_EVENT_… bits.
+fn active_events(bits: u32) -> ActiveEvents {
+    let mut events = ActiveEvents::empty();
+    events.set(ActiveEvents::COLLISION_EVENTS, bits & DCD_EVENT_CONTACT != 0);
+    events.set(ActiveEvents::CONTACT_FORCE_EVENTS, bits & DCD_EVENT_FORCE != 0);
+    events
+}
+
+fn change(
+    world: DcdWorld,
+    body: DcdBodyId,
+    part: u32,
+    mut change: impl FnMut(&mut Collider),
+) -> Result<(), Failure> {
+    with(world, |world| {
+        world.backend.check_surfaces()?;
+        let id = body::find(world, body)?;
+        let parts = match part {
+            DCD_ALL_PARTS => 0..world.backend.parts(id),
+            part => part as usize..part as usize + 1,
+        };
+        for part in parts {
+            world.backend.update_collider(id, part, &mut change)?;
+        }
+        Ok(())
+    })
+}

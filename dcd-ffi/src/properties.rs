@@ -1,0 +1,332 @@
+//! What bodies are like and how that is changed while they live.
+
+use dcd::protocol::{BodyKind, BodyTraits, ExtraMass};
+use rapier3d::prelude::*;
+
+use crate::body::{
+    DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_BODY_NO_SLEEP, DCD_DYNAMIC,
+    DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyId, DcdBodyType, check_bits, find,
+};
+use crate::guard::guard;
+use crate::handle::stale;
+use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers};
+use crate::status::{DcdStatus, Failure};
+use crate::world::{DcdWorld, World, with};
+
+/// What a body is like, but for its shapes: the members of DcdBodyDef, to be read and changed later. Start from
+/// DCD_BODY_PROPERTIES_INIT and dcd_body_properties.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcdBodyProperties {
+    /// sizeof(DcdBodyProperties).
+    pub struct_size: u32,
+    /// DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
+    pub body_type: DcdBodyType,
+    /// DCD_BODY_CCD, _NO_SLEEP, _DISABLED, _FAST_SPIN and _NO_GYRO bits.
+    pub flags: u32,
+    /// DCD_LOCK_… bits.
+    pub locked: u32,
+    /// As in DcdBodyDef, and so all that follows.
+    pub dominance: i32,
+    /// 1/s.
+    pub linear_damping: f32,
+    /// 1/s.
+    pub angular_damping: f32,
+    /// Factor on gravity.
+    pub gravity_scale: f32,
+    /// Metres.
+    pub soft_ccd: f32,
+    /// m/s.
+    pub sleep_linear: f32,
+    /// rad/s.
+    pub sleep_angular: f32,
+    /// Seconds.
+    pub sleep_after: f32,
+    /// Kilograms.
+    pub extra_mass: f32,
+    /// Metres.
+    pub extra_centre: [f32; 3],
+    /// kg m².
+    pub extra_inertia: [f32; 3],
+    /// Iterations of the solver.
+    pub extra_solver_iterations: u32,
+    /// Iterations within each of them.
+    pub extra_pgs_iterations: u32,
+    /// 0.
+    pub reserved: u32,
+    /// Your own.
+    pub user_data: u64,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdBodyProperties {
+    const NAME: &'static str = "DcdBodyProperties";
+}
+
+/// Most additional iterations of a solver for one body.
+const MAX_ITERATIONS: u32 = 1000;
+
+impl DcdBodyProperties {
+    pub(crate) fn of(traits: &BodyTraits) -> Self {
+        let bit = |bit: u32, set: bool| if set { bit } else { 0 };
+        let can_sleep = traits.sleep_linear_threshold >= 0.0;
+        let (mass, centre, inertia) = match traits.extra_mass {
+            None => (0.0, [0.0; 3], [0.0; 3]),
+            Some(ExtraMass::Mass(mass)) => (mass, [0.0; 3], [0.0; 3]),
+            Some(ExtraMass::Properties(record)) => {
+                let inverse = |v: f32| if v == 0.0 { 0.0 } else { v.recip() };
+                let inertia = record.inv_principal_inertia.map(inverse);
+                (inverse(record.inv_mass), record.local_com, inertia)
+            }
+        };
+        // What a body that never sleeps would have if it did.
+        let threshold = |known: f32, usual: f32| if can_sleep { known } else { usual };
+        Self {
+            struct_size: size_of::<Self>() as u32,
+            body_type: type_of(traits.kind),
+            flags: bit(DCD_BODY_CCD, traits.ccd)
+                | bit(DCD_BODY_NO_SLEEP, !can_sleep)
+                | bit(DCD_BODY_DISABLED, !traits.enabled)
+                | bit(DCD_BODY_FAST_SPIN, traits.fast_rotation)
+                | bit(DCD_BODY_NO_GYRO, !traits.gyroscopic),
+            locked: traits.locked_axes.into(),
+            dominance: traits.dominance.into(),
+            linear_damping: traits.linear_damping,
+            angular_damping: traits.angular_damping,
+            gravity_scale: traits.gravity_scale,
+            soft_ccd: traits.soft_ccd_m,
+            sleep_linear: threshold(
+                traits.sleep_linear_threshold,
+                RigidBodyActivation::default_normalized_linear_threshold(),
+            ),
+            sleep_angular: threshold(
+                traits.sleep_angular_threshold,
+                RigidBodyActivation::default_angular_threshold(),
+            ),
+            sleep_after: traits.sleep_after_s,
+            extra_mass: mass,
+            extra_centre: centre,
+            extra_inertia: inertia,
+            extra_solver_iterations: traits.extra_solver_iterations,
+            extra_pgs_iterations: traits.extra_pgs_iterations,
+            reserved: 0,
+            user_data: traits.user_data as u64,
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), Failure> {
+        kind_of(self.body_type)?;
+        let flags =
+            DCD_BODY_CCD | DCD_BODY_NO_SLEEP | DCD_BODY_DISABLED | DCD_BODY_FAST_SPIN | DCD_BODY_NO_GYRO;
+        check_bits(self.flags, flags, "flags")?;
+        check_bits(self.locked, 63, "locked")?;
+        for (value, name) in [
+            (self.linear_damping, "linear_damping"),
+            (self.angular_damping, "angular_damping"),
+            (self.soft_ccd, "soft_ccd"),
+            (self.sleep_linear, "sleep_linear"),
+            (self.sleep_angular, "sleep_angular"),
+            (self.sleep_after, "sleep_after"),
+            (self.extra_mass, "extra_mass"),
+            (self.extra_inertia[0], "extra_inertia[0]"),
+            (self.extra_inertia[1], "extra_inertia[1]"),
+            (self.extra_inertia[2], "extra_inertia[2]"),
+        ] {
+            check_not_negative(value, name)?;
+        }
+        check_numbers(&[self.gravity_scale], "gravity_scale")?;
+        check_numbers(&self.extra_centre, "extra_centre")?;
+        if self.extra_mass == 0.0 && (self.extra_centre, self.extra_inertia) != ([0.0; 3], [0.0; 3]) {
+            return Err(Failure::argument("extra_centre and extra_inertia need an extra_mass; give it too"));
+        }
+        if i8::try_from(self.dominance).is_err() {
+            return Err(Failure::argument(format!("dominance is {}; give -128 to 127", self.dominance)));
+        }
+        for (count, name) in [
+            (self.extra_solver_iterations, "extra_solver_iterations"),
+            (self.extra_pgs_iterations, "extra_pgs_iterations"),
+        ] {
+            if count > MAX_ITERATIONS {
+                return Err(Failure::argument(format!("{name} is {count}; give 0 to {MAX_ITERATIONS}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// A new body like this; the thresholds of its sleep Rapier's builder does not know.
+    pub(crate) fn builder(&self) -> Result<RigidBodyBuilder, Failure> {
+        let builder = RigidBodyBuilder::new(kind_of(self.body_type)?)
+            .linear_damping(self.linear_damping)
+            .angular_damping(self.angular_damping)
+            .gravity_scale(self.gravity_scale)
+            .locked_axes(self.locked_axes())
+            .dominance_group(self.dominance as i8)
+            .ccd_enabled(self.has(DCD_BODY_CCD))
+            .soft_ccd_prediction(self.soft_ccd)
+            .allow_fast_rotation(self.has(DCD_BODY_FAST_SPIN))
+            .gyroscopic_forces_enabled(!self.has(DCD_BODY_NO_GYRO))
+            .can_sleep(!self.has(DCD_BODY_NO_SLEEP))
+            .enabled(!self.has(DCD_BODY_DISABLED))
+            .additional_solver_iterations(self.extra_solver_iterations as usize)
+            .additional_pgs_iterations(self.extra_pgs_iterations as usize)
+            .user_data(u128::from(self.user_data));
+        Ok(match self.extra_properties() {
+            Some(properties) => builder.additional_mass_properties(properties),
+            None => builder.additional_mass(self.extra_mass),
+        })
+    }
+
+    /// Makes a body of the properties `before` one of these. What is as it was is not touched: of some of it Rapier knows
+    /// more than C.
+    pub(crate) fn apply(&self, before: &Self, body: &mut RigidBody) {
+        if self.body_type != before.body_type
+            && let Ok(kind) = kind_of(self.body_type)
+        {
+            body.set_body_type(kind, true);
+        }
+        let changed = |bit: u32| (self.flags ^ before.flags) & bit != 0;
+        if changed(DCD_BODY_CCD) {
+            body.enable_ccd(self.has(DCD_BODY_CCD));
+        }
+        if changed(DCD_BODY_FAST_SPIN) {
+            body.set_allow_fast_rotation(self.has(DCD_BODY_FAST_SPIN));
+        }
+        if changed(DCD_BODY_NO_GYRO) {
+            body.enable_gyroscopic_forces(!self.has(DCD_BODY_NO_GYRO));
+        }
+        if self.locked != before.locked {
+            body.set_locked_axes(self.locked_axes(), true);
+        }
+        body.set_dominance_group(self.dominance as i8);
+        body.set_linear_damping(self.linear_damping);
+        body.set_angular_damping(self.angular_damping);
+        if self.gravity_scale != before.gravity_scale {
+            body.set_gravity_scale(self.gravity_scale, true);
+        }
+        body.set_soft_ccd_prediction(self.soft_ccd);
+        if changed(DCD_BODY_NO_SLEEP) || self.sleep() != before.sleep() {
+            self.set_thresholds(body);
+        }
+        let mass = |own: &Self| (own.extra_mass, own.extra_centre, own.extra_inertia);
+        if mass(self) != mass(before) {
+            match self.extra_properties() {
+                Some(properties) => body.set_additional_mass_properties(properties, true),
+                None => body.set_additional_mass(self.extra_mass, true),
+            }
+        }
+        body.set_additional_solver_iterations(self.extra_solver_iterations as usize);
+        body.set_additional_pgs_iterations(self.extra_pgs_iterations as usize);
+        if self.user_data != before.user_data {
+            body.user_data = u128::from(self.user_data);
+        }
+        if changed(DCD_BODY_DISABLED) {
+            body.set_enabled(!self.has(DCD_BODY_DISABLED));
+        }
+        if (Self { user_data: 0, ..*self }) != (Self { user_data: 0, ..*before }) {
+            body.wake_up(true);
+        }
+    }
+
+    /// How slow for how long it must be to fall asleep.
+    pub(crate) fn sleep(&self) -> [f32; 3] {
+        [self.sleep_linear, self.sleep_angular, self.sleep_after]
+    }
+
+    pub(crate) fn set_thresholds(&self, body: &mut RigidBody) {
+        let never = self.has(DCD_BODY_NO_SLEEP);
+        let activation = body.activation_mut();
+        activation.normalized_linear_threshold = if never { -1.0 } else { self.sleep_linear };
+        activation.angular_threshold = if never { -1.0 } else { self.sleep_angular };
+        activation.time_until_sleep = self.sleep_after;
+    }
+
+    fn has(&self, bit: u32) -> bool {
+        self.flags & bit != 0
+    }
+
+    fn locked_axes(&self) -> LockedAxes {
+        LockedAxes::from_bits_truncate(self.locked as u8)
+    }
+
+    /// Its extra mass, if more than a number is given.
+    fn extra_properties(&self) -> Option<MassProperties> {
+        let given = (self.extra_centre, self.extra_inertia) != ([0.0; 3], [0.0; 3]);
+        let vector = Vector::from_array;
+        given.then(|| {
+            MassProperties::new(vector(self.extra_centre), self.extra_mass, vector(self.extra_inertia))
+        })
+    }
+}
+
+fn kind_of(body_type: DcdBodyType) -> Result<RigidBodyType, Failure> {
+    Ok(match body_type {
+        DCD_FIXED => RigidBodyType::Fixed,
+        DCD_DYNAMIC => RigidBodyType::Dynamic,
+        DCD_KINEMATIC => RigidBodyType::KinematicVelocityBased,
+        DCD_KINEMATIC_POSE => RigidBodyType::KinematicPositionBased,
+        other => {
+            return Err(Failure::argument(format!(
+                "body_type {other} is none; use DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE"
+            )));
+        }
+    })
+}
+
+pub(crate) fn type_of(kind: BodyKind) -> DcdBodyType {
+    match kind {
+        BodyKind::Fixed => DCD_FIXED,
+        BodyKind::Dynamic => DCD_DYNAMIC,
+        BodyKind::KinematicVelocity => DCD_KINEMATIC,
+        BodyKind::KinematicPosition => DCD_KINEMATIC_POSE,
+    }
+}
+
+/// Reads what a body is like.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_properties(
+    world: DcdWorld,
+    body: DcdBodyId,
+    out: *mut DcdBodyProperties,
+) -> DcdStatus {
+    guard("dcd_body_properties", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            out.write(read(world, body)?);
+            Ok(())
+        })
+    })
+}
+
+/// Changes what a body is like: read it by dcd_body_properties, change members, and give it back. What is as it was stays
+/// as it is; if anything but user_data was changed, the body wakes. A body that becomes fixed, or movable, loses the memory
+/// of its contacts.
+///
+/// `properties` is read during the call.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, or to fix a link of a
+/// multibody; DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_body_set_properties(
+    world: DcdWorld,
+    body: DcdBodyId,
+    properties: *const DcdBodyProperties,
+) -> DcdStatus {
+    guard("dcd_body_set_properties", || {
+        // SAFETY: the caller vouches for the pointer.
+        let after = unsafe { pointer::read_sized(properties, "properties")? };
+        with(world, |world| {
+            world.backend.check_changes()?;
+            let (id, before) = (find(world, body)?, read(world, body)?);
+            after.check()?;
+            world.backend.update(id, |body| after.apply(&before, body))
+        })
+    })
+}
+
+fn read(world: &World, body: DcdBodyId) -> Result<DcdBodyProperties, Failure> {
+    let id = world.mark.body_id(body)?;
+    let record = world.backend.record(id).ok_or_else(|| stale("body", body.v))?;
+    Ok(DcdBodyProperties::of(&record.traits))
+}

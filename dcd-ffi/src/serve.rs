@@ -1,0 +1,311 @@
+//! Holding a world that other processes compute and play in, and computing a share of one.
+
+use std::ffi::c_char;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use dcd::cluster::Grouping;
+use dcd::net::Role;
+use dcd::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds};
+use dcd::runtime::{GroupConfig, Member, MemberConfig, ServeConfig, ServerProcess};
+use dcd::space::Tick;
+
+use crate::backend::Backend;
+use crate::guard::guard;
+use crate::hosted::{Hosted, Process};
+use crate::join::Entry;
+use crate::pointer::{self, Out, Room, Sized32};
+use crate::status::{DcdStatus, Failure};
+use crate::world::{
+    self, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole, DcdWorld, DcdWorldDef, with,
+};
+
+/// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
+pub const DCD_SERVER_FRESH: u32 = 1;
+/// In DcdServerDef.flags: as fast as the nodes can, rather than in real time.
+pub const DCD_SERVER_UNPACED: u32 = 2;
+
+/// How nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdGroupDef {
+    /// sizeof(DcdGroupDef).
+    pub struct_size: u32,
+    /// Nodes run ahead of one another by at most so many ticks, and extrapolate, 0 to 60; 0: they keep in step. Else the
+    /// coupling must be DCD_COUPLING_OWNER.
+    pub lag_ticks: u32,
+    /// Nodes share a group whose round trips are below this, milliseconds; 0: all that reach each other share one.
+    pub near_ms: f32,
+    /// Members above this round trip are voted out of their group, milliseconds; above near_ms, and 0 where that is 0.
+    pub far_ms: f32,
+    /// How far a body may be from where the group that is believed about it has it, metres, above 0.
+    pub agree: f32,
+    /// Nodes in a group at most, 1 to 1024.
+    pub size: u32,
+}
+
+/// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `scene` and `data_path`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdServerDef {
+    /// sizeof(DcdServerDef).
+    pub struct_size: u32,
+    /// Nodes to wait for before the first tick, 1 to 1024.
+    pub nodes: u32,
+    /// A scene of the library, or the path of a scene file, as in dcd_world_open_scene.
+    pub scene: *const c_char,
+    /// Texts "name=value" that change parameters of the scene, or null.
+    pub params: *const *const c_char,
+    /// How many.
+    pub param_count: usize,
+    /// How the world is cut and coupled, or null; what counts of it is what counts in dcd_world_open_scene.
+    pub world: *const DcdWorldDef,
+    /// How nodes form groups, or null for DCD_GROUP_DEF_INIT.
+    pub groups: *const DcdGroupDef,
+    /// Where to listen, as "127.0.0.1:7420", "0.0.0.0:7420" or "[::]:7420"; port 0 takes any free one (dcd_address).
+    pub listen: *const c_char,
+    /// A folder, made if need be, that keeps the server's keys, which tokens were used, and the world: a server that died
+    /// goes on with it when one is made in the same way. One server a folder.
+    pub data_path: *const c_char,
+    /// Ends the world after this tick; 0: when it is destroyed.
+    pub last_tick: u64,
+    /// The fastest that clients may move their avatars, m/s, above 0 and up to 100,000.
+    pub avatar_speed: f32,
+    /// DCD_SERVER_... bits.
+    pub flags: u32,
+    /// Your own; dcd_world_info gives it back.
+    pub user_data: u64,
+}
+
+/// How a node joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdNodeDef {
+    /// sizeof(DcdNodeDef).
+    pub struct_size: u32,
+    /// As in DcdClientDef.
+    pub timeout_ms: u32,
+    /// As in DcdClientDef.
+    pub server: *const c_char,
+    /// What dcd_token_create or `dcd token --role node` gave; joining uses it up.
+    pub token: *const c_char,
+    /// As in DcdClientDef.
+    pub identity_path: *const c_char,
+    /// Where other nodes reach this one, as "192.0.2.7:7421", or null: any free port of the interface towards the server.
+    pub listen: *const c_char,
+    /// Your own; dcd_world_info gives it back.
+    pub user_data: u64,
+    /// Regions computed at a time, 1 to 1024; 0 is one per core.
+    pub threads: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdGroupDef {
+    const NAME: &'static str = "DcdGroupDef";
+}
+// SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
+unsafe impl Sized32 for DcdServerDef {
+    const NAME: &'static str = "DcdServerDef";
+}
+// SAFETY: as above.
+unsafe impl Sized32 for DcdNodeDef {
+    const NAME: &'static str = "DcdNodeDef";
+}
+
+/// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
+/// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
+///
+/// It works on threads of the library, whether or not you call dcd_step, which only says whether all is well. Of the handle
+/// count dcd_world_info, dcd_stats, dcd_address and dcd_token_create; the world is seen by joining it, also from the same
+/// process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
+/// leaves the world there.
+///
+/// `def` and what it points to are read during the call.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
+/// is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
+/// the address cannot be listened on, DCD_ERR_LIMIT without threads.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut DcdWorld) -> DcdStatus {
+    guard("dcd_server_create", || {
+        // SAFETY: the caller vouches for all pointers and texts.
+        let (def, out, opened, groups, listen, data) = unsafe {
+            let def = pointer::read_sized(def, "def")?;
+            let opened = world::open(def.scene, def.params, def.param_count, def.world)?;
+            let groups = if def.groups.is_null() {
+                GroupConfig::default()
+            } else {
+                groups(&pointer::read_sized(def.groups, "def->groups")?)?
+            };
+            let listen = address(pointer::text(def.listen, "listen")?, "listen")?;
+            let data = pointer::text(def.data_path, "data_path")?;
+            (def, Out::new(out, "out")?, opened, groups, listen, data)
+        };
+        if !(1..=1024).contains(&def.nodes) {
+            return Err(Failure::argument(format!("nodes is {}; give 1 to 1024", def.nodes)));
+        }
+        if !(def.avatar_speed > 0.0 && def.avatar_speed <= 1e5) {
+            let speed = def.avatar_speed;
+            return Err(Failure::argument(format!(
+                "avatar_speed is {speed}; give metres a second up to 100000"
+            )));
+        }
+        if def.flags & !(DCD_SERVER_FRESH | DCD_SERVER_UNPACED) != 0 {
+            let flags = def.flags;
+            return Err(Failure::argument(format!("flags is {flags:#x}; give bits DCD_SERVER_...")));
+        }
+        let step = opened.config.step;
+        let config = ServeConfig {
+            listen,
+            data: data.into(),
+            fresh: def.flags & DCD_SERVER_FRESH != 0,
+            world: opened.config,
+            nodes: def.nodes as usize,
+            pace: if def.flags & DCD_SERVER_UNPACED != 0 { Pace::Unpaced } else { Pace::RealTime },
+            last_tick: (def.last_tick > 0).then_some(Tick(def.last_tick)),
+            avatar_speed_limit: def.avatar_speed,
+            groups,
+        };
+        let server = ServerProcess::start(&opened.scene, config)?;
+        let hosted = Hosted { process: Process::Server(server), dt_s: step.dt_s, gravity: step.gravity };
+        out.write(world::add(Backend::Hosted(Box::new(hosted)), def.user_data));
+        Ok(())
+    })
+}
+
+/// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It
+/// can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
+/// size with NUL. With `cap` 0 `buf` may be null, to ask for the size: 512 bytes are always enough, and asking mints none.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another role or time, DCD_ERR_SMALL_BUFFER, DCD_ERR_IO for the
+/// server's folder, DCD_ERR_UNSUPPORTED for a world that is not a server.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_token_create(
+    world: DcdWorld,
+    role: DcdRole,
+    valid_seconds: u32,
+    buf: *mut c_char,
+    cap: usize,
+    needed: *mut usize,
+) -> DcdStatus {
+    guard("dcd_token_create", || {
+        // SAFETY: the caller vouches for `cap` bytes and for `needed`.
+        let room = unsafe { Room::new(buf, cap, needed, "buf")? };
+        let role = match role {
+            DCD_ROLE_CLIENT => Role::Client,
+            DCD_ROLE_PARTICIPANT => Role::Participant,
+            DCD_ROLE_NODE => Role::Node,
+            role => {
+                let roles = "DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE";
+                return Err(Failure::argument(format!("role is {role}; give {roles}")));
+            }
+        };
+        if !(1..=31_536_000).contains(&valid_seconds) {
+            return Err(Failure::argument(format!("valid_seconds is {valid_seconds}; give 1 to 31536000")));
+        }
+        with(world, |world| {
+            let server = world.backend.hosted("mint tokens")?.server("mint tokens")?;
+            if cap < TOKEN_ROOM {
+                return room.fill(std::iter::repeat_n(0, TOKEN_ROOM));
+            }
+            let token = server.token(role, Duration::from_secs(valid_seconds.into()))?;
+            fill_text(room, &token)
+        })
+    })
+}
+
+/// Says where a server or a node listens, as "127.0.0.1:7420": into `buf` of `cap` bytes with a NUL; `needed` receives the size
+/// with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
+/// DCD_ERR_UNSUPPORTED for a world of another role.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_address(
+    world: DcdWorld,
+    buf: *mut c_char,
+    cap: usize,
+    needed: *mut usize,
+) -> DcdStatus {
+    guard("dcd_address", || {
+        // SAFETY: the caller vouches for `cap` bytes and for `needed`.
+        let room = unsafe { Room::new(buf, cap, needed, "buf")? };
+        with(world, |world| fill_text(room, &world.backend.hosted("be listened to")?.address().to_string()))
+    })
+}
+
+/// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
+/// which only says whether all is well. Returns once the server has let it in; the share comes when the server gives it one.
+///
+/// Of the handle count dcd_world_info, dcd_stats and dcd_address; dcd_participant_join is for who wants to see the world too.
+/// dcd_world_destroy first hands the share to other nodes, which may take some seconds.
+/// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorld) -> DcdStatus {
+    guard("dcd_node_join", || {
+        // SAFETY: the caller vouches for both pointers and for the texts.
+        let (entry, listen, threads, out) = unsafe {
+            let def = pointer::read_sized(def, "def")?;
+            let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
+            let listen = match def.listen.is_null() {
+                true => None,
+                false => Some(address(pointer::text(def.listen, "listen")?, "listen")?),
+            };
+            (entry, listen, def.threads, Out::new(out, "out")?)
+        };
+        let threads = world::asked_threads(threads)?;
+        entry.enter(threads, out, |config| {
+            let mut member = MemberConfig::new(config.server, config.join(Role::Node)?);
+            member.threads = config.threads;
+            member.listen = listen.unwrap_or(member.listen);
+            let process = Process::Node(Member::start(member)?);
+            Ok(Backend::Hosted(Box::new(Hosted { process, dt_s: 0.0, gravity: [0.0; 3] })))
+        })
+    })
+}
+
+/// A token is shorter, NUL included.
+const TOKEN_ROOM: usize = 512;
+
+fn fill_text(room: Room<c_char>, text: &str) -> Result<(), Failure> {
+    let bytes: Vec<_> = text.bytes().chain([0]).map(|byte| byte as c_char).collect();
+    room.fill(bytes.into_iter())
+}
+
+fn address(text: &str, name: &str) -> Result<SocketAddr, Failure> {
+    text.parse().map_err(|_| {
+        Failure::argument(format!("{name} is \"{text}\"; give an address and a port, as \"0.0.0.0:7420\""))
+    })
+}
+
+fn groups(def: &DcdGroupDef) -> Result<GroupConfig, Failure> {
+    let wrong = |name: &str, value: f32, range: &str| {
+        Err(Failure::argument(format!("groups->{name} is {value}; give {range}")))
+    };
+    if u64::from(def.lag_ticks) > MAX_LAG as u64 {
+        return wrong("lag_ticks", def.lag_ticks as f32, "0 to 60");
+    }
+    if !(def.agree > 0.0 && def.agree <= 1e6) {
+        return wrong("agree", def.agree, "metres above 0");
+    }
+    if !(1..=1024).contains(&def.size) {
+        return wrong("size", def.size as f32, "1 to 1024 nodes");
+    }
+    let delay = match (def.near_ms, def.far_ms) {
+        (0.0, 0.0) => None,
+        (near, far) if near > 0.0 && near < far && far <= 1e6 => {
+            Some(DelayThresholds { inclusion_ms: near, rejection_ms: far, deviation_ms: far - near })
+        }
+        (_, far) => {
+            return wrong("far_ms", far, "milliseconds above near_ms, which is above 0, or 0 for both");
+        }
+    };
+    let max_size = def.size as usize;
+    let grouping = Grouping::default();
+    let votes = dcd::cluster::PollRules { max_size, ..grouping.votes };
+    Ok(GroupConfig {
+        lag_ticks: def.lag_ticks,
+        thresholds: Thresholds { delay, between_groups_m: def.agree, ..Thresholds::default() },
+        grouping: Grouping { max_size, votes, ..grouping },
+    })
+}

@@ -1,0 +1,95 @@
+//! Worlds as bytes: saved, and gone back to.
+
+use std::ffi::{c_char, c_void};
+use std::io::Read;
+use std::path::Path;
+
+use dcd::runtime::{DcdWorld as LocalWorld, SnapshotError};
+
+use crate::guard::guard;
+use crate::pointer::{self, Room};
+use crate::status::{DcdStatus, Failure};
+use crate::world::{DcdWorld, with};
+
+/// Saves a local world whole: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
+/// or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
+///
+/// The bytes go to `buf` of `cap` bytes, and their number to `needed`. `buf` may be null with `cap` 0, to ask for the number, which
+/// costs as much as saving; while nothing changes it stays the same.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
+/// DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_snapshot_save(
+    world: DcdWorld,
+    buf: *mut c_void,
+    cap: usize,
+    needed: *mut usize,
+) -> DcdStatus {
+    guard("dcd_snapshot_save", || {
+        // SAFETY: the caller vouches for `cap` bytes and for `needed`.
+        let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, "buf")? };
+        with(world, |world| {
+            let mut bytes = Vec::new();
+            world.backend.saved()?.save(&mut bytes)?;
+            out.fill(bytes.into_iter())
+        })
+    })
+}
+
+/// Saves a local world to a file, as dcd_snapshot_save; `dcd run` goes on with such a file, and writes them by --save. A file that is
+/// there is replaced once the new one is whole.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_char) -> DcdStatus {
+    guard("dcd_snapshot_save_file", || {
+        // SAFETY: the caller vouches for the text.
+        let path = unsafe { pointer::text(path, "path")? };
+        with(world, |world| Ok(world.backend.saved()?.save_file(Path::new(path))?))
+    })
+}
+
+/// Makes a local world the one that was saved to these `size` bytes: into the world that it was saved from, to go back, or into
+/// any other, which loses what it held. Threads and shapes stay those of this world; all else is as saved, gravity and
+/// regions too.
+///
+/// Ids of bodies and joints that this world gave are valid if the saved world has them, else stale; those given
+/// later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving.
+///
+/// `data` is read during the call. After an error the world is as it was. Damage is found; malice is not: load nothing that you
+/// do not trust.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for bytes that are no snapshot or damaged, DCD_ERR_VERSION for one of
+/// another build of the library, DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_snapshot_load(world: DcdWorld, data: *const c_void, size: usize) -> DcdStatus {
+    guard("dcd_snapshot_load", || {
+        pointer::check(data.cast::<u8>(), "data")?;
+        if size > isize::MAX as usize {
+            return Err(Failure::argument(format!("size is {size}, which is more than memory holds")));
+        }
+        // SAFETY: not null, of a size that can be; the caller vouches for the bytes.
+        let data = unsafe { std::slice::from_raw_parts(data.cast::<u8>(), size) };
+        load(world, || Ok(data))
+    })
+}
+
+/// Makes a local world the one that was saved to a file, as dcd_snapshot_load.
+///
+/// Errors: as dcd_snapshot_load, and DCD_ERR_IO when the file cannot be read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_snapshot_load_file(world: DcdWorld, path: *const c_char) -> DcdStatus {
+    guard("dcd_snapshot_load_file", || {
+        // SAFETY: the caller vouches for the text.
+        let path = unsafe { pointer::text(path, "path")? };
+        load(world, || LocalWorld::open_snapshot(Path::new(path)))
+    })
+}
+
+fn load<R: Read>(world: DcdWorld, open: impl FnOnce() -> Result<R, SnapshotError>) -> Result<(), Failure> {
+    with(world, |world| {
+        world.backend.saved()?;
+        world.backend.reload(open()?)?;
+        world.show();
+        Ok(())
+    })
+}

@@ -1,0 +1,813 @@
+/* dcd for C++17 and later: dcd.h with handles that clean up, results in place of pointers, and views in place of pointer and
+ * length. Header only; it links to the same library and needs nothing else.
+ *
+ * Names. Each function of dcd.h is here by its name without dcd_, and dcd.h documents it: what takes a world is a member of
+ * dcd::World, what makes one a static member of it, the rest is free. dcd_body_create(world, &def, &id) is
+ * world.body_create(def). Types are those of dcd.h without Dcd; constants keep their names, as DCD_DYNAMIC.
+ *
+ * Errors. What may fail returns a Status or a Result<T>, which hold a value or a Status. Both are false when the call failed;
+ * neither may be dropped. With DCD_EXCEPTIONS defined before the header, a call that fails throws dcd::Error instead, so that what
+ * is returned is always good and a Status may be dropped. Programs may mix files of both kinds.
+ *
+ *     dcd::Result<dcd::World> world = dcd::World::create();
+ *     if (!world) { report(world.status().code(), dcd::last_error()); }
+ *     dcd::Status stepped = world->step();
+ *
+ * Lifetimes. A World destroys what it made, an Owned its one body, shape or joint; both move and do not copy. Ids are numbers:
+ * they copy, compare and hash, and an id whose thing is gone gives DCD_ERR_STALE_ID. What state_view and events lend lives as
+ * dcd.h says.
+ *
+ * Threads. As in dcd.h: any thread may call any function of a world. Moving, resetting or destroying a World object is like
+ * writing any other object: nobody else may use that object meanwhile.
+ */
+#ifndef DCD_HPP
+#define DCD_HPP
+
+#include "dcd.h"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#ifdef DCD_EXCEPTIONS
+#include <stdexcept>
+#define DCD_NODISCARD_
+#else
+#define DCD_NODISCARD_ [[nodiscard]]
+#endif
+
+/* Ids compare by what they name, and two of different kinds do not compare. */
+#define DCD_ID_(Id) \
+    constexpr bool operator==(Id a, Id b) noexcept { return a.v == b.v; } \
+    constexpr bool operator!=(Id a, Id b) noexcept { return a.v != b.v; } \
+    constexpr bool operator<(Id a, Id b) noexcept { return a.v < b.v; } \
+    template <> struct std::hash<Id> { \
+        std::size_t operator()(Id id) const noexcept { return std::hash<std::uint64_t>()(id.v); } \
+    };
+DCD_ID_(DcdBodyId)
+DCD_ID_(DcdShapeId)
+DCD_ID_(DcdJointId)
+#undef DCD_ID_
+
+namespace dcd {
+
+using BodyId = DcdBodyId;
+using ShapeId = DcdShapeId;
+using JointId = DcdJointId;
+using Pose = DcdPose;
+using Velocity = DcdVelocity;
+using Frame = DcdFrame;
+using Contact = DcdContact;
+using ContactForce = DcdContactForce;
+using Transfer = DcdTransfer;
+using BodyChange = DcdBodyChange;
+using RayHit = DcdRayHit;
+using RegionInfo = DcdRegionInfo;
+using ShapeHit = DcdShapeHit;
+using PointHit = DcdPointHit;
+using Overlap = DcdOverlap;
+using Force = DcdForce;
+
+/* x, y, z: a direction, a size, a force. */
+using Vec3 = std::array<float, 3>;
+/* x, y, z in world space, metres. */
+using Point = std::array<double, 3>;
+
+/* The structs that functions read or fill begin as their _INIT macro says. They add no member: an array of one is an array
+ * of the other. */
+#define DCD_STRUCT_(Name, INIT) \
+    struct Name : Dcd##Name { \
+        Name() noexcept : Dcd##Name INIT {} \
+    }; \
+    static_assert(sizeof(Name) == sizeof(Dcd##Name), "no member is added")
+DCD_STRUCT_(WorldDef, DCD_WORLD_DEF_INIT);
+DCD_STRUCT_(ClientDef, DCD_CLIENT_DEF_INIT);
+DCD_STRUCT_(ParticipantDef, DCD_PARTICIPANT_DEF_INIT);
+DCD_STRUCT_(GroupDef, DCD_GROUP_DEF_INIT);
+DCD_STRUCT_(ServerDef, DCD_SERVER_DEF_INIT);
+DCD_STRUCT_(NodeDef, DCD_NODE_DEF_INIT);
+DCD_STRUCT_(BodyDef, DCD_BODY_DEF_INIT);
+DCD_STRUCT_(BodyProperties, DCD_BODY_PROPERTIES_INIT);
+DCD_STRUCT_(PartProperties, DCD_PART_PROPERTIES_INIT);
+DCD_STRUCT_(JointMotor, DCD_JOINT_MOTOR_INIT);
+DCD_STRUCT_(JointInfo, DCD_JOINT_INFO_INIT);
+DCD_STRUCT_(Filter, DCD_FILTER_INIT);
+DCD_STRUCT_(Ray, DCD_RAY_INIT);
+DCD_STRUCT_(ShapeCast, DCD_SHAPE_CAST_INIT);
+DCD_STRUCT_(PointQuery, DCD_POINT_QUERY_INIT);
+DCD_STRUCT_(ShapeQuery, DCD_SHAPE_QUERY_INIT);
+DCD_STRUCT_(BoxQuery, DCD_BOX_QUERY_INIT);
+DCD_STRUCT_(JointDef, DCD_JOINT_DEF_INIT);
+DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
+DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
+DCD_STRUCT_(Stats, DCD_STATS_INIT);
+#undef DCD_STRUCT_
+
+/* Where a body is and how it moves. */
+struct Motion {
+    Pose pose;
+    Velocity velocity;
+};
+
+/* Items in a row that somebody else owns: what std::span is from C++20 on, and converts to it. */
+template <class T> class Span {
+public:
+    constexpr Span() noexcept = default;
+    constexpr Span(T *items, std::size_t count) noexcept : items_(items), count_(count) {}
+    template <std::size_t N> constexpr Span(T (&items)[N]) noexcept : items_(items), count_(N) {}
+    /* Whatever has data() and size(): vectors, arrays, other spans. A temporary one lives until the end of the call. */
+    template <class C, class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<C &>().data()), T *> &&
+                                                sizeof(*std::declval<C &>().data()) == sizeof(T)>>
+    constexpr Span(C &&items) noexcept : items_(items.data()), count_(items.size())
+    {
+    }
+
+    constexpr T *data() const noexcept { return items_; }
+    constexpr std::size_t size() const noexcept { return count_; }
+    constexpr bool empty() const noexcept { return count_ == 0; }
+    constexpr T &operator[](std::size_t i) const noexcept { return items_[i]; }
+    constexpr T *begin() const noexcept { return items_; }
+    constexpr T *end() const noexcept { return items_ + count_; }
+
+private:
+    T *items_ = nullptr;
+    std::size_t count_ = 0;
+};
+
+/* What a batch of questions found, which may each find several things. */
+template <class T> struct Found {
+    std::vector<T> items;
+    /* Where the answers to question i end in `items`. */
+    std::vector<std::size_t> ends;
+    /* The answers to question i. */
+    Span<const T> of(std::size_t i) const noexcept
+    {
+        const std::size_t begin = i == 0 ? 0 : ends[i - 1];
+        return { items.data() + begin, ends[i] - begin };
+    }
+};
+
+/* The message of the calling thread's last failed call: function, cause, remedy. */
+inline std::string last_error()
+{
+    std::string text(dcd_last_error(nullptr, 0), '\0');
+    dcd_last_error(text.empty() ? nullptr : &text[0], text.empty() ? 0 : text.size() + 1);
+    return text;
+}
+
+/* The two ways to say that a call failed have names of their own for the linker, so that a program may mix them. */
+#ifdef DCD_EXCEPTIONS
+inline namespace throwing {
+
+/* A call failed; what() is its message. */
+class Error : public std::runtime_error {
+public:
+    explicit Error(DcdStatus code) : std::runtime_error(last_error()), code_(code) {}
+    DcdStatus code() const noexcept { return code_; }
+
+private:
+    DcdStatus code_;
+};
+#else
+inline namespace returning {
+#endif
+
+/* Whether a call did what it says. */
+class DCD_NODISCARD_ Status {
+public:
+    /* Of what a function of dcd.h returned. */
+    explicit Status(DcdStatus code) : code_(code)
+    {
+#ifdef DCD_EXCEPTIONS
+        if (code != DCD_OK) {
+            throw Error(code);
+        }
+#endif
+    }
+
+    explicit operator bool() const noexcept { return code_ == DCD_OK; }
+    /* DCD_OK or a DCD_ERR_… code. */
+    DcdStatus code() const noexcept { return code_; }
+    /* Its name, as "DCD_ERR_NULL". */
+    const char *name() const noexcept { return dcd_status_string(code_); }
+    /* Ends the program with the library's own words if the call failed. */
+    void expect() const
+    {
+        if (code_ != DCD_OK) {
+            std::fprintf(stderr, "%s: %s\n", name(), last_error().c_str());
+            std::abort();
+        }
+    }
+
+private:
+    DcdStatus code_;
+};
+
+/* What a call gave, or why it gave nothing. */
+template <class T> class DCD_NODISCARD_ Result {
+public:
+    Result(Status status, T value) : status_(status), value_(std::move(value)) {}
+
+    explicit operator bool() const noexcept { return bool(status_); }
+    Status status() const noexcept { return status_; }
+    /* What the call gave. Ends the program with the library's own words if it failed. */
+    T &value() &
+    {
+        status_.expect();
+        return value_;
+    }
+    const T &value() const &
+    {
+        status_.expect();
+        return value_;
+    }
+    T value() &&
+    {
+        status_.expect();
+        return std::move(value_);
+    }
+    T value_or(T otherwise) && { return *this ? std::move(value_) : std::move(otherwise); }
+    /* As value(). */
+    T &operator*() & { return value(); }
+    const T &operator*() const & { return value(); }
+    T operator*() && { return std::move(*this).value(); }
+    T *operator->() { return &value(); }
+    const T *operator->() const { return &value(); }
+
+private:
+    Status status_;
+    T value_;
+};
+
+/* Every movable body after a step, as dcd_state_view lends it: item i of each belongs to ids()[i]. */
+class StateView {
+public:
+    explicit StateView(const DcdStateView &view) noexcept : view_(view) {}
+    std::uint64_t tick() const noexcept { return view_.tick; }
+    std::size_t size() const noexcept { return view_.count; }
+    Span<const BodyId> ids() const noexcept { return { view_.ids, view_.count }; }
+    Span<const Pose> poses() const noexcept { return { view_.poses, view_.count }; }
+    Span<const Velocity> velocities() const noexcept { return { view_.velocities, view_.count }; }
+    Span<const std::uint64_t> user_data() const noexcept { return { view_.user_data, view_.count }; }
+    Span<const std::uint32_t> flags() const noexcept { return { view_.flags, view_.count }; }
+    Span<const std::uint32_t> regions() const noexcept { return { view_.regions, view_.count }; }
+
+private:
+    DcdStateView view_;
+};
+
+/* What happened in the last step, as dcd_events lends it. */
+class EventView {
+public:
+    explicit EventView(const DcdEventView &view) noexcept : view_(view) {}
+    std::uint64_t tick() const noexcept { return view_.tick; }
+    /* DCD_EVENTS_… bits. */
+    std::uint32_t flags() const noexcept { return view_.flags; }
+    Span<const Contact> contacts() const noexcept { return { view_.contacts, view_.contact_count }; }
+    Span<const ContactForce> forces() const noexcept { return { view_.forces, view_.force_count }; }
+    Span<const Transfer> transfers() const noexcept { return { view_.transfers, view_.transfer_count }; }
+    Span<const BodyChange> changes() const noexcept { return { view_.changes, view_.change_count }; }
+
+private:
+    DcdEventView view_;
+};
+
+/* A world, whatever its role. Destroyed with this object. */
+class World {
+public:
+    World() noexcept = default;
+    World(World &&other) noexcept : world_(other.release()) {}
+    World &operator=(World &&other) noexcept
+    {
+        DcdWorld taken = other.release();
+        reset();
+        world_ = taken;
+        return *this;
+    }
+    World(const World &) = delete;
+    World &operator=(const World &) = delete;
+    ~World() { reset(); }
+
+    /* Takes over a world of dcd.h. */
+    explicit World(DcdWorld world) noexcept : world_(world) {}
+    /* The handle for functions of dcd.h; it stays this object's. */
+    DcdWorld handle() const noexcept { return world_; }
+    /* Gives the handle away; the world lives on. */
+    DcdWorld release() noexcept { return std::exchange(world_, DcdWorld{ 0 }); }
+    /* Destroys the world now. To hear whether that went well, call dcd_world_destroy(world.release()). */
+    void reset() noexcept
+    {
+        if (world_.v != 0) {
+            dcd_world_destroy(release());
+        }
+    }
+
+    /* Making one. */
+
+    static Result<World> create(const WorldDef &def = {})
+    {
+        return made([&](DcdWorld *out) { return dcd_world_create(&def, out); });
+    }
+    static Result<World> open_scene(const char *name_or_path, Span<const char *const> params = {}, const WorldDef &def = {})
+    {
+        return made([&](DcdWorld *out) {
+            return dcd_world_open_scene(name_or_path, params.data(), params.size(), &def, out);
+        });
+    }
+    static Result<World> client_connect(const ClientDef &def)
+    {
+        return made([&](DcdWorld *out) { return dcd_client_connect(&def, out); });
+    }
+    static Result<World> participant_join(const ParticipantDef &def)
+    {
+        return made([&](DcdWorld *out) { return dcd_participant_join(&def, out); });
+    }
+
+    static Result<World> server_create(const ServerDef &def)
+    {
+        return made([&](DcdWorld *out) { return dcd_server_create(&def, out); });
+    }
+    static Result<World> node_join(const NodeDef &def)
+    {
+        return made([&](DcdWorld *out) { return dcd_node_join(&def, out); });
+    }
+
+    /* Letting others in. */
+
+    Result<std::string> address() const
+    {
+        return text([&](char *out, std::size_t cap, std::size_t *needed) { return dcd_address(world_, out, cap, needed); });
+    }
+    Result<std::string> token_create(DcdRole role, std::uint32_t valid_seconds)
+    {
+        return text([&](char *out, std::size_t cap, std::size_t *needed) {
+            return dcd_token_create(world_, role, valid_seconds, out, cap, needed);
+        });
+    }
+
+    /* The world as a whole. */
+
+    bool is_valid() const noexcept { return dcd_world_is_valid(world_); }
+    Result<WorldInfo> info() const
+    {
+        return got<WorldInfo>([&](WorldInfo *out) { return dcd_world_info(world_, out); });
+    }
+    Status step() { return Status(dcd_step(world_)); }
+    Status step_begin() { return Status(dcd_step_begin(world_)); }
+    Status step_wait(std::uint64_t timeout_ns) { return Status(dcd_step_wait(world_, timeout_ns)); }
+    Result<std::vector<unsigned char>> snapshot_save() const
+    {
+        return listed<unsigned char>([&](unsigned char *out, std::size_t cap, std::size_t *needed) {
+            return dcd_snapshot_save(world_, out, cap, needed);
+        });
+    }
+    Status snapshot_load(Span<const unsigned char> data)
+    {
+        return Status(dcd_snapshot_load(world_, data.data(), data.size()));
+    }
+    Status snapshot_save_file(const char *path) const { return Status(dcd_snapshot_save_file(world_, path)); }
+    Status snapshot_load_file(const char *path) { return Status(dcd_snapshot_load_file(world_, path)); }
+    Result<StateView> state_view() const
+    {
+        DcdStateView view = DCD_STATE_VIEW_INIT;
+        Status status(dcd_state_view(world_, &view));
+        return { status, StateView(view) };
+    }
+    Result<EventView> events() const
+    {
+        DcdEventView view = DCD_EVENT_VIEW_INIT;
+        Status status(dcd_events(world_, &view));
+        return { status, EventView(view) };
+    }
+    Result<Stats> stats() const
+    {
+        return got<Stats>([&](Stats *out) { return dcd_stats(world_, out); });
+    }
+    Result<std::string> stats_text() const
+    {
+        return text([&](char *out, std::size_t cap, std::size_t *needed) {
+            return dcd_stats_text(world_, out, cap, needed);
+        });
+    }
+    Result<std::uint64_t> state_hash() const
+    {
+        return got<std::uint64_t>([&](std::uint64_t *out) { return dcd_state_hash(world_, out); });
+    }
+    Result<std::vector<RegionInfo>> regions() const
+    {
+        return listed<RegionInfo>([&](RegionInfo *out, std::size_t cap, std::size_t *count) {
+            return dcd_regions(world_, out, cap, count);
+        });
+    }
+    Result<std::vector<BodyId>> own_avatars() const
+    {
+        return listed<BodyId>([&](BodyId *out, std::size_t cap, std::size_t *count) {
+            return dcd_own_avatars(world_, out, cap, count);
+        });
+    }
+
+    /* Shapes. */
+
+    Result<ShapeId> shape_box(const Vec3 &half)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_box(world_, half.data(), out); });
+    }
+    Result<ShapeId> shape_sphere(float radius)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_sphere(world_, radius, out); });
+    }
+    Result<ShapeId> shape_capsule(float half_height, float radius)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_capsule(world_, half_height, radius, out); });
+    }
+    Result<ShapeId> shape_cylinder(float half_height, float radius)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_cylinder(world_, half_height, radius, out); });
+    }
+    Result<ShapeId> shape_cone(float half_height, float radius)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_cone(world_, half_height, radius, out); });
+    }
+    Result<ShapeId> shape_hull(Span<const Vec3> points)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_hull(world_, floats(points), points.size(), out); });
+    }
+    Result<ShapeId> shape_mesh(Span<const Vec3> vertices, Span<const std::array<std::uint32_t, 3>> triangles)
+    {
+        const std::uint32_t *indices = triangles.empty() ? nullptr : triangles.data()->data();
+        return got<ShapeId>([&](ShapeId *out) {
+            return dcd_shape_mesh(world_, floats(vertices), vertices.size(), indices, triangles.size(), out);
+        });
+    }
+    /* DCD_ERR_ARGUMENT also when `heights` does not have rows * columns numbers. */
+    Result<ShapeId> shape_heightfield(Span<const float> heights, std::size_t rows, std::size_t columns, const Vec3 &scale)
+    {
+        const bool fits = rows == 0 || (heights.size() % rows == 0 && heights.size() / rows == columns);
+        return got<ShapeId>([&](ShapeId *out) {
+            return dcd_shape_heightfield(world_, heights.data(), fits ? rows : 0, columns, scale.data(), out);
+        });
+    }
+    /* DCD_ERR_ARGUMENT also when there are not as many frames as parts. */
+    Result<ShapeId> shape_compound(Span<const ShapeId> parts, Span<const Frame> frames)
+    {
+        const std::size_t count = parts.size() == frames.size() ? parts.size() : 0;
+        return got<ShapeId>([&](ShapeId *out) {
+            return dcd_shape_compound(world_, parts.data(), frames.data(), count, out);
+        });
+    }
+    Status shape_destroy(ShapeId shape) { return Status(dcd_shape_destroy(world_, shape)); }
+
+    /* Bodies. */
+
+    Result<BodyId> body_create(const BodyDef &def)
+    {
+        return got<BodyId>([&](BodyId *out) { return dcd_body_create(world_, &def, out); });
+    }
+    Result<std::vector<BodyId>> bodies_create(Span<const BodyDef> defs)
+    {
+        std::vector<BodyId> ids(defs.size());
+        Status status(dcd_bodies_create(world_, defs.data(), defs.size(), ids.data()));
+        return { status, std::move(ids) };
+    }
+    Status body_destroy(BodyId body) { return Status(dcd_body_destroy(world_, body)); }
+    Status bodies_destroy(Span<const BodyId> bodies)
+    {
+        return Status(dcd_bodies_destroy(world_, bodies.data(), bodies.size()));
+    }
+    bool body_is_valid(BodyId body) const noexcept { return dcd_body_is_valid(world_, body); }
+    Result<BodyId> body_at(std::uint32_t index) const
+    {
+        return got<BodyId>([&](BodyId *out) { return dcd_body_at(world_, index, out); });
+    }
+    Result<BodyInfo> body_info(BodyId body) const
+    {
+        return got<BodyInfo>([&](BodyInfo *out) { return dcd_body_info(world_, body, out); });
+    }
+    Result<Motion> body_get(BodyId body) const
+    {
+        return got<Motion>([&](Motion *out) { return dcd_body_get(world_, body, &out->pose, &out->velocity); });
+    }
+    Status body_set_pose(BodyId body, const Pose &pose) { return Status(dcd_body_set_pose(world_, body, &pose)); }
+    Status body_set_velocity(BodyId body, const Velocity &velocity)
+    {
+        return Status(dcd_body_set_velocity(world_, body, &velocity));
+    }
+    /* Of a body of type DCD_KINEMATIC_POSE. */
+    Status body_set_target(BodyId body, const Pose &pose) { return Status(dcd_body_set_target(world_, body, &pose)); }
+    Result<BodyProperties> body_properties(BodyId body) const
+    {
+        return got<BodyProperties>([&](BodyProperties *out) { return dcd_body_properties(world_, body, out); });
+    }
+    Status body_set_properties(BodyId body, const BodyProperties &properties)
+    {
+        return Status(dcd_body_set_properties(world_, body, &properties));
+    }
+    Status body_wake(BodyId body) { return Status(dcd_body_wake(world_, body)); }
+    Status body_sleep(BodyId body) { return Status(dcd_body_sleep(world_, body)); }
+    /* At the centre of mass. */
+    Status body_apply_impulse(BodyId body, const Vec3 &impulse)
+    {
+        return Status(dcd_body_apply_impulse(world_, body, impulse.data(), nullptr));
+    }
+    Status body_apply_impulse(BodyId body, const Vec3 &impulse, const Point &point)
+    {
+        return Status(dcd_body_apply_impulse(world_, body, impulse.data(), point.data()));
+    }
+    Status body_apply_torque_impulse(BodyId body, const Vec3 &impulse)
+    {
+        return Status(dcd_body_apply_torque_impulse(world_, body, impulse.data()));
+    }
+    Status body_set_force(BodyId body, const Vec3 &force, const Vec3 &torque = {})
+    {
+        return Status(dcd_body_set_force(world_, body, force.data(), torque.data()));
+    }
+    /* At the centre of mass. */
+    Status body_add_force(BodyId body, const Vec3 &force)
+    {
+        return Status(dcd_body_add_force(world_, body, force.data(), nullptr));
+    }
+    Status body_add_force(BodyId body, const Vec3 &force, const Point &point)
+    {
+        return Status(dcd_body_add_force(world_, body, force.data(), point.data()));
+    }
+    Status body_set_events(BodyId body, std::uint32_t events, float force_threshold, std::uint32_t part = DCD_ALL_PARTS)
+    {
+        return Status(dcd_body_set_events(world_, body, part, events, force_threshold));
+    }
+    Status body_set_material(BodyId body, float friction, float restitution, std::uint32_t part = DCD_ALL_PARTS)
+    {
+        return Status(dcd_body_set_material(world_, body, part, friction, restitution));
+    }
+    Status body_set_groups(BodyId body, std::uint32_t groups, std::uint32_t mask, std::uint32_t part = DCD_ALL_PARTS)
+    {
+        return Status(dcd_body_set_groups(world_, body, part, groups, mask));
+    }
+
+    Result<PartProperties> part_properties(BodyId body, std::uint32_t part) const
+    {
+        return got<PartProperties>([&](PartProperties *out) { return dcd_part_properties(world_, body, part, out); });
+    }
+    Status part_set_properties(BodyId body, std::uint32_t part, const PartProperties &properties)
+    {
+        return Status(dcd_part_set_properties(world_, body, part, &properties));
+    }
+    Status part_set_shape(BodyId body, std::uint32_t part, ShapeId shape)
+    {
+        return Status(dcd_part_set_shape(world_, body, part, shape));
+    }
+    Result<std::uint32_t> part_add(BodyId body, ShapeId shape, const PartProperties &properties = {})
+    {
+        return got<std::uint32_t>(
+            [&](std::uint32_t *out) { return dcd_part_add(world_, body, shape, &properties, out); });
+    }
+    Status part_remove(BodyId body, std::uint32_t part) { return Status(dcd_part_remove(world_, body, part)); }
+
+    /* Joints. */
+
+    Result<JointId> joint_create(const JointDef &def)
+    {
+        return got<JointId>([&](JointId *out) { return dcd_joint_create(world_, &def, out); });
+    }
+    bool joint_is_valid(JointId joint) const noexcept { return dcd_joint_is_valid(world_, joint); }
+    Result<JointInfo> joint_info(JointId joint) const
+    {
+        return got<JointInfo>([&](JointInfo *out) { return dcd_joint_info(world_, joint, out); });
+    }
+    Result<std::vector<JointId>> body_joints(BodyId body) const
+    {
+        return listed<JointId>([&](JointId *out, std::size_t cap, std::size_t *count) {
+            return dcd_body_joints(world_, body, out, cap, count);
+        });
+    }
+    Status joint_set_motor(JointId joint, DcdJointAxis axis, const JointMotor &motor)
+    {
+        return Status(dcd_joint_set_motor(world_, joint, axis, &motor));
+    }
+    Result<JointMotor> joint_get_motor(JointId joint, DcdJointAxis axis) const
+    {
+        return got<JointMotor>([&](JointMotor *out) { return dcd_joint_get_motor(world_, joint, axis, out); });
+    }
+    Status joint_set_limit(JointId joint, DcdJointAxis axis, float low, float high)
+    {
+        const float limit[2] = { low, high };
+        return Status(dcd_joint_set_limit(world_, joint, axis, limit));
+    }
+    /* Lowest and highest. */
+    Result<std::array<float, 2>> joint_get_limit(JointId joint, DcdJointAxis axis) const
+    {
+        return got<std::array<float, 2>>(
+            [&](std::array<float, 2> *out) { return dcd_joint_get_limit(world_, joint, axis, out->data()); });
+    }
+    Status joint_set_flags(JointId joint, std::uint32_t flags) { return Status(dcd_joint_set_flags(world_, joint, flags)); }
+    Status joint_set_frames(JointId joint, const Frame &frame_a, const Frame &frame_b)
+    {
+        return Status(dcd_joint_set_frames(world_, joint, &frame_a, &frame_b));
+    }
+    Status joint_set_softness(JointId joint, float natural_frequency, float damping_ratio)
+    {
+        return Status(dcd_joint_set_softness(world_, joint, natural_frequency, damping_ratio));
+    }
+    Status joint_destroy(JointId joint) { return Status(dcd_joint_destroy(world_, joint)); }
+
+    /* Many at a time. Value is Pose, Velocity, Force or std::uint64_t, the user data, and says which field is meant. The items may lie
+     * within structs of your own: give the first one and the distance to the next in bytes. */
+
+    template <class Value> Status state_read(Span<const BodyId> bodies, Value *first, std::size_t stride = 0) const
+    {
+        return Status(dcd_state_read(world_, bodies.data(), bodies.size(), field<Value>(), first, stride, nullptr));
+    }
+    template <class Value> Status state_write(Span<const BodyId> bodies, const Value *first, std::size_t stride = 0)
+    {
+        return Status(dcd_state_write(world_, bodies.data(), bodies.size(), field<Value>(), first, stride, nullptr));
+    }
+
+    /* Questions. Answer i is to question i. */
+
+    Result<std::vector<RayHit>> cast_rays(Span<const Ray> rays, const Filter &filter = {}) const
+    {
+        std::vector<RayHit> hits(rays.size());
+        Status status(dcd_cast_rays(world_, rays.data(), rays.size(), &filter, hits.data()));
+        return { status, std::move(hits) };
+    }
+    Result<Found<RayHit>> cast_rays_all(Span<const Ray> rays, const Filter &filter = {}) const
+    {
+        return found<RayHit>(rays, filter, dcd_cast_rays_all);
+    }
+    Result<std::vector<ShapeHit>> cast_shapes(Span<const ShapeCast> casts, const Filter &filter = {}) const
+    {
+        std::vector<ShapeHit> hits(casts.size());
+        Status status(dcd_cast_shapes(world_, casts.data(), casts.size(), &filter, hits.data()));
+        return { status, std::move(hits) };
+    }
+    Result<std::vector<PointHit>> project_points(Span<const PointQuery> points, const Filter &filter = {}) const
+    {
+        std::vector<PointHit> hits(points.size());
+        Status status(dcd_project_points(world_, points.data(), points.size(), &filter, hits.data()));
+        return { status, std::move(hits) };
+    }
+    Result<Found<Overlap>> overlap_points(Span<const PointQuery> points, const Filter &filter = {}) const
+    {
+        return found<Overlap>(points, filter, dcd_overlap_points);
+    }
+    Result<Found<Overlap>> overlap_shapes(Span<const ShapeQuery> shapes, const Filter &filter = {}) const
+    {
+        return found<Overlap>(shapes, filter, dcd_overlap_shapes);
+    }
+    Result<Found<Overlap>> overlap_boxes(Span<const BoxQuery> boxes, const Filter &filter = {}) const
+    {
+        return found<Overlap>(boxes, filter, dcd_overlap_boxes);
+    }
+
+private:
+    DcdWorld world_{ 0 };
+
+    template <class Call> static Result<World> made(Call call)
+    {
+        DcdWorld world{ 0 };
+        Status status(call(&world));
+        return { status, World(world) };
+    }
+    template <class T, class Call> static Result<T> got(Call call)
+    {
+        T value{};
+        Status status(call(&value));
+        return { status, value };
+    }
+    /* Asks for the number, then for the items; again, when there are more by then. */
+    template <class T, class Call> static Result<std::vector<T>> listed(Call call)
+    {
+        std::vector<T> items;
+        std::size_t count = 0;
+        DcdStatus code = call(nullptr, 0, &count);
+        while (code == DCD_ERR_SMALL_BUFFER || (code == DCD_OK && count > items.size())) {
+            items.resize(count);
+            code = call(items.data(), items.size(), &count);
+        }
+        Status status(code);
+        items.resize(status ? count : 0);
+        return { status, std::move(items) };
+    }
+    /* The same for a batch of questions. */
+    template <class T, class Question, class Call>
+    Result<Found<T>> found(Span<const Question> questions, const Filter &filter, Call call) const
+    {
+        Found<T> all;
+        all.ends.resize(questions.size());
+        std::size_t total = 0;
+        const auto ask = [&](T *out) {
+            return call(world_, questions.data(), questions.size(), &filter, out, all.items.size(), all.ends.data(), &total);
+        };
+        DcdStatus code = ask(nullptr);
+        while (code == DCD_ERR_SMALL_BUFFER) {
+            all.items.resize(total);
+            code = ask(all.items.data());
+        }
+        Status status(code);
+        return { status, std::move(all) };
+    }
+    /* Asks with room for most texts, and again with room for this one. */
+    template <class Call> static Result<std::string> text(Call call)
+    {
+        std::string text(511, '\0');
+        std::size_t needed = 0;
+        DcdStatus code = call(&text[0], text.size() + 1, &needed);
+        if (code == DCD_ERR_SMALL_BUFFER) {
+            text.resize(needed);
+            code = call(&text[0], text.size(), &needed);
+        }
+        Status status(code);
+        text.resize(status ? needed - 1 : 0);
+        return { status, std::move(text) };
+    }
+    static const float *floats(Span<const Vec3> points) { return points.empty() ? nullptr : points.data()->data(); }
+    template <class Value> static constexpr DcdField field()
+    {
+        static_assert(std::is_same_v<Value, Pose> || std::is_same_v<Value, Velocity> || std::is_same_v<Value, Force> ||
+                          std::is_same_v<Value, std::uint64_t>,
+                      "bodies have a Pose, a Velocity, a Force and a std::uint64_t of user data");
+        return std::is_same_v<Value, Pose>       ? DCD_FIELD_POSE
+               : std::is_same_v<Value, Velocity> ? DCD_FIELD_VELOCITY
+               : std::is_same_v<Value, Force>    ? DCD_FIELD_FORCE
+                                                 : DCD_FIELD_USER_DATA;
+    }
+};
+static_assert(sizeof(Vec3) == 3 * sizeof(float), "points lie in a row");
+
+/* One body, shape or joint that is destroyed with this object. It keeps the handle of its world, not the object, which may be
+ * moved; when the world is gone before it, there is nothing left to do. */
+template <class Id> class Owned {
+public:
+    Owned() noexcept = default;
+    Owned(const World &world, Id id) noexcept : world_(world.handle()), id_(id) {}
+    Owned(Owned &&other) noexcept : world_(other.world_), id_(other.release()) {}
+    Owned &operator=(Owned &&other) noexcept
+    {
+        const DcdWorld world = other.world_;
+        const Id taken = other.release();
+        reset();
+        world_ = world;
+        id_ = taken;
+        return *this;
+    }
+    Owned(const Owned &) = delete;
+    Owned &operator=(const Owned &) = delete;
+    ~Owned() { reset(); }
+
+    Id id() const noexcept { return id_; }
+    operator Id() const noexcept { return id_; }
+    /* Gives the id away; what it names lives on. */
+    Id release() noexcept { return std::exchange(id_, Id{ 0 }); }
+    /* Destroys it now. */
+    void reset() noexcept
+    {
+        if (id_.v != 0) {
+            destroy(world_, release());
+        }
+    }
+
+private:
+    DcdWorld world_{ 0 };
+    Id id_{ 0 };
+
+    static void destroy(DcdWorld world, BodyId id) noexcept { dcd_body_destroy(world, id); }
+    static void destroy(DcdWorld world, ShapeId id) noexcept { dcd_shape_destroy(world, id); }
+    static void destroy(DcdWorld world, JointId id) noexcept { dcd_joint_destroy(world, id); }
+};
+
+inline Status version_check()
+{
+    return Status(dcd_version_check());
+}
+inline Status log_set(DcdLogFn function, void *user, DcdLogLevel most)
+{
+    return Status(dcd_log_set(function, user, most));
+}
+inline Result<Pose> pose_interpolate(const Pose &from, const Pose &to, double t)
+{
+    Pose between{};
+    Status status(dcd_pose_interpolate(&from, &to, t, &between));
+    return { status, between };
+}
+inline std::uint32_t version() noexcept
+{
+    return dcd_version();
+}
+inline const char *version_string() noexcept
+{
+    return dcd_version_string();
+}
+
+} // inline namespace
+
+} // namespace dcd
+
+#undef DCD_NODISCARD_
+
+#endif /* DCD_HPP */

@@ -1,0 +1,7 @@
+foreach(kind static shared)
+  foreach(language c cpp)
+    add_executable(${language}_${kind} ${CMAKE_CURRENT_LIST_DIR}/game.${language})
+    target_link_libraries(${language}_${kind} PRIVATE dcd::${kind})
+    set_target_properties(${language}_${kind} PROPERTIES C_STANDARD 11 CXX_STANDARD 17)
+  endforeach()
+endforeach()

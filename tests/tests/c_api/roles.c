@@ -1,0 +1,219 @@
+/* A server, two nodes and a client in one process, over loopback: `roles FOLDER`, run by served.rs. */
+#define _POSIX_C_SOURCE 200809L
+#include "dcd.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+static int checks, failures;
+
+#define HOLDS(what) holds((what), #what, __LINE__)
+#define OK(call) expect((call), DCD_OK, "", #call, __LINE__)
+#define FAILS(call, code, word) expect((call), (code), (word), #call, __LINE__)
+
+static void holds(bool what, const char *text, int line)
+{
+    checks++;
+    if (!what) {
+        printf("line %d: not so: %s\n", line, text);
+        failures++;
+    }
+}
+
+/* The status must be this, and the message of a failure must have the word. */
+static void expect(DcdStatus got, DcdStatus code, const char *word, const char *text, int line)
+{
+    char message[1024] = "";
+    checks++;
+    dcd_last_error(message, sizeof message);
+    if (got != code || (code != DCD_OK && strstr(message, word) == NULL)) {
+        printf("line %d: %s is %s, not %s with \"%s\": %s\n", line, text, dcd_status_string(got), dcd_status_string(code),
+               word, message);
+        failures++;
+    }
+}
+
+/* Calls dcd_step, as often as a game would, until the world has reached this tick. */
+static bool reaches(DcdWorld world, uint64_t tick)
+{
+    struct timespec pause = { 0, 5 * 1000 * 1000 };
+    for (int i = 0; i < 6000; i++) {
+        DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+        if (dcd_step(world) != DCD_OK || dcd_world_info(world, &info) != DCD_OK)
+            return false;
+        if (info.tick >= tick)
+            return true;
+        nanosleep(&pause, NULL);
+    }
+    return false;
+}
+
+static void bad_definitions(const char *folder)
+{
+    DcdServerDef def = DCD_SERVER_DEF_INIT;
+    DcdGroupDef groups = DCD_GROUP_DEF_INIT;
+    DcdWorld world = { 0 };
+    FAILS(dcd_server_create(NULL, &world), DCD_ERR_NULL, "def");
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_NULL, "scene");
+    def.scene = "pile";
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_NULL, "data_path");
+    def.data_path = folder;
+    FAILS(dcd_server_create(&def, NULL), DCD_ERR_NULL, "out");
+    def.struct_size--;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_STRUCT, "DcdServerDef");
+    def.struct_size++;
+    def.nodes = 0;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "nodes");
+    def.nodes = 1;
+    def.flags = 64;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "flags");
+    def.flags = 0;
+    def.avatar_speed = 0.0f;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "avatar_speed");
+    def.avatar_speed = 20.0f;
+    def.listen = "here";
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "0.0.0.0:7420");
+    def.listen = "127.0.0.1:0";
+    def.scene = "no such scene";
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "no such scene");
+    def.scene = "pile";
+    def.groups = &groups;
+    groups.near_ms = 60.0f;
+    groups.far_ms = 30.0f;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "far_ms");
+    groups.near_ms = groups.far_ms = 0.0f;
+    groups.lag_ticks = 61;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "lag_ticks");
+    groups.lag_ticks = 6;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "owner");
+    groups.lag_ticks = 0;
+    groups.agree = -1.0f;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "agree");
+    groups.agree = 0.1f;
+    groups.size = 0;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "size");
+    HOLDS(world.v == 0);
+}
+
+/* What a process that shows nothing of its world says to those who would look. */
+static void cannot(DcdWorld world, const char *role)
+{
+    DcdShapeId shape = { 0 };
+    DcdBodyDef body = DCD_BODY_DEF_INIT;
+    DcdBodyId id = { 0 };
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    uint64_t hash = 0;
+    const float half[3] = { 0.5f, 0.5f, 0.5f };
+    OK(dcd_shape_box(world, half, &shape));
+    body.shape = shape;
+    FAILS(dcd_body_create(world, &body, &id), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_state_view(world, &view), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
+    HOLDS(id.v == 0 && hash == 0);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc != 2)
+        return 2;
+    bad_definitions(argv[1]);
+
+    const char *params[] = { "n=40" };
+    DcdWorldDef cut = DCD_WORLD_DEF_INIT;
+    DcdServerDef def = DCD_SERVER_DEF_INIT;
+    DcdWorld server = { 0 }, local = { 0 }, nodes[2] = { { 0 }, { 0 } }, client = { 0 }, other = { 0 };
+    cut.regions = 2;
+    def.scene = "pile";
+    def.params = params;
+    def.param_count = 1;
+    def.world = &cut;
+    def.nodes = 2;
+    def.data_path = argv[1];
+    def.user_data = 7;
+    OK(dcd_server_create(&def, &server));
+    FAILS(dcd_server_create(&def, &other), DCD_ERR_IO, "");
+
+    char address[64] = "", token[512] = "", small[4] = "";
+    size_t needed = 0;
+    FAILS(dcd_address(server, small, sizeof small, &needed), DCD_ERR_SMALL_BUFFER, "room");
+    HOLDS(needed > sizeof "127.0.0.1:" && needed <= sizeof address && small[0] == 0);
+    OK(dcd_address(server, address, sizeof address, &needed));
+    HOLDS(strncmp(address, "127.0.0.1:", 10) == 0 && strlen(address) + 1 == needed);
+    FAILS(dcd_token_create(server, DCD_ROLE_NODE, 60, NULL, 0, &needed), DCD_ERR_SMALL_BUFFER, "room");
+    HOLDS(needed <= sizeof token);
+    FAILS(dcd_token_create(server, DCD_ROLE_SERVER, 60, token, sizeof token, &needed), DCD_ERR_ARGUMENT, "role");
+    FAILS(dcd_token_create(server, DCD_ROLE_NODE, 0, token, sizeof token, &needed), DCD_ERR_ARGUMENT, "valid_seconds");
+
+    DcdNodeDef node = DCD_NODE_DEF_INIT;
+    node.server = address;
+    node.token = token;
+    for (int i = 0; i < 2; i++) {
+        OK(dcd_token_create(server, DCD_ROLE_NODE, 60, token, sizeof token, &needed));
+        HOLDS(strlen(token) + 1 == needed);
+        node.listen = i == 0 ? NULL : "nowhere";
+        if (i > 0)
+            FAILS(dcd_node_join(&node, &nodes[i]), DCD_ERR_ARGUMENT, "listen");
+        node.listen = NULL;
+        node.user_data = 100 + (uint64_t)i;
+        OK(dcd_node_join(&node, &nodes[i]));
+    }
+    FAILS(dcd_node_join(&node, &other), DCD_ERR_NETWORK, "");
+
+    DcdClientDef join = DCD_CLIENT_DEF_INIT;
+    OK(dcd_token_create(server, DCD_ROLE_CLIENT, 60, token, sizeof token, &needed));
+    join.server = address;
+    join.token = token;
+    node.token = token;
+    FAILS(dcd_node_join(&node, &other), DCD_ERR_ARGUMENT, "node");
+    OK(dcd_client_connect(&join, &client));
+    HOLDS(reaches(client, 30));
+    HOLDS(reaches(server, 30) && reaches(nodes[0], 30) && reaches(nodes[1], 30));
+
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_state_view(client, &view));
+    HOLDS(view.count == 40);
+
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    DcdStats stats = DCD_STATS_INIT;
+    OK(dcd_world_info(server, &info));
+    HOLDS(info.role == DCD_ROLE_SERVER && info.regions == 2 && info.user_data == 7 && info.client == 0);
+    HOLDS(info.dt > 0.01f && info.dt < 0.02f && info.gravity[1] < -9.0f);
+    OK(dcd_stats(server, &stats));
+    HOLDS(stats.bodies == 40 && stats.bytes_in > 0 && stats.bytes_out > 0);
+    uint64_t owned = 0;
+    for (int i = 0; i < 2; i++) {
+        OK(dcd_world_info(nodes[i], &info));
+        HOLDS(info.role == DCD_ROLE_NODE && info.regions == 1 && info.user_data == 100 + (uint64_t)i);
+        OK(dcd_stats(nodes[i], &stats));
+        HOLDS(stats.bytes_in > 0 && stats.last_step > 0.0);
+        owned += stats.bodies;
+        OK(dcd_address(nodes[i], address, sizeof address, &needed));
+        cannot(nodes[i], "node");
+        FAILS(dcd_token_create(nodes[i], DCD_ROLE_CLIENT, 60, token, sizeof token, &needed), DCD_ERR_UNSUPPORTED, "node");
+    }
+    HOLDS(owned == 40);
+    cannot(server, "server");
+    OK(dcd_world_create(&cut, &local));
+    FAILS(dcd_address(local, address, sizeof address, &needed), DCD_ERR_UNSUPPORTED, "local");
+    FAILS(dcd_address(client, address, sizeof address, &needed), DCD_ERR_UNSUPPORTED, "client");
+
+    /* One node goes in order: the other computes both regions. */
+    uint64_t before = info.tick;
+    OK(dcd_world_destroy(nodes[0]));
+    FAILS(dcd_step(nodes[0]), DCD_ERR_STALE_ID, "world");
+    HOLDS(reaches(client, before + 30) && reaches(nodes[1], before + 30));
+    OK(dcd_world_info(nodes[1], &info));
+    HOLDS(info.regions == 2);
+
+    /* The server ends the world for all. */
+    OK(dcd_world_destroy(server));
+    HOLDS(!reaches(nodes[1], UINT64_MAX));
+    FAILS(dcd_step(nodes[1]), DCD_ERR_NETWORK, "ended");
+    HOLDS(!reaches(client, UINT64_MAX));
+    OK(dcd_world_destroy(nodes[1]));
+    OK(dcd_world_destroy(client));
+    OK(dcd_world_destroy(local));
+    printf("%d checks, %d failures\n", checks, failures);
+    return failures > 0;
+}

@@ -1,0 +1,290 @@
+/* dcd.hpp, whose calls return what they say: a ball breaks a tower in a world of two regions; handles clean up after
+ * themselves; what fails says why. throwing.cpp, in the same program, has the calls that throw. */
+#include "dcd.hpp"
+#include "dcd.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <unordered_map>
+#if __cplusplus >= 202002L
+#include <span>
+#endif
+
+/* What exceptions say, in throwing.cpp: how many checks failed. */
+int throwing_failures();
+
+static int checks, failures;
+
+#define HOLDS(what) holds(bool(what), #what, __LINE__)
+
+static void holds(bool what, const char *text, int line)
+{
+    checks++;
+    if (!what) {
+        std::printf("line %d: not so: %s (last error: %s)\n", line, text, dcd::last_error().c_str());
+        failures++;
+    }
+}
+
+static dcd::World make_world()
+{
+    dcd::WorldDef def;
+    def.regions = 2;
+    def.threads = 1;
+    def.user_data = 7;
+    dcd::Result<dcd::World> world = dcd::World::create(def);
+    HOLDS(world);
+    return *std::move(world);
+}
+
+static dcd::BodyId add_floor(dcd::World &world)
+{
+    dcd::BodyDef def;
+    def.body_type = DCD_FIXED;
+    def.shape = *world.shape_box({ 20.0f, 0.5f, 20.0f });
+    def.pose.p[1] = -0.5;
+    return *world.body_create(def);
+}
+
+static void a_ball_breaks_a_tower()
+{
+    dcd::World world = make_world();
+    add_floor(world);
+    std::vector<dcd::BodyDef> defs(5);
+    const dcd::ShapeId box = *world.shape_box({ 0.5f, 0.5f, 0.5f });
+    std::unordered_map<dcd::BodyId, int> floors;
+    for (std::size_t i = 0; i < defs.size(); i++) {
+        defs[i].shape = box;
+        defs[i].pose.p[1] = 0.5 + static_cast<double>(i);
+    }
+    const std::vector<dcd::BodyId> tower = *world.bodies_create(defs);
+    for (int i = 0; i < 5; i++) {
+        floors[tower[static_cast<std::size_t>(i)]] = i;
+    }
+
+    dcd::BodyDef def;
+    def.shape = *world.shape_sphere(0.5f);
+    def.pose.p[0] = -5.0;
+    def.pose.p[1] = 2.5;
+    def.density = 8000.0f;
+    def.events = DCD_EVENT_CONTACT;
+    const dcd::BodyId ball = *world.body_create(def);
+    const float mass = world.body_info(ball)->mass;
+    HOLDS(std::fabs(mass - 4189.0f) < 50.0f);
+    HOLDS(world.body_apply_impulse(ball, { 20.0f * mass, 0.0f, 0.0f }));
+    HOLDS(std::fabs(world.body_get(ball)->velocity.linear[0] - 20.0f) < 1e-3f);
+
+    int met = -1;
+    for (int i = 0; i < 120; i++) {
+        HOLDS(world.step());
+        const dcd::Result<dcd::EventView> events = world.events();
+        for (const dcd::Contact &contact : events->contacts()) {
+            const auto other = floors.find(contact.a == ball ? contact.b : contact.a);
+            if (met < 0 && contact.kind == DCD_CONTACT_BEGAN && other != floors.end()) {
+                met = other->second;
+            }
+        }
+    }
+    HOLDS(met >= 1 && met <= 3);
+    HOLDS(world.body_get(tower[4])->pose.p[1] < 4.0);
+
+    /* The same bodies by the view, by a copy into structs of the game's own, and by one. */
+    const dcd::StateView view = *world.state_view();
+    HOLDS(view.tick() == 120 && view.size() == 6 && view.poses().size() == 6 && !view.ids().empty());
+    struct Sprite {
+        std::uint32_t colour;
+        dcd::Pose pose;
+    };
+    std::vector<Sprite> sprites(view.size());
+    HOLDS(world.state_read(view.ids(), &sprites[0].pose, sizeof(Sprite)));
+    for (std::size_t i = 0; i < view.size(); i++) {
+        HOLDS(std::memcmp(&sprites[i].pose, &view.poses()[i], sizeof(dcd::Pose)) == 0);
+        HOLDS(std::memcmp(&world.body_get(view.ids()[i])->velocity, &view.velocities()[i], sizeof(dcd::Velocity)) == 0);
+    }
+#if __cplusplus >= 202002L
+    const std::span<const dcd::Pose> poses = view.poses();
+    HOLDS(poses.size() == 6);
+#endif
+
+    std::vector<std::uint64_t> colours(view.size(), 3);
+    HOLDS(world.state_write(view.ids(), colours.data()));
+    HOLDS(world.body_info(ball)->user_data == 3);
+
+    dcd::Ray ray;
+    ray.origin[0] = ray.origin[2] = 15.0;
+    ray.origin[1] = 5.0;
+    ray.direction[1] = -1.0f;
+    ray.max_distance = 10.0f;
+    const dcd::Ray rays[] = { ray, ray };
+    const std::vector<dcd::RayHit> hits = *world.cast_rays(rays);
+    HOLDS(hits.size() == 2 && std::fabs(hits[1].distance - 5.0f) < 1e-3f);
+    const dcd::Found<dcd::RayHit> through = *world.cast_rays_all(rays);
+    HOLDS(through.of(0).size() == 1 && through.of(1).size() == 1 && through.of(1)[0].body == hits[1].body);
+    dcd::Filter movable;
+    movable.flags = DCD_FILTER_NO_FIXED;
+    HOLDS((*world.cast_rays_all(rays, movable)).items.empty());
+    dcd::PointQuery point;
+    point.point[1] = -0.1;
+    const dcd::PointQuery points[] = { point };
+    HOLDS((*world.overlap_points(points)).of(0).size() == 1 && (*world.project_points(points)).size() == 1);
+
+    const std::vector<unsigned char> saved = *world.snapshot_save();
+    const std::uint64_t then = *world.state_hash();
+    world.step_begin().expect();
+    world.step_wait(60000000000u).expect();
+    world.snapshot_load(saved).expect();
+    HOLDS(*world.state_hash() == then);
+    HOLDS(!world.address() && world.address().status().code() == DCD_ERR_UNSUPPORTED);
+
+    HOLDS(world.regions()->size() == 2 && world.own_avatars()->empty());
+    HOLDS(world.info()->user_data == 7 && world.stats()->ticks == 120);
+    HOLDS(world.stats_text()->find("ticks        120\n") != std::string::npos);
+    HOLDS(*world.state_hash() != 0);
+}
+
+static void joints_and_shapes()
+{
+    dcd::World world = make_world();
+    dcd::BodyDef def;
+    def.shape = *world.shape_capsule(0.5f, 0.25f);
+    def.body_type = DCD_FIXED;
+    dcd::JointDef joint;
+    joint.a = *world.body_create(def);
+    def.body_type = DCD_DYNAMIC;
+    def.pose.p[0] = 2.0;
+    joint.b = *world.body_create(def);
+    joint.joint_type = DCD_JOINT_SPHERICAL;
+    joint.frame_b.p[0] = -2.0f;
+    {
+        dcd::Owned<dcd::JointId> tie(world, *world.joint_create(joint));
+        for (int i = 0; i < 30; i++) {
+            HOLDS(world.step());
+        }
+        const dcd::Pose pose = world.body_get(joint.b)->pose;
+        HOLDS(std::fabs(std::hypot(pose.p[0], pose.p[1], pose.p[2]) - 2.0) < 0.02);
+    }
+    HOLDS(world.joint_destroy(dcd::JointId{ 1 }).code() == DCD_ERR_STALE_ID);
+    for (int i = 0; i < 60; i++) {
+        HOLDS(world.step());
+    }
+    HOLDS(world.body_get(joint.b)->pose.p[1] < -3.0);
+
+    const dcd::Vec3 corners[] = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } };
+    const std::array<std::uint32_t, 3> triangles[] = { { 0, 2, 1 }, { 0, 1, 3 } };
+    const float heights[6] = { 0, 0, 0, 1, 1, 1 };
+    const dcd::ShapeId parts[] = { *world.shape_cylinder(1.0f, 0.5f), *world.shape_cone(1.0f, 0.5f) };
+    const dcd::Frame frames[] = { { { 0, 0, 0 }, { 0, 0, 0, 1 } }, { { 0, 2, 0 }, { 0, 0, 0, 1 } } };
+    HOLDS(world.shape_hull(corners));
+    HOLDS(world.shape_mesh(corners, triangles));
+    HOLDS(world.shape_heightfield(heights, 3, 2, { 10.0f, 1.0f, 10.0f }));
+    HOLDS(world.shape_heightfield(heights, 3, 3, { 10.0f, 1.0f, 10.0f }).status().code() == DCD_ERR_ARGUMENT);
+    HOLDS(world.shape_compound(parts, frames));
+    HOLDS(world.shape_compound(parts, dcd::Span<const dcd::Frame>(frames, 1)).status().code() == DCD_ERR_ARGUMENT);
+    HOLDS(!world.shape_hull({}));
+}
+
+static void handles_clean_up()
+{
+    DcdWorld handle;
+    dcd::Owned<dcd::BodyId> late;
+    {
+        dcd::World world = make_world();
+        dcd::BodyDef def;
+        dcd::Owned<dcd::ShapeId> shape(world, *world.shape_sphere(1.0f));
+        def.shape = shape;
+        handle = world.handle();
+        dcd::BodyId gone;
+        {
+            dcd::Owned<dcd::BodyId> body(world, *world.body_create(def));
+            dcd::Owned<dcd::BodyId> other(std::move(body));
+            HOLDS(body.id() == dcd::BodyId{ 0 } && world.body_is_valid(other));
+            gone = other;
+        }
+        HOLDS(!world.body_is_valid(gone));
+        late = dcd::Owned<dcd::BodyId>(world, *world.body_create(def));
+        HOLDS(late.id() != gone && gone < late.id());
+
+        dcd::World moved(std::move(world));
+        HOLDS(world.handle().v == 0 && moved.is_valid());
+        moved = std::move(moved);
+        dcd::World another = make_world();
+        const DcdWorld replaced = another.handle();
+        another = std::move(moved);
+        HOLDS(!dcd_world_is_valid(replaced) && another.handle().v == handle.v);
+        HOLDS(another.body_is_valid(late));
+    }
+    HOLDS(!dcd_world_is_valid(handle));
+
+    dcd::World world = make_world();
+    dcd::World taken(world.release());
+    HOLDS(!world.is_valid() && taken.is_valid());
+    taken.reset();
+    HOLDS(!taken.is_valid());
+}
+
+static void failures_say_why()
+{
+    HOLDS(dcd::version_check() && dcd::version() == DCD_VERSION && std::strlen(dcd::version_string()) >= 5);
+    dcd::World none;
+    const dcd::Status status = none.step();
+    HOLDS(!status && status.code() == DCD_ERR_NULL && std::strcmp(status.name(), "DCD_ERR_NULL") == 0);
+    HOLDS(dcd::last_error().find("dcd_step: ") == 0);
+
+    dcd::WorldDef def;
+    def.regions = 1000;
+    const dcd::Result<dcd::World> world = dcd::World::create(def);
+    HOLDS(!world && world.status().code() == DCD_ERR_ARGUMENT);
+    HOLDS(dcd::World::open_scene("no such scene").status().code() == DCD_ERR_ARGUMENT);
+    const char *params[] = { "n=20" };
+    HOLDS(dcd::World::open_scene("pile", params)->body_at(20));
+    HOLDS(dcd::World::client_connect({}).status().code() == DCD_ERR_NULL);
+    HOLDS(dcd::World::participant_join({}).status().code() == DCD_ERR_NULL);
+    HOLDS(!none.stats_text() && !none.regions() && !none.own_avatars());
+    HOLDS(dcd::pose_interpolate({ { 0, 0, 0 }, { 0, 0, 0, 1 } }, { { 2, 0, 0 }, { 0, 0, 0, 1 } }, 0.5)->p[0] == 1.0);
+    HOLDS(none.body_get({ 0 }).value_or({ { { 4, 0, 0 }, { 0, 0, 0, 1 } }, {} }).pose.p[0] == 4.0);
+}
+
+static void what_is_set_counts()
+{
+    dcd::World world = make_world();
+    const dcd::BodyId ground = add_floor(world);
+    dcd::BodyDef def;
+    def.shape = *world.shape_sphere(0.5f);
+    def.pose.p[1] = 10.0;
+    const dcd::BodyId body = *world.body_create(def);
+    const float weight = 9.81f * world.body_info(body)->mass;
+    HOLDS(world.body_set_force(body, { 0.0f, weight, 0.0f }));
+    HOLDS(world.body_apply_torque_impulse(body, { 0.0f, 100.0f, 0.0f }));
+    HOLDS(world.body_apply_impulse(body, { 0.0f, 0.0f, 0.0f }, { 0.0, 10.0, 0.0 }));
+    HOLDS(world.body_set_events(body, DCD_EVENT_CONTACT, 0.0f));
+    HOLDS(world.body_set_material(ground, 0.1f, 0.0f) && world.body_set_groups(body, 1, 0xFFFFFFFFu));
+    for (int i = 0; i < 60; i++) {
+        HOLDS(world.step());
+    }
+    HOLDS(std::fabs(world.body_get(body)->pose.p[1] - 10.0) < 0.01);
+    HOLDS(world.body_get(body)->velocity.angular[1] > 0.1f);
+    dcd::Motion motion = *world.body_get(body);
+    motion.pose.p[1] = 3.0;
+    motion.velocity.linear[0] = 1.0f;
+    HOLDS(world.body_set_pose(body, motion.pose) && world.body_set_velocity(body, motion.velocity));
+    HOLDS(world.body_get(body)->pose.p[1] == 3.0 && world.body_get(body)->velocity.linear[0] == 1.0f);
+    HOLDS(world.body_sleep(body) && world.body_info(body)->sleeping);
+    HOLDS(world.body_wake(body) && !world.body_info(body)->sleeping);
+    HOLDS(world.shape_destroy(def.shape) && world.body_destroy(ground));
+    const dcd::BodyId rest[] = { body };
+    HOLDS(world.bodies_destroy(rest) && !world.body_is_valid(body));
+}
+
+int main()
+{
+    HOLDS(dcd::log_set(nullptr, nullptr, DCD_LOG_OFF));
+    a_ball_breaks_a_tower();
+    joints_and_shapes();
+    handles_clean_up();
+    failures_say_why();
+    what_is_set_counts();
+    failures += throwing_failures();
+    std::printf("%d checks, %d failures\n", checks, failures);
+    return failures == 0 ? 0 : 1;
+}

@@ -48,7 +48,11 @@ pub enum FaultProfile {
     /// Members run 6 ticks ahead of one another, 40 ± 10 ms apart; and nodes or leaders are killed, cut off or stopped.
     Lag,
     /// Three groups, 60 ms apart; and nodes or leaders of any of them are killed.
-    Groups,
+    GroupsKill,
+    /// The same three groups; and their server is killed, and started again from its disk.
+    GroupsServer,
+    /// The same three groups; and processes of any role are cut off for 5 s, or stop for up to 12 s.
+    GroupsCut,
     /// All of the above at once, in one group.
     All,
 }
@@ -68,7 +72,7 @@ pub struct Promise {
 
 impl FaultProfile {
     /// All rows in order.
-    pub const TABLE: [Self; 19] = [
+    pub const TABLE: [Self; 21] = [
         Self::None,
         Self::Loss1,
         Self::Loss5,
@@ -86,7 +90,9 @@ impl FaultProfile {
         Self::Stop,
         Self::ClockSkew,
         Self::Lag,
-        Self::Groups,
+        Self::GroupsKill,
+        Self::GroupsServer,
+        Self::GroupsCut,
         Self::All,
     ];
 
@@ -110,7 +116,9 @@ impl FaultProfile {
             Self::Stop => "stop",
             Self::ClockSkew => "clock-skew",
             Self::Lag => "lag",
-            Self::Groups => "groups",
+            Self::GroupsKill => "groups-kill",
+            Self::GroupsServer => "groups-server",
+            Self::GroupsCut => "groups-cut",
             Self::All => "all",
         }
     }
@@ -135,9 +143,11 @@ impl FaultProfile {
             Self::Stop => "processes of any role stop for up to 12 s, and go on",
             Self::ClockSkew => "clocks differ by up to 10 s and run 500 ppm fast or slow; a node is killed",
             Self::Lag => "6 ticks out of step, 40 ± 10 ms apart; nodes or leaders killed, cut off, stopped",
-            Self::Groups => {
-                "three groups 60 ms apart, each with all nodes and clients; nodes or leaders killed in any"
+            Self::GroupsKill => {
+                "three groups, 60 ms apart, each of so many nodes; nodes or leaders are killed"
             }
+            Self::GroupsServer => "the same groups; the server is killed, and started again from its disk",
+            Self::GroupsCut => "the same groups; processes of any role cut off for 5 s, or stopped",
             Self::All => "anything of that, several at a time, and slow processes",
         }
     }
@@ -146,7 +156,7 @@ impl FaultProfile {
     pub fn promise(self) -> Promise {
         let recovery_s = match self {
             Self::KillLeader => 2,
-            Self::KillServer => 10,
+            Self::KillServer | Self::GroupsServer => 10,
             // Loss, kills and cuts together: what each costs adds up.
             Self::All => 15,
             _ => 3,
@@ -218,18 +228,21 @@ impl FaultProfile {
                     _ => (0..2).for_each(|_| plan.stop(5_000)),
                 }
             }
-            Self::Groups => {
-                let middle = Path { base_us: 29_000, jitter_us: 2_000 };
+            Self::GroupsKill | Self::GroupsServer | Self::GroupsCut => {
                 sites = 3;
                 network = NetworkConditions {
                     far: Path { base_us: 58_000, jitter_us: 4_000 },
-                    server: Some(middle),
+                    server: Some(Path { base_us: 29_000, jitter_us: 2_000 }),
                     ..NetworkConditions::calm(Path::up_to(1_000))
                 };
-                match seed % 3 {
-                    0 => plan.wait(15_000, 15_000),
-                    1 => (0..3).for_each(|_| plan.kill(Role::Member, 500, 4_000, 5_000)),
-                    _ => (0..3).for_each(|_| plan.kill(Role::Leader, 500, 4_000, 5_000)),
+                match (self, seed % 2) {
+                    (Self::GroupsKill, 0) => (0..3).for_each(|_| plan.kill(Role::Member, 500, 4_000, 5_000)),
+                    (Self::GroupsKill, _) => (0..3).for_each(|_| plan.kill(Role::Leader, 500, 4_000, 5_000)),
+                    (Self::GroupsServer, _) => {
+                        (0..2).for_each(|_| plan.kill(Role::Server, 200, 5_000, 6_000));
+                    }
+                    (_, 0) => (0..2).for_each(|_| plan.cut(5_000, 5_000, false, 5_000)),
+                    _ => (0..2).for_each(|_| plan.stop(5_000)),
                 }
             }
             Self::All => {

@@ -17,6 +17,9 @@ use crate::space::{ClientId, NodeId, Tick};
 
 /// How long all is looked after once it is calm.
 const CALM: Duration = Duration::from_secs(15);
+/// The same where groups depend on delay: who was parted from its group stays out for a minute, then votes are held every half
+/// minute.
+const CALM_APART: Duration = Duration::from_secs(150);
 /// And how long it has to stay well.
 const AFTERMATH: Duration = Duration::from_secs(3);
 /// From this length on, a time without ticks is noted.

@@ -6,8 +6,8 @@ use std::time::Duration;
 use super::avatar;
 use crate::cluster::{ClientEvent, Peer};
 use crate::protocol::{DelayThresholds, Thresholds, Velocity};
-use crate::sim::{Comparer, FaultProfile, Random, Sim, SimConfig, sim_body};
-use crate::space::{ClientId, GroupId, NodeId};
+use crate::sim::{Apart, Comparer, FaultProfile, Random, Sim, SimConfig, sim_body};
+use crate::space::{BodyId, ClientId, GroupId, NodeId};
 
 const SITES: u32 = 3;
 const MS: Duration = Duration::from_millis(1);
@@ -21,7 +21,7 @@ fn groups(seed: u64) -> (Sim, Vec<ClientId>) {
         nodes: 2 * SITES,
         bodies: 20,
         speed_m_s: 2.0,
-        network: FaultProfile::Groups.schedule(0).network,
+        network: FaultProfile::GroupsKill.schedule(0).network,
         thresholds: Thresholds { delay: Some(delay), ..Thresholds::default() },
         report_every: 1,
         ..SimConfig::default()
@@ -118,30 +118,37 @@ fn an_avatar_is_seen_in_its_group_within_two_ticks_of_a_wish() {
 }
 
 #[test]
-fn groups_keep_step_and_agree_on_most_bodies_at_any_time() {
+fn groups_keep_step_and_bodies_are_where_the_believed_group_has_them_but_for_the_time_after_a_bounce() {
     let (mut sim, clients) = groups(3);
     let mut random = Random::new(4);
+    let threshold_m = f64::from(Thresholds::default().between_groups_m);
     sim.sample_every(6);
-    let (mut comparer, mut deviations) = (Comparer::new(3), Vec::new());
-    for _ in 0..40 {
+    let (mut comparer, mut compared, mut near) = (Comparer::new(3), 0, 0);
+    let mut since: BTreeMap<(GroupId, BodyId), u32> = BTreeMap::new();
+    for _ in 0..20 {
         let who = clients[random.below(6) as usize];
         drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
-        sim.run_for(Duration::from_millis(500)).unwrap();
-        let compared = comparer.compare(&mut sim);
-        assert!(!compared.is_empty());
-        for tick in compared {
-            assert!(tick.apart <= Duration::from_millis(100), "{:?}", tick.apart);
-            deviations.extend(tick.bodies.iter().map(|apart| apart.by_m));
+        sim.run_for(Duration::from_secs(1)).unwrap();
+        let ticks = comparer.compare(&mut sim);
+        assert!(ticks.len() >= 9, "{} ticks in a second", ticks.len());
+        for tick in ticks {
+            assert!(tick.apart <= Duration::from_millis(60), "{:?}", tick.apart);
+            assert_eq!(tick.bodies.len(), 2 * 20);
+            for Apart { group, body, by_m } in tick.bodies {
+                let is_near = by_m <= threshold_m;
+                (compared, near) = (compared + 1, near + u32::from(is_near));
+                let far = since.entry((group, body)).or_default();
+                *far = if is_near { 0 } else { *far + 1 };
+                assert!(*far < 10, "{body} has been {by_m} m off in {group} for a second");
+            }
         }
     }
-    deviations.sort_by(f64::total_cmp);
-    let q = |q: f64| deviations[((deviations.len() - 1) as f64 * q) as usize];
-    eprintln!("{} {:?}", deviations.len(), [0.5, 0.8, 0.9, 0.95, 0.99, 1.0].map(q));
+    assert!(f64::from(near) > 0.97 * f64::from(compared), "{near} of {compared}");
 }
 
 #[test]
-fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_the_other_groups_nothing() {
-    for seed in 0..4 {
+fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_stop_no_other_group() {
+    for seed in 0..2 {
         let (mut sim, _) = groups(10 + seed);
         let views: Vec<_> = sim.server().views().map(|(group, view)| (group, view.clone())).collect();
         for (group, view) in &views {
@@ -149,8 +156,7 @@ fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_the_other_groups_no
                 let before = ticks(&sim);
                 sim.crash(Peer::Node(killed));
                 let is_over = |sim: &Sim| {
-                    let mut views = sim.server().views();
-                    let view = views.find(|(id, _)| id == group).map(|(_, view)| view);
+                    let view = sim.server().views().find(|(id, _)| id == group).map(|(_, view)| view);
                     view.is_some_and(|view| {
                         view.members.iter().all(|member| member.node != killed)
                             && sim.checker().progress(*group).is_some_and(|(number, _)| number == view.number)
@@ -160,12 +166,37 @@ fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_the_other_groups_no
                 sim.run_until(is_over).unwrap();
                 let took = sim.now() - began;
                 assert!(took < Duration::from_secs(2), "seed {seed}, {killed} of {group}: {took:?}");
-                for (other, tick) in ticks(&sim) {
+                for (other, tick) in ticks(&sim).into_iter().filter(|(other, _)| other != group) {
+                    // While the main one is late, they wait for it by a quarter of each tick at most.
                     let made = TICK * (tick - before[&other]) as u32;
-                    eprintln!("{other} {group} made {made:?} took {took:?}");
+                    let least = took * 3 / 4;
+                    assert!(made + 50 * MS > least, "{other} made {made:?} in {took:?} without {killed}");
                 }
             }
         }
         assert_eq!(sizes(&sim), [2; 3]);
+    }
+}
+
+#[test]
+fn what_a_group_was_believed_about_that_is_no_more_the_main_group_is_believed_about() {
+    let (mut sim, _) = groups(20);
+    let main = sim.server().main_group();
+    let bodies = || (0..20).map(BodyId::persistent);
+    let claimed = |sim: &Sim| bodies().find(|&body| sim.server().believed(body) != main);
+    sim.run_until(|sim| claimed(sim).is_some()).unwrap();
+    let body = claimed(&sim).unwrap();
+    let group = sim.server().believed(body);
+    let members = sim.server().views().find(|&(id, _)| id == group).map(|(_, view)| view.members.clone());
+    for member in members.into_iter().flatten() {
+        sim.crash(Peer::Node(member.node));
+    }
+    sim.run_until(|sim| sim.server().views().count() == 2).unwrap();
+    sim.run_for(Duration::from_secs(1)).unwrap();
+    for (group, view) in sim.server().views() {
+        let leader = sim.nodes[&view.leader].machine.leader().expect("it leads");
+        for body in bodies() {
+            assert_eq!(leader.is_believed(body), sim.server().believed(body) == group, "{body} in {group}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Action, CALM, LOOK, Trial};
+use super::{Action, CALM, CALM_APART, LOOK, Trial};
 use crate::cluster::{Peer, Server};
 use crate::protocol::{Velocity, View};
 use crate::sim::Violation;
@@ -69,6 +69,7 @@ impl Trial<'_> {
             let lack = self.lacks_steadiness(since).unwrap_or_else(|| "no tick since".into());
             return Err(Violation::Slow { after: now - since, lack });
         }
+        let calm = if self.sites > 1 { CALM_APART } else { CALM };
         if let Some(since) = self.calm_since {
             match self.lack(since) {
                 None if self.healed_at.is_none() => {
@@ -76,7 +77,7 @@ impl Trial<'_> {
                     self.healed_at = Some(now);
                 }
                 None => {}
-                Some(lack) if since + CALM < now => {
+                Some(lack) if since + calm < now => {
                     return Err(Violation::Unhealed { after: now - since, lack });
                 }
                 // What went wrong before the calm may yet be noticed.
@@ -86,14 +87,17 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// What keeps the main group, or with several sites any, from computing on, all members live, since a time.
+    /// What keeps the main group, or with several sites any that has a live member, from computing on, all members live, since a
+    /// time. A group of none but the dead keeps nobody waiting.
     pub(super) fn lacks_steadiness(&self, since: Duration) -> Option<String> {
         let Some(server) = &self.sim.server else { return Some("the server is dead".into()) };
         if server.view().is_none() {
             return Some("nobody computes the main group".into());
         }
-        let counts = |group| self.sites > 1 || group == server.main_group();
-        let mut views = server.views().filter(|&(group, _)| counts(group));
+        let lives = |view: &View| view.members.iter().any(|member| self.runs(Peer::Node(member.node)));
+        let counts =
+            |group: GroupId, view: &View| group == server.main_group() || self.sites > 1 && lives(view);
+        let mut views = server.views().filter(|&(group, view)| counts(group, view));
         views.find_map(|(group, view)| self.lacks_ticks(group, view, since))
     }
 

@@ -234,6 +234,13 @@ pub struct View {
     pub allocation: Allocation,
 }
 
+impl View {
+    /// The member that opens each tick.
+    pub fn led_by(&self) -> Option<&Member> {
+        self.members.iter().find(|member| member.node == self.leader)
+    }
+}
+
 /// A body and the region that owns it from the coming view on.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Placed {

@@ -68,6 +68,15 @@ impl Node {
         }
     }
 
+    /// A view has begun: the client in this process may have heard so from the server, and said again to the leader of the last view
+    /// what it wishes.
+    pub(super) fn tell_own_client(&mut self) {
+        let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
+        let leader = view.led_by().cloned();
+        let message = ToClient::LeaderIs { group: view.group, view: view.number, leader };
+        self.outputs.push_back(NodeOutput::Client(message));
+    }
+
     /// Gives clients what the leader has for them.
     pub(super) fn flush_leader(&mut self) {
         let messages = self.leader.as_mut().map(|leader| leader.take_messages()).unwrap_or_default();

@@ -100,12 +100,13 @@ pub unsafe extern "C" fn dcd_body_get(
             )
         };
         with(world, |world| {
-            let view = view(world, body)?;
+            let motion = world.backend.motion(world.mark.body_id(body)?);
+            let (now, moves) = motion.ok_or_else(|| stale("body", body.v))?;
             if let Some(out) = pose {
-                out.write(view.pose.into());
+                out.write(now.into());
             }
             if let Some(out) = velocity {
-                out.write(view.velocity.into());
+                out.write(moves.into());
             }
             Ok(())
         })

@@ -7,7 +7,7 @@ use std::time::Duration;
 use dcd::cluster::Grouping;
 use dcd::net::Role;
 use dcd::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds};
-use dcd::runtime::{GroupConfig, Member, MemberConfig, ServeConfig, ServerProcess};
+use dcd::runtime::{GroupConfig, Member, MemberConfig, Origin, ServeConfig, ServerProcess};
 use dcd::space::Tick;
 
 use crate::backend::Backend;
@@ -17,7 +17,7 @@ use crate::join::Entry;
 use crate::pointer::{self, Out, Room, Sized32};
 use crate::status::{DcdStatus, Failure};
 use crate::world::{
-    self, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole, DcdWorld, DcdWorldDef, with,
+    self, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole, DcdWorld, DcdWorldDef, Opened, with,
 };
 
 /// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
@@ -44,7 +44,7 @@ pub struct DcdGroupDef {
     pub size: u32,
 }
 
-/// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `scene` and `data_path`.
+/// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdServerDef {
@@ -52,7 +52,7 @@ pub struct DcdServerDef {
     pub struct_size: u32,
     /// Nodes to wait for before the first tick, 1 to 1024.
     pub nodes: u32,
-    /// A scene of the library, or the path of a scene file, as in dcd_world_open_scene.
+    /// A scene of the library, or the path of a scene file, as in dcd_world_open_scene; null with `source`.
     pub scene: *const c_char,
     /// Texts "name=value" that change parameters of the scene, or null.
     pub params: *const *const c_char,
@@ -60,6 +60,9 @@ pub struct DcdServerDef {
     pub param_count: usize,
     /// How the world is cut and coupled, or null; what counts of it is what counts in dcd_world_open_scene.
     pub world: *const DcdWorldDef,
+    /// A local world to serve as it is now, with its cut and settings; else null (v is 0). It is copied and stays yours. Bodies
+    /// keep their user data, and have other handles in the worlds that join. `scene`, `params` and `world` are null then.
+    pub source: DcdWorld,
     /// How nodes form groups, or null for DCD_GROUP_DEF_INIT.
     pub groups: *const DcdGroupDef,
     /// Where to listen, as "127.0.0.1:7420", "0.0.0.0:7420" or "[::]:7420"; port 0 takes any free one (dcd_address).
@@ -117,9 +120,10 @@ unsafe impl Sized32 for DcdNodeDef {
 /// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 /// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 ///
-/// It works on threads of the library, whether or not you call dcd_step, which only says whether all is well. Of the handle
-/// count dcd_world_info, dcd_stats, dcd_address and dcd_token_create; the world is seen by joining it, also from the same
-/// process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
+/// It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
+/// for your program: of dcd_events, connections and messages. Of the handle count besides dcd_world_info, dcd_stats,
+/// dcd_address, dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
+/// from the same process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
 /// leaves the world there.
 ///
 /// `def` and what it points to are read during the call.
@@ -132,7 +136,15 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         // SAFETY: the caller vouches for all pointers and texts.
         let (def, out, opened, groups, listen, data) = unsafe {
             let def = pointer::read_sized(def, "def")?;
-            let opened = world::open(def.scene, def.params, def.param_count, def.world)?;
+            let opened = if def.source.v == 0 {
+                Some(world::open(def.scene, def.params, def.param_count, def.world)?)
+            } else if def.scene.is_null() && def.params.is_null() && def.world.is_null() {
+                None
+            } else {
+                return Err(Failure::argument(
+                    "a source says all of the world; give no scene, params or world with it",
+                ));
+            };
             let groups = if def.groups.is_null() {
                 GroupConfig::default()
             } else {
@@ -155,20 +167,27 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             let flags = def.flags;
             return Err(Failure::argument(format!("flags is {flags:#x}; give bits DCD_SERVER_...")));
         }
-        let step = opened.config.step;
         let config = ServeConfig {
             listen,
             data: data.into(),
             fresh: def.flags & DCD_SERVER_FRESH != 0,
-            world: opened.config,
             nodes: def.nodes as usize,
             pace: if def.flags & DCD_SERVER_UNPACED != 0 { Pace::Unpaced } else { Pace::RealTime },
             last_tick: (def.last_tick > 0).then_some(Tick(def.last_tick)),
             avatar_speed_limit: def.avatar_speed,
             groups,
         };
-        let server = ServerProcess::start(&opened.scene, config)?;
-        let hosted = Hosted { process: Process::Server(server), dt_s: step.dt_s, gravity: step.gravity };
+        let (server, step) = match opened {
+            Some(Opened { scene, config: world, .. }) => {
+                (ServerProcess::start(Origin::Scene(&scene, &world), config)?, world.step)
+            }
+            None => with(def.source, |source| {
+                let source =
+                    source.backend.local("be a source", "make the world anew with dcd_world_create")?;
+                Ok((ServerProcess::start(Origin::World(source), config)?, *source.host().settings()))
+            })?,
+        };
+        let hosted = Hosted::new(Process::Server(server), step.dt_s, step.gravity);
         out.write(world::add(Backend::Hosted(Box::new(hosted)), def.user_data));
         Ok(())
     })
@@ -235,9 +254,9 @@ pub unsafe extern "C" fn dcd_address(
 }
 
 /// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
-/// which only says whether all is well. Returns once the server has let it in; the share comes when the server gives it one.
+/// which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
 ///
-/// Of the handle count dcd_world_info, dcd_stats and dcd_address; dcd_participant_join is for who wants to see the world too.
+/// Of the handle count what counts of a server's, but for tokens and dcd_disconnect; dcd_participant_join is for who wants to see the world too.
 /// dcd_world_destroy first hands the share to other nodes, which may take some seconds.
 /// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
 #[unsafe(no_mangle)]
@@ -259,7 +278,7 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
             member.threads = config.threads;
             member.listen = listen.unwrap_or(member.listen);
             let process = Process::Node(Member::start(member)?);
-            Ok(Backend::Hosted(Box::new(Hosted { process, dt_s: 0.0, gravity: [0.0; 3] })))
+            Ok(Backend::Hosted(Box::new(Hosted::new(process, 0.0, [0.0; 3]))))
         })
     })
 }

@@ -17,6 +17,7 @@ use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
 use rapier3d::prelude::*;
 
+use crate::connection::Network;
 use crate::properties::type_of;
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 use crate::view::{BodyView, OwnerView, RegionView, StateRow};
@@ -24,6 +25,7 @@ use crate::view::{BodyView, OwnerView, RegionView, StateRow};
 /// A client's or participant's world.
 pub(crate) struct Served {
     world: ClientWorld,
+    network: Network,
     environment: EnvironmentProperties,
     /// As heard up to the last step, in id order.
     bodies: Vec<Heard>,
@@ -64,6 +66,7 @@ impl Served {
     pub(crate) fn new(world: ClientWorld) -> Result<Self, Failure> {
         let environment = world.environment().ok_or(ProcessError::Stopped)?;
         let mut served = Self {
+            network: Network::new(world.connections().clone()),
             world,
             environment,
             bodies: Vec::new(),
@@ -91,6 +94,10 @@ impl Served {
         self.world.id().0
     }
 
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
+    }
+
     pub(crate) fn environment(&self) -> &EnvironmentProperties {
         &self.environment
     }
@@ -108,6 +115,7 @@ impl Served {
             self.lost = sent.err().map(|error| (DCD_ERR_NETWORK, error.to_string()));
         }
         self.listen();
+        self.network.listen();
         self.last_step = start.elapsed();
         self.check_link()
     }

@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use dcd::net::Role;
 use dcd::physics::{Coupling, StepSettings};
-use dcd::protocol::{DelayThresholds, Pace, Thresholds, Velocity, WorldPose};
+use dcd::protocol::{BodyKind, DelayThresholds, Pace, Thresholds, Velocity, WorldPose};
 use dcd::runtime::{
-    ClientWorld, DcdWorld, GroupConfig, JoinConfig, Member, MemberConfig, Partitioning, ServeConfig,
+    ClientWorld, DcdWorld, GroupConfig, JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig,
     ServerProcess, Stats, WorldConfig,
 };
 use dcd::scene::{Params, Scene};
@@ -33,12 +33,11 @@ fn serve_world(
     pace: Pace,
     last_tick: Option<u64>,
 ) -> (ServerProcess, tempfile::TempDir) {
-    serve_groups(scene, world, nodes, pace, last_tick, GroupConfig::default())
+    serve_origin(Origin::Scene(scene, &world), nodes, pace, last_tick, GroupConfig::default())
 }
 
-fn serve_groups(
-    scene: &Scene,
-    world: WorldConfig,
+fn serve_origin(
+    origin: Origin<'_>,
     nodes: usize,
     pace: Pace,
     last_tick: Option<u64>,
@@ -46,12 +45,11 @@ fn serve_groups(
 ) -> (ServerProcess, tempfile::TempDir) {
     let data = tempfile::tempdir().unwrap();
     let server = ServerProcess::start(
-        scene,
+        origin,
         ServeConfig {
             listen: "127.0.0.1:0".parse().unwrap(),
             data: data.path().to_owned(),
             fresh: false,
-            world,
             nodes,
             pace,
             last_tick: last_tick.map(Tick),
@@ -98,6 +96,55 @@ fn a_networked_world_equals_a_local_one_bit_for_bit() {
         assert_eq!(transfers, local.stats().transfers);
         assert_eq!(summary.state_hash, Some(local.state_hash()), "{regions} regions on {nodes} nodes");
     }
+}
+
+#[test]
+fn a_world_of_this_process_is_served_as_it_is() {
+    let scene = Scene::named("ragdolls", &Params::new().with("count", 4)).unwrap();
+    let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
+    let mut local = DcdWorld::from_scene(&scene, config).unwrap();
+    let made = local.insert_at(
+        WorldPose::at([0.3, 6.0, 0.1]),
+        RigidBodyBuilder::dynamic().user_data(77),
+        vec![ColliderBuilder::ball(0.4)],
+    );
+    let origin = Origin::World(&local);
+    let (server, _data) = serve_origin(origin, 2, Pace::Unpaced, Some(120), GroupConfig::default());
+    let members = [start_node(&server), start_node(&server)];
+    let client = connect(&server);
+    assert_eq!(client.body(made.unwrap()).unwrap().body.traits.user_data, 77);
+    assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
+    let summary = server.stop();
+    let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();
+    for _ in 0..120 {
+        local.step().unwrap();
+    }
+    assert_eq!((summary.state_hash, transfers), (Some(local.state_hash()), local.stats().transfers));
+}
+
+/// A world that has run already goes on from where its bodies are, and how they move.
+#[test]
+fn a_world_that_has_run_goes_on_at_nodes() {
+    let scene = Scene::named("terrain", &Params::new().with("n", 60)).unwrap();
+    let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
+    let mut local = DcdWorld::from_scene(&scene, config).unwrap();
+    for _ in 0..90 {
+        local.step().unwrap();
+    }
+    let before: Vec<_> = local.host().states().map(|(id, _, pose, velocity)| (id, pose, velocity)).collect();
+    let (server, _data) =
+        serve_origin(Origin::World(&local), 1, Pace::Unpaced, Some(200), GroupConfig::default());
+    let client = connect(&server);
+    let served = client.with_bodies(|view| {
+        let body = &view.body;
+        (body.traits.kind != BodyKind::Fixed).then_some((body.id, body.state.pose, body.state.velocity))
+    });
+    assert_eq!(served, before);
+    let node = start_node(&server);
+    assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
+    let summary = server.stop();
+    node.finish().unwrap();
+    assert_eq!((summary.tick, summary.bodies, summary.lost), (Tick(200), 60, 0));
 }
 
 /// Runs a world on nodes and in this process, and compares what came of it and how.
@@ -277,7 +324,8 @@ fn members_that_are_not_in_step_lose_and_double_nothing() {
     let mut world = WorldConfig { partitioning: Partitioning::Regions(8), ..WorldConfig::for_scene(&scene) };
     world.step = world.step.with_coupling(Coupling::Owner);
     let groups = GroupConfig { lag_ticks: 6, ..GroupConfig::default() };
-    let (server, _data) = serve_groups(&scene, world.clone(), 3, Pace::Unpaced, Some(400), groups.clone());
+    let (server, _data) =
+        serve_origin(Origin::Scene(&scene, &world), 3, Pace::Unpaced, Some(400), groups.clone());
     let members: Vec<_> = (0..3).map(|_| start_node(&server)).collect();
     assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
     let summary = server.stop();
@@ -291,14 +339,13 @@ fn members_that_are_not_in_step_lose_and_double_nothing() {
         listen: "127.0.0.1:0".parse().unwrap(),
         data: data.path().to_owned(),
         fresh: false,
-        world,
         nodes: 1,
         pace: Pace::Unpaced,
         last_tick: None,
         avatar_speed_limit: 20.0,
         groups,
     };
-    let error = ServerProcess::start(&scene, config).err().unwrap().to_string();
+    let error = ServerProcess::start(Origin::Scene(&scene, &world), config).err().unwrap().to_string();
     assert!(error.contains("overlap") && error.contains("--coupling owner"), "{error}");
 }
 
@@ -310,7 +357,7 @@ fn nodes_far_from_one_another_compute_the_world_each_and_agree() {
     let thresholds = Thresholds { delay: Some(delay), ..Thresholds::default() };
     let groups = GroupConfig { thresholds, ..GroupConfig::default() };
     let world = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
-    let (server, _data) = serve_groups(&scene, world, 2, Pace::RealTime, None, groups);
+    let (server, _data) = serve_origin(Origin::Scene(&scene, &world), 2, Pace::RealTime, None, groups);
     let members = [start_node(&server), start_node(&server)];
     assert!(server.wait(LIMIT, |_, _| members.iter().all(|node| node.tick().0 > 60)));
     let client = connect(&server);
@@ -341,14 +388,14 @@ fn what_is_wrong_on_entering_is_said() {
         listen: server.address,
         data: data.path().join("other"),
         fresh: false,
-        world: WorldConfig::for_scene(&scene),
         nodes: 1,
         pace: Pace::RealTime,
         last_tick: None,
         avatar_speed_limit: 20.0,
         groups: Default::default(),
     };
-    let error = ServerProcess::start(&scene, twice).err().unwrap().to_string();
+    let world = WorldConfig::for_scene(&scene);
+    let error = ServerProcess::start(Origin::Scene(&scene, &world), twice).err().unwrap().to_string();
     assert!(error.contains("port") || error.contains("in use"), "{error}");
     // Without a node there is a world but nobody computes it: the client is told the scene all the same.
     let client = connect(&server);

@@ -10,7 +10,9 @@ use clap::Args;
 use dcd::net::Role;
 use dcd::protocol::Pace;
 use dcd::runtime::measure::Plan;
-use dcd::runtime::{JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, WorldConfig};
+use dcd::runtime::{
+    JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
+};
 use dcd::scene::{Params, Scene};
 use serde::{Deserialize, Serialize};
 
@@ -184,13 +186,13 @@ fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
 /// The median of several clients that join a world on this machine, one after the other.
 fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Error>> {
     let scene = pile()?;
+    let world = WorldConfig { partitioning: Partitioning::Regions(1), ..WorldConfig::for_scene(&scene) };
     let server = ServerProcess::start(
-        &scene,
+        Origin::Scene(&scene, &world),
         ServeConfig {
             listen: "127.0.0.1:0".parse()?,
             data: work.join("server"),
             fresh: false,
-            world: WorldConfig { partitioning: Partitioning::Regions(1), ..WorldConfig::for_scene(&scene) },
             nodes: 1,
             pace: Pace::RealTime,
             last_tick: None,

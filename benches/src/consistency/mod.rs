@@ -1,10 +1,10 @@
 //! What the thesis of 2006 could not measure: how far groups are from one another over time, how far replicas are from their
 //! owners inside a group, and what keeping groups together costs on the wire. Whole clusters in virtual time, with real physics.
 
-mod deviation;
 mod device;
 mod picture;
 mod scene;
+mod spread;
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -13,11 +13,11 @@ use std::time::Duration;
 
 use clap::Args;
 use dcd::protocol::SyncProtocol;
-use dcd::sim::{Scope, Sent};
+use dcd::sim::{Apart, Comparer, Deviating, Scope, Sent};
 use serde::{Deserialize, Serialize};
 
-use self::deviation::{Comparer, Deviating, Spread};
-use self::scene::{Running, SETTINGS, Setting};
+use self::scene::{GROUPS, Running, SETTINGS, Setting};
+use self::spread::Spread;
 use crate::machine::Machine;
 use crate::page;
 use crate::results::{self, Measured};
@@ -123,7 +123,7 @@ fn measure(setting: &Setting, seconds: u64, seed: u64) -> Result<(Vec<Row>, Summ
     let mut running = Running::new(setting, seed)?;
     running.run_for(SETTLING)?;
     running.sim.sample_every(TICKS_A_SECOND);
-    let (mut comparer, mut rows, mut all) = (Comparer::default(), Vec::new(), Vec::new());
+    let (mut comparer, mut rows, mut all) = (Comparer::new(GROUPS as usize), Vec::new(), Vec::new());
     let mut before = running.sim.sent().clone();
     for second in 1..=seconds {
         running.run_for(SECOND)?;
@@ -158,9 +158,9 @@ fn row(
     before: &BTreeMap<Scope, Sent>,
     sent: &BTreeMap<Scope, Sent>,
 ) -> Row {
-    let spread = |values: &[f64]| Spread::of(values.iter().copied());
+    let spread = |apart: &[Apart]| Spread::of(apart.iter().map(|apart| apart.by_m));
     let (bodies, avatars) = (spread(&deviating.bodies), spread(&deviating.avatars));
-    let replicas = spread(&deviating.replicas);
+    let replicas = Spread::of(deviating.replicas.iter().copied());
     let bytes_s = |scope| bytes(sent, scope) - bytes(before, scope);
     Row {
         setting: setting.name.to_owned(),
@@ -182,10 +182,11 @@ fn row(
 }
 
 fn summary(setting: &Setting, seconds: u64, rows: &[Row], all: &[Deviating]) -> Summary {
-    let spread = |of: fn(&Deviating) -> &Vec<f64>| Spread::of(all.iter().flat_map(of).copied());
+    let spread =
+        |of: fn(&Deviating) -> &Vec<Apart>| Spread::of(all.iter().flat_map(of).map(|apart| apart.by_m));
     let bodies = spread(|deviating| &deviating.bodies);
     let avatars = spread(|deviating| &deviating.avatars);
-    let replicas = spread(|deviating| &deviating.replicas);
+    let replicas = Spread::of(all.iter().flat_map(|deviating| &deviating.replicas).copied());
     let mean = |of: fn(&Row) -> u64| rows.iter().map(of).sum::<u64>() / rows.len() as u64;
     Summary {
         setting: setting.name.to_owned(),

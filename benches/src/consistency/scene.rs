@@ -1,6 +1,5 @@
 //! Three groups of four nodes that compute the same gas, far from one another, and a wandering avatar in each.
 
-use std::collections::BTreeMap;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,7 +11,7 @@ use dcd::protocol::{
 };
 use dcd::rapier3d::prelude::*;
 use dcd::scene::{Params, Scene};
-use dcd::sim::{NetworkConditions, Path, Random, Sim, SimConfig, Violation, sim_world};
+use dcd::sim::{NetworkConditions, Path, Random, Sim, SimConfig, sim_world};
 use dcd::space::{BodyId, Bounds, ClientId, DistributionTree, NodeId};
 
 use super::device::Device;
@@ -70,7 +69,6 @@ pub(super) struct Running {
     random: Random,
     avatars: Vec<(ClientId, BodyId, [f64; 3])>,
     turns_at: Duration,
-    protocol: SyncProtocol,
 }
 
 impl Running {
@@ -109,24 +107,16 @@ impl Running {
             ..SimConfig::default()
         };
         let mut sim = Sim::with_world(config, world, record, Device::boxed);
-        let clients: Vec<_> = (0..GROUPS).map(|_| sim.start_participant().1).collect();
+        let clients: Vec<_> = (0..GROUPS).map(|_| sim.start_participant(None).1).collect();
         let is_formed = |sim: &Sim| {
             sim.server().views().filter(|(_, view)| view.members.len() == MEMBERS as usize).count()
                 == GROUPS as usize
         };
         let is_ready =
             |sim: &Sim| is_formed(sim) && clients.iter().all(|&client| sim.client(client).leader().is_some());
-        while let Err(violation) = sim.run_until(is_ready) {
-            pardon(setting.protocol, violation)?;
-        }
-        let mut running = Self {
-            protocol: setting.protocol,
-            turns_at: sim.now(),
-            sim,
-            bounds,
-            random: Random::new(seed ^ 0xA7),
-            avatars: Vec::new(),
-        };
+        sim.run_until(is_ready)?;
+        let mut running =
+            Self { turns_at: sim.now(), sim, bounds, random: Random::new(seed ^ 0xA7), avatars: Vec::new() };
         for client in clients {
             running.bring(client, &mut shapes)?;
         }
@@ -144,9 +134,7 @@ impl Running {
         let place = self.somewhere();
         let body = shapes.describe(id, WorldPose::at(place), &builder, &[ball])?;
         self.sim.wish(client, ClientEvent::Spawn { body, shapes: shapes.records() });
-        while let Err(violation) = self.sim.run_until(|sim| sim.client(client).body(id).is_some()) {
-            pardon(self.protocol, violation)?;
-        }
+        self.sim.run_until(|sim| sim.client(client).body(id).is_some())?;
         self.avatars.push((client, id, place));
         Ok(())
     }
@@ -160,9 +148,7 @@ impl Running {
                 self.turns_at = self.sim.now() + TURN;
             }
             let next = self.turns_at.min(end);
-            while let Err(violation) = self.sim.run_for(next - self.sim.now()) {
-                pardon(self.protocol, violation)?;
-            }
+            self.sim.run_for(next - self.sim.now())?;
         }
         Ok(())
     }
@@ -190,31 +176,18 @@ impl Running {
     }
 }
 
-/// Out of step, a body that changes hands is under way for as many ticks as members lag: the checker, which is for groups in
-/// step, misses it.
-fn pardon(protocol: SyncProtocol, violation: Violation) -> Result<(), Violation> {
-    match violation {
-        Violation::Lost { .. } if protocol.lag_ticks() > 0 => Ok(()),
-        violation => Err(violation),
-    }
-}
-
 fn network() -> NetworkConditions {
     let around = |us: u64| Path { base_us: us - us / 20, jitter_us: us / 10 };
-    let mut network = NetworkConditions::calm(around(INSIDE_US));
-    network.far = around(BETWEEN_US);
-    let mut sites = BTreeMap::from([(Peer::Server, GROUPS)]);
-    for node in 1..=GROUPS * MEMBERS {
+    let node = |node: u32| {
         let dedicated = GROUPS * (MEMBERS - 1);
         let site = if node <= dedicated { (node - 1) / (MEMBERS - 1) } else { node - dedicated - 1 };
-        let peer = Peer::Node(NodeId(node));
-        sites.insert(peer, site);
-        network.special.insert((peer, Peer::Server), around(BETWEEN_US / 2));
-        network.special.insert((Peer::Server, peer), around(BETWEEN_US / 2));
+        (Peer::Node(NodeId(node)), site)
+    };
+    let client = |client: u32| (Peer::Client(ClientId(client)), client - 1);
+    NetworkConditions {
+        far: around(BETWEEN_US),
+        server: Some(around(BETWEEN_US / 2)),
+        sites: (1..=GROUPS * MEMBERS).map(node).chain((1..=GROUPS).map(client)).collect(),
+        ..NetworkConditions::calm(around(INSIDE_US))
     }
-    for client in 1..=GROUPS {
-        sites.insert(Peer::Client(ClientId(client)), client - 1);
-    }
-    network.sites = sites;
-    network
 }

@@ -14,7 +14,7 @@ use super::values::{SERVER, address, positive, speed};
 use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds, View, ViewNumber};
-use crate::runtime::{GroupConfig, ServeConfig, ServerProcess};
+use crate::runtime::{GroupConfig, Origin, ServeConfig, ServerProcess};
 use crate::scene::Params;
 use crate::space::MAX_REGIONS;
 use crate::space::Tick;
@@ -109,14 +109,13 @@ impl Serve {
             listen: self.listen,
             data: self.data.clone(),
             fresh: self.fresh,
-            world,
             nodes: self.nodes.into(),
             pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
             last_tick,
             avatar_speed_limit: self.avatar_speed,
             groups: self.groups()?,
         };
-        let server = ServerProcess::start(&scene, config)?;
+        let server = ServerProcess::start(Origin::Scene(&scene, &world), config)?;
         print(&format!("listening {}", server.address))?;
         if let Some(tick) = server.resumed {
             print(&format!("going on with the world at tick {}", tick.0))?;

@@ -148,7 +148,7 @@ pub struct Node {
     leader: Option<Leader>,
     /// What clients said before this node leads.
     wishes: Vec<(ClientId, FromClient)>,
-    /// What the client in this process wants to hear of: said to every leader.
+    /// What the client in this process said last that it wants to hear of.
     interest: Option<FromClient>,
     links: BTreeSet<Peer>,
     link: Links,

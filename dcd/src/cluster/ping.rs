@@ -1,5 +1,5 @@
-//! Round trips to peers (thesis 3.3.9, 4.3.1.5): pinged the more rarely the farther they are, averaged over the last few. They
-//! tell of clocks as well.
+//! Round trips to peers (thesis 3.3.9, 4.3.1.5): pinged the more rarely the farther they are; of the last few the middle one
+//! counts, where the thesis takes the average. They tell of clocks as well.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -7,8 +7,10 @@ use std::time::Duration;
 use super::Peer;
 use crate::protocol::{Message, Ping, Pong};
 
-/// Round trips kept for the average.
+/// Round trips kept.
 const KEPT: usize = 16;
+/// Round trips that are made often, so that one does not count for much.
+const FIRST: usize = 3;
 
 /// Seconds between pings: `interval(t) = Imin + (Imax − Imin)·(t − tmin)/(tmax − tmin)`, kept within [Imin, Imax] (thesis
 /// 4.3.1.5). Delays in milliseconds, intervals in seconds.
@@ -39,7 +41,7 @@ pub struct ClockOffset {
 }
 
 /// The server is pinged this often whatever the delay: its clock is everybody's, and clocks drift apart. So is a peer that has
-/// not answered yet: groups form by delays.
+/// not answered [`FIRST`] times: groups form by delays.
 const OFTEN: Duration = Duration::from_millis(250);
 
 #[derive(Clone, Debug)]
@@ -79,8 +81,8 @@ impl Pinger {
     pub fn due(&mut self, now: Duration) -> Vec<(Peer, Message)> {
         let mut pings = Vec::new();
         for (&peer, entry) in self.peers.iter_mut().filter(|(_, entry)| entry.next <= now) {
-            let interval = match average_us(&entry.trips) {
-                Some(delay_us) if peer != Peer::Server => {
+            let interval = match middle_us(&entry.trips) {
+                Some(delay_us) if peer != Peer::Server && entry.trips.len() >= FIRST => {
                     // 10 ms to 1 s of delay give 5 to 500 s: the thesis's example.
                     let interval_s = ping_interval_s(delay_us / 1e3, [10.0, 1_000.0], [5.0, 500.0]);
                     Duration::from_secs_f64(interval_s)
@@ -114,9 +116,9 @@ impl Pinger {
         }
     }
 
-    /// Average delay of the last round trips to a peer, microseconds.
+    /// The middle one of the last round trips to a peer, microseconds.
     pub fn delay_us(&self, peer: Peer) -> Option<f64> {
-        average_us(&self.peers.get(&peer)?.trips)
+        middle_us(&self.peers.get(&peer)?.trips)
     }
 
     /// The newest round trip to a peer, microseconds.
@@ -143,9 +145,13 @@ fn round_trip(pong: Pong, now_us: u64) -> Option<RoundTrip> {
     Some(RoundTrip { delay_us, offset_us: i64::try_from((outward + homeward) / 2).ok()? })
 }
 
-fn average_us(trips: &VecDeque<(Duration, RoundTrip)>) -> Option<f64> {
-    (!trips.is_empty())
-        .then(|| trips.iter().map(|(_, trip)| trip.delay_us as f64).sum::<f64>() / trips.len() as f64)
+/// A process that was stopped for a while gives a few late answers, which say nothing of the way to it: an average would keep a
+/// node out of its group for many minutes.
+fn middle_us(trips: &VecDeque<(Duration, RoundTrip)>) -> Option<f64> {
+    let mut delays_us: Vec<u64> = trips.iter().map(|(_, trip)| trip.delay_us).collect();
+    delays_us.sort_unstable();
+    let last = delays_us.len().checked_sub(1)?;
+    Some(delays_us[last / 2] as f64)
 }
 
 fn micros(time: Duration) -> u64 {
@@ -195,7 +201,24 @@ mod tests {
                 }
             }
         }
-        assert_eq!(asked, [0, 250, 500, 750, 5_750, 10_750, 15_750]);
+        assert_eq!(asked, [0, 250, 500, 750, 1_000, 1_250, 6_250, 11_250, 16_250]);
+    }
+
+    #[test]
+    fn late_answers_say_nothing_of_the_way_while_most_are_in_time() {
+        let (mut pinger, peer) = (Pinger::default(), Peer::Node(NodeId(2)));
+        pinger.add(Duration::ZERO, peer);
+        let mut trip = |at: u64, delay_ms: u64| {
+            let (sent_us, now) = (at * 1_000_000, Duration::from_millis(1_000 * at + delay_ms));
+            pinger.pong(now, peer, Pong { sent_us, received_us: sent_us, answered_us: sent_us });
+            pinger.delay_us(peer).map(|us| us / 1e3)
+        };
+        assert_eq!(
+            [3_000, 10, 2_000, 10].map(|ms| trip(0, ms)).map(Option::unwrap),
+            [3_000.0, 10.0, 2_000.0, 10.0]
+        );
+        let worse: Vec<_> = (1..8).filter_map(|at| trip(at, 50)).collect();
+        assert_eq!(worse, [50.0; 7], "what lasts counts");
     }
 
     #[test]

@@ -94,15 +94,13 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
         }
     };
     let Some(who) = names_of_peer(connection.peer_identity()) else {
-        let let_in = match shared.authority.clone() {
-            Some(authority) => answer(&connection, authority, &shared.limits).await,
-            None => false,
+        let count = |let_in| {
+            let mut totals = shared.totals();
+            if let_in { totals.joins_granted += 1 } else { totals.joins_refused += 1 }
         };
-        let mut totals = shared.totals();
-        if let_in {
-            totals.joins_granted += 1
-        } else {
-            totals.joins_refused += 1
+        match shared.authority.clone() {
+            Some(authority) => answer(&connection, authority, &shared.limits, count).await,
+            None => count(false),
         }
         return;
     };

@@ -150,18 +150,33 @@ pub(super) fn exchange(
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(NetError::Threads)?;
     runtime.block_on(async {
-        let (endpoint, dialling) = anonymous(server, fingerprint, timeout)?;
+        let (_endpoint, dialling) = anonymous(server, fingerprint, timeout)?;
+        let deadline = tokio::time::Instant::now() + timeout;
         let unreachable = |_| NetError::Unreachable { addr: server, waited: timeout };
-        let answer = tokio::time::timeout(timeout, async {
-            let failed = |error| explain(server, PeerName::Server, timeout, error);
-            let connection = dialling.await.map_err(failed)?;
-            ask(&connection, request).await.map_err(failed)
-        });
-        let answer = answer.await.map_err(unreachable)?;
-        endpoint.close(CODE_DONE, b"joined");
-        let _ = tokio::time::timeout(Duration::from_millis(200), endpoint.wait_idle()).await;
-        answer
+        let failed = |error| explain(server, PeerName::Server, timeout, error);
+        let connection =
+            tokio::time::timeout_at(deadline, dialling).await.map_err(unreachable)?.map_err(failed)?;
+        let answer = tokio::time::timeout_at(deadline, ask(&connection, request)).await;
+        say_goodbye(&connection).await;
+        answer.map_err(unreachable)?.map_err(failed)
     })
+}
+
+/// Closes the connection and waits until that is on its way, not for the three time-outs after which nobody can be left
+/// unanswered: if it is lost, the server stops waiting by itself.
+async fn say_goodbye(connection: &Connection) {
+    if connection.close_reason().is_some() {
+        return;
+    }
+    let sent = || connection.stats().udp_tx.datagrams;
+    let before = sent();
+    connection.close(CODE_DONE, b"joined");
+    let on_its_way = async {
+        while sent() == before {
+            tokio::task::yield_now().await;
+        }
+    };
+    let _ = tokio::time::timeout(Duration::from_millis(200), on_its_way).await;
 }
 
 /// An endpoint without a certificate, and its connection to a server.
@@ -198,8 +213,14 @@ async fn ask(connection: &Connection, request: &[u8]) -> Result<Vec<u8>, Connect
     }
 }
 
-/// The server's side: reads one request, answers it, and nothing else. Returns whether the peer was let in.
-pub(super) async fn answer(connection: &Connection, authority: Arc<Authority>, limits: &Limits) -> bool {
+/// The server's side: reads one request, answers it, and nothing else. `decided` hears whether the peer is let in, before
+/// the peer does.
+pub(super) async fn answer(
+    connection: &Connection,
+    authority: Arc<Authority>,
+    limits: &Limits,
+    decided: impl FnOnce(bool),
+) {
     let deadline = tokio::time::Instant::now() + limits.handshake_timeout;
     let request = async {
         tokio::select! {
@@ -217,7 +238,7 @@ pub(super) async fn answer(connection: &Connection, authority: Arc<Authority>, l
             CODE_VIOLATION,
             b"a peer without a certificate may only ask to join, with `dcd token`'s text",
         );
-        return false;
+        return decided(false);
     };
     // Signing and writing to disk would hold up all connections.
     let answer = tokio::task::spawn_blocking(move || {
@@ -228,12 +249,12 @@ pub(super) async fn answer(connection: &Connection, authority: Arc<Authority>, l
         Ok(admission) => tracing::info!(who = %admission.who, addr = %connection.remote_address(), "joined"),
         Err(refusal) => tracing::warn!(addr = %connection.remote_address(), "join refused: {refusal}"),
     }
+    decided(answer.is_ok());
     if send.write_all(&encode_reply(&answer)).await.is_ok() && send.finish().is_ok() {
         // The joiner closes when it has read the answer.
         let _ = tokio::time::timeout_at(deadline, connection.closed()).await;
     }
     connection.close(CODE_DONE, b"answered");
-    answer.is_ok()
 }
 
 /// Why a connection that we dialled came to nothing.

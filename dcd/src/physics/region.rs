@@ -22,7 +22,7 @@ use super::ties::{HeldJoint, JointNews};
 use super::watch::ContactWatch;
 use super::{convert, record};
 use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, JointRecord, RegionEvents, SharedState, WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, JointRecord, RegionEvents, SharedState, Velocity, WorldPose,
 };
 use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet, Tick};
 
@@ -274,6 +274,12 @@ impl Region {
     /// A body's pose in world space, as this region sees it.
     pub fn world_pose(&self, handle: RigidBodyHandle) -> WorldPose {
         convert::world_from_region(self.anchor, self.world.bodies[handle].position())
+    }
+
+    /// Where the body is, in world space, and how it moves.
+    pub(crate) fn motion(&self, handle: RigidBodyHandle) -> (WorldPose, Velocity) {
+        let body = &self.world.bodies[handle];
+        (convert::world_from_region(self.anchor, body.position()), convert::velocity_of(body))
     }
 
     /// Micro-steps of the present tick.

@@ -3,6 +3,7 @@
 
 mod client;
 mod group;
+mod program;
 mod question;
 
 use std::net::SocketAddr;
@@ -17,6 +18,7 @@ pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Motion, Report, Stance, TickStats, ToNode,
     ToServer, WorldOp,
 };
+pub use program::Program;
 pub use question::{Answer, MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Question, RayAnswer, RayQuestion};
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
@@ -55,6 +57,8 @@ pub enum Message {
     Ping(Ping),
     /// The echo.
     Pong(Pong),
+    /// Program to program, over a link between a server and another process.
+    Program(Program),
 }
 
 /// How a message travels. Order holds within a lane only.
@@ -76,6 +80,7 @@ impl Message {
             Self::Ping(_)
             | Self::Pong(_)
             | Self::ToClient(_, ToClient::States { .. })
+            | Self::Program(Program::Datagram(_))
             | Self::ToServer(ToServer::Abroad { .. })
             | Self::ToNode(ToNode::Abroad { .. }) => Lane::State,
             _ => Lane::Control,
@@ -234,6 +239,13 @@ pub struct View {
     pub members: Vec<Member>,
     /// Which member computes each region.
     pub allocation: Allocation,
+}
+
+impl View {
+    /// The member that opens each tick.
+    pub fn led_by(&self) -> Option<&Member> {
+        self.members.iter().find(|member| member.node == self.leader)
+    }
 }
 
 /// A body and the region that owns it from the coming view on.

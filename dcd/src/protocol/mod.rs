@@ -31,11 +31,14 @@ pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     Answer, Area, BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
     EnvironmentProperties, FromClient, Hello, Lane, MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Member,
-    Message, Motion, Pace, Ping, Placed, Pong, Question, RayAnswer, RayQuestion, Refusal, Report, Role,
-    Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber,
+    Message, Motion, Pace, Ping, Placed, Pong, Program, Question, RayAnswer, RayQuestion, Refusal, Report,
+    Role, Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber,
     WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;
 pub use shape::{ShapeHash, ShapeRecord};
-pub use validate::{Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, WORLD_REACH_M};
+pub use validate::{
+    Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, PROGRAM_DATAGRAM_BYTES,
+    PROGRAM_MESSAGE_BYTES, WORLD_REACH_M,
+};

@@ -358,7 +358,8 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             // Answered when the tick is over.
             WorldOp::Ask { .. } => {}
             WorldOp::Correct { tick, states } => {
-                let lag_s = (host.tick().next().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);
+                // Where bodies are here is where they were after the last tick.
+                let lag_s = (host.tick().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);
                 states.iter().for_each(|state| lead(host, state, lag_s, band_m));
             }
         }
@@ -369,11 +370,12 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
 /// Leads a body to where another group has it.
 fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
-    let goal = target.pose.moved(&target.velocity, lag_s);
     if traits.kind == BodyKind::KinematicPosition {
-        host.move_copies(target.id, goal);
+        let next_s = lag_s + f64::from(host.settings().dt_s);
+        host.move_copies(target.id, target.pose.moved(&target.velocity, next_s));
         return;
     }
+    let goal = target.pose.moved(&target.velocity, lag_s);
     if target.sleeping && state.sleeping && deviation_m(&state.pose, &goal) <= band_m {
         return;
     }

@@ -14,8 +14,9 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
 
+use super::connections::{Connections, Delivery, Sent};
 use crate::cluster::Peer;
-use crate::net::{Net, NetEvent, NetTotals, PeerKey, PeerName, SendError};
+use crate::net::{CloseCause, Net, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, Lane, Message, Role, ToClient};
 use crate::space::{ClientId, NodeId};
 
@@ -23,6 +24,12 @@ use crate::space::{ClientId, NodeId};
 const WORLD_BYTES: usize = 256 << 20;
 /// A peer that takes in nothing for so long, though something waits for it, is given up.
 const STUCK: Duration = Duration::from_secs(10);
+
+/// Bytes of datagrams that may wait on a link that a program's is to be sent over: states go first.
+const PROGRAM_DATAGRAMS_WAITING: usize = 8 << 10;
+
+/// How often the user is told what has passed.
+const COUNT: Duration = Duration::from_millis(100);
 
 /// Why the link of such a peer ends.
 const TOO_SLOW: &str = "the peer reads too slowly; call again";
@@ -39,6 +46,9 @@ pub(super) const ENDED: &str = "the world has ended";
 /// Why a link ends that the server does not want any more.
 pub(super) const THE_END: &str = "the server ends the link";
 
+/// Why a link ends of whom the server's user sends away; the user's reason follows.
+pub(super) const SENT_AWAY: &str = "the server sent this process away";
+
 /// What happens on links, in the cluster's words.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
@@ -54,6 +64,8 @@ pub(super) enum LinkEvent {
 /// All links of a process.
 pub(super) struct Links {
     net: Net,
+    connections: Connections,
+    count_at: Option<Instant>,
     keys: BTreeMap<Peer, PeerKey>,
     names: BTreeMap<PeerKey, PeerName>,
     dialled: BTreeMap<PeerKey, Peer>,
@@ -75,10 +87,13 @@ struct Waiting {
 }
 
 impl Links {
-    pub(super) fn new(net: Net) -> Self {
+    /// The links of `net`, which the user sees as `connections`.
+    pub(super) fn new(net: Net, connections: Connections) -> Self {
         let is_server = net.who() == PeerName::Server;
         Self {
             net,
+            connections,
+            count_at: None,
             keys: BTreeMap::new(),
             names: BTreeMap::new(),
             dialled: BTreeMap::new(),
@@ -153,9 +168,13 @@ impl Links {
 
     /// Sends what waits, as far as there is room. Returns whether anything still waits for a link that is up.
     pub(super) fn flush(&mut self, now: Instant) -> bool {
+        if self.count_at.is_none_or(|at| at <= now) {
+            self.count_at = Some(now + COUNT);
+            self.connections.refresh(now, |link| self.net.stats(link));
+        }
         let peers: Vec<_> =
             self.waiting.keys().filter(|peer| self.keys.contains_key(peer)).copied().collect();
-        let mut left = false;
+        let mut left = self.send_programs();
         for peer in peers {
             let Some(mut waiting) = self.waiting.remove(&peer) else { continue };
             let (key, before) = (self.keys[&peer], waiting.frames.len());
@@ -186,6 +205,23 @@ impl Links {
             }
         }
         left
+    }
+
+    /// Sends what programs want sent, as far as there is room. Returns whether something is to be tried again soon.
+    fn send_programs(&self) -> bool {
+        self.connections.send_waiting(|link, frame, delivery| match delivery {
+            Delivery::Datagram if self.net.datagrams_waiting(link) > PROGRAM_DATAGRAMS_WAITING => {
+                Sent::Dropped
+            }
+            Delivery::Datagram => {
+                let _ = self.net.send_datagram(link, frame.to_vec());
+                Sent::Done
+            }
+            Delivery::Message => match self.net.send(link, crate::net::Lane::Program, frame) {
+                Err(SendError::Full { .. }) => Sent::Waits,
+                _ => Sent::Done,
+            },
+        })
     }
 
     /// Links that were ended here because of who is at their other ends: what their closing means for our own machines.
@@ -225,6 +261,11 @@ impl Links {
         if let Some(key) = self.keys.remove(&peer) {
             self.names.remove(&key);
             self.keys.retain(|_, other| *other != key);
+            self.send_programs();
+            match reason {
+                TOO_SLOW => self.connections.lost(key, reason),
+                _ => self.connections.gone(key, reason),
+            }
             self.net.close(key, reason);
         }
     }
@@ -245,8 +286,9 @@ impl Links {
     /// What a network event means.
     pub(super) fn translate(&mut self, event: NetEvent) -> Vec<LinkEvent> {
         match event {
-            NetEvent::Connected { peer: key, who, .. } => {
+            NetEvent::Connected { peer: key, who, addr } => {
                 self.dialled.remove(&key);
+                self.connections.linked(key, who, addr);
                 self.names.insert(key, who);
                 let peers = self.peers_of(who);
                 for &peer in &peers {
@@ -265,21 +307,34 @@ impl Links {
             }
             NetEvent::Frame { peer: key, bytes, .. } | NetEvent::Datagram { peer: key, bytes } => {
                 let Some(&who) = self.names.get(&key) else { return Vec::new() };
-                match protocol::decode(&bytes) {
+                let heard = match protocol::decode(&bytes) {
+                    Ok(Message::Program(program)) => match self.connections.heard(key, program) {
+                        Ok(()) => return Vec::new(),
+                        Err(rule) => Err(rule.to_owned()),
+                    },
+                    Ok(message) => Ok(message),
+                    Err(error) => Err(error.to_string()),
+                };
+                match heard {
                     Ok(message) => vec![LinkEvent::Message { from: self.sender(who, &message), message }],
                     Err(error) => {
-                        warn!(?who, %error, "a peer sent what cannot be read and is disconnected");
+                        warn!(?who, error, "a peer sent what it may not and is disconnected");
                         let peers = self.peers_of(who);
                         for &peer in &peers {
-                            self.close(peer, &error.to_string());
+                            self.close(peer, &error);
                         }
-                        self.gone(peers, &error.to_string())
+                        self.gone(peers, &error)
                     }
                 }
             }
-            NetEvent::Closed { peer: key, who, reason, .. } => {
+            NetEvent::Closed { peer: key, who, cause, reason } => {
                 if self.names.remove(&key).is_none() {
                     return Vec::new();
+                }
+                // Our server is dialled until it is given up.
+                match cause == CloseCause::TimedOut || reason == TOO_SLOW || who == PeerName::Server {
+                    true => self.connections.lost(key, &reason),
+                    false => self.connections.gone(key, &reason),
                 }
                 let mut peers = self.peers_of(who);
                 peers.retain(|peer| self.keys.get(peer) == Some(&key));
@@ -352,156 +407,4 @@ impl Links {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-    use std::time::SystemTime;
-
-    use super::*;
-    use crate::net::{Authority, Identity, Limits, NetConfig, NetEvents, join};
-    use crate::protocol::Chunk;
-    use crate::sim::{sim_body, sim_world};
-    use crate::space::BodyId;
-
-    const PATIENCE: Duration = Duration::from_secs(20);
-
-    /// A server and another process, whose link is up; the other reads only what it is made to.
-    struct Pair {
-        links: Links,
-        events: NetEvents,
-        other: Net,
-        other_events: NetEvents,
-        peer: Peer,
-        _folder: tempfile::TempDir,
-    }
-
-    fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) -> (Net, NetEvents) {
-        let listen = ([127, 0, 0, 1], 0).into();
-        Net::start(NetConfig { listen, identity, authority, limits }).unwrap()
-    }
-
-    impl Pair {
-        fn new(role: crate::net::Role) -> Self {
-            let folder = tempfile::tempdir().unwrap();
-            let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
-            let identity = authority.server_identity().unwrap();
-            let (net, events) = start(identity, Some(authority.clone()), Limits::default());
-            let token = authority.issue_token(role, PATIENCE, SystemTime::now()).unwrap();
-            let joined = join(net.local_addr(), &token, None, PATIENCE).unwrap();
-            let (other, other_events) =
-                start(joined, None, Limits { frame_bytes: 512 << 10, ..Limits::default() });
-            other.connect(net.local_addr(), PeerName::Server);
-            let mut links = Links::new(net);
-            let connected = links.translate(events.recv_timeout(PATIENCE).unwrap());
-            let [LinkEvent::Connected(peer)] = connected[..] else { panic!("{connected:?}") };
-            Self { links, events, other, other_events, peer, _folder: folder }
-        }
-
-        fn tell(&mut self, message: ToClient) {
-            let client = ClientId(1);
-            self.links.send(self.peer, &Message::ToClient(client, message));
-        }
-
-        /// Some 300 kB of a world.
-        fn tell_bodies(&mut self) {
-            let bodies = (0..1_000).map(|id| sim_body(BodyId::persistent(id), [0.0; 3])).collect();
-            self.tell(ToClient::Chunk(Chunk::Bodies(bodies)));
-        }
-
-        fn tell_world(&mut self, chunks: usize) {
-            self.tell(ToClient::Welcome { id: ClientId(1), logical_time: 0, world: sim_world(2) });
-            (0..chunks).for_each(|_| self.tell_bodies());
-            self.tell(ToClient::WorldEnd);
-        }
-
-        fn waiting_bytes(&self) -> usize {
-            self.links.waiting.values().map(|waiting| waiting.bytes).sum()
-        }
-
-        /// The other reads until nothing waits any more.
-        fn read_all(&mut self) {
-            while self.links.flush(Instant::now()) {
-                while self.other_events.recv_timeout(Duration::from_millis(10)).is_ok() {}
-            }
-        }
-
-        fn given_up(&mut self) -> Vec<Peer> {
-            let events = self.links.take_given_up().into_iter();
-            events
-                .map(|event| match event {
-                    LinkEvent::Disconnected(peer, reason) if reason == TOO_SLOW => peer,
-                    other => panic!("{other:?}"),
-                })
-                .collect()
-        }
-    }
-
-    #[test]
-    fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
-        let mut pair = Pair::new(crate::net::Role::Client);
-        pair.tell_world(60);
-        assert!(pair.waiting_bytes() > 4 << 20, "{}", pair.waiting_bytes());
-        pair.read_all();
-        assert_eq!((pair.waiting_bytes(), pair.given_up()), (0, vec![]));
-        // It reads no more: what its own process takes in comes first.
-        let mut told = 0;
-        while pair.links.keys.contains_key(&pair.peer) {
-            pair.tell(ToClient::Chunk(Chunk::Bodies(vec![sim_body(BodyId::persistent(1), [0.0; 3]); 100])));
-            assert_eq!(pair.waiting_bytes(), 0);
-            told += 1;
-            std::thread::sleep(Duration::from_micros(200));
-            assert!(told < 100_000);
-        }
-        assert_eq!(pair.given_up(), [pair.peer], "our own server hears of it");
-        assert_eq!(pair.given_up(), []);
-        let closed = pair.events.recv_timeout(PATIENCE).unwrap();
-        assert!(pair.links.translate(closed).is_empty(), "once");
-        while let Ok(event) = pair.other_events.recv_timeout(PATIENCE) {
-            if let NetEvent::Closed { reason, .. } = event {
-                assert_eq!(reason, TOO_SLOW);
-                return pair.other.shutdown();
-            }
-        }
-        panic!("the client is not told");
-    }
-
-    #[test]
-    fn a_node_may_be_behind_by_a_world_and_no_more() {
-        let mut pair = Pair::new(crate::net::Role::Node);
-        pair.links.world_bytes = 8 << 20;
-        let mut most = 0;
-        while pair.links.keys.contains_key(&pair.peer) {
-            pair.tell_bodies();
-            most = most.max(pair.waiting_bytes());
-        }
-        assert!((7 << 20..=8 << 20).contains(&most), "{most}");
-        assert_eq!((pair.given_up(), pair.waiting_bytes()), (vec![pair.peer], 0));
-    }
-
-    #[test]
-    fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
-        let mut pair = Pair::new(crate::net::Role::Client);
-        pair.tell_world(60);
-        let began = Instant::now();
-        assert!(pair.links.flush(began));
-        while pair.links.flush(Instant::now()) && began.elapsed() < Duration::from_millis(300) {}
-        let stuck = Instant::now();
-        assert!(pair.links.flush(stuck + STUCK / 2));
-        assert_eq!(pair.given_up(), []);
-        pair.links.flush(stuck + STUCK);
-        assert_eq!((pair.given_up(), pair.waiting_bytes()), (vec![pair.peer], 0));
-        // Who takes in a little now and then is slow, and stays.
-        let mut pair = Pair::new(crate::net::Role::Client);
-        pair.tell_world(60);
-        let mut now = Instant::now();
-        for part in 0..6 {
-            let before = pair.waiting_bytes();
-            while pair.waiting_bytes() == before {
-                let _ = pair.other_events.recv_timeout(Duration::from_millis(10));
-                assert!(pair.links.flush(now));
-            }
-            now += STUCK * 2 / 3;
-            assert!(pair.links.flush(now), "part {part}");
-            assert_eq!(pair.given_up(), [], "part {part}");
-        }
-    }
-}
+mod tests;

@@ -413,10 +413,7 @@ impl DcdWorld {
 
     /// Where a body is, in world space.
     pub fn pose(&self, body: BodyId) -> Option<WorldPose> {
-        match self.host.owned(body) {
-            Some((region, handle)) => Some(region.world_pose(handle)),
-            None => self.host.immovable(body).map(|record| record.state.pose),
-        }
+        self.motion(body).map(|(pose, _)| pose)
     }
 
     /// The mass of a body in kilograms, whole even where several regions share it; 0 for a fixed one.
@@ -426,12 +423,14 @@ impl DcdWorld {
 
     /// How a body moves; zero for an immovable one.
     pub fn velocity(&self, body: BodyId) -> Option<Velocity> {
-        match self.body(body) {
-            Some(rigid_body) => Some(Velocity {
-                linear: rigid_body.linvel().to_array(),
-                angular: rigid_body.angvel().to_array(),
-            }),
-            None => self.host.immovable(body).map(|record| record.state.velocity),
+        self.motion(body).map(|(_, velocity)| velocity)
+    }
+
+    /// [`DcdWorld::pose`] and [`DcdWorld::velocity`] of a body, by one look-up.
+    pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
+        match self.host.owned(body) {
+            Some((region, handle)) => Some(region.motion(handle)),
+            None => self.host.immovable(body).map(|record| (record.state.pose, record.state.velocity)),
         }
     }
 

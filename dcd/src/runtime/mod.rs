@@ -3,6 +3,8 @@
 mod answer;
 #[cfg(feature = "net")]
 mod client;
+#[cfg(feature = "net")]
+mod connections;
 mod control;
 mod device;
 #[cfg(feature = "net")]
@@ -22,6 +24,11 @@ mod snapshot;
 
 #[cfg(feature = "net")]
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
+#[cfg(feature = "net")]
+pub use connections::{
+    Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections, Delivery,
+    ProgramMessage,
+};
 pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]
 pub use directory::RedbDirectory;
@@ -31,5 +38,5 @@ pub use local::{DcdWorld, Partitioning, Stats, WorldConfig, WorldError};
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary};
 #[cfg(feature = "net")]
-pub use server::{GroupConfig, ServeConfig, ServerProcess, ServerSummary};
+pub use server::{GroupConfig, Origin, ServeConfig, ServerProcess, ServerSummary};
 pub use snapshot::SnapshotError;

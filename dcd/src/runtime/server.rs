@@ -1,5 +1,6 @@
 //! The server as a process: one thread that feeds links to the state machine and does what it asks for.
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -10,16 +11,21 @@ use std::time::{Duration, Instant};
 
 use tracing::{error, info, warn};
 
-use super::links::{ENDED, LinkEvent, Links, THE_END};
+use super::links::{ENDED, LinkEvent, Links, SENT_AWAY, THE_END};
 use super::member::forward;
-use super::{ProcessError, RedbDirectory, WorldConfig};
+use super::{Connections, DcdWorld, ProcessError, RedbDirectory, WorldConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput};
-use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerStats, Role, check_address};
-use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary};
-use crate::protocol::{BodyKind, EnvironmentProperties, Pace, StateHasher, SyncProtocol, Thresholds, View};
+use crate::cluster::{Grouping, Peer, Record, Server, ServerConfig, ServerEvent, ServerOutput};
+use crate::net::{
+    Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, Role, check_address,
+};
+use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
+use crate::protocol::{
+    BodyKind, BodyRecord, EnvironmentProperties, JointRecord, Pace, ShapeRecord, StateHasher, SyncProtocol,
+    Thresholds, View,
+};
 use crate::scene::Scene;
-use crate::space::Tick;
+use crate::space::{DistributionTree, Epoch, Tick};
 
 /// How often what could not be sent at once is tried again.
 const RETRY: Duration = Duration::from_millis(2);
@@ -30,17 +36,24 @@ const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
 
+/// What a served world begins as.
+pub enum Origin<'a> {
+    /// A scene; of its configuration count how it is cut and how it is stepped.
+    Scene(&'a Scene, &'a WorldConfig),
+    /// A world as it is now, with its cut and settings, copied. What is not a property of a body or joint stays behind:
+    /// contacts under load begin anew, and the tick begins at 0.
+    World(&'a DcdWorld),
+}
+
 /// What a server is started with.
 pub struct ServeConfig {
     /// Where to listen; port 0 takes any free one.
     pub listen: SocketAddr,
     /// Folder of the authority (keys, used tokens) and of the world: a server that died and is started again with the same
-    /// scene and settings goes on with it.
+    /// origin and settings goes on with it.
     pub data: PathBuf,
     /// Begin anew, and forget a world that is stored there.
     pub fresh: bool,
-    /// How the world is cut and stepped.
-    pub world: WorldConfig,
     /// Nodes to wait for before the first tick.
     pub nodes: usize,
     /// How fast ticks follow one another.
@@ -98,6 +111,7 @@ pub struct ServerProcess {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     authority: Arc<Authority>,
+    connections: Connections,
     /// Where it listens.
     pub address: SocketAddr,
     /// The tick from which it goes on with a world that was stored; the nodes may be farther already.
@@ -121,6 +135,8 @@ struct State {
 enum Input {
     Net(NetEvent),
     Stop,
+    /// Something is wanted of its connections.
+    Wake,
 }
 
 impl From<NetEvent> for Input {
@@ -136,9 +152,9 @@ impl Shared {
 }
 
 impl ServerProcess {
-    /// Starts a server with this scene on a thread of its own.
-    pub fn start(scene: &Scene, config: ServeConfig) -> Result<Self, ProcessError> {
-        let (environment, record) = world_of(scene, &config)?;
+    /// Starts a server on a thread of its own.
+    pub fn start(origin: Origin<'_>, config: ServeConfig) -> Result<Self, ProcessError> {
+        let (environment, record) = world_of(Beginning::of(origin)?, &config)?;
         // A port that is taken leaves no new folder behind.
         check_address(config.listen)?;
         let authority = Arc::new(Authority::load_or_create(&config.data)?);
@@ -152,6 +168,9 @@ impl ServerProcess {
         let address = net.local_addr();
         let (inbox, inputs) = mpsc::sync_channel(QUEUE);
         forward(events, inbox.clone())?;
+        let waker = inbox.clone();
+        // A loop whose inbox is full is awake.
+        let connections = Connections::new(PeerName::Server, move || drop(waker.try_send(Input::Wake)));
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         shared.lock().summary.regions = environment.tree.leaf_count();
         let mut directory = match config.fresh {
@@ -177,7 +196,9 @@ impl ServerProcess {
             server
         };
         let running = Loop {
-            links: Some(Links::new(net)),
+            links: Some(Links::new(net, connections.clone())),
+            connections: connections.clone(),
+            farewells: BTreeMap::new(),
             directory,
             stored,
             start: Instant::now(),
@@ -191,16 +212,22 @@ impl ServerProcess {
         let thread = std::thread::Builder::new()
             .name("dcd-server".into())
             .spawn(move || {
-                let shared = running.shared.clone();
+                let (shared, connections) = (running.shared.clone(), running.connections.clone());
                 if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
                     let mut state = shared.lock();
                     (state.failure, state.over) = (Some(ProcessError::Fault), true);
                     drop(state);
                     shared.changed.notify_all();
+                    connections.end(&ProcessError::Fault.to_string());
                 }
             })
             .map_err(ProcessError::Thread)?;
-        Ok(Self { inbox, shared, thread: Some(thread), authority, address, resumed })
+        Ok(Self { inbox, shared, thread: Some(thread), authority, connections, address, resumed })
+    }
+
+    /// Nodes and clients that are connected, or whose links broke a moment ago.
+    pub fn connections(&self) -> &Connections {
+        &self.connections
     }
 
     /// A token for one process of this role to join with.
@@ -274,18 +301,62 @@ impl Drop for ServerProcess {
 
 /// The scene as everybody is told of it. The halo is that of a local world with the same bodies, so that both compute
 /// the same bits.
-fn world_of(scene: &Scene, config: &ServeConfig) -> Result<(EnvironmentProperties, Record), ProcessError> {
-    let mut shapes = ShapeLibrary::default();
-    let (bodies, joints) = scene.records(&mut shapes)?;
-    config.world.check()?;
-    let tree = config.world.tree()?;
-    let step = config.world.step;
-    let mut host = RegionHost::new(Partition::new(tree.clone(), config.world.halo_m), step, 1, &[])?;
-    for record in shapes.records() {
-        host.shapes_mut().add(record)?;
+/// A world to be, as values.
+struct Beginning {
+    tree: DistributionTree,
+    halo_m: Option<f64>,
+    step: StepSettings,
+    shapes: Vec<ShapeRecord>,
+    bodies: Vec<BodyRecord>,
+    joints: Vec<JointRecord>,
+}
+
+impl Beginning {
+    fn of(origin: Origin<'_>) -> Result<Self, ProcessError> {
+        match origin {
+            Origin::Scene(scene, config) => {
+                config.check()?;
+                let mut shapes = ShapeLibrary::default();
+                let (bodies, joints) = scene.records(&mut shapes)?;
+                let (tree, halo_m, step) = (config.tree()?, config.halo_m, config.step);
+                Ok(Self { tree, halo_m, step, shapes: shapes.records(), bodies, joints })
+            }
+            Origin::World(world) => {
+                let host = world.host();
+                let movable = host.owned_bodies().map(|(_, region, handle)| region.body_record(handle));
+                let mut bodies: Vec<_> = movable.chain(host.scenery().cloned()).collect();
+                bodies.sort_unstable_by_key(|body| body.id);
+                // Who owned it in the other world means nothing in this one.
+                bodies.iter_mut().for_each(|body| body.epoch = Epoch(0));
+                let joints: BTreeMap<_, _> = bodies
+                    .iter()
+                    .flat_map(|body| host.joints_of(body.id))
+                    .map(|joint| (joint.id, joint))
+                    .collect();
+                Ok(Self {
+                    tree: host.partition().tree().clone(),
+                    halo_m: Some(host.partition().halo_m()),
+                    step: *host.settings(),
+                    shapes: host.shapes().records(),
+                    bodies,
+                    joints: joints.into_values().collect(),
+                })
+            }
+        }
+    }
+}
+
+fn world_of(
+    beginning: Beginning,
+    config: &ServeConfig,
+) -> Result<(EnvironmentProperties, Record), ProcessError> {
+    let Beginning { tree, halo_m, step, shapes, bodies, joints } = beginning;
+    let mut host = RegionHost::new(Partition::new(tree.clone(), halo_m), step, 1, &[])?;
+    for record in &shapes {
+        host.shapes_mut().add(record.clone())?;
     }
     host.insert(bodies.clone(), &joints)?;
-    let record = Record::new(bodies, shapes.records(), joints);
+    let record = Record::new(bodies, shapes, joints);
     let lag_ticks = config.groups.lag_ticks;
     if lag_ticks > 0 && step.coupling != Coupling::Owner {
         return Err(ProcessError::Lag { coupling: step.coupling.name() });
@@ -326,6 +397,9 @@ fn forget(directory: &mut RedbDirectory, entries: &[Entry]) -> Result<(), Direct
 
 struct Loop {
     links: Option<Links>,
+    connections: Connections,
+    /// What those who are sent away are to hear.
+    farewells: BTreeMap<Peer, String>,
     directory: RedbDirectory,
     /// The revision at which we wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
@@ -357,13 +431,14 @@ impl Loop {
                     self.end_by.get_or_insert(Instant::now() + AUDIT);
                     self.server.handle(now, ServerEvent::Stop);
                 }
-                Err(RecvTimeoutError::Timeout) => {}
+                Ok(Input::Wake) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             let now = self.start.elapsed();
             if self.server.poll_timeout().is_some_and(|due| due <= now) {
                 self.server.handle_timeout(now);
             }
+            self.send_away(now);
             self.pump();
             let given_up = self.links.as_mut().map(Links::take_given_up).unwrap_or_default();
             if !given_up.is_empty() {
@@ -394,6 +469,17 @@ impl Loop {
         }
     }
 
+    /// Lets those go whom the user wants gone.
+    fn send_away(&mut self, now: Duration) {
+        for (who, reason) in self.connections.take_sent_away() {
+            info!(%who, reason, "sent away");
+            let (node, client) = (who.node(), who.client());
+            let last = node.map(Peer::Node).or(client.map(Peer::Client));
+            self.farewells.extend(last.map(|peer| (peer, reason.clone())));
+            self.server.handle(now, ServerEvent::SendAway { node, client, reason });
+        }
+    }
+
     fn pump(&mut self) {
         while let Some(output) = self.server.poll_output() {
             let Some(links) = &mut self.links else { return };
@@ -401,7 +487,10 @@ impl Loop {
                 ServerOutput::Send { to, message } => links.send(to, &message),
                 ServerOutput::Close(peer) => {
                     let ending = self.audited || self.end_by.is_some();
-                    links.close(peer, if ending { ENDED } else { THE_END });
+                    match self.farewells.remove(&peer) {
+                        Some(reason) => links.close(peer, &format!("{SENT_AWAY}: {reason}")),
+                        None => links.close(peer, if ending { ENDED } else { THE_END }),
+                    }
                 }
                 ServerOutput::Store(batch) => {
                     if let Err(error) = self.store(&batch) {
@@ -487,6 +576,7 @@ impl Loop {
         state.over = true;
         drop(state);
         self.shared.changed.notify_all();
+        self.connections.end(ENDED);
     }
 }
 

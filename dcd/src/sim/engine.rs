@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use crate::cluster::{PhysicsCommand, PhysicsEvent};
-use crate::protocol::{BodyState, Claim, WorldPose};
+use crate::protocol::{BodyState, Claim, View, ViewNumber, WorldPose};
 use crate::space::{BodyId, Epoch, GroupId, NodeId, Tick};
 
 /// The physics of one simulated node: the [`StandIn`](super::StandIn), or the real one.
@@ -30,6 +30,10 @@ pub struct Sample {
     pub time: Duration,
     /// Its group.
     pub group: GroupId,
+    /// In which view.
+    pub view: ViewNumber,
+    /// Of how many members.
+    pub members: usize,
     /// Which.
     pub node: NodeId,
     /// The tick.
@@ -41,10 +45,11 @@ pub struct Sample {
 }
 
 impl Sample {
-    pub(super) fn of(time: Duration, group: GroupId, node: NodeId, tick: Tick, physics: &dyn Engine) -> Self {
+    pub(super) fn of(time: Duration, node: NodeId, view: &View, tick: Tick, physics: &dyn Engine) -> Self {
         let claims = physics.claims().into_iter();
         let owned = claims.filter_map(|claim| Some((claim.id, physics.state(claim.id)?))).collect();
         let replicas = physics.replicas().into_iter().map(|(id, _, pose)| (id, pose)).collect();
-        Self { time, group, node, tick, owned, replicas }
+        let (group, members, view) = (view.group, view.members.len(), view.number);
+        Self { time, group, view, members, node, tick, owned, replicas }
     }
 }

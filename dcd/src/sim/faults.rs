@@ -47,7 +47,13 @@ pub enum FaultProfile {
     ClockSkew,
     /// Members run 6 ticks ahead of one another, 40 ± 10 ms apart; and nodes or leaders are killed, cut off or stopped.
     Lag,
-    /// All of the above at once.
+    /// Three groups, 60 ms apart; and nodes or leaders of any of them are killed.
+    GroupsKill,
+    /// The same three groups; and their server is killed, and started again from its disk.
+    GroupsServer,
+    /// The same three groups; and processes of any role are cut off for 5 s, or stop for up to 12 s.
+    GroupsCut,
+    /// All of the above at once, in one group.
     All,
 }
 
@@ -66,7 +72,7 @@ pub struct Promise {
 
 impl FaultProfile {
     /// All rows in order.
-    pub const TABLE: [Self; 18] = [
+    pub const TABLE: [Self; 21] = [
         Self::None,
         Self::Loss1,
         Self::Loss5,
@@ -84,6 +90,9 @@ impl FaultProfile {
         Self::Stop,
         Self::ClockSkew,
         Self::Lag,
+        Self::GroupsKill,
+        Self::GroupsServer,
+        Self::GroupsCut,
         Self::All,
     ];
 
@@ -107,6 +116,9 @@ impl FaultProfile {
             Self::Stop => "stop",
             Self::ClockSkew => "clock-skew",
             Self::Lag => "lag",
+            Self::GroupsKill => "groups-kill",
+            Self::GroupsServer => "groups-server",
+            Self::GroupsCut => "groups-cut",
             Self::All => "all",
         }
     }
@@ -131,6 +143,11 @@ impl FaultProfile {
             Self::Stop => "processes of any role stop for up to 12 s, and go on",
             Self::ClockSkew => "clocks differ by up to 10 s and run 500 ppm fast or slow; a node is killed",
             Self::Lag => "6 ticks out of step, 40 ± 10 ms apart; nodes or leaders killed, cut off, stopped",
+            Self::GroupsKill => {
+                "three groups, 60 ms apart, each of so many nodes; nodes or leaders are killed"
+            }
+            Self::GroupsServer => "the same groups; the server is killed, and started again from its disk",
+            Self::GroupsCut => "the same groups; processes of any role cut off for 5 s, or stopped",
             Self::All => "anything of that, several at a time, and slow processes",
         }
     }
@@ -139,7 +156,7 @@ impl FaultProfile {
     pub fn promise(self) -> Promise {
         let recovery_s = match self {
             Self::KillLeader => 2,
-            Self::KillServer => 10,
+            Self::KillServer | Self::GroupsServer => 10,
             // Loss, kills and cuts together: what each costs adds up.
             Self::All => 15,
             _ => 3,
@@ -159,7 +176,7 @@ impl FaultProfile {
         let mut random = Random::new(seed ^ 0x5eed_0000_0000_0000);
         let mut plan = Planner { at: Duration::from_secs(2), faults: Vec::new(), random: &mut random };
         let mut network = NetworkConditions::calm(Path::up_to(2_000));
-        let (mut skew, mut rate, mut lag_ticks) = (None, None, None);
+        let (mut skew, mut rate, mut lag_ticks, mut sites) = (None, None, None, 1);
         match self {
             Self::None => plan.wait(15_000, 15_000),
             Self::Loss1 | Self::Loss5 | Self::Loss20 => {
@@ -211,6 +228,23 @@ impl FaultProfile {
                     _ => (0..2).for_each(|_| plan.stop(5_000)),
                 }
             }
+            Self::GroupsKill | Self::GroupsServer | Self::GroupsCut => {
+                sites = 3;
+                network = NetworkConditions {
+                    far: Path { base_us: 58_000, jitter_us: 4_000 },
+                    server: Some(Path { base_us: 29_000, jitter_us: 2_000 }),
+                    ..NetworkConditions::calm(Path::up_to(1_000))
+                };
+                match (self, seed % 2) {
+                    (Self::GroupsKill, 0) => (0..3).for_each(|_| plan.kill(Role::Member, 500, 4_000, 5_000)),
+                    (Self::GroupsKill, _) => (0..3).for_each(|_| plan.kill(Role::Leader, 500, 4_000, 5_000)),
+                    (Self::GroupsServer, _) => {
+                        (0..2).for_each(|_| plan.kill(Role::Server, 200, 5_000, 6_000));
+                    }
+                    (_, 0) => (0..2).for_each(|_| plan.cut(5_000, 5_000, false, 5_000)),
+                    _ => (0..2).for_each(|_| plan.stop(5_000)),
+                }
+            }
             Self::All => {
                 network.loss = plan.random.unit() * 0.03;
                 network.reorder = plan.random.unit() * 0.04;
@@ -222,7 +256,7 @@ impl FaultProfile {
         let over = plan.faults.iter().map(|planned| planned.at + planned.fault.lasts());
         let calm_at = over.chain([plan.at]).max().unwrap_or_default();
         plan.faults.sort_by_key(|planned| planned.at);
-        Schedule { network, skew, rate, lag_ticks, faults: plan.faults, calm_at }
+        Schedule { network, skew, rate, lag_ticks, sites, faults: plan.faults, calm_at }
     }
 }
 
@@ -254,6 +288,8 @@ pub struct Schedule {
     pub rate: Option<u32>,
     /// How many ticks members may be apart; `None`: as the trial has it.
     pub lag_ticks: Option<u32>,
+    /// How many sites the nodes are at, as many at each; those of one are a group.
+    pub sites: u32,
     /// Faults in order of time.
     pub faults: Vec<Planned>,
     /// From then on nothing goes wrong: cuts are over, who was stopped goes on.
@@ -342,7 +378,7 @@ pub struct Victim {
 pub enum Role {
     /// The server.
     Server,
-    /// The leader of a group.
+    /// The leader of any group.
     Leader,
     /// Any node.
     Member,

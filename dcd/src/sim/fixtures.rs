@@ -67,10 +67,9 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
     BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
 }
 
-/// A body somewhere in the world, on its way.
-pub(super) fn drifting(id: BodyId, random: &mut Random) -> BodyRecord {
+/// A body somewhere in the world, on its way at up to so much along each axis.
+pub(super) fn drifting(id: BodyId, most_m_s: f64, random: &mut Random) -> BodyRecord {
     let mut body = sim_body(id, [random.unit() * 16.0, random.unit() * 8.0, random.unit() * 8.0]);
-    // Up to 12 m/s: each body crosses several regions in a second or two.
-    body.state.velocity.linear = std::array::from_fn(|_| (random.unit() * 24.0 - 12.0) as f32);
+    body.state.velocity.linear = std::array::from_fn(|_| ((random.unit() * 2.0 - 1.0) * most_m_s) as f32);
     body
 }

@@ -4,6 +4,7 @@
 
 mod check;
 mod clock;
+mod deviation;
 mod engine;
 mod faults;
 mod fixtures;
@@ -20,6 +21,7 @@ mod world;
 
 pub use check::{Checker, Violation};
 pub use clock::Clock;
+pub use deviation::{Apart, Comparer, Deviating};
 pub use engine::{Engine, Sample};
 pub use faults::{Fault, FaultProfile, Island, Moment, Planned, Promise, Role, Schedule, Victim, Ways};
 pub use fixtures::{sim_body, sim_world};

@@ -1,18 +1,21 @@
 //! A stand-in for the physics: bodies fly straight and bounce off the world's bounds, are replicated in a halo, and change
-//! owner by position, in the same border messages as the real ones.
+//! owner by position, in the same border messages as the real ones. Those near an avatar touch it, of which nothing follows.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Engine;
-use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction};
+use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
 use crate::protocol::{
-    Answer, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, EnvironmentProperties,
-    Placed, Question, RayAnswer, RayQuestion, SharedState, TickStats, Transfer, WorldOp, WorldPose,
+    Answer, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, ContactKey,
+    EnvironmentProperties, Placed, Question, RayAnswer, RayQuestion, RegionEvents, SharedState, TickStats,
+    Touch, Transfer, WorldOp, WorldPose,
 };
 use crate::space::{BodyId, Bounds, ClientId, Epoch, RegionId, RegionSet, Tick};
 
 /// How far beyond its box a region holds replicas, metres.
 const HALO_M: f64 = 1.0;
+/// How near a body and an avatar touch, metres.
+const TOUCH_M: f64 = 1.0;
 
 #[derive(Clone, Debug)]
 struct Owned {
@@ -25,6 +28,28 @@ struct Owned {
 struct Region {
     owned: BTreeMap<BodyId, Owned>,
     replicas: BTreeMap<BodyId, BodyRecord>,
+    touching: BTreeSet<ContactKey>,
+}
+
+impl Region {
+    fn bodies(&self) -> impl Iterator<Item = &BodyRecord> {
+        self.owned.values().map(|owned| &owned.body).chain(self.replicas.values())
+    }
+
+    /// Contacts that have begun or ceased since the last call.
+    fn touches(&mut self) -> Vec<Touch> {
+        let (avatars, bodies): (Vec<_>, Vec<_>) = self.bodies().partition(|body| body.id.client().is_some());
+        let pairs = avatars.iter().flat_map(|a| bodies.iter().map(move |b| (a, b)));
+        let near = pairs.filter(|(a, b)| deviation_m(&a.state.pose, &b.state.pose) < TOUCH_M);
+        let key =
+            |a: BodyId, b: BodyId| ContactKey { a: a.min(b), b: a.max(b), collider_a: 0, collider_b: 0 };
+        let now: BTreeSet<_> = near.map(|(a, b)| key(a.id, b.id)).collect();
+        let before = std::mem::replace(&mut self.touching, now);
+        let touch =
+            |&key, began| Touch { key, began, sensor: false, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 };
+        let ended = before.difference(&self.touching).map(|key| touch(key, false));
+        self.touching.difference(&before).map(|key| touch(key, true)).chain(ended).collect()
+    }
 }
 
 /// The regions of one node.
@@ -121,7 +146,7 @@ impl Engine for StandIn {
                     self.fly();
                     return Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() });
                 }
-                Some(self.settled(report, checkpoint))
+                Some(self.settled(tick, report, checkpoint))
             }
             PhysicsCommand::Drift(ops) => {
                 let copy = self.copy.get_or_insert_with(|| Box::new(Copy::of(&self.regions)));
@@ -188,6 +213,7 @@ impl StandIn {
         }
         for region in self.regions.values_mut() {
             region.replicas.clear();
+            region.touching.clear();
             for id in drop.iter().chain(placed.iter().map(|placed| &placed.body.id)) {
                 region.owned.remove(id);
             }
@@ -222,7 +248,8 @@ impl StandIn {
                     let world = self.world();
                     (f64::from(world.dt_s), f64::from(world.thresholds.between_groups_m) / 2.0)
                 };
-                let lag_s = (tick.0 as f64 - told.0 as f64) * dt_s;
+                // Where bodies are here is where they were after the last tick.
+                let lag_s = (tick.0 as f64 - 1.0 - told.0 as f64) * dt_s;
                 for state in states {
                     let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&state.id));
                     if let Some(Owned { body, .. }) = owner {
@@ -326,7 +353,12 @@ impl StandIn {
         }
     }
 
-    fn settled(&mut self, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
+    fn settled(&mut self, tick: Tick, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
+        let events = self.regions.iter_mut().map(|(&region, content)| {
+            let touches = content.touches();
+            RegionEvents { region, tick, touches, ..RegionEvents::default() }
+        });
+        let events = events.collect();
         let owned: BTreeMap<_, _> = self
             .regions
             .values()
@@ -349,7 +381,6 @@ impl StandIn {
         let questions = std::mem::take(&mut self.questions);
         let answers =
             questions.into_iter().map(|(client, question)| answer(&owned, client, &question)).collect();
-        let events = Vec::new();
         PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint }
     }
 }

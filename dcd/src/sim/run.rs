@@ -323,9 +323,7 @@ impl Sim {
                 NodeOutput::Settled(tick) => {
                     let view = process.machine.view().expect("only members complete ticks");
                     if self.sample_every.is_some_and(|every| tick.0.is_multiple_of(every)) {
-                        let group = self.checker.group_of(view.number);
-                        let sample = |group| Sample::of(self.now, group, id, tick, &*process.physics);
-                        self.samples.extend(group.map(sample));
+                        self.samples.push(Sample::of(self.now, id, view, tick, &*process.physics));
                     }
                     let before = self.checker.checked();
                     let checked = self.checker.settled(id, view, tick, &*process.physics);
@@ -343,10 +341,7 @@ impl Sim {
                 }
                 NodeOutput::Stopped { reason, .. } => {
                     self.note(|| format!("{id} ends: {reason}"));
-                    self.nodes.remove(&id);
-                    self.hosts.remove(&Peer::Node(id));
-                    self.checker.forget_node(id);
-                    self.network.crash(self.now, Peer::Node(id));
+                    self.end(Peer::Node(id));
                 }
             }
         }

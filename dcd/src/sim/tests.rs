@@ -1,5 +1,8 @@
 //! The cluster against its faults.
 
+mod groups;
+mod hour;
+
 use std::time::Duration;
 
 use super::*;
@@ -198,7 +201,7 @@ fn chaos(seed: u64) {
             (1, Some(node)) => sim.leave(node),
             (2, _) if nodes.len() < 4 => drop(sim.start_node()),
             (5, _) if nodes.len() < 4 => {
-                let (_, client) = sim.start_participant();
+                let (_, client) = sim.start_participant(None);
                 let body = sim_body(avatar(client), [random.unit() * 16.0, 4.0, 4.0]);
                 sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
             }
@@ -399,7 +402,7 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
         if !leads {
             sim.run_to(Tick(5)).unwrap();
         }
-        let (node, client) = sim.start_participant();
+        let (node, client) = sim.start_participant(None);
         sim.run_until(|sim| sim.client(client).leader().is_some_and(|leader| (leader == node) == leads))
             .unwrap();
         let body = sim_body(avatar(client), [1.0, 4.0, 4.0]);
@@ -413,6 +416,26 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
         };
         sim.run_until(is_seen).unwrap();
         assert!(sim.nodes().all(|node| node.counters().refused == 0));
+    }
+}
+
+#[test]
+fn what_a_participant_wishes_while_the_leader_changes_happens() {
+    for wait_ms in (0..400).step_by(7) {
+        let mut sim = running(12, 3);
+        let (_, client) = sim.start_participant(None);
+        sim.run_until(|sim| sim.client(client).leader().is_some()).unwrap();
+        let body = sim_body(avatar(client), [1.0, 4.0, 4.0]);
+        sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+        sim.run_until(|sim| sim.client(client).body(avatar(client)).is_some()).unwrap();
+        let leader = sim.client(client).leader().unwrap();
+        sim.leave(leader);
+        sim.run_for(Duration::from_millis(wait_ms)).unwrap();
+        let velocity = Velocity { linear: [0.0, 0.5, 0.0], angular: [0.0; 3] };
+        sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+        sim.run_for(Duration::from_secs(2)).unwrap();
+        assert_ne!(sim.client(client).leader(), Some(leader), "{wait_ms} ms");
+        assert_eq!(sim.state(avatar(client)).unwrap().velocity, velocity, "{wait_ms} ms");
     }
 }
 

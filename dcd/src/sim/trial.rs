@@ -1,35 +1,47 @@
 //! One run of one seed: a cluster with users, faults by schedule, a calm end, and what must hold all the while.
 
 mod acts;
+mod groups;
 mod looks;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use self::groups::Lately;
 pub use self::looks::Staleness;
 use super::faults::{FaultProfile, Moment, Planned, Promise, Schedule};
-use super::{NetworkConditions, Path, Random, Sim, SimConfig, Tally, Timeline, Traffic, Violation};
+use super::{Comparer, NetworkConditions, Path, Random, Sim, SimConfig, Tally, Timeline, Traffic, Violation};
 use crate::cluster::Peer;
-use crate::protocol::{SyncProtocol, Velocity};
+use crate::protocol::{DelayThresholds, SyncProtocol, Thresholds, Velocity};
 use crate::space::{ClientId, NodeId, Tick};
 
 /// How long all is looked after once it is calm.
 const CALM: Duration = Duration::from_secs(15);
+/// The same where groups depend on delay: who was parted from its group stays out for a minute, then votes are held every half
+/// minute.
+const CALM_APART: Duration = Duration::from_secs(150);
 /// And how long it has to stay well.
 const AFTERMATH: Duration = Duration::from_secs(3);
 /// From this length on, a time without ticks is noted.
 const LONG_PAUSE: Duration = Duration::from_secs(1);
 /// How long a fault waits for its moment.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// Which nodes are of one group, where there are several sites.
+const DELAYS: DelayThresholds =
+    DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
+/// Of bodies along each axis there: what one group hears of another's still holds, but when they have just bounced.
+const SLOW_M_S: f64 = 2.0;
+/// Ticks between comparisons of groups.
+const SAMPLES: u64 = 3;
 /// Between looks at what no event tells; out of step with ticks.
 const LOOK: Duration = Duration::from_millis(47);
 
 /// The cluster of a trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrialConfig {
-    /// Nodes at the start.
+    /// Nodes at each site.
     pub nodes: u32,
-    /// Clients with an avatar each.
+    /// Clients at each site, with an avatar each. Where there are several sites, they are in one process with a node of theirs.
     pub clients: u32,
     /// Regions of the world.
     pub regions: usize,
@@ -155,6 +167,12 @@ struct Trial<'a> {
     staleness: Staleness,
     settled_at: BTreeMap<Tick, Duration>,
     apart: BTreeMap<(NodeId, NodeId), Duration>,
+    /// How many sites there are, and with several how far their groups are apart.
+    sites: u32,
+    comparer: Comparer,
+    /// When a body was last near enough to where the group that is believed has it, and when a leader last knew which that is.
+    agreed_at: Lately,
+    known_at: Lately,
 }
 
 impl<'a> Trial<'a> {
@@ -164,11 +182,16 @@ impl<'a> Trial<'a> {
             Some(rate) => (rate, 1),
             None => (config.rate, (config.rate / 10).max(1).into()),
         };
+        let sites = schedule.sites;
+        let delay = (sites > 1).then_some(DELAYS);
+        let participants = if sites > 1 { config.clients } else { 0 };
         let sim = Sim::new(SimConfig {
             seed,
-            nodes: config.nodes,
+            nodes: sites * config.nodes.saturating_sub(participants),
+            thresholds: Thresholds { delay, ..Thresholds::default() },
             regions: config.regions,
             bodies: config.bodies,
+            speed_m_s: if sites > 1 { SLOW_M_S } else { SimConfig::default().speed_m_s },
             dt_s: 1.0 / rate as f32,
             network: schedule.network.clone(),
             skew: schedule.skew,
@@ -205,11 +228,24 @@ impl<'a> Trial<'a> {
             staleness: Staleness::default(),
             settled_at: BTreeMap::new(),
             apart: BTreeMap::new(),
+            sites,
+            comparer: Comparer::new(sites as usize),
+            agreed_at: Lately::default(),
+            known_at: Lately::default(),
         };
-        for _ in 0..config.clients {
-            let client = trial.sim.start_client(None);
+        for (at, node) in trial.sim.nodes.keys().copied().collect::<Vec<_>>().into_iter().enumerate() {
+            trial.sim.place(Peer::Node(node), at as u32 % sites);
+        }
+        for at in 0..sites * config.clients {
+            let client = match sites {
+                1 => trial.sim.start_client(None),
+                _ => trial.begin_participant(None, at % sites).1,
+            };
             trial.clients.push(client);
             trial.plan(Duration::from_millis(500), Action::Use(client));
+        }
+        if sites > 1 {
+            trial.sim.sample_every(SAMPLES);
         }
         for &planned in &schedule.faults {
             trial.plan(planned.at, Action::Arm(planned));

@@ -29,6 +29,8 @@ pub struct SimConfig {
     pub regions: usize,
     /// Persistent bodies.
     pub bodies: u32,
+    /// Their speed along each axis, at most.
+    pub speed_m_s: f64,
     /// Simulated seconds a tick.
     pub dt_s: f32,
     /// What the network is like at the start.
@@ -58,6 +60,8 @@ impl Default for SimConfig {
             nodes: 3,
             regions: 8,
             bodies: 40,
+            // Each body crosses several regions in a second or two.
+            speed_m_s: 12.0,
             dt_s: 1.0 / 60.0,
             network: NetworkConditions::calm(Path::up_to(2_000)),
             bounds: Bounds::default(),
@@ -157,15 +161,17 @@ impl Sim {
     /// A server with a world, and its nodes about to join.
     pub fn new(config: SimConfig) -> Self {
         let mut random = Random::new(config.seed);
-        let bodies: Vec<_> =
-            (0..config.bodies).map(|i| drifting(BodyId::persistent(i), &mut random)).collect();
+        let bodies: Vec<_> = (0..config.bodies)
+            .map(|i| drifting(BodyId::persistent(i), config.speed_m_s, &mut random))
+            .collect();
         let mut world = sim_world(config.regions);
         world.dt_s = config.dt_s;
         let record = Record::new(bodies, Vec::new(), Vec::new());
         Self::start(config, world, record, || Box::<StandIn>::default(), random)
     }
 
-    /// The same with another world and another physics; of the configuration `regions`, `bodies` and `dt_s` do not count.
+    /// The same with another world and another physics; of the configuration `regions`, `bodies`, their
+    /// speed and `dt_s` do not count.
     pub fn with_world(
         config: SimConfig,
         world: EnvironmentProperties,
@@ -239,9 +245,9 @@ impl Sim {
         self.start_process(None)
     }
 
-    /// A client and a node in one process join (the thesis's normal participant).
-    pub fn start_participant(&mut self) -> (NodeId, ClientId) {
-        let client = self.new_client_id();
+    /// A client and a node in one process join (the thesis's normal participant); with an id, a client that was there before.
+    pub fn start_participant(&mut self, again: Option<ClientId>) -> (NodeId, ClientId) {
+        let client = again.unwrap_or_else(|| self.new_client_id());
         let node = self.start_process(Some(client));
         self.clients.insert(client, Client::new(client, Some(node)));
         self.host(Peer::Client(client), false);
@@ -298,12 +304,17 @@ impl Sim {
     /// A process is gone from one instant to the next.
     pub fn crash(&mut self, peer: Peer) {
         self.note(|| format!("{} is killed", name(peer)));
+        self.end(peer);
+    }
+
+    /// A process is no more, and those that share it.
+    pub(super) fn end(&mut self, peer: Peer) {
         match peer {
             Peer::Node(node) => {
                 let client = self.nodes.remove(&node).and_then(|process| process.client);
                 self.checker.forget_node(node);
                 if let Some(client) = client {
-                    self.crash(Peer::Client(client));
+                    self.end(Peer::Client(client));
                 }
             }
             Peer::Client(client) => {
@@ -388,6 +399,11 @@ impl Sim {
         if let Some(host) = self.hosts.get_mut(&peer) {
             host.cost = cost;
         }
+    }
+
+    /// A process is at this site from now on.
+    pub fn place(&mut self, peer: Peer, site: u32) {
+        self.network.conditions.sites.insert(peer, site);
     }
 
     /// What the network is like from now on.

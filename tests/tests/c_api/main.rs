@@ -4,6 +4,7 @@
 mod abi;
 mod header;
 mod library;
+mod long;
 mod packaging;
 mod programs;
 mod served;

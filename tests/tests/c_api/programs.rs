@@ -9,7 +9,7 @@ fn example(name: &str) -> PathBuf {
     root().join("examples-c").join(name)
 }
 
-fn checker(name: &str) -> PathBuf {
+pub(crate) fn checker(name: &str) -> PathBuf {
     root().join("tests/tests/c_api").join(name)
 }
 

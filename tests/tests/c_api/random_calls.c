@@ -214,7 +214,7 @@ static DcdStatus play(void)
         indices[i] = dice(dice(10) == 0 ? 20 : 8);
     }
 
-    switch (dice(38)) {
+    switch (dice(40)) {
     case 0:
         if (dice(20) == 0) {
             DcdWorld *place = &worlds[dice(WORLDS)];
@@ -415,6 +415,23 @@ static DcdStatus play(void)
         return dice(3) ? dcd_body_owner(world, named, &owner)
                : dice(2) ? dcd_borders(world, borders, dice(5), &count)
                          : dcd_interest_set(world, dice(2) ? pose.p : NULL, (double)number());
+    }
+    case 36: {
+        DcdConnectionId any = { dice(2) ? named.v : dice(3) };
+        DcdConnectionInfo is = DCD_CONNECTION_INFO_INIT;
+        size_t count;
+        switch (dice(5)) {
+        case 0:
+            return dcd_connections(world, &any, dice(2), &count);
+        case 1:
+            return dcd_connection_info(world, any, &is);
+        case 2:
+            return dcd_disconnect(world, any, dice(2) ? "go" : NULL);
+        case 3:
+            return dcd_send(world, any, dice(2) ? &is : NULL, dice(2) ? dice(sizeof is) : DCD_MAX_MESSAGE + 1, dice(3));
+        default:
+            return dcd_poll(world, dice(2));
+        }
     }
     default:
         return dcd_step(world);

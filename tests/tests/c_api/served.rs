@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use dcd::net::Role;
 use dcd::protocol::Pace;
-use dcd::runtime::{JoinConfig, Member, MemberConfig, Partitioning, ServeConfig, ServerProcess, WorldConfig};
+use dcd::runtime::{
+    Delivery, JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
+};
 use dcd::scene::{Params, Scene};
 
 use crate::programs::{SANITIZED, numbers};
@@ -26,16 +28,13 @@ impl Cluster {
     fn start(nodes: usize) -> Self {
         let scene = Scene::named("pile", &Params::new().with("n", 100)).unwrap();
         let folder = tempfile::tempdir().unwrap();
+        let world = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
         let server = ServerProcess::start(
-            &scene,
+            Origin::Scene(&scene, &world),
             ServeConfig {
                 listen: "127.0.0.1:0".parse().unwrap(),
                 data: folder.path().join("server"),
                 fresh: false,
-                world: WorldConfig {
-                    partitioning: Partitioning::Regions(2),
-                    ..WorldConfig::for_scene(&scene)
-                },
                 nodes,
                 pace: Pace::RealTime,
                 last_tick: None,
@@ -119,7 +118,21 @@ fn an_mmo_client_draws_its_avatar_ahead_of_what_it_hears() {
     let program = build(&root().join("examples-c/mmo_client.c"), cluster.folder.path(), &SANITIZED);
     let mut client = Command::new(program);
     client.arg(cluster.server.address.to_string()).arg(cluster.token(Role::Client));
+    let connections = cluster.server.connections().clone();
+    let host = std::thread::spawn(move || {
+        let mut seen = 0;
+        while connections.wait(seen, LIMIT) {
+            seen = connections.arrivals();
+            if let Some(greeting) = connections.take_messages().pop() {
+                assert_eq!(greeting.bytes, b"hello");
+                return connections.send(greeting.from, b"welcome", Delivery::Message).unwrap();
+            }
+        }
+        panic!("the client does not greet");
+    });
     let said = run_well(client.arg("3"));
+    host.join().unwrap();
+    assert!(said.contains("the server says: welcome"), "{said}");
     let last = said.lines().last().expect("it says something");
     let numbers = numbers(last);
     let [steps, delay, moved_m, ahead_m, corrected_m] = numbers[..] else { panic!("{said}") };
@@ -265,12 +278,21 @@ fn what_is_wrong_on_entering_is_said_to_c() {
     cluster.stop();
 }
 
-#[test]
-fn one_program_serves_computes_and_sees_a_world() {
+/// Runs a C program that holds a world itself, in a folder of its own; as it is and under sanitizers.
+fn run_alone(source: &str) {
     for flags in [&[][..], &SANITIZED] {
         let folder = tempfile::tempdir().unwrap();
-        let program = build(&root().join("tests/tests/c_api/roles.c"), folder.path(), flags);
-        let said = run_well(Command::new(program).arg(folder.path().join("server")));
-        assert!(said.contains(" checks, 0 failures"), "{said}");
+        let program = build(&root().join("tests/tests/c_api").join(source), folder.path(), flags);
+        check(&run_well(Command::new(program).arg(folder.path().join("server"))));
     }
+}
+
+#[test]
+fn one_program_serves_computes_and_sees_a_world() {
+    run_alone("roles.c");
+}
+
+#[test]
+fn programs_see_their_connections_and_speak_over_them() {
+    run_alone("network.c");
 }

@@ -74,6 +74,11 @@ pub(crate) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-pedantic", "-Werror"
 
 /// Compiles a C or C++ program and links it to the static library. Returns the program.
 pub(crate) fn build(source: &Path, out: &Path, flags: &[&str]) -> PathBuf {
+    build_with(source, out, flags, &library_dir().join("libdcd_ffi.a"))
+}
+
+/// The same with a library that was built otherwise.
+pub(crate) fn build_with(source: &Path, out: &Path, flags: &[&str], library: &Path) -> PathBuf {
     let program = out.join(source.file_stem().expect("a source has a name"));
     let mut compiler = if source.extension() == Some(OsStr::new("cpp")) {
         let mut cxx = compiler("CXX", "c++");
@@ -85,7 +90,7 @@ pub(crate) fn build(source: &Path, out: &Path, flags: &[&str]) -> PathBuf {
         cc
     };
     compiler.arg("-g").args(STRICT).args(flags).arg(source);
-    compiler.arg(library_dir().join("libdcd_ffi.a")).args(NATIVE_LIBS).arg("-o").arg(&program);
+    compiler.arg(library).args(NATIVE_LIBS).arg("-o").arg(&program);
     run_well(&mut compiler);
     program
 }

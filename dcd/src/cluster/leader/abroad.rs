@@ -4,9 +4,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
+use crate::cluster::Peer;
 use crate::cluster::correction::deviation_m;
-use crate::protocol::{SharedState, Stance, ToServer, Touch, WorldOp, datagrams};
-use crate::space::{BodyId, Tick};
+use crate::protocol::{Drive, SharedState, Stance, ToServer, Touch, WorldOp, datagrams};
+use crate::space::{BodyId, ClientId, Tick};
 
 /// Ticks between messages to the other groups.
 const TELL_EVERY: u64 = 6;
@@ -16,8 +17,9 @@ const REMINDERS: usize = 4;
 const STALE_TICKS: u64 = 60;
 /// How many ticks another group may be ahead or behind before this one hurries or waits.
 const STEP_TICKS: i64 = 1;
-/// By how much it does.
-const HURRY: f32 = 0.05;
+/// By how much it does for each of them, and at most: a second is made up for in some five.
+const HURRY: f32 = 0.01;
+const MOST_HURRY: f32 = 0.25;
 
 /// Deviations between this group and those that are believed, since they were last asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,13 +53,18 @@ pub(super) struct Abroad {
     pub to_server: Vec<ToServer>,
 }
 
+impl Abroad {
+    fn is_ours(&self, id: BodyId, clients: &BTreeMap<ClientId, Peer>) -> bool {
+        match id.client() {
+            Some(client) => clients.contains_key(&client),
+            None => self.stances.get(&id).map_or(self.by_default, |&(_, ours)| ours),
+        }
+    }
+}
+
 impl Leader {
     /// The server says which group is believed about what.
     pub fn authority(&mut self, alone: bool, by_default: bool, stances: Vec<Stance>) {
-        if alone {
-            self.abroad = None;
-            return;
-        }
         let known: BTreeSet<_> = self.latest.keys().copied().collect();
         let abroad = self.abroad.get_or_insert_with(|| Abroad { moved: known, ..Abroad::default() });
         abroad.by_default = by_default;
@@ -65,16 +72,31 @@ impl Leader {
             if abroad.stances.get(&body).is_none_or(|&(known, _)| known <= number) {
                 abroad.stances.insert(body, (number, yours));
                 abroad.moved.insert(body);
-                if yours {
-                    // Who is believed follows nobody any more.
-                    abroad.heard.remove(&body);
-                    abroad.news.remove(&body);
-                    abroad.correcting.remove(&body);
-                }
             }
         }
         if by_default {
             abroad.ahead = None;
+        }
+        // Who is believed follows nobody any more.
+        let is_ours = |id: &BodyId| alone || abroad.is_ours(*id, &self.clients);
+        let ours: Vec<_> = abroad.heard.keys().copied().filter(is_ours).collect();
+        ours.into_iter().for_each(|id| self.let_go(id));
+        if alone {
+            self.abroad = None;
+        }
+    }
+
+    /// A body is led no more: it goes on as it was to move, not at the speed at which it made up for what it was off.
+    fn let_go(&mut self, id: BodyId) {
+        let Some(abroad) = &mut self.abroad else { return };
+        abroad.news.remove(&id);
+        let Some((_, state)) = abroad.heard.remove(&id) else { return };
+        if abroad.correcting.remove(&id) && id.client().is_none() {
+            let velocity = state.velocity;
+            self.ops.push(WorldOp::Drive(Drive { body: id, logical_time: 0, velocity, pose: None }));
+            if let Some((latest, _)) = self.latest.get_mut(&id) {
+                latest.velocity = velocity;
+            }
         }
     }
 
@@ -87,12 +109,9 @@ impl Leader {
         }
         for state in states {
             let id = state.id;
-            // Sent before this group was believed.
-            let ours = match id.client() {
-                Some(client) => self.clients.contains_key(&client),
-                None => abroad.stances.get(&id).map_or(abroad.by_default, |&(_, ours)| ours),
-            };
-            if !ours && abroad.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
+            // Else it was sent before this group was believed.
+            let theirs = !abroad.is_ours(id, &self.clients);
+            if theirs && abroad.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
                 abroad.heard.insert(id, (tick, state));
                 // What moves is compared when it is reported, and left alone within the threshold: velocities of some
                 // ticks ago would undo what it has hit since.
@@ -112,20 +131,22 @@ impl Leader {
     /// How much longer or shorter than usual the next tick is to be, so that groups keep step.
     pub(super) fn stretch(&self) -> f32 {
         match self.abroad.as_ref().and_then(|abroad| abroad.ahead) {
-            Some(ahead) if ahead > STEP_TICKS => 1.0 - HURRY,
-            Some(ahead) if ahead < -STEP_TICKS => 1.0 + HURRY,
+            Some(ahead) if ahead.abs() > STEP_TICKS => {
+                1.0 - (ahead as f32 * HURRY).clamp(-MOST_HURRY, MOST_HURRY)
+            }
             _ => 1.0,
         }
     }
 
     pub(super) fn moved_here(&mut self, id: BodyId) {
-        let is_local = id.client().map(|client| self.clients.contains_key(&client));
-        if let Some(abroad) = &mut self.abroad {
-            let ours = abroad.stances.get(&id).map_or(abroad.by_default, |&(_, ours)| ours);
-            if is_local.unwrap_or(ours) {
-                abroad.moved.insert(id);
-            }
+        if let Some(abroad) = self.abroad.as_mut().filter(|abroad| abroad.is_ours(id, &self.clients)) {
+            abroad.moved.insert(id);
         }
+    }
+
+    /// Whether this group takes itself to be the one that is believed about a body.
+    pub fn is_believed(&self, id: BodyId) -> bool {
+        self.abroad.as_ref().is_none_or(|abroad| abroad.is_ours(id, &self.clients))
     }
 
     /// A local avatar that touches a body makes its group the one that is believed about it.
@@ -155,8 +176,10 @@ impl Leader {
     pub(super) fn compare_and_tell(&mut self) {
         let (view, tick, dt_s) = (self.view, self.tick, self.dt.as_secs_f64());
         let thresholds = self.thresholds;
+        let heard = self.abroad.iter().flat_map(|abroad| &abroad.heard);
+        let stale = heard.filter(|(_, (heard, _))| heard.0 + STALE_TICKS <= tick.0).map(|(&id, _)| id);
+        stale.collect::<Vec<_>>().into_iter().for_each(|id| self.let_go(id));
         let Some(abroad) = &mut self.abroad else { return };
-        abroad.heard.retain(|_, (heard, _)| tick.0 < heard.0 + STALE_TICKS);
         for (id, (heard, state)) in &abroad.heard {
             let Some((own, at)) = self.latest.get(id).filter(|(_, at)| *at == tick) else { continue };
             let lag_s = (at.0 as f64 - heard.0 as f64) * dt_s;
@@ -237,5 +260,126 @@ impl Leader {
             abroad.news.remove(&id);
             abroad.correcting.remove(&id);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::protocol::{Dispatch, Done, Member, Report, TickStats, Velocity, View, ViewNumber, WorldPose};
+    use crate::sim::sim_world;
+    use crate::space::{Epoch, GroupId, NodeId};
+
+    const BODY: BodyId = BodyId::persistent(1);
+
+    fn moving(x: f64, speed: f32) -> SharedState {
+        let velocity = Velocity { linear: [speed, 0.0, 0.0], angular: [0.0; 3] };
+        SharedState {
+            id: BODY,
+            epoch: Epoch(0),
+            pose: WorldPose::at([x, 4.0, 4.0]),
+            velocity,
+            sleeping: false,
+        }
+    }
+
+    /// Leads itself, in a group that is not the main one.
+    fn leader() -> Leader {
+        let member = Member { node: NodeId(1), address: ([127, 0, 0, 1], 1).into(), client: None };
+        let view = View {
+            group: GroupId(2),
+            number: ViewNumber(1),
+            tick: Tick(0),
+            leader: NodeId(1),
+            members: vec![member],
+            allocation: Default::default(),
+        };
+        let mut leader = Leader::new(Duration::ZERO, &view, &sim_world(2));
+        leader.authority(false, false, Vec::new());
+        leader
+    }
+
+    /// The next tick, after which the body is where `state` says.
+    fn tick(leader: &mut Leader, state: SharedState) -> Dispatch {
+        let (view, tick) = (leader.view, leader.tick);
+        leader.report(Report { view, tick, states: vec![state] });
+        let done = Done {
+            view,
+            tick,
+            rounds_wanted: 1,
+            stats: TickStats::default(),
+            holds: None,
+            events: Vec::new(),
+            answers: vec![],
+        };
+        leader.done(NodeId(1), done);
+        leader.dispatch(Duration::from_secs(tick.0 + 1)).expect("it is alone")
+    }
+
+    /// A body is led to a place that is far from where it is.
+    fn leading() -> Leader {
+        let mut leader = leader();
+        tick(&mut leader, moving(1.0, 6.0));
+        leader.hear_abroad(true, Tick(1), vec![moving(2.0, 0.5)]);
+        let ops = tick(&mut leader, moving(1.1, 6.0)).ops;
+        assert_eq!(ops, [WorldOp::Correct { tick: Tick(1), states: vec![moving(2.0, 0.5)] }]);
+        leader
+    }
+
+    /// It is to move as it does where the other group has it.
+    fn let_go() -> Vec<WorldOp> {
+        let velocity = moving(0.0, 0.5).velocity;
+        vec![WorldOp::Drive(Drive { body: BODY, logical_time: 0, velocity, pose: None })]
+    }
+
+    #[test]
+    fn who_becomes_believed_about_a_body_does_not_keep_the_speed_at_which_it_was_led() {
+        let mut leader = leading();
+        leader.authority(false, false, vec![Stance { body: BODY, number: 1, yours: true }]);
+        assert_eq!(leader.latest[&BODY].0.velocity, moving(0.0, 0.5).velocity, "as the others are told");
+        assert_eq!(tick(&mut leader, moving(1.2, 0.5)).ops, let_go());
+        assert_eq!(tick(&mut leader, moving(1.2, 0.5)).ops, [], "once");
+        let mut main = leading();
+        main.authority(false, true, Vec::new());
+        assert_eq!(tick(&mut main, moving(1.2, 0.5)).ops, let_go());
+        let mut alone = leading();
+        alone.authority(true, true, Vec::new());
+        assert_eq!(tick(&mut alone, moving(1.2, 0.5)).ops, let_go());
+    }
+
+    #[test]
+    fn a_body_that_is_not_heard_of_any_more_is_let_go() {
+        let mut leader = leading();
+        for _ in 2..=STALE_TICKS {
+            let ops = tick(&mut leader, moving(1.2, 6.0)).ops;
+            assert!(matches!(ops[..], [WorldOp::Correct { .. }]), "{ops:?}");
+        }
+        assert_eq!(tick(&mut leader, moving(1.2, 6.0)).ops, let_go());
+    }
+
+    #[test]
+    fn what_was_not_led_moves_on_as_it_did_when_its_group_becomes_believed() {
+        let mut leader = leader();
+        tick(&mut leader, moving(1.0, 0.6));
+        leader.hear_abroad(true, Tick(1), vec![moving(1.01, 0.5)]);
+        tick(&mut leader, moving(1.01, 0.6));
+        leader.authority(false, false, vec![Stance { body: BODY, number: 1, yours: true }]);
+        assert_eq!(tick(&mut leader, moving(1.02, 0.6)).ops, []);
+    }
+
+    #[test]
+    fn a_group_hurries_or_waits_the_more_the_farther_it_is_from_the_main_one() {
+        let mut leader = leader();
+        let mut stretch = |ahead: u64| {
+            leader.tick = Tick(1_000);
+            leader.hear_abroad(true, Tick(1_000 + ahead), Vec::new());
+            leader.stretch()
+        };
+        assert_eq!([0, 1, 10, 80].map(&mut stretch), [1.0, 1.0, 0.9, 0.75]);
+        leader.tick = Tick(1_010);
+        leader.hear_abroad(true, Tick(1_000), Vec::new());
+        assert_eq!(leader.stretch(), 1.1);
     }
 }

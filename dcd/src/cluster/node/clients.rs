@@ -25,7 +25,7 @@ impl Node {
         }
     }
 
-    /// The leader is another, or may have lost what was said to it.
+    /// What was said to the leader may be lost with the link.
     pub(super) fn repeat_interest(&mut self) {
         if let Some(message) = self.interest.clone() {
             self.own_client(message);
@@ -75,6 +75,15 @@ impl Node {
                 self.lead_client(client, message);
             }
         }
+    }
+
+    /// A view has begun: the client in this process may have heard so from the server, and said again to the leader of the last view
+    /// what it wishes.
+    pub(super) fn tell_own_client(&mut self) {
+        let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
+        let leader = view.led_by().cloned();
+        let message = ToClient::LeaderIs { group: view.group, view: view.number, leader };
+        self.outputs.push_back(NodeOutput::Client(message));
     }
 
     /// Gives clients what the leader has for them.

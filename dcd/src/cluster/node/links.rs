@@ -193,7 +193,7 @@ impl Node {
     pub(super) fn hear_pong(&mut self, now: Duration, from: Peer, pong: Pong) {
         self.pinger.pong(now, from, pong);
         let Peer::Node(node) = from else { return };
-        let (Some(average), Some(latest)) = (self.pinger.delay_us(from), self.pinger.latest_us(from)) else {
+        let (Some(middle), Some(latest)) = (self.pinger.delay_us(from), self.pinger.latest_us(from)) else {
             return;
         };
         if self.link.nodes.get(&node).is_some_and(|link| link.told_ms.is_none()) {
@@ -201,7 +201,7 @@ impl Node {
         }
         let same_group = self.others.contains(&node);
         let Some(watch) = self.watch.as_mut().filter(|_| self.view.is_some()) else { return };
-        let motion = watch.observe(now, node, same_group, average / 1e3, latest as f64 / 1e3);
+        let motion = watch.observe(now, node, same_group, middle / 1e3, latest as f64 / 1e3);
         if let Some(motion) = motion.filter(|_| self.link.server_up) {
             self.send_server(ToServer::Call(motion));
         }

@@ -333,7 +333,7 @@ impl Node {
         self.ask(PhysicsCommand::Rebuild { tick: view.tick, regions, placed, joints, drop });
         self.view = Some(view);
         self.grant_early_wishes();
-        self.repeat_interest();
+        self.tell_own_client();
     }
 
     /// Sends what the regions have to say, and waits for what the others' have.

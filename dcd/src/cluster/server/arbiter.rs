@@ -81,7 +81,14 @@ impl Server {
     pub(super) fn tell_leaders(&mut self) {
         let alone = self.groups.values().filter(|group| lives(group)).count() <= 1;
         self.arbiter.told.retain(|id, _| self.groups.contains_key(id));
-        self.arbiter.touched.retain(|_, (_, group)| self.groups.contains_key(group));
+        // The main one is believed about what no group can be asked about any more, at a number that leaders have not heard.
+        let mut orphans = Vec::new();
+        for (&body, (number, group)) in &mut self.arbiter.touched {
+            if *group != self.main && !self.groups.get(group).is_some_and(lives) {
+                (*number, *group) = (*number + 1, self.main);
+                orphans.push(body);
+            }
+        }
         let bodies: Vec<_> = self.arbiter.touched.keys().copied().collect();
         for id in self.groups.values().filter(|group| lives(group)).map(|group| group.id).collect::<Vec<_>>()
         {
@@ -89,6 +96,8 @@ impl Server {
             let state = (view.number, alone, id == self.main);
             if self.arbiter.told.insert(id, state) != Some(state) {
                 self.tell_authority(id, &bodies);
+            } else if !orphans.is_empty() {
+                self.tell_authority(id, &orphans);
             }
         }
     }

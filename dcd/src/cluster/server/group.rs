@@ -7,7 +7,7 @@ use super::ServerOutput;
 use super::change::Change;
 use super::common::{Common, NodeEntry};
 use crate::cluster::{Life, Record};
-use crate::protocol::{Member, ToClient, ToNode, ToServer, View, WorldOp};
+use crate::protocol::{ToClient, ToNode, ToServer, View, WorldOp};
 use crate::space::{BodyId, GroupId, NodeId, Tick};
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
@@ -91,9 +91,8 @@ impl Group {
     }
 
     pub(super) fn leader_is(&self) -> ToClient {
-        let leader = |view: &View| view.members.iter().find(|member| member.node == view.leader).cloned();
         let number = self.view.as_ref().map_or_else(Default::default, |view| view.number);
-        let leader: Option<Member> = self.view.as_ref().filter(|_| !self.held).and_then(leader);
+        let leader = self.view.as_ref().filter(|_| !self.held).and_then(View::led_by).cloned();
         ToClient::LeaderIs { group: self.id, view: number, leader }
     }
 

@@ -43,8 +43,8 @@ pub struct NetworkConditions {
     pub far: Path,
     /// Where processes are; those not named are at site 0.
     pub sites: BTreeMap<Peer, u32>,
-    /// Ways (from, to) that are unlike all others.
-    pub special: BTreeMap<(Peer, Peer), Path>,
+    /// Between the server and all others; `None`: as between any two.
+    pub server: Option<Path>,
     /// Share of packets that are lost.
     pub loss: f64,
     /// Share of packets that take a detour, so that later ones overtake them.
@@ -62,7 +62,7 @@ impl NetworkConditions {
             near,
             far: near,
             sites: BTreeMap::new(),
-            special: BTreeMap::new(),
+            server: None,
             loss: 0.0,
             reorder: 0.0,
             detour: Duration::from_millis(50),
@@ -70,15 +70,18 @@ impl NetworkConditions {
         }
     }
 
+    /// Where a process is.
+    pub fn site(&self, peer: Peer) -> u32 {
+        self.sites.get(&peer).copied().unwrap_or_default()
+    }
+
     /// The way between two processes.
     pub fn path(&self, from: Peer, to: Peer) -> Path {
-        if !self.special.is_empty()
-            && let Some(&path) = self.special.get(&(from, to))
-        {
-            return path;
+        match self.server {
+            Some(path) if from == Peer::Server || to == Peer::Server => path,
+            _ if self.sites.is_empty() || self.site(from) == self.site(to) => self.near,
+            _ => self.far,
         }
-        let site = |peer| self.sites.get(&peer).copied().unwrap_or_default();
-        if self.sites.is_empty() || site(from) == site(to) { self.near } else { self.far }
     }
 }
 

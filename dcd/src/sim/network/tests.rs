@@ -333,14 +333,19 @@ fn a_reader_that_does_not_read_is_given_up_at_the_bound_and_datagrams_are_droppe
 }
 
 #[test]
-fn sites_and_single_ways_have_their_own_delays() {
+fn sites_are_far_from_one_another_and_the_server_is_where_it_is() {
     let mut conditions = calm();
     conditions.far = Path { base_us: 60_000, jitter_us: 0 };
     conditions.sites = [(B, 1)].into();
-    conditions.special = [((B, A), Path { base_us: 5_000, jitter_us: 0 })].into();
     assert_eq!(conditions.path(A, C), calm().near);
     assert_eq!(conditions.path(A, B).base_us, 60_000);
-    assert_eq!(conditions.path(B, A).base_us, 5_000);
+    let server = conditions.path(Peer::Server, B);
+    assert_eq!(server, conditions.far);
+    conditions.server = Some(Path { base_us: 5_000, jitter_us: 0 });
+    assert_eq!(
+        [(Peer::Server, B), (B, Peer::Server)].map(|(a, b)| conditions.path(a, b).base_us),
+        [5_000; 2]
+    );
 }
 
 #[test]

@@ -29,7 +29,7 @@ fn answer(sim: &mut Sim, client: ClientId, number: u64) -> Vec<Option<RayAnswer>
 fn asking(seed: u64, participates: bool) -> (Sim, ClientId, BodyId) {
     let mut sim = Sim::new(SimConfig { bodies: 0, ..config(seed, 3) });
     sim.run_to(Tick(5)).unwrap();
-    let client = if participates { sim.start_participant().1 } else { sim.start_client(None) };
+    let client = if participates { sim.start_participant(None).1 } else { sim.start_client(None) };
     sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
     for (index, x) in [12.5, 6.5].into_iter().enumerate() {
         let body = sim_body(BodyId::avatar(client, index as u32), [x, 4.0, 4.0]);

@@ -20,7 +20,7 @@ impl Trial<'_> {
             }
             Action::Begin(Peer::Node(_)) => {
                 self.expected_nodes -= 1;
-                let node = self.sim.start_node();
+                let node = self.begin_node();
                 self.sim.note(|| format!("{node} begins"));
             }
             Action::Begin(Peer::Server) => {
@@ -65,7 +65,9 @@ impl Trial<'_> {
             }
             Action::Calm => {
                 self.sim.note(|| "all is calm".into());
-                self.sim.set_network(calm());
+                if self.sites == 1 {
+                    self.sim.set_network(calm());
+                }
                 self.calm_since = Some(self.sim.now);
             }
         }
@@ -111,9 +113,13 @@ impl Trial<'_> {
         match victim.role {
             Role::Server => self.sim.server.is_some().then_some(Peer::Server),
             Role::Leader => {
-                let leader = self.sim.server.as_ref().and_then(|server| Some(server.view()?.leader));
-                let leader = leader.filter(|leader| self.sim.nodes.contains_key(leader));
-                leader.map(Peer::Node).or_else(node)
+                let leaders = self.sim.server.iter().flat_map(|server| server.views());
+                let leaders: Vec<_> = leaders
+                    .map(|(_, view)| view.leader)
+                    .filter(|leader| self.sim.nodes.contains_key(leader))
+                    .collect();
+                let leader = leaders.get(victim.pick as usize % leaders.len().max(1));
+                leader.map(|&leader| Peer::Node(leader)).or_else(node)
             }
             Role::Member => node(),
             Role::Client => {
@@ -184,10 +190,11 @@ impl Trial<'_> {
     /// A node joins, or one leaves, so that a view change begins.
     fn stir(&mut self) {
         let nodes: Vec<_> = self.sim.nodes.keys().copied().collect();
-        if nodes.len() as u32 + self.expected_nodes <= self.config.nodes {
-            let node = self.sim.start_node();
+        if nodes.len() as u32 + self.expected_nodes <= self.wanted_nodes() {
+            let node = self.begin_node();
             self.sim.note(|| format!("{node} begins, one more"));
         } else if let Some(node) = self.random.pick(&nodes)
+            && self.sim.nodes[&node].client.is_none()
             && !self.sim.hosts[&Peer::Node(node)].stopped
         {
             self.sim.note(|| format!("{node} wishes to leave"));

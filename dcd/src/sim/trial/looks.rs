@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Action, CALM, LOOK, Trial};
+use super::{Action, CALM, CALM_APART, LOOK, Trial};
 use crate::cluster::{Peer, Server};
 use crate::protocol::{Velocity, View};
 use crate::sim::Violation;
@@ -60,6 +60,7 @@ impl Trial<'_> {
         self.check_clocks()?;
         self.check_queues()?;
         self.replace_nodes();
+        self.compare_groups();
         let now = self.sim.now;
         if let Some(since) = self.watch
             && self.hindered == 0
@@ -68,6 +69,7 @@ impl Trial<'_> {
             let lack = self.lacks_steadiness(since).unwrap_or_else(|| "no tick since".into());
             return Err(Violation::Slow { after: now - since, lack });
         }
+        let calm = if self.sites > 1 { CALM_APART } else { CALM };
         if let Some(since) = self.calm_since {
             match self.lack(since) {
                 None if self.healed_at.is_none() => {
@@ -75,7 +77,7 @@ impl Trial<'_> {
                     self.healed_at = Some(now);
                 }
                 None => {}
-                Some(lack) if since + CALM < now => {
+                Some(lack) if since + calm < now => {
                     return Err(Violation::Unhealed { after: now - since, lack });
                 }
                 // What went wrong before the calm may yet be noticed.
@@ -85,11 +87,18 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// What keeps the main group from computing on, all members live, since a time.
+    /// What keeps the main group, or with several sites any that has a live member, from computing on, all members live, since a
+    /// time. A group of none but the dead keeps nobody waiting.
     pub(super) fn lacks_steadiness(&self, since: Duration) -> Option<String> {
         let Some(server) = &self.sim.server else { return Some("the server is dead".into()) };
-        let Some(view) = server.view() else { return Some("nobody computes the main group".into()) };
-        self.lacks_ticks(server.main_group(), view, since)
+        if server.view().is_none() {
+            return Some("nobody computes the main group".into());
+        }
+        let lives = |view: &View| view.members.iter().any(|member| self.runs(Peer::Node(member.node)));
+        let counts =
+            |group: GroupId, view: &View| group == server.main_group() || self.sites > 1 && lives(view);
+        let mut views = server.views().filter(|&(group, view)| counts(group, view));
+        views.find_map(|(group, view)| self.lacks_ticks(group, view, since))
     }
 
     fn lacks_ticks(&self, group: GroupId, view: &View, since: Duration) -> Option<String> {
@@ -121,14 +130,11 @@ impl Trial<'_> {
         if let Some(node) = self.sim.nodes.keys().find(|node| !members.contains(node)) {
             return Some(format!("{node} is a member of no group"));
         }
-        // All reach one another, and groups do not depend on delay here.
-        if server.views().count() > 1 {
-            return Some("nodes that reach one another are in several groups".into());
-        }
-        for (group, view) in server.views() {
-            if let Some(lack) = self.lacks_ticks(group, view, recently) {
-                return Some(lack);
-            }
+        let lack = self.lacks_groups(server);
+        let lack =
+            lack.or_else(|| server.views().find_map(|(group, view)| self.lacks_ticks(group, view, recently)));
+        if let Some(lack) = lack.or_else(|| self.lacks_agreement(server)) {
+            return Some(lack);
         }
         let recorded = server.record().present().map(|body| body.id);
         if recorded.ne(self.sim.checker.bodies(server.main_group())) {
@@ -149,7 +155,8 @@ impl Trial<'_> {
         if view.provisional {
             return Some(format!("what {client} sees is provisional"));
         }
-        let tick = self.sim.checker.progress(server.main_group()).map_or(0, |(_, tick)| tick.0);
+        let group = machine.group().unwrap_or_else(|| server.main_group());
+        let tick = self.sim.checker.progress(group).map_or(0, |(_, tick)| tick.0);
         if view.tick.0 + 30 < tick {
             return Some(format!("{client} sees its avatar as of {}, while it is t{tick}", view.tick));
         }
@@ -167,7 +174,8 @@ impl Trial<'_> {
 
     /// How long ago the world was as clients see their avatars; what was computed without the others does not count.
     fn note_staleness(&mut self) {
-        for &client in &self.clients {
+        // Ticks of several groups do not compare.
+        for &client in self.clients.iter().filter(|_| self.sites == 1) {
             let avatar = BodyId::avatar(client, 0);
             let Some(machine) = self.sim.clients.get(&client).filter(|machine| machine.is_joined()) else {
                 continue;
@@ -190,7 +198,7 @@ impl Trial<'_> {
 
     /// A node that has ended is followed by another, as a supervisor would have it.
     fn replace_nodes(&mut self) {
-        let missing = self.config.nodes.saturating_sub(self.sim.nodes.len() as u32 + self.expected_nodes);
+        let missing = self.wanted_nodes().saturating_sub(self.sim.nodes.len() as u32 + self.expected_nodes);
         for _ in 0..missing {
             self.expected_nodes += 1;
             let pause = self.random.between_ms(100, 1_000);

@@ -1,0 +1,202 @@
+//! Three groups of four nodes, 60 ms from one another: two of each group have a client with an avatar in their process.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use super::avatar;
+use crate::cluster::{ClientEvent, Peer};
+use crate::protocol::{DelayThresholds, Thresholds, Velocity};
+use crate::sim::{Apart, Comparer, FaultProfile, Random, Sim, SimConfig, sim_body};
+use crate::space::{BodyId, ClientId, GroupId, NodeId};
+
+const SITES: u32 = 3;
+const MS: Duration = Duration::from_millis(1);
+const TICK: Duration = Duration::from_nanos(16_666_667);
+
+/// The groups have formed, and the avatars are there.
+fn groups(seed: u64) -> (Sim, Vec<ClientId>) {
+    let delay = DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
+    let mut sim = Sim::new(SimConfig {
+        seed,
+        nodes: 2 * SITES,
+        bodies: 20,
+        speed_m_s: 2.0,
+        network: FaultProfile::GroupsKill.schedule(0).network,
+        thresholds: Thresholds { delay: Some(delay), ..Thresholds::default() },
+        report_every: 1,
+        ..SimConfig::default()
+    });
+    for node in 1..=2 * SITES {
+        sim.place(Peer::Node(NodeId(node)), node % SITES);
+    }
+    let mut clients = Vec::new();
+    for at in 0..2 * SITES {
+        let (node, client) = sim.start_participant(None);
+        sim.place(Peer::Node(node), at % SITES);
+        sim.place(Peer::Client(client), at % SITES);
+        clients.push(client);
+    }
+    sim.run_until(|sim| sizes(sim) == [4; SITES as usize]).unwrap();
+    for &client in &clients {
+        sim.run_until(|sim| sim.client(client).leader().is_some()).unwrap();
+        let place = [2.0 + 2.0 * f64::from(client.0), 4.0, 4.0];
+        sim.wish(client, ClientEvent::Spawn { body: sim_body(avatar(client), place), shapes: Vec::new() });
+    }
+    sim.run_until(|sim| clients.iter().all(|&client| sim.client(client).body(avatar(client)).is_some()))
+        .unwrap();
+    sim.run_for(Duration::from_secs(2)).unwrap();
+    (sim, clients)
+}
+
+fn sizes(sim: &Sim) -> Vec<usize> {
+    sim.server().views().map(|(_, view)| view.members.len()).collect()
+}
+
+/// Ticks of each group.
+fn ticks(sim: &Sim) -> BTreeMap<GroupId, u64> {
+    let tick = |group| sim.checker().progress(group).map_or(0, |(_, tick)| tick.0);
+    sim.server().views().map(|(group, _)| (group, tick(group))).collect()
+}
+
+fn drive(sim: &mut Sim, client: ClientId, linear: [f32; 3]) -> Velocity {
+    let velocity = Velocity { linear, angular: [0.0; 3] };
+    sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+    velocity
+}
+
+#[test]
+fn nodes_near_one_another_are_a_group() {
+    for seed in 0..3 {
+        let (sim, clients) = groups(seed);
+        let site = |node: NodeId| {
+            let participant = node.0 > 2 * SITES;
+            (if participant { node.0 - 1 } else { node.0 }) % SITES
+        };
+        for (group, view) in sim.server().views() {
+            let sites: BTreeSet<_> = view.members.iter().map(|member| site(member.node)).collect();
+            assert_eq!(
+                (view.members.len(), sites.len()),
+                (4, 1),
+                "{group} of seed {seed}: {:?}",
+                view.members
+            );
+        }
+        let playing: BTreeSet<_> = clients.iter().map(|&client| sim.client(client).group()).collect();
+        assert_eq!(playing.len(), 3, "clients play with the groups of their nodes");
+    }
+}
+
+#[test]
+fn an_avatar_is_seen_in_its_group_within_two_ticks_of_a_wish() {
+    let (mut sim, clients) = groups(1);
+    let mut random = Random::new(2);
+    for _ in 0..100 {
+        let who = clients[random.below(6) as usize];
+        let group = sim.client(who).group();
+        let others: Vec<_> = clients
+            .iter()
+            .copied()
+            .filter(|&other| other != who && sim.client(other).group() == group)
+            .collect();
+        assert_eq!(others.len(), 1);
+        let began = sim.now();
+        let wish = drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
+        let speeds = |velocity: Velocity| velocity.linear.map(f32::abs);
+        let sees = |sim: &Sim| {
+            let view = sim.client(others[0]).body(avatar(who)).expect("it is there");
+            speeds(view.body.state.velocity) == speeds(wish)
+        };
+        sim.run_until(sees).unwrap();
+        assert!(sim.now() - began <= 2 * TICK, "{:?}", sim.now() - began);
+        for _ in 0..random.below(100) {
+            sim.run_for(MS).unwrap();
+            let tick = ticks(&sim)[&group.expect("it plays")];
+            let view = sim.client(others[0]).body(avatar(who)).expect("it is there");
+            assert!(view.settled_tick().0 + 2 >= tick, "{} at t{tick}", view.settled_tick());
+        }
+    }
+}
+
+#[test]
+fn groups_keep_step_and_bodies_are_where_the_believed_group_has_them_but_for_the_time_after_a_bounce() {
+    let (mut sim, clients) = groups(3);
+    let mut random = Random::new(4);
+    let threshold_m = f64::from(Thresholds::default().between_groups_m);
+    sim.sample_every(6);
+    let (mut comparer, mut compared, mut near) = (Comparer::new(3), 0, 0);
+    let mut since: BTreeMap<(GroupId, BodyId), u32> = BTreeMap::new();
+    for _ in 0..20 {
+        let who = clients[random.below(6) as usize];
+        drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
+        sim.run_for(Duration::from_secs(1)).unwrap();
+        let ticks = comparer.compare(&mut sim);
+        assert!(ticks.len() >= 9, "{} ticks in a second", ticks.len());
+        for tick in ticks {
+            assert!(tick.apart <= Duration::from_millis(60), "{:?}", tick.apart);
+            assert_eq!(tick.bodies.len(), 2 * 20);
+            for Apart { group, body, by_m } in tick.bodies {
+                let is_near = by_m <= threshold_m;
+                (compared, near) = (compared + 1, near + u32::from(is_near));
+                let far = since.entry((group, body)).or_default();
+                *far = if is_near { 0 } else { *far + 1 };
+                assert!(*far < 10, "{body} has been {by_m} m off in {group} for a second");
+            }
+        }
+    }
+    assert!(f64::from(near) > 0.97 * f64::from(compared), "{near} of {compared}");
+}
+
+#[test]
+fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_stop_no_other_group() {
+    for seed in 0..2 {
+        let (mut sim, _) = groups(10 + seed);
+        let views: Vec<_> = sim.server().views().map(|(group, view)| (group, view.clone())).collect();
+        for (group, view) in &views {
+            for killed in [view.leader, view.members[2].node] {
+                let before = ticks(&sim);
+                sim.crash(Peer::Node(killed));
+                let is_over = |sim: &Sim| {
+                    let view = sim.server().views().find(|(id, _)| id == group).map(|(_, view)| view);
+                    view.is_some_and(|view| {
+                        view.members.iter().all(|member| member.node != killed)
+                            && sim.checker().progress(*group).is_some_and(|(number, _)| number == view.number)
+                    })
+                };
+                let began = sim.now();
+                sim.run_until(is_over).unwrap();
+                let took = sim.now() - began;
+                assert!(took < Duration::from_secs(2), "seed {seed}, {killed} of {group}: {took:?}");
+                for (other, tick) in ticks(&sim).into_iter().filter(|(other, _)| other != group) {
+                    // While the main one is late, they wait for it by a quarter of each tick at most.
+                    let made = TICK * (tick - before[&other]) as u32;
+                    let least = took * 3 / 4;
+                    assert!(made + 50 * MS > least, "{other} made {made:?} in {took:?} without {killed}");
+                }
+            }
+        }
+        assert_eq!(sizes(&sim), [2; 3]);
+    }
+}
+
+#[test]
+fn what_a_group_was_believed_about_that_is_no_more_the_main_group_is_believed_about() {
+    let (mut sim, _) = groups(20);
+    let main = sim.server().main_group();
+    let bodies = || (0..20).map(BodyId::persistent);
+    let claimed = |sim: &Sim| bodies().find(|&body| sim.server().believed(body) != main);
+    sim.run_until(|sim| claimed(sim).is_some()).unwrap();
+    let body = claimed(&sim).unwrap();
+    let group = sim.server().believed(body);
+    let members = sim.server().views().find(|&(id, _)| id == group).map(|(_, view)| view.members.clone());
+    for member in members.into_iter().flatten() {
+        sim.crash(Peer::Node(member.node));
+    }
+    sim.run_until(|sim| sim.server().views().count() == 2).unwrap();
+    sim.run_for(Duration::from_secs(1)).unwrap();
+    for (group, view) in sim.server().views() {
+        let leader = sim.nodes[&view.leader].machine.leader().expect("it leads");
+        for body in bodies() {
+            assert_eq!(leader.is_believed(body), sim.server().believed(body) == group, "{body} in {group}");
+        }
+    }
+}

@@ -60,6 +60,15 @@ pub enum ServerEvent {
         /// What it says.
         message: Message,
     },
+    /// A process is not wanted any more: its regions are handed over first, its avatars wait for its return.
+    SendAway {
+        /// It, as a node.
+        node: Option<NodeId>,
+        /// It, as a client.
+        client: Option<ClientId>,
+        /// What it is told.
+        reason: String,
+    },
     /// The world is to end: all are told.
     Stop,
 }
@@ -193,6 +202,16 @@ impl Server {
                 self.common.outputs.push_back(ServerOutput::Send { to: from, message });
             }
             ServerEvent::Message { .. } => self.common.stale += 1,
+            ServerEvent::SendAway { node, client, reason } => {
+                client.into_iter().for_each(|client| self.part(client));
+                match (node, client) {
+                    (Some(node), _) => self.send_away(node, reason),
+                    (None, Some(client)) => {
+                        self.common.outputs.push_back(ServerOutput::Close(Peer::Client(client)));
+                    }
+                    (None, None) => {}
+                }
+            }
             ServerEvent::Stop => self.common.stopping = true,
         }
         self.finish(mark);

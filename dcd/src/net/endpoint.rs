@@ -189,7 +189,7 @@ impl Net {
 
     /// Goes without a word, as a killed process does.
     #[cfg(test)]
-    pub(super) fn vanish(mut self) {
+    pub(crate) fn vanish(mut self) {
         let runtime = self.runtime.take().expect("it is running");
         runtime.shutdown_timeout(Duration::from_secs(5));
     }

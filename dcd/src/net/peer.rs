@@ -171,7 +171,7 @@ impl Peer {
     }
 
     pub(super) fn stats(&self) -> PeerStats {
-        self.counters.read(self.queued.load(Ordering::Relaxed), self.connection.rtt())
+        self.counters.read(self.queued.load(Ordering::Relaxed), &self.connection.stats().path)
     }
 
     /// Sends what waits, waits until the peer has it, and closes; after `limits.linger` without that.

@@ -3,6 +3,8 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use quinn::PathStats;
+
 /// What has passed over one connection. Bytes are those of frames and datagrams, without QUIC's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PeerStats {
@@ -22,6 +24,10 @@ pub struct PeerStats {
     pub datagrams_dropped: u64,
     /// Bytes that wait because the peer or the link is slow.
     pub bytes_waiting: u64,
+    /// Packets of QUIC sent.
+    pub packets_out: u64,
+    /// Those of them that got lost on the way, as far as QUIC knows.
+    pub packets_lost: u64,
     /// Smoothed round trip as QUIC sees it. In totals: of the slowest peer.
     pub rtt: Duration,
 }
@@ -44,7 +50,8 @@ pub struct NetTotals {
 }
 
 impl PeerStats {
-    pub(super) fn add(&mut self, other: &Self) {
+    /// Adds what passed over another connection.
+    pub(crate) fn add(&mut self, other: &Self) {
         self.bytes_in += other.bytes_in;
         self.bytes_out += other.bytes_out;
         self.frames_in += other.frames_in;
@@ -53,6 +60,8 @@ impl PeerStats {
         self.datagrams_out += other.datagrams_out;
         self.datagrams_dropped += other.datagrams_dropped;
         self.bytes_waiting += other.bytes_waiting;
+        self.packets_out += other.packets_out;
+        self.packets_lost += other.packets_lost;
         self.rtt = self.rtt.max(other.rtt);
     }
 }
@@ -70,7 +79,7 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    pub(super) fn read(&self, bytes_waiting: usize, rtt: Duration) -> PeerStats {
+    pub(super) fn read(&self, bytes_waiting: usize, path: &PathStats) -> PeerStats {
         let value = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         PeerStats {
             bytes_in: value(&self.bytes_in),
@@ -81,7 +90,9 @@ impl Counters {
             datagrams_out: value(&self.datagrams_out),
             datagrams_dropped: value(&self.datagrams_dropped),
             bytes_waiting: bytes_waiting as u64,
-            rtt,
+            packets_out: path.sent_packets - path.sent_plpmtud_probes,
+            packets_lost: path.lost_packets,
+            rtt: path.rtt,
         }
     }
 }

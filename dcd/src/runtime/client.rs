@@ -8,7 +8,7 @@ use rapier3d::prelude::*;
 use std::net::SocketAddr;
 
 use super::member::GIVE_UP;
-use super::{Member, MemberConfig, NodeSummary, ProcessError};
+use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
@@ -139,6 +139,11 @@ impl ClientWorld {
     /// Where our node listens, for a participant.
     pub fn address(&self) -> Option<SocketAddr> {
         self.node().map(|_| self.member.address)
+    }
+
+    /// With whom this process is connected.
+    pub fn connections(&self) -> &Connections {
+        self.member.connections()
     }
 
     /// An error once the server has been out of reach for too long, or the world has ended.

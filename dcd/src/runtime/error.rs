@@ -86,6 +86,16 @@ pub enum ProcessError {
         /// Its words, with cause and remedy.
         reason: String,
     },
+    /// The server's user sent it away.
+    #[error(
+        "the server at {server} sent this process away ({reason}); join with a new token, if it gives one"
+    )]
+    SentAway {
+        /// Where it is.
+        server: SocketAddr,
+        /// Its user's words.
+        reason: String,
+    },
     /// The user asked to go, and the server did not let go in time.
     #[error(
         "the server at {server} did not take this process's share over within {waited:?}; it is gone without: the others \

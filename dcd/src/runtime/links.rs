@@ -14,8 +14,9 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
 
+use super::Connections;
 use crate::cluster::Peer;
-use crate::net::{Net, NetEvent, NetTotals, PeerKey, PeerName, SendError};
+use crate::net::{CloseCause, Net, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, Lane, Message, Role, ToClient};
 use crate::space::{ClientId, NodeId};
 
@@ -23,6 +24,9 @@ use crate::space::{ClientId, NodeId};
 const WORLD_BYTES: usize = 256 << 20;
 /// A peer that takes in nothing for so long, though something waits for it, is given up.
 const STUCK: Duration = Duration::from_secs(10);
+
+/// How often the user is told what has passed.
+const COUNT: Duration = Duration::from_millis(100);
 
 /// Why the link of such a peer ends.
 const TOO_SLOW: &str = "the peer reads too slowly; call again";
@@ -39,6 +43,9 @@ pub(super) const ENDED: &str = "the world has ended";
 /// Why a link ends that the server does not want any more.
 pub(super) const THE_END: &str = "the server ends the link";
 
+/// Why a link ends of whom the server's user sends away; the user's reason follows.
+pub(super) const SENT_AWAY: &str = "the server sent this process away";
+
 /// What happens on links, in the cluster's words.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
@@ -54,6 +61,8 @@ pub(super) enum LinkEvent {
 /// All links of a process.
 pub(super) struct Links {
     net: Net,
+    connections: Connections,
+    count_at: Option<Instant>,
     keys: BTreeMap<Peer, PeerKey>,
     names: BTreeMap<PeerKey, PeerName>,
     dialled: BTreeMap<PeerKey, Peer>,
@@ -75,10 +84,13 @@ struct Waiting {
 }
 
 impl Links {
-    pub(super) fn new(net: Net) -> Self {
+    /// The links of `net`, which the user sees as `connections`.
+    pub(super) fn new(net: Net, connections: Connections) -> Self {
         let is_server = net.who() == PeerName::Server;
         Self {
             net,
+            connections,
+            count_at: None,
             keys: BTreeMap::new(),
             names: BTreeMap::new(),
             dialled: BTreeMap::new(),
@@ -153,6 +165,10 @@ impl Links {
 
     /// Sends what waits, as far as there is room. Returns whether anything still waits for a link that is up.
     pub(super) fn flush(&mut self, now: Instant) -> bool {
+        if self.count_at.is_none_or(|at| at <= now) {
+            self.count_at = Some(now + COUNT);
+            self.connections.refresh(now, |link| self.net.stats(link));
+        }
         let peers: Vec<_> =
             self.waiting.keys().filter(|peer| self.keys.contains_key(peer)).copied().collect();
         let mut left = false;
@@ -225,6 +241,10 @@ impl Links {
         if let Some(key) = self.keys.remove(&peer) {
             self.names.remove(&key);
             self.keys.retain(|_, other| *other != key);
+            match reason {
+                TOO_SLOW => self.connections.lost(key, reason),
+                _ => self.connections.gone(key, reason),
+            }
             self.net.close(key, reason);
         }
     }
@@ -245,8 +265,9 @@ impl Links {
     /// What a network event means.
     pub(super) fn translate(&mut self, event: NetEvent) -> Vec<LinkEvent> {
         match event {
-            NetEvent::Connected { peer: key, who, .. } => {
+            NetEvent::Connected { peer: key, who, addr } => {
                 self.dialled.remove(&key);
+                self.connections.linked(key, who, addr);
                 self.names.insert(key, who);
                 let peers = self.peers_of(who);
                 for &peer in &peers {
@@ -277,9 +298,14 @@ impl Links {
                     }
                 }
             }
-            NetEvent::Closed { peer: key, who, reason, .. } => {
+            NetEvent::Closed { peer: key, who, cause, reason } => {
                 if self.names.remove(&key).is_none() {
                     return Vec::new();
+                }
+                // Our server is dialled until it is given up.
+                match cause == CloseCause::TimedOut || reason == TOO_SLOW || who == PeerName::Server {
+                    true => self.connections.lost(key, &reason),
+                    false => self.connections.gone(key, &reason),
                 }
                 let mut peers = self.peers_of(who);
                 peers.retain(|peer| self.keys.get(peer) == Some(&key));
@@ -359,6 +385,7 @@ mod tests {
     use super::*;
     use crate::net::{Authority, Identity, Limits, NetConfig, NetEvents, join};
     use crate::protocol::Chunk;
+    use crate::runtime::ConnectionChange;
     use crate::sim::{sim_body, sim_world};
     use crate::space::BodyId;
 
@@ -371,7 +398,7 @@ mod tests {
         other: Net,
         other_events: NetEvents,
         peer: Peer,
-        _folder: tempfile::TempDir,
+        folder: tempfile::TempDir,
     }
 
     fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) -> (Net, NetEvents) {
@@ -387,13 +414,33 @@ mod tests {
             let (net, events) = start(identity, Some(authority.clone()), Limits::default());
             let token = authority.issue_token(role, PATIENCE, SystemTime::now()).unwrap();
             let joined = join(net.local_addr(), &token, None, PATIENCE).unwrap();
+            joined.save(&folder.path().join("joined")).unwrap();
             let (other, other_events) =
                 start(joined, None, Limits { frame_bytes: 512 << 10, ..Limits::default() });
             other.connect(net.local_addr(), PeerName::Server);
-            let mut links = Links::new(net);
+            let mut links = Links::new(net, Connections::new(PeerName::Server, || ()));
             let connected = links.translate(events.recv_timeout(PATIENCE).unwrap());
-            let [LinkEvent::Connected(peer)] = connected[..] else { panic!("{connected:?}") };
-            Self { links, events, other, other_events, peer, _folder: folder }
+            let LinkEvent::Connected(peer) = connected[0] else { panic!("{connected:?}") };
+            Self { links, events, other, other_events, peer, folder }
+        }
+
+        /// Starts the other process again; gives back what it was.
+        fn start_other(&mut self) -> Net {
+            let joined = Identity::load(&self.folder.path().join("joined")).unwrap();
+            let (other, events) = start(joined, None, Limits::default());
+            self.other_events = events;
+            std::mem::replace(&mut self.other, other)
+        }
+
+        /// What became of the connection with the other process since the last call.
+        fn changes(&self) -> Vec<ConnectionChange> {
+            self.links.connections.take_events().into_iter().map(|event| event.change).collect()
+        }
+
+        /// The next event of the network, and what it means.
+        fn hear(&mut self) -> Vec<LinkEvent> {
+            let event = self.events.recv_timeout(PATIENCE).unwrap();
+            self.links.translate(event)
         }
 
         fn tell(&mut self, message: ToClient) {
@@ -503,5 +550,66 @@ mod tests {
             assert!(pair.links.flush(now), "part {part}");
             assert_eq!(pair.given_up(), [], "part {part}");
         }
+    }
+
+    #[test]
+    fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
+        let mut pair = Pair::new(crate::net::Role::Participant);
+        let connections = pair.links.connections.clone();
+        assert_eq!(pair.changes(), [ConnectionChange::Came]);
+        let [first] = &connections.list()[..] else { panic!("one connection, though it has two voices") };
+        assert!(first.is_up && first.who.node().is_some() && first.who.client().is_some());
+
+        let gone = pair.start_other();
+        gone.vanish();
+        assert_eq!(pair.hear().len(), 2, "both voices");
+        let [ConnectionChange::Lost(reason)] = &pair.changes()[..] else { panic!() };
+        assert!(reason.contains("nothing was heard"), "{reason}");
+        assert!(!connections.get(first.id).unwrap().is_up);
+        let seen = connections.arrivals();
+        assert!(!connections.wait(seen, Duration::ZERO));
+        pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
+        assert_eq!(pair.hear().len(), 2);
+        assert!(connections.wait(seen, Duration::ZERO));
+        assert_eq!(pair.changes(), [ConnectionChange::Back]);
+        assert!(connections.get(first.id).unwrap().is_up);
+        // It calls again before its former link is found dead.
+        let former = pair.start_other();
+        pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
+        pair.hear();
+        assert_eq!(pair.changes(), [ConnectionChange::Lost(SUPERSEDED.into()), ConnectionChange::Back]);
+        drop(former);
+
+        pair.links.flush(Instant::now());
+        pair.links.flush(Instant::now() + COUNT);
+        let traffic = connections.get(first.id).unwrap().traffic;
+        assert!(traffic.packets_out > 0 && traffic.rtt > Duration::ZERO, "{traffic:?}");
+        let other = pair.start_other();
+        other.shutdown();
+        while connections.get(first.id).is_some() {
+            pair.hear();
+        }
+        assert_eq!(pair.changes(), [ConnectionChange::Gone("shut down".into())]);
+        assert_eq!(connections.list(), []);
+    }
+
+    #[test]
+    fn a_connection_that_does_not_come_back_is_gone_but_for_the_server() {
+        let mut pair = Pair::new(crate::net::Role::Client);
+        let other = Connections::new(PeerName::Client(ClientId(1)), || ());
+        let NetEvent::Connected { peer, who, addr } = pair.other_events.recv_timeout(PATIENCE).unwrap()
+        else {
+            panic!()
+        };
+        other.linked(peer, who, addr);
+        other.lost(peer, "it is dead");
+        other.refresh(Instant::now() + Duration::from_secs(3_600), |_| None);
+        assert_eq!(other.list().len(), 1);
+        pair.start_other().vanish();
+        pair.hear();
+        pair.links.flush(Instant::now());
+        assert_eq!(pair.changes().len(), 2, "came and lost");
+        pair.links.flush(Instant::now() + Duration::from_secs(3_600));
+        assert_eq!(pair.changes(), [ConnectionChange::Gone("it did not come back".into())]);
     }
 }

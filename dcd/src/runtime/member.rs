@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
-use super::links::{ENDED, LinkEvent, Links, SUPERSEDED, THE_END};
-use super::{PhysicsDevice, ProcessError};
+use super::links::{ENDED, LinkEvent, Links, SENT_AWAY, SUPERSEDED, THE_END};
+use super::{Connections, PhysicsDevice, ProcessError};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand,
     PhysicsEvent,
@@ -110,6 +110,7 @@ pub struct Member {
     pub who: crate::net::PeerName,
     /// Where it listens.
     pub address: SocketAddr,
+    connections: Connections,
 }
 
 /// What the loop and its user both see.
@@ -134,6 +135,8 @@ pub(super) enum Input {
     Net(NetEvent),
     Client(ClientEvent),
     Leave,
+    /// Something is wanted of its connections.
+    Wake,
 }
 
 impl Shared {
@@ -189,7 +192,10 @@ impl Member {
         let shared = Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new() });
         let (inbox, inputs) = mpsc::sync_channel(QUEUE);
         forward(events, inbox.clone())?;
-        let mut links = Links::new(net);
+        let waker = inbox.clone();
+        // A loop whose inbox is full is awake.
+        let connections = Connections::new(who, move || drop(waker.try_send(Input::Wake)));
+        let mut links = Links::new(net, connections.clone());
         links.dial(Peer::Server, config.server);
         let mut running = Loop {
             server: config.server,
@@ -198,6 +204,7 @@ impl Member {
             node,
             device: PhysicsDevice::new(config.threads),
             shared: shared.clone(),
+            connections: connections.clone(),
             release_by: None,
             give_up: config.give_up,
             lost: None,
@@ -212,10 +219,16 @@ impl Member {
                 if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
                     shared.lock().end = Some(Err(ProcessError::Fault));
                     shared.changed.notify_all();
+                    running.connections.end(&ProcessError::Fault.to_string());
                 }
             })
             .map_err(ProcessError::Thread)?;
-        Ok(Self { shared, inbox, thread: Some(thread), who, address })
+        Ok(Self { shared, inbox, thread: Some(thread), who, address, connections })
+    }
+
+    /// With whom it is connected.
+    pub fn connections(&self) -> &Connections {
+        &self.connections
     }
 
     /// What the node did so far.
@@ -332,6 +345,7 @@ struct Loop {
     node: Option<Node>,
     device: PhysicsDevice,
     shared: Arc<Shared>,
+    connections: Connections,
     /// When the user's wish to go is carried out without the server.
     release_by: Option<Duration>,
     give_up: Duration,
@@ -390,11 +404,13 @@ impl Loop {
             }
         }
         let end = self.end.take().unwrap_or(Ok(()));
+        let reason = end.as_ref().err().map_or("this process has left".into(), ProcessError::to_string);
         let mut state = self.shared.lock();
         state.summary.seconds = self.start.elapsed().as_secs_f64();
         state.end = Some(end);
         drop(state);
         self.shared.changed.notify_all();
+        self.connections.end(&reason);
     }
 
     fn poll_timeout(&self) -> Option<Duration> {
@@ -412,6 +428,7 @@ impl Loop {
                 }
             }
             Input::Client(event) => self.client(event),
+            Input::Wake => {}
             Input::Leave => {
                 self.client(ClientEvent::Leave);
                 match &mut self.node {
@@ -454,6 +471,11 @@ impl Loop {
                         self.end = Some(Err(ProcessError::Superseded { server }));
                         return;
                     }
+                    if let Some((_, reason)) = reason.split_once(SENT_AWAY) {
+                        let reason = reason.trim_start_matches(": ").to_owned();
+                        self.end = Some(Err(ProcessError::SentAway { server, reason }));
+                        return;
+                    }
                     if goodbye || !self.joined {
                         self.end = Some(Err(ProcessError::ServerGone { server, reason }));
                         return;
@@ -485,6 +507,7 @@ impl Loop {
     }
 
     fn client(&mut self, event: ClientEvent) {
+        let is_heard = matches!(event, ClientEvent::Message { .. } | ClientEvent::Node(_));
         let mut state = self.shared.lock();
         if is_update(&event) {
             state.updates += 1;
@@ -494,6 +517,9 @@ impl Loop {
         }
         drop(state);
         self.shared.changed.notify_all();
+        if is_heard {
+            self.connections.ring();
+        }
     }
 
     /// Does what the state machines want done, until they want nothing more.

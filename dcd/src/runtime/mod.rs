@@ -2,6 +2,8 @@
 
 #[cfg(feature = "net")]
 mod client;
+#[cfg(feature = "net")]
+mod connections;
 mod control;
 mod device;
 #[cfg(feature = "net")]
@@ -21,6 +23,10 @@ mod snapshot;
 
 #[cfg(feature = "net")]
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
+#[cfg(feature = "net")]
+pub use connections::{
+    Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections,
+};
 pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]
 pub use directory::RedbDirectory;

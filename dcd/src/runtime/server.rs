@@ -11,12 +11,14 @@ use std::time::{Duration, Instant};
 
 use tracing::{error, info, warn};
 
-use super::links::{ENDED, LinkEvent, Links, THE_END};
+use super::links::{ENDED, LinkEvent, Links, SENT_AWAY, THE_END};
 use super::member::forward;
-use super::{DcdWorld, ProcessError, RedbDirectory, WorldConfig};
+use super::{Connections, DcdWorld, ProcessError, RedbDirectory, WorldConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput};
-use crate::net::{Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerStats, Role, check_address};
+use crate::cluster::{Grouping, Peer, Record, Server, ServerConfig, ServerEvent, ServerOutput};
+use crate::net::{
+    Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, Role, check_address,
+};
 use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
 use crate::protocol::{
     BodyKind, BodyRecord, EnvironmentProperties, JointRecord, Pace, ShapeRecord, StateHasher, SyncProtocol,
@@ -109,6 +111,7 @@ pub struct ServerProcess {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     authority: Arc<Authority>,
+    connections: Connections,
     /// Where it listens.
     pub address: SocketAddr,
     /// The tick from which it goes on with a world that was stored; the nodes may be farther already.
@@ -132,6 +135,8 @@ struct State {
 enum Input {
     Net(NetEvent),
     Stop,
+    /// Something is wanted of its connections.
+    Wake,
 }
 
 impl From<NetEvent> for Input {
@@ -163,6 +168,9 @@ impl ServerProcess {
         let address = net.local_addr();
         let (inbox, inputs) = mpsc::sync_channel(QUEUE);
         forward(events, inbox.clone())?;
+        let waker = inbox.clone();
+        // A loop whose inbox is full is awake.
+        let connections = Connections::new(PeerName::Server, move || drop(waker.try_send(Input::Wake)));
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         shared.lock().summary.regions = environment.tree.leaf_count();
         let mut directory = match config.fresh {
@@ -188,7 +196,9 @@ impl ServerProcess {
             server
         };
         let running = Loop {
-            links: Some(Links::new(net)),
+            links: Some(Links::new(net, connections.clone())),
+            connections: connections.clone(),
+            farewells: BTreeMap::new(),
             directory,
             stored,
             start: Instant::now(),
@@ -202,16 +212,22 @@ impl ServerProcess {
         let thread = std::thread::Builder::new()
             .name("dcd-server".into())
             .spawn(move || {
-                let shared = running.shared.clone();
+                let (shared, connections) = (running.shared.clone(), running.connections.clone());
                 if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
                     let mut state = shared.lock();
                     (state.failure, state.over) = (Some(ProcessError::Fault), true);
                     drop(state);
                     shared.changed.notify_all();
+                    connections.end(&ProcessError::Fault.to_string());
                 }
             })
             .map_err(ProcessError::Thread)?;
-        Ok(Self { inbox, shared, thread: Some(thread), authority, address, resumed })
+        Ok(Self { inbox, shared, thread: Some(thread), authority, connections, address, resumed })
+    }
+
+    /// Nodes and clients that are connected, or whose links broke a moment ago.
+    pub fn connections(&self) -> &Connections {
+        &self.connections
     }
 
     /// A token for one process of this role to join with.
@@ -381,6 +397,9 @@ fn forget(directory: &mut RedbDirectory, entries: &[Entry]) -> Result<(), Direct
 
 struct Loop {
     links: Option<Links>,
+    connections: Connections,
+    /// What those who are sent away are to hear.
+    farewells: BTreeMap<Peer, String>,
     directory: RedbDirectory,
     /// The revision at which we wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
@@ -412,13 +431,14 @@ impl Loop {
                     self.end_by.get_or_insert(Instant::now() + AUDIT);
                     self.server.handle(now, ServerEvent::Stop);
                 }
-                Err(RecvTimeoutError::Timeout) => {}
+                Ok(Input::Wake) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             let now = self.start.elapsed();
             if self.server.poll_timeout().is_some_and(|due| due <= now) {
                 self.server.handle_timeout(now);
             }
+            self.send_away(now);
             self.pump();
             let given_up = self.links.as_mut().map(Links::take_given_up).unwrap_or_default();
             if !given_up.is_empty() {
@@ -449,6 +469,17 @@ impl Loop {
         }
     }
 
+    /// Lets those go whom the user wants gone.
+    fn send_away(&mut self, now: Duration) {
+        for (who, reason) in self.connections.take_sent_away() {
+            info!(%who, reason, "sent away");
+            let (node, client) = (who.node(), who.client());
+            let last = node.map(Peer::Node).or(client.map(Peer::Client));
+            self.farewells.extend(last.map(|peer| (peer, reason.clone())));
+            self.server.handle(now, ServerEvent::SendAway { node, client, reason });
+        }
+    }
+
     fn pump(&mut self) {
         while let Some(output) = self.server.poll_output() {
             let Some(links) = &mut self.links else { return };
@@ -456,7 +487,10 @@ impl Loop {
                 ServerOutput::Send { to, message } => links.send(to, &message),
                 ServerOutput::Close(peer) => {
                     let ending = self.audited || self.end_by.is_some();
-                    links.close(peer, if ending { ENDED } else { THE_END });
+                    match self.farewells.remove(&peer) {
+                        Some(reason) => links.close(peer, &format!("{SENT_AWAY}: {reason}")),
+                        None => links.close(peer, if ending { ENDED } else { THE_END }),
+                    }
                 }
                 ServerOutput::Store(batch) => {
                     if let Err(error) = self.store(&batch) {
@@ -542,6 +576,7 @@ impl Loop {
         state.over = true;
         drop(state);
         self.shared.changed.notify_all();
+        self.connections.end(ENDED);
     }
 }
 

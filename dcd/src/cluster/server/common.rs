@@ -23,6 +23,8 @@ pub(super) struct NodeEntry {
     /// It has the world, and may be given regions.
     pub loaded: bool,
     pub leaving: bool,
+    /// Why it has to go, if it is not by its own wish.
+    pub unwanted: Option<String>,
     /// The group that it is, or is to be, a member of.
     pub group: Option<GroupId>,
     pub in_group_since: Duration,

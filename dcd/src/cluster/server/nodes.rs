@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::common::{ABSENCE, NodeEntry, RETURN};
 use super::group::Group;
 use super::{Server, ServerOutput};
+use crate::cluster::Peer;
 use crate::protocol::{Member, ToNode, ToServer, ViewNumber};
 use crate::space::{GroupId, NodeId};
 
@@ -132,6 +133,7 @@ impl Server {
             linked: true,
             loaded: false,
             leaving: false,
+            unwanted: None,
             group: None,
             in_group_since: self.common.now,
             moved: false,
@@ -285,7 +287,15 @@ impl Server {
         }
     }
 
-    /// Nodes that wish to go, and compute nothing any more, go.
+    /// A node goes as if it had wished to.
+    pub(super) fn send_away(&mut self, node: NodeId, reason: String) {
+        match self.common.nodes.get_mut(&node) {
+            Some(entry) => (entry.leaving, entry.unwanted) = (true, Some(reason)),
+            None => self.common.outputs.push_back(ServerOutput::Close(Peer::Node(node))),
+        }
+    }
+
+    /// Nodes that go, and compute nothing any more, go.
     pub(super) fn release(&mut self) {
         let free: Vec<_> = self
             .common
@@ -296,7 +306,9 @@ impl Server {
             .collect();
         if !free.is_empty() {
             for node in free {
-                self.common.dismiss(node, false, "leave granted".into());
+                let unwanted = self.common.nodes.get_mut(&node).and_then(|entry| entry.unwanted.take());
+                let is_unwanted = unwanted.is_some();
+                self.common.dismiss(node, is_unwanted, unwanted.unwrap_or("leave granted".into()));
             }
             self.common.tell_roster();
         }

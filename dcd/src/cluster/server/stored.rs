@@ -143,6 +143,7 @@ impl Server {
                 linked: false,
                 loaded: true,
                 leaving: false,
+                unwanted: None,
                 group: Some(id),
                 in_group_since: Duration::ZERO,
                 moved: false,

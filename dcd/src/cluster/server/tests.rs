@@ -364,3 +364,30 @@ fn who_computes_for_another_group_by_now_is_not_taken_back_with_a_former_view() 
     back(&mut server, 1, former);
     assert_eq!(server.common.nodes[&NodeId(2)].serving, elsewhere);
 }
+
+#[test]
+fn who_is_sent_away_goes_in_order_and_is_told_why() {
+    let send_away = |server: &mut Server, node: Option<u32>, client: Option<u32>| {
+        let (node, client) = (node.map(NodeId), client.map(ClientId));
+        server.handle(NOW, ServerEvent::SendAway { node, client, reason: "cheating".into() });
+        std::iter::from_fn(|| server.poll_output()).collect::<Vec<_>>()
+    };
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let outputs = send_away(&mut server, None, Some(5));
+    assert_eq!(outputs, [ServerOutput::Close(Peer::Client(ClientId(5)))]);
+    let outputs = send_away(&mut server, Some(9), None);
+    assert_eq!(outputs, [ServerOutput::Close(Peer::Node(NodeId(9)))], "one that has not said hello");
+    let outputs = send_away(&mut server, Some(1), None);
+    let is_closed = |output: &ServerOutput| matches!(output, ServerOutput::Close(_));
+    assert!(!outputs.iter().any(is_closed), "it has regions to hand over: {outputs:?}");
+    let wanted = obey(&mut server, 1, outputs);
+    let farewell = wanted.iter().find_map(|output| match output {
+        ServerOutput::Send {
+            message: Message::ToNode(ToNode::Shutdown { evicted: true, reason }), ..
+        } => Some(reason),
+        _ => None,
+    });
+    assert_eq!(farewell.map(String::as_str), Some("cheating"), "{wanted:?}");
+}

@@ -1,0 +1,306 @@
+//! What the links of a process are to its user: who is at their other ends, and what became of whom.
+//!
+//! A connection is with a process, by its proven name. Its link may break and be made anew: then it is lost, and back. A
+//! server has connections with nodes and clients; others have one with their server, and those with nodes that their part in
+//! the world asks for.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::net::SocketAddr;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::links::SUPERSEDED;
+use super::member::GIVE_UP;
+use crate::net::{PeerKey, PeerName, PeerStats};
+
+/// How long a connection without a link is kept: so long its process dials, as a rule.
+const KEPT: Duration = GIVE_UP;
+/// Events kept for a user who does not take them; of more, the oldest are forgotten.
+const EVENTS: usize = 4_096;
+
+/// A connection of this process; a number that is never given a second time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ConnectionId(pub u64);
+
+/// A connection as it is now.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Connection {
+    /// Which.
+    pub id: ConnectionId,
+    /// Who is at the other end.
+    pub who: PeerName,
+    /// Where it was when its link was made.
+    pub address: SocketAddr,
+    /// Whether there is a link; else it is waited for.
+    pub is_up: bool,
+    /// How long ago it came.
+    pub age: Duration,
+    /// What has passed over it, as of up to half a second ago.
+    pub traffic: PeerStats,
+}
+
+/// Something became of a connection.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConnectionEvent {
+    /// Which.
+    pub id: ConnectionId,
+    /// Who is, or was, at the other end.
+    pub who: PeerName,
+    /// What.
+    pub change: ConnectionChange,
+}
+
+/// What may become of a connection.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ConnectionChange {
+    /// It is new.
+    Came,
+    /// Its link broke; why. It is waited for.
+    Lost(String),
+    /// It has a link again.
+    Back,
+    /// It is over; why. Its id names nothing any more.
+    Gone(String),
+}
+
+/// Why a connection is not what is asked of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ConnectionError {
+    /// It is over, or never was.
+    #[error("there is no such connection: it is gone; forget its id")]
+    Gone,
+    /// Asked of a process that is no server.
+    #[error("only a server sends others away: to leave it, leave the world")]
+    NotServer,
+}
+
+/// The connections of a running process. All clones are of the same. Its methods return at once unless they say otherwise.
+#[derive(Clone)]
+pub struct Connections {
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    arrived: Condvar,
+    is_server: bool,
+    /// Tells the process's loop that something is wanted of it.
+    wake: Box<dyn Fn() + Send + Sync>,
+}
+
+#[derive(Default)]
+struct State {
+    last: u64,
+    entries: BTreeMap<ConnectionId, Entry>,
+    of_peer: BTreeMap<PeerName, ConnectionId>,
+    of_link: BTreeMap<PeerKey, ConnectionId>,
+    events: VecDeque<ConnectionEvent>,
+    sent_away: Vec<(PeerName, String)>,
+    arrivals: u64,
+    over: bool,
+}
+
+struct Entry {
+    who: PeerName,
+    address: SocketAddr,
+    came: Instant,
+    /// Or since when there is none.
+    link: Result<PeerKey, Instant>,
+    /// What passed over former links, and over this one.
+    before: PeerStats,
+    traffic: PeerStats,
+}
+
+impl Connections {
+    /// All of them, the oldest first.
+    pub fn list(&self) -> Vec<Connection> {
+        let state = self.lock();
+        state.entries.iter().map(|(&id, entry)| entry.view(id)).collect()
+    }
+
+    /// One of them; `None` once it is gone.
+    pub fn get(&self, id: ConnectionId) -> Option<Connection> {
+        Some(self.lock().entries.get(&id)?.view(id))
+    }
+
+    /// What became of connections since the last call, in order.
+    pub fn take_events(&self) -> Vec<ConnectionEvent> {
+        self.lock().events.drain(..).collect()
+    }
+
+    /// How often something came over the network that concerns the user; for [`Connections::wait`].
+    pub fn arrivals(&self) -> u64 {
+        self.lock().arrivals
+    }
+
+    /// Waits until something has come that is not among the first `seen` arrivals, or the process's part in the world is over;
+    /// no longer than `timeout`. Says whether it came.
+    pub fn wait(&self, seen: u64, timeout: Duration) -> bool {
+        let nothing = |state: &mut State| state.arrivals <= seen && !state.over;
+        let waited = self.shared.arrived.wait_timeout_while(self.lock(), timeout, nothing);
+        !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
+    }
+
+    /// Sends a process away from the server: it is told why, a node's regions are handed over first, a client's avatars wait
+    /// for its return. It may come back with a new token. [`ConnectionChange::Gone`] tells when it is gone.
+    pub fn disconnect(&self, id: ConnectionId, reason: impl Into<String>) -> Result<(), ConnectionError> {
+        if !self.shared.is_server {
+            return Err(ConnectionError::NotServer);
+        }
+        let mut state = self.lock();
+        let who = state.entries.get(&id).ok_or(ConnectionError::Gone)?.who;
+        state.sent_away.push((who, reason.into()));
+        drop(state);
+        (self.shared.wake)();
+        Ok(())
+    }
+
+    /// Those of a process with this name, whose loop looks what is wanted of it when it is woken.
+    pub(super) fn new(who: PeerName, wake: impl Fn() + Send + Sync + 'static) -> Self {
+        let shared = Shared {
+            state: Mutex::default(),
+            arrived: Condvar::new(),
+            is_server: who == PeerName::Server,
+            wake: Box::new(wake),
+        };
+        Self { shared: Arc::new(shared) }
+    }
+
+    /// A link is made.
+    pub(super) fn linked(&self, link: PeerKey, who: PeerName, address: SocketAddr) {
+        let mut state = self.lock();
+        match state.of_peer.get(&who).copied() {
+            Some(id) => {
+                if let Some(former) = state.entries.get(&id).and_then(|entry| entry.link.ok()) {
+                    state.unlink(former, SUPERSEDED);
+                }
+                let Some(entry) = state.entries.get_mut(&id) else { return };
+                let traffic = std::mem::take(&mut entry.traffic);
+                entry.before.add(&traffic);
+                (entry.link, entry.address) = (Ok(link), address);
+                state.of_link.insert(link, id);
+                state.tell(id, who, ConnectionChange::Back);
+            }
+            None => {
+                state.last += 1;
+                let id = ConnectionId(state.last);
+                let (before, traffic) = Default::default();
+                let entry = Entry { who, address, came: Instant::now(), link: Ok(link), before, traffic };
+                state.entries.insert(id, entry);
+                state.of_peer.insert(who, id);
+                state.of_link.insert(link, id);
+                state.tell(id, who, ConnectionChange::Came);
+            }
+        }
+        self.shared.arrived.notify_all();
+    }
+
+    /// A link broke that its process will make again, or is to.
+    pub(super) fn lost(&self, link: PeerKey, reason: &str) {
+        self.lock().unlink(link, reason);
+        self.shared.arrived.notify_all();
+    }
+
+    /// A link was closed for good.
+    pub(super) fn gone(&self, link: PeerKey, reason: &str) {
+        let mut state = self.lock();
+        if let Some(id) = state.of_link.get(&link).copied() {
+            state.forget(id, reason);
+        }
+        self.shared.arrived.notify_all();
+    }
+
+    /// Reads the counters of all links, and forgets connections that have been without one for too long; but a server, which is
+    /// given up by whom it concerns.
+    pub(super) fn refresh(&self, now: Instant, traffic: impl Fn(PeerKey) -> Option<PeerStats>) {
+        let mut state = self.lock();
+        let mut late = Vec::new();
+        for (&id, entry) in &mut state.entries {
+            match entry.link {
+                Ok(link) => entry.traffic = traffic(link).unwrap_or(entry.traffic),
+                Err(since) if entry.who != PeerName::Server && since + KEPT <= now => late.push(id),
+                Err(_) => {}
+            }
+        }
+        for id in late {
+            state.forget(id, "it did not come back");
+        }
+    }
+
+    /// Who is to be sent away, and why. Those without a link are gone with this.
+    pub(super) fn take_sent_away(&self) -> Vec<(PeerName, String)> {
+        let mut state = self.lock();
+        let sent_away = std::mem::take(&mut state.sent_away);
+        for (who, reason) in &sent_away {
+            let id = state.of_peer.get(who).copied();
+            let is_lost = |id: &ConnectionId| state.entries[id].link.is_err();
+            if let Some(id) = id.filter(is_lost) {
+                state.forget(id, reason);
+            }
+        }
+        sent_away
+    }
+
+    /// Something else has come that the user waits for.
+    pub(super) fn ring(&self) {
+        self.lock().arrivals += 1;
+        self.shared.arrived.notify_all();
+    }
+
+    /// The process's part in the world is over.
+    pub(super) fn end(&self, reason: &str) {
+        let mut state = self.lock();
+        for id in state.entries.keys().copied().collect::<Vec<_>>() {
+            state.forget(id, reason);
+        }
+        state.over = true;
+        self.shared.arrived.notify_all();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Entry {
+    fn view(&self, id: ConnectionId) -> Connection {
+        let mut traffic = self.before;
+        traffic.add(&self.traffic);
+        let (rtt, bytes_waiting) = (self.traffic.rtt, self.traffic.bytes_waiting);
+        Connection {
+            id,
+            who: self.who,
+            address: self.address,
+            is_up: self.link.is_ok(),
+            age: self.came.elapsed(),
+            traffic: PeerStats { rtt, bytes_waiting, ..traffic },
+        }
+    }
+}
+
+impl State {
+    fn unlink(&mut self, link: PeerKey, reason: &str) {
+        let Some(id) = self.of_link.remove(&link) else { return };
+        let Some(entry) = self.entries.get_mut(&id) else { return };
+        entry.link = Err(Instant::now());
+        let who = entry.who;
+        self.tell(id, who, ConnectionChange::Lost(reason.to_owned()));
+    }
+
+    fn forget(&mut self, id: ConnectionId, reason: &str) {
+        let Some(entry) = self.entries.remove(&id) else { return };
+        self.of_peer.remove(&entry.who);
+        if let Ok(link) = entry.link {
+            self.of_link.remove(&link);
+        }
+        self.tell(id, entry.who, ConnectionChange::Gone(reason.to_owned()));
+    }
+
+    fn tell(&mut self, id: ConnectionId, who: PeerName, change: ConnectionChange) {
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(ConnectionEvent { id, who, change });
+        self.arrivals += 1;
+    }
+}

@@ -3,8 +3,8 @@
  * Calls. Every function returns a DcdStatus, DCD_OK or a negative code, and writes its outputs only on success; the few
  * others say so. dcd_last_error() gives the message of the calling thread's last failure: function, cause, remedy.
  *
- * Handles. Worlds, bodies, shapes and joints are opaque numbers in a struct; { 0 } is null. A handle whose thing is gone, or
- * that belongs to another world, gives DCD_ERR_STALE_ID, for ever; a null one gives DCD_ERR_NULL.
+ * Handles. Worlds, bodies, shapes, joints and connections are opaque numbers in a struct; { 0 } is null. A handle whose thing is
+ * gone, or that belongs to another world, gives DCD_ERR_STALE_ID, for ever; a null one gives DCD_ERR_NULL.
  *
  * Structs. Those that begin with struct_size may grow in later versions. Start from their _INIT macro:
  *
@@ -167,6 +167,18 @@
 
 // In DcdStateView.flags: the body sleeps.
 #define DCD_STATE_SLEEPING 1
+
+// Bytes of a reason at most, NUL included.
+#define DCD_MAX_REASON 256
+
+// In dcd_send's flags and DcdMessage.flags: a datagram, which may be lost or overtaken.
+#define DCD_SEND_UNRELIABLE 1
+
+// Bytes of a message at most.
+#define DCD_MAX_MESSAGE 32768
+
+// Bytes of one with DCD_SEND_UNRELIABLE at most.
+#define DCD_MAX_DATAGRAM 1024
 
 // In DcdContact.kind: two bodies began to touch.
 #define DCD_CONTACT_BEGAN 0
@@ -802,6 +814,47 @@ typedef struct DcdStateView {
 // What dcd_state_read and dcd_state_write copy.
 typedef uint32_t DcdField;
 
+// A connection of one world with another process; 0 is null. It outlives a link that breaks and is made anew.
+typedef struct DcdConnectionId {
+    // Opaque.
+    uint64_t v;
+} DcdConnectionId;
+
+// What became of a connection, or how it is.
+typedef uint32_t DcdConnectionState;
+
+// A connection as it is now. Start from DCD_CONNECTION_INFO_INIT.
+typedef struct DcdConnectionInfo {
+    // sizeof(DcdConnectionInfo).
+    uint32_t struct_size;
+    // DCD_CONNECTION_CAME while it has the link that it came with, _LOST while it has none, _BACK while it has another.
+    DcdConnectionState state;
+    // As in DcdConnectionEvent.
+    DcdRole role;
+    // As in DcdConnectionEvent.
+    uint32_t node;
+    // As in DcdConnectionEvent.
+    uint32_t client;
+    // Share of the packets sent that got lost on the way, 0 to 1.
+    float loss;
+    // There and back, milliseconds.
+    double rtt_ms;
+    // Seconds since it came.
+    double age;
+    // Bytes received over it, without those of QUIC itself; up to half a second old, as all numbers here.
+    uint64_t bytes_in;
+    // Bytes sent.
+    uint64_t bytes_out;
+    // Messages received, dcd's own and those of programs, and datagrams.
+    uint64_t messages_in;
+    // Messages and datagrams sent.
+    uint64_t messages_out;
+    // Datagrams dropped at this end: the link was full, or nobody took them.
+    uint64_t dropped;
+    // Bytes that wait because the link or the other end is slow.
+    uint64_t bytes_waiting;
+} DcdConnectionInfo;
+
 // Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
 // a served world, of avatars of this process.
 typedef struct DcdContact {
@@ -874,6 +927,40 @@ typedef struct DcdBodyChange {
     uint32_t reason;
 } DcdBodyChange;
 
+// Something became of a connection.
+typedef struct DcdConnectionEvent {
+    // Which.
+    DcdConnectionId connection;
+    // DCD_CONNECTION_CAME, _LOST, _BACK or _GONE.
+    DcdConnectionState state;
+    // What is, or was, at the other end: DCD_ROLE_SERVER, _NODE, _CLIENT or _PARTICIPANT.
+    DcdRole role;
+    // The number that the server knows it by as a node, from 1; 0 if it is none.
+    uint32_t node;
+    // As a client, as DcdWorldInfo.client; 0 if it is none.
+    uint32_t client;
+    // Why it is lost or gone, for people; else empty. Cut to fit.
+    char reason[DCD_MAX_REASON];
+} DcdConnectionEvent;
+
+// What the program at the other end of a connection sent by dcd_send.
+typedef struct DcdMessage {
+    // Over which connection; to answer by.
+    DcdConnectionId connection;
+    // The bytes, as they were sent, at an address for any type; null when there are none.
+    const void *data;
+    // How many.
+    size_t size;
+    // What the sender is, as in DcdConnectionEvent.
+    DcdRole role;
+    // As in DcdConnectionEvent.
+    uint32_t node;
+    // As in DcdConnectionEvent.
+    uint32_t client;
+    // DCD_SEND_… bits.
+    uint32_t flags;
+} DcdMessage;
+
 // What happened in the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 typedef struct DcdEventView {
     // sizeof(DcdEventView).
@@ -898,6 +985,14 @@ typedef struct DcdEventView {
     const DcdBodyChange *changes;
     // How many.
     size_t change_count;
+    // What became of a served world's connections, in order; of more than 4096 the newest.
+    const DcdConnectionEvent *connections;
+    // How many.
+    size_t connection_count;
+    // What programs of other processes sent to this one, in the order in which it came. Their bytes live as long as the array.
+    const DcdMessage *messages;
+    // How many.
+    size_t message_count;
 } DcdEventView;
 
 // A ray. Start from DCD_RAY_INIT and give a direction.
@@ -1166,8 +1261,8 @@ typedef struct DcdForce {
 // The caller's memory is too small; the size needed was written.
 #define DCD_ERR_SMALL_BUFFER (-5)
 
-// Not now: called from within the log callback, where worlds may not be used, or while a step that was begun is not
-// waited for.
+// Not now: called from within the log callback, where worlds may not be used, while a step that was begun is not waited
+// for, or for messages while too many wait to be sent.
 #define DCD_ERR_BUSY (-6)
 
 // Nobody answered in time.
@@ -1327,6 +1422,18 @@ typedef struct DcdForce {
 // A DcdPose, as dcd_body_set_target takes it; to be written only.
 #define DCD_FIELD_TARGET 4
 
+// It is new, and has a link.
+#define DCD_CONNECTION_CAME 1
+
+// Its link broke. It is waited for: half a minute, as a rule, and as long as the world goes on for a server.
+#define DCD_CONNECTION_LOST 2
+
+// It has a link again.
+#define DCD_CONNECTION_BACK 3
+
+// It is over, and its id is stale.
+#define DCD_CONNECTION_GONE 4
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -1430,16 +1537,19 @@ DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, si
 // Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 // world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 //
-// It works on threads of the library, whether or not you call dcd_step, which only says whether all is well. Of the handle
-// count dcd_world_info, dcd_stats, dcd_address and dcd_token_create; the world is seen by joining it, also from the same
-// process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
+// It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
+// for your program: of dcd_events, connections and messages. Of the handle count besides dcd_world_info, dcd_stats,
+// dcd_address, dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
+// from the same process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
 // leaves the world there.
 //
 // `def` and what it points to are read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
 // is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
 // the address cannot be listened on, DCD_ERR_LIMIT without threads.
-DCD_API DcdStatus dcd_server_create(const DcdServerDef *def, DcdWorld *out);
+DCD_API
+DcdStatus dcd_server_create(const DcdServerDef *def,
+                            DcdWorld *out);
 
 // Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It
 // can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
@@ -1463,12 +1573,14 @@ DcdStatus dcd_token_create(DcdWorld world,
 DCD_API DcdStatus dcd_address(DcdWorld world, char *buf, size_t cap, size_t *needed);
 
 // Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
-// which only says whether all is well. Returns once the server has let it in; the share comes when the server gives it one.
+// which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
 //
-// Of the handle count dcd_world_info, dcd_stats and dcd_address; dcd_participant_join is for who wants to see the world too.
+// Of the handle count what counts of a server's, but for tokens and dcd_disconnect; dcd_participant_join is for who wants to see the world too.
 // dcd_world_destroy first hands the share to other nodes, which may take some seconds.
 // Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
-DCD_API DcdStatus dcd_node_join(const DcdNodeDef *def, DcdWorld *out);
+DCD_API
+DcdStatus dcd_node_join(const DcdNodeDef *def,
+                        DcdWorld *out);
 
 // Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
 //
@@ -1901,6 +2013,57 @@ DcdStatus dcd_state_write(DcdWorld world,
                           size_t stride,
                           DcdStatus *each);
 
+// Lists the connections of a world into `out`, which has `cap` entries, the oldest first, and their number into `count`. With
+// `cap` 0 `out` may be null, to ask for the number. A server has one with each node, client and participant; others have one
+// with their server, and those with nodes and clients that their share of the world, or their avatars, ask for. A local world
+// has none.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+DCD_API DcdStatus dcd_connections(DcdWorld world, DcdConnectionId *out, size_t cap, size_t *count);
+
+// Says how a connection is.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, also once it is gone, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_connection_info(DcdWorld world, DcdConnectionId connection, DcdConnectionInfo *out);
+
+// Sends a process away from a server's world. It is told `reason`, a text shorter than DCD_MAX_REASON, or null for none; a node's
+// regions are handed over first, a client's avatars wait for its return, which takes a new token. Returns at once;
+// DCD_CONNECTION_GONE tells when it is gone, and there its dcd_step says DCD_ERR_NETWORK with the reason.
+//
+// Who wants to leave a world calls dcd_world_destroy.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a reason that is too long, DCD_ERR_UNSUPPORTED for a world that
+// is not a server.
+DCD_API DcdStatus dcd_disconnect(DcdWorld world, DcdConnectionId connection, const char *reason);
+
+// Waits until something has come that the next dcd_step would take in: states and events of a client's world, messages,
+// changes of connections, the end of the world; not longer than `timeout_ms` milliseconds, and not at all in a local world.
+// Other calls on the world do not wait for this one.
+//
+// Errors: DCD_ERR_TIMEOUT when nothing has come, DCD_ERR_NULL, DCD_ERR_STALE_ID.
+DCD_API DcdStatus dcd_poll(DcdWorld world, uint32_t timeout_ms);
+
+// Sends `size` bytes to the program at the other end of a connection, where they are among the messages of dcd_events after
+// its next dcd_step. A server's program speaks with that of every node, client and participant, and those with the server's only:
+// what one client has to say to another passes through the server's program.
+//
+// A message, with `flags` 0, arrives once and in order, as long as the link lasts; it has DCD_MAX_MESSAGE bytes at most. With
+// DCD_SEND_UNRELIABLE it is a datagram of DCD_MAX_DATAGRAM bytes at most, which may be lost or overtaken, and never waits.
+// What is on its way when a link breaks (DCD_CONNECTION_LOST) is lost.
+//
+// The world never waits for messages. A program that makes no steps takes none: then up to 128 KiB wait there and as much
+// here, counting 64 bytes more for each, and then the call is DCD_ERR_BUSY. Of datagrams the newest are dropped where 64 KiB
+// wait, and counted (DcdConnectionInfo.dropped).
+//
+// The call copies the bytes and returns at once. `data` may be null when `size` is 0.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for too many bytes or unknown flags, DCD_ERR_BUSY when too much waits
+// already, DCD_ERR_NETWORK while the connection is lost, DCD_ERR_UNSUPPORTED in a local world, and when neither end is a server.
+DCD_API
+DcdStatus dcd_send(DcdWorld world,
+                   DcdConnectionId connection,
+                   const void *data,
+                   size_t size,
+                   uint32_t flags);
+
 // Lends what happened in the last step; nothing before the first. Poll it once a step: a step without a look loses its
 // events.
 //
@@ -2142,7 +2305,10 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_STATE_VIEW_INIT \
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \
-    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
+    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \
+      NULL, 0, NULL, 0 }
+#define DCD_CONNECTION_INFO_INIT \
+    { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 #define DCD_STATS_INIT \
     { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 
@@ -2167,6 +2333,8 @@ DCD_ASSERT_(sizeof(DcdShapeId) == 8);
 DCD_ASSERT_(offsetof(DcdShapeId, v) == 0);
 DCD_ASSERT_(sizeof(DcdJointId) == 8);
 DCD_ASSERT_(offsetof(DcdJointId, v) == 0);
+DCD_ASSERT_(sizeof(DcdConnectionId) == 8);
+DCD_ASSERT_(offsetof(DcdConnectionId, v) == 0);
 DCD_ASSERT_(sizeof(DcdPose) == 40);
 DCD_ASSERT_(offsetof(DcdPose, p) == 0);
 DCD_ASSERT_(offsetof(DcdPose, q) == 24);
@@ -2393,6 +2561,36 @@ DCD_ASSERT_(offsetof(DcdStateView, velocities) == 40);
 DCD_ASSERT_(offsetof(DcdStateView, user_data) == 48);
 DCD_ASSERT_(offsetof(DcdStateView, flags) == 56);
 DCD_ASSERT_(offsetof(DcdStateView, regions) == 64);
+DCD_ASSERT_(sizeof(DcdConnectionEvent) == 280);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, connection) == 0);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, state) == 8);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, role) == 12);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, node) == 16);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, client) == 20);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, reason) == 24);
+DCD_ASSERT_(sizeof(DcdConnectionInfo) == 88);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, state) == 4);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, role) == 8);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, node) == 12);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, client) == 16);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, loss) == 20);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, rtt_ms) == 24);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, age) == 32);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_in) == 40);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_out) == 48);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_in) == 56);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_out) == 64);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, dropped) == 72);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_waiting) == 80);
+DCD_ASSERT_(sizeof(DcdMessage) == 40);
+DCD_ASSERT_(offsetof(DcdMessage, connection) == 0);
+DCD_ASSERT_(offsetof(DcdMessage, data) == 8);
+DCD_ASSERT_(offsetof(DcdMessage, size) == 16);
+DCD_ASSERT_(offsetof(DcdMessage, role) == 24);
+DCD_ASSERT_(offsetof(DcdMessage, node) == 28);
+DCD_ASSERT_(offsetof(DcdMessage, client) == 32);
+DCD_ASSERT_(offsetof(DcdMessage, flags) == 36);
 DCD_ASSERT_(sizeof(DcdContact) == 88);
 DCD_ASSERT_(offsetof(DcdContact, a) == 0);
 DCD_ASSERT_(offsetof(DcdContact, b) == 8);
@@ -2424,7 +2622,7 @@ DCD_ASSERT_(offsetof(DcdBodyChange, body) == 0);
 DCD_ASSERT_(offsetof(DcdBodyChange, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdBodyChange, kind) == 16);
 DCD_ASSERT_(offsetof(DcdBodyChange, reason) == 20);
-DCD_ASSERT_(sizeof(DcdEventView) == 80);
+DCD_ASSERT_(sizeof(DcdEventView) == 112);
 DCD_ASSERT_(offsetof(DcdEventView, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdEventView, flags) == 4);
 DCD_ASSERT_(offsetof(DcdEventView, tick) == 8);
@@ -2436,6 +2634,10 @@ DCD_ASSERT_(offsetof(DcdEventView, transfers) == 48);
 DCD_ASSERT_(offsetof(DcdEventView, transfer_count) == 56);
 DCD_ASSERT_(offsetof(DcdEventView, changes) == 64);
 DCD_ASSERT_(offsetof(DcdEventView, change_count) == 72);
+DCD_ASSERT_(offsetof(DcdEventView, connections) == 80);
+DCD_ASSERT_(offsetof(DcdEventView, connection_count) == 88);
+DCD_ASSERT_(offsetof(DcdEventView, messages) == 96);
+DCD_ASSERT_(offsetof(DcdEventView, message_count) == 104);
 DCD_ASSERT_(sizeof(DcdFilter) == 32);
 DCD_ASSERT_(offsetof(DcdFilter, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdFilter, flags) == 4);

@@ -54,6 +54,7 @@
 DCD_ID_(DcdBodyId)
 DCD_ID_(DcdShapeId)
 DCD_ID_(DcdJointId)
+DCD_ID_(DcdConnectionId)
 #undef DCD_ID_
 
 namespace dcd {
@@ -61,6 +62,7 @@ namespace dcd {
 using BodyId = DcdBodyId;
 using ShapeId = DcdShapeId;
 using JointId = DcdJointId;
+using ConnectionId = DcdConnectionId;
 using Pose = DcdPose;
 using Velocity = DcdVelocity;
 using Frame = DcdFrame;
@@ -68,6 +70,8 @@ using Contact = DcdContact;
 using ContactForce = DcdContactForce;
 using Transfer = DcdTransfer;
 using BodyChange = DcdBodyChange;
+using ConnectionEvent = DcdConnectionEvent;
+using Message = DcdMessage;
 using RayHit = DcdRayHit;
 using RegionInfo = DcdRegionInfo;
 using ShapeHit = DcdShapeHit;
@@ -108,6 +112,7 @@ DCD_STRUCT_(JointDef, DCD_JOINT_DEF_INIT);
 DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
 DCD_STRUCT_(Stats, DCD_STATS_INIT);
+DCD_STRUCT_(ConnectionInfo, DCD_CONNECTION_INFO_INIT);
 #undef DCD_STRUCT_
 
 /* Where a body is and how it moves. */
@@ -274,6 +279,8 @@ public:
     Span<const ContactForce> forces() const noexcept { return { view_.forces, view_.force_count }; }
     Span<const Transfer> transfers() const noexcept { return { view_.transfers, view_.transfer_count }; }
     Span<const BodyChange> changes() const noexcept { return { view_.changes, view_.change_count }; }
+    Span<const ConnectionEvent> connections() const noexcept { return { view_.connections, view_.connection_count }; }
+    Span<const Message> messages() const noexcept { return { view_.messages, view_.message_count }; }
 
 private:
     DcdEventView view_;
@@ -411,6 +418,28 @@ public:
         return listed<BodyId>([&](BodyId *out, std::size_t cap, std::size_t *count) {
             return dcd_own_avatars(world_, out, cap, count);
         });
+    }
+
+    /* Other processes of a served world. */
+
+    Result<std::vector<ConnectionId>> connections() const
+    {
+        return listed<ConnectionId>([&](ConnectionId *out, std::size_t cap, std::size_t *count) {
+            return dcd_connections(world_, out, cap, count);
+        });
+    }
+    Result<ConnectionInfo> connection_info(ConnectionId connection) const
+    {
+        return got<ConnectionInfo>([&](ConnectionInfo *out) { return dcd_connection_info(world_, connection, out); });
+    }
+    Status disconnect(ConnectionId connection, const char *reason = nullptr)
+    {
+        return Status(dcd_disconnect(world_, connection, reason));
+    }
+    Status poll(std::uint32_t timeout_ms) const { return Status(dcd_poll(world_, timeout_ms)); }
+    Status send(ConnectionId connection, Span<const unsigned char> bytes, std::uint32_t flags = 0)
+    {
+        return Status(dcd_send(world_, connection, bytes.data(), bytes.size(), flags));
     }
 
     /* Shapes. */

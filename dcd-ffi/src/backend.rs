@@ -13,6 +13,7 @@ use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
 
 use crate::body::{DCD_DYNAMIC, DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType, NewBody};
+use crate::connection::Network;
 use crate::hosted::Hosted;
 use crate::served::{Change, Served};
 use crate::status::{DCD_ERR_UNSUPPORTED, Failure};
@@ -116,8 +117,25 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.step()?),
             Self::Served(world) => world.step(),
-            Self::Hosted(world) => world.look(),
+            Self::Hosted(world) => world.step(),
         }
+    }
+
+    /// What connects it with other processes; nothing in a local world.
+    pub(crate) fn network(&self) -> Option<&Network> {
+        match self {
+            Self::Local(_) => None,
+            Self::Served(world) => Some(world.network()),
+            Self::Hosted(world) => Some(&world.network),
+        }
+    }
+
+    /// The same, or why this role cannot do `what`.
+    pub(crate) fn networked(&self, what: &str) -> Result<&Network, Failure> {
+        self.network().ok_or_else(|| {
+            let why = format!("a local world cannot {what}: it has no network; serve it (dcd_server_create)");
+            Failure::new(DCD_ERR_UNSUPPORTED, why)
+        })
     }
 
     pub(crate) fn insert(&mut self, body: NewBody) -> Result<BodyId, Failure> {

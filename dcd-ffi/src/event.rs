@@ -7,8 +7,10 @@ use dcd::space::BodyId;
 
 use crate::backend::Backend;
 use crate::body::DcdBodyId;
+use crate::connection::DcdConnectionEvent;
 use crate::guard::guard;
 use crate::handle::Mark;
+use crate::message::{DcdMessage, Messages};
 use crate::pinned::Pinned;
 use crate::pointer::{Out, Sized32};
 use crate::served::Change;
@@ -157,6 +159,14 @@ pub struct DcdEventView {
     pub changes: *const DcdBodyChange,
     /// How many.
     pub change_count: usize,
+    /// What became of a served world's connections, in order; of more than 4096 the newest.
+    pub connections: *const DcdConnectionEvent,
+    /// How many.
+    pub connection_count: usize,
+    /// What programs of other processes sent to this one, in the order in which it came. Their bytes live as long as the array.
+    pub messages: *const DcdMessage,
+    /// How many.
+    pub message_count: usize,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
@@ -181,6 +191,8 @@ struct EventArrays {
     forces: Pinned<DcdContactForce>,
     transfers: Pinned<DcdTransfer>,
     changes: Pinned<DcdBodyChange>,
+    connections: Pinned<DcdConnectionEvent>,
+    messages: Messages,
 }
 
 impl EventBuffers {
@@ -243,6 +255,11 @@ impl EventBuffers {
             from: handover.from.0,
             to: handover.to.0,
         }));
+        let network = backend.network();
+        let changes = network.map_or(&[][..], |network| &network.events);
+        let told = changes.iter().map(|event| DcdConnectionEvent::new(event, mark.connection(event.id)));
+        arrays.connections.refill(changes.len()).extend(told);
+        arrays.messages.refill(network.map_or(&[], |network| &network.messages), mark);
         self.departed.clear();
     }
 
@@ -260,6 +277,10 @@ impl EventBuffers {
             transfer_count: arrays.transfers.len(),
             changes: arrays.changes.as_ptr(),
             change_count: arrays.changes.len(),
+            connections: arrays.connections.as_ptr(),
+            connection_count: arrays.connections.len(),
+            messages: arrays.messages.list.as_ptr(),
+            message_count: arrays.messages.list.len(),
         }
     }
 }

@@ -1,8 +1,10 @@
 //! Handles: numbers that name things for C, and that stay wrong for ever once their thing is gone.
 
+use dcd::runtime::ConnectionId;
 use dcd::space::{BodyId, JointId};
 
 use crate::body::DcdBodyId;
+use crate::connection::DcdConnectionId;
 use crate::joint::DcdJointId;
 use crate::shape::DcdShapeId;
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STALE_ID, Failure};
@@ -96,6 +98,15 @@ impl Mark {
     pub(crate) fn joint_id(self, joint: DcdJointId) -> Result<JointId, Failure> {
         let bits = self.mix(not_null(joint.v, "joint")?);
         bits.checked_sub(1).map(JointId).ok_or_else(|| stale("joint", joint.v))
+    }
+
+    /// Connections are numbered from 1.
+    pub(crate) fn connection(self, id: ConnectionId) -> DcdConnectionId {
+        DcdConnectionId { v: self.mix(id.0) }
+    }
+
+    pub(crate) fn connection_id(self, connection: DcdConnectionId) -> Result<ConnectionId, Failure> {
+        Ok(ConnectionId(self.mix(not_null(connection.v, "connection")?)))
     }
 
     pub(crate) fn shape(self, slot: u64) -> DcdShapeId {

@@ -5,6 +5,7 @@ use std::time::Duration;
 use dcd::net::PeerStats;
 use dcd::runtime::{Member, ServerProcess, Stats};
 
+use crate::connection::Network;
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, Failure};
 use crate::world::{DCD_ROLE_NODE, DCD_ROLE_SERVER, DcdRole};
 
@@ -17,11 +18,26 @@ pub(crate) enum Process {
 /// A server or a node, and what it knows of its world.
 pub(crate) struct Hosted {
     pub process: Process,
+    pub network: Network,
     pub dt_s: f32,
     pub gravity: [f32; 3],
 }
 
 impl Hosted {
+    pub(crate) fn new(process: Process, dt_s: f32, gravity: [f32; 3]) -> Self {
+        let connections = match &process {
+            Process::Server(server) => server.connections(),
+            Process::Node(node) => node.connections(),
+        };
+        Self { network: Network::new(connections.clone()), process, dt_s, gravity }
+    }
+
+    /// Takes in what came over the network, and says whether all is well.
+    pub(crate) fn step(&mut self) -> Result<(), Failure> {
+        self.network.listen();
+        self.look()
+    }
+
     pub(crate) fn role(&self) -> DcdRole {
         match self.process {
             Process::Server(_) => DCD_ROLE_SERVER,

@@ -54,6 +54,10 @@ pub mod step;
 
 pub mod state;
 
+pub mod connection;
+
+pub mod message;
+
 pub mod event;
 
 pub mod query;

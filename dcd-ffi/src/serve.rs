@@ -120,9 +120,10 @@ unsafe impl Sized32 for DcdNodeDef {
 /// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 /// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 ///
-/// It works on threads of the library, whether or not you call dcd_step, which only says whether all is well. Of the handle
-/// count dcd_world_info, dcd_stats, dcd_address and dcd_token_create; the world is seen by joining it, also from the same
-/// process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
+/// It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
+/// for your program: of dcd_events, connections and messages. Of the handle count besides dcd_world_info, dcd_stats,
+/// dcd_address, dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
+/// from the same process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
 /// leaves the world there.
 ///
 /// `def` and what it points to are read during the call.
@@ -186,7 +187,7 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
                 Ok((ServerProcess::start(Origin::World(source), config)?, *source.host().settings()))
             })?,
         };
-        let hosted = Hosted { process: Process::Server(server), dt_s: step.dt_s, gravity: step.gravity };
+        let hosted = Hosted::new(Process::Server(server), step.dt_s, step.gravity);
         out.write(world::add(Backend::Hosted(Box::new(hosted)), def.user_data));
         Ok(())
     })
@@ -253,9 +254,9 @@ pub unsafe extern "C" fn dcd_address(
 }
 
 /// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
-/// which only says whether all is well. Returns once the server has let it in; the share comes when the server gives it one.
+/// which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
 ///
-/// Of the handle count dcd_world_info, dcd_stats and dcd_address; dcd_participant_join is for who wants to see the world too.
+/// Of the handle count what counts of a server's, but for tokens and dcd_disconnect; dcd_participant_join is for who wants to see the world too.
 /// dcd_world_destroy first hands the share to other nodes, which may take some seconds.
 /// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
 #[unsafe(no_mangle)]
@@ -277,7 +278,7 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
             member.threads = config.threads;
             member.listen = listen.unwrap_or(member.listen);
             let process = Process::Node(Member::start(member)?);
-            Ok(Backend::Hosted(Box::new(Hosted { process, dt_s: 0.0, gravity: [0.0; 3] })))
+            Ok(Backend::Hosted(Box::new(Hosted::new(process, 0.0, [0.0; 3]))))
         })
     })
 }

@@ -14,6 +14,7 @@ use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
 use rapier3d::prelude::*;
 
+use crate::connection::Network;
 use crate::properties::type_of;
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 use crate::view::{BodyView, RegionView, StateRow};
@@ -21,6 +22,7 @@ use crate::view::{BodyView, RegionView, StateRow};
 /// A client's or participant's world.
 pub(crate) struct Served {
     world: ClientWorld,
+    network: Network,
     environment: EnvironmentProperties,
     /// As heard up to the last step, in id order.
     bodies: Vec<Heard>,
@@ -59,6 +61,7 @@ impl Served {
     pub(crate) fn new(world: ClientWorld) -> Result<Self, Failure> {
         let environment = world.environment().ok_or(ProcessError::Stopped)?;
         let mut served = Self {
+            network: Network::new(world.connections().clone()),
             world,
             environment,
             bodies: Vec::new(),
@@ -85,6 +88,10 @@ impl Served {
         self.world.id().0
     }
 
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
+    }
+
     pub(crate) fn environment(&self) -> &EnvironmentProperties {
         &self.environment
     }
@@ -102,6 +109,7 @@ impl Served {
             self.lost = sent.err().map(|error| (DCD_ERR_NETWORK, error.to_string()));
         }
         self.listen();
+        self.network.listen();
         self.last_step = start.elapsed();
         self.check_link()
     }

@@ -7,9 +7,11 @@ use std::mem::{offset_of, size_of};
 use std::path::Path;
 
 use dcd_ffi::body::*;
+use dcd_ffi::connection::*;
 use dcd_ffi::event::*;
 use dcd_ffi::join::*;
 use dcd_ffi::joint::*;
+use dcd_ffi::message::*;
 use dcd_ffi::motion::*;
 use dcd_ffi::part::*;
 use dcd_ffi::properties::*;
@@ -44,6 +46,7 @@ fn layouts() -> Vec<Layout> {
         DcdBodyId { v }
         DcdShapeId { v }
         DcdJointId { v }
+        DcdConnectionId { v }
         DcdPose { p, q }
         DcdVelocity { linear, angular }
         DcdFrame { p, q }
@@ -95,13 +98,19 @@ fn layouts() -> Vec<Layout> {
             natural_frequency, damping_ratio, flags, locked, coupled, limited, driven
         }
         DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
+        DcdConnectionEvent { connection, state, role, node, client, reason }
+        DcdConnectionInfo {
+            struct_size, state, role, node, client, loss, rtt_ms, age, bytes_in, bytes_out, messages_in, messages_out,
+            dropped, bytes_waiting
+        }
+        DcdMessage { connection, data, size, role, node, client, flags }
         DcdContact { a, b, user_a, user_b, point, normal, speed, kind, flags, part_a, part_b }
         DcdContactForce { a, b, user_a, user_b, force, magnitude, part_a, part_b }
         DcdTransfer { body, user_data, from, to }
         DcdBodyChange { body, user_data, kind, reason }
         DcdEventView {
             struct_size, flags, tick, contacts, contact_count, forces, force_count, transfers, transfer_count,
-            changes, change_count
+            changes, change_count, connections, connection_count, messages, message_count
         }
         DcdFilter { struct_size, flags, groups, mask, exclude, exclude_count }
         DcdRay { origin, direction, max_distance, exclude, mask, flags }
@@ -197,7 +206,10 @@ const MACROS: &str = "
 #define DCD_STATE_VIEW_INIT \\
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_EVENT_VIEW_INIT \\
-    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0 }
+    { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \\
+      NULL, 0, NULL, 0 }
+#define DCD_CONNECTION_INFO_INIT \\
+    { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 #define DCD_STATS_INIT \\
     { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 
@@ -319,15 +331,16 @@ fn no_struct_has_padding_that_a_program_could_leave_undefined() {
 fn size_of_member(declaration: &str) -> usize {
     let declaration = declaration.trim_end_matches(';').trim_start_matches("struct ");
     let (name, count) = match declaration.split_once('[') {
+        Some((name, "DCD_MAX_REASON]")) => (name, DCD_MAX_REASON),
         Some((name, count)) => (name, count.trim_end_matches(']').parse().expect("a number of entries")),
         None => (declaration, 1),
     };
     let kind = name.split_whitespace().next().expect("a type");
     let size = match kind {
         _ if name.contains('*') => size_of::<usize>(),
-        "uint8_t" | "bool" => 1,
+        "uint8_t" | "bool" | "char" => 1,
         "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
-        | "DcdCombineRule" | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
+        | "DcdCombineRule" | "DcdConnectionState" | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
         "double" | "uint64_t" | "size_t" => 8,
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };

@@ -17,10 +17,15 @@ pub enum Lane {
     Object,
     /// What clients ask for and are told.
     Client,
+    /// What programs say to each other: goes last, and takes no room from others.
+    Program,
 }
 
+/// How many there are.
+pub(super) const LANES: usize = Lane::ALL.len();
+
 impl Lane {
-    pub(super) const ALL: [Self; 3] = [Self::Admin, Self::Object, Self::Client];
+    pub(super) const ALL: [Self; 4] = [Self::Admin, Self::Object, Self::Client, Self::Program];
 
     pub(super) fn index(self) -> usize {
         self as usize
@@ -37,6 +42,7 @@ impl fmt::Display for Lane {
             Self::Admin => "admin lane",
             Self::Object => "object lane",
             Self::Client => "client lane",
+            Self::Program => "program lane",
         })
     }
 }

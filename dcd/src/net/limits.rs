@@ -6,6 +6,7 @@ use std::time::Duration;
 use quinn::{IdleTimeout, TransportConfig, VarInt};
 
 use super::PeerName;
+use super::lanes::LANES;
 use crate::protocol::link;
 
 /// Datagrams are never longer: they must fit into one packet on every path.
@@ -60,7 +61,8 @@ impl Default for Limits {
 const RECEIVE_WINDOW_BYTES: u32 = 4 << 20;
 /// The same for one that has not proved its name yet: a flood of them must not cost much.
 const UNPROVEN_WINDOW_BYTES: u32 = 32 << 10;
-/// Three lanes fit into the connection's window together, so that a stalled one leaves room for the others.
+/// The world's three lanes fit into the connection's window together, so that a stalled one leaves room for the others; the
+/// program lane never has more on it than its own, small window.
 const STREAM_WINDOW_BYTES: u32 = 5 << 18;
 
 impl Limits {
@@ -76,7 +78,8 @@ impl Limits {
 
     /// So much may be in flight to `who`.
     pub(super) fn send_window_of(&self, who: PeerName) -> u64 {
-        if is_client_only(who) { self.client_queue_bytes as u64 } else { link::WINDOW_BYTES as u64 }
+        let world = if is_client_only(who) { self.client_queue_bytes } else { link::WINDOW_BYTES };
+        (world + link::PROGRAM_WINDOW_BYTES) as u64
     }
 
     /// So much may `who` send ahead of our reading.
@@ -101,7 +104,7 @@ impl Limits {
             ))
             .keep_alive_interval(Some(self.keep_alive))
             .initial_rtt(link::FIRST_TRIP)
-            .max_concurrent_uni_streams(VarInt::from_u32(3))
+            .max_concurrent_uni_streams(VarInt::from_u32(LANES as u32))
             .max_concurrent_bidi_streams(VarInt::from(bidirectional_streams))
             .receive_window(VarInt::from_u32(UNPROVEN_WINDOW_BYTES))
             .stream_receive_window(VarInt::from_u32(STREAM_WINDOW_BYTES))

@@ -43,4 +43,4 @@ pub use stats::{NetTotals, PeerStats};
 pub use token::{ResumeKey, Token};
 
 /// The version of everything that dcd processes say to one another. Processes of unlike versions refuse each other.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;

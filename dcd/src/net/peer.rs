@@ -9,7 +9,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::JoinSet;
 
 use super::events::Delivery;
-use super::lanes::{FrameStart, LaneError, LaneSender, SendFailure, read_body, read_length};
+use super::lanes::{FrameStart, LANES, LaneError, LaneSender, SendFailure, read_body, read_length};
 use super::stats::{Counters, count};
 use super::{
     CloseCause, Lane, Limits, MAX_DATAGRAM_BYTES, NetEvent, PROTOCOL_VERSION, PeerKey, PeerName, PeerStats,
@@ -29,10 +29,11 @@ pub(super) struct Peer {
     pub(super) key: PeerKey,
     pub(super) who: PeerName,
     connection: Connection,
-    lanes: [Mutex<LaneSender>; 3],
-    /// Bytes that wait on all lanes.
-    queued: AtomicUsize,
-    queue_limit: usize,
+    lanes: [Mutex<LaneSender>; LANES],
+    /// What waits for the world's lanes together.
+    queue: Queue,
+    /// What waits for the program lane.
+    program_queue: Queue,
     inbox_bytes: usize,
     /// Frames from the peer may be so long.
     frame_limit: usize,
@@ -41,10 +42,22 @@ pub(super) struct Peer {
     violation: Mutex<Option<String>>,
 }
 
+/// Bytes that wait, and how many may.
+struct Queue {
+    bytes: AtomicUsize,
+    limit: usize,
+}
+
+impl Queue {
+    fn new(limit: usize) -> Self {
+        Self { bytes: AtomicUsize::new(0), limit }
+    }
+}
+
 /// Both ends of all lanes, in the lanes' order.
 pub(super) struct Lanes {
-    senders: [SendStream; 3],
-    receivers: [RecvStream; 3],
+    senders: [SendStream; LANES],
+    receivers: [RecvStream; LANES],
 }
 
 /// Why two processes do not begin to talk.
@@ -71,7 +84,7 @@ pub(super) async fn greet(connection: &Connection) -> Result<Lanes, GreetError> 
         let _ = stream.write_all(&greeting).await;
         senders.push(stream);
     }
-    let mut receivers = [None, None, None];
+    let mut receivers = [const { None }; LANES];
     for _ in Lane::ALL {
         let mut stream = connection.accept_uni().await?;
         let mut greeting = [0; 5];
@@ -99,7 +112,7 @@ pub(super) async fn greet(connection: &Connection) -> Result<Lanes, GreetError> 
         }
     }
     let senders = senders.try_into().unwrap_or_else(|_| unreachable!("one stream was opened per lane"));
-    let receivers = receivers.map(|stream| stream.expect("three streams of unlike lanes fill all slots"));
+    let receivers = receivers.map(|stream| stream.expect("as many streams of unlike lanes fill all slots"));
     Ok(Lanes { senders, receivers })
 }
 
@@ -110,7 +123,7 @@ impl Peer {
         connection: Connection,
         lanes: Lanes,
         limits: &Limits,
-    ) -> (Arc<Self>, [RecvStream; 3]) {
+    ) -> (Arc<Self>, [RecvStream; LANES]) {
         connection.set_send_window(limits.send_window_of(who));
         connection.set_receive_window(limits.receive_window_of(who));
         let peer = Arc::new(Self {
@@ -118,8 +131,8 @@ impl Peer {
             who,
             connection,
             lanes: lanes.senders.map(|stream| Mutex::new(LaneSender::new(stream))),
-            queued: AtomicUsize::new(0),
-            queue_limit: limits.queue_bytes_of(who),
+            queue: Queue::new(limits.queue_bytes_of(who)),
+            program_queue: Queue::new(link::PROGRAM_WINDOW_BYTES),
             inbox_bytes: limits.inbox_bytes_of(who),
             frame_limit: limits.frame_bytes_of(who),
             counters: Counters::default(),
@@ -129,15 +142,15 @@ impl Peer {
     }
 
     pub(super) fn send(&self, lane: Lane, frame: &[u8]) -> Result<(), SendError> {
-        match self.lane(lane).send(frame, &self.queued, self.queue_limit) {
+        let Queue { bytes, limit } = self.queue(lane);
+        match self.lane(lane).send(frame, bytes, *limit) {
             Ok(()) => {
                 count(&self.counters.frames_out, &self.counters.bytes_out, frame.len());
                 Ok(())
             }
-            Err(SendFailure::Full) => Err(SendError::Full {
-                waiting_bytes: self.queued.load(Ordering::Relaxed),
-                limit_bytes: self.queue_limit,
-            }),
+            Err(SendFailure::Full) => {
+                Err(SendError::Full { waiting_bytes: bytes.load(Ordering::Relaxed), limit_bytes: *limit })
+            }
             Err(SendFailure::Broken) => Err(SendError::NotConnected),
         }
     }
@@ -171,14 +184,15 @@ impl Peer {
     }
 
     pub(super) fn stats(&self) -> PeerStats {
-        self.counters.read(self.queued.load(Ordering::Relaxed), &self.connection.stats().path)
+        self.counters.read(self.queue.bytes.load(Ordering::Relaxed), &self.connection.stats().path)
     }
 
     /// Sends what waits, waits until the peer has it, and closes; after `limits.linger` without that.
     pub(super) async fn close(&self, reason: &str, limits: &Limits) {
         let all_sent = async {
             for lane in Lane::ALL {
-                let arrived = poll_fn(|context| self.lane(lane).poll_finish(context, &self.queued)).await;
+                let arrived =
+                    poll_fn(|context| self.lane(lane).poll_finish(context, &self.queue(lane).bytes)).await;
                 if let Some(arrived) = arrived {
                     arrived.await;
                 }
@@ -193,7 +207,7 @@ impl Peer {
     /// Carries the connection until it ends; then all that arrived has been delivered. Returns how it ended.
     pub(super) async fn run(
         self: &Arc<Self>,
-        receivers: [RecvStream; 3],
+        receivers: [RecvStream; LANES],
         events: &mpsc::Sender<Delivery>,
     ) -> (CloseCause, String) {
         let mut senders = JoinSet::new();
@@ -202,7 +216,7 @@ impl Peer {
         for (lane, stream) in Lane::ALL.into_iter().zip(receivers) {
             let peer = self.clone();
             senders.spawn(async move {
-                poll_fn(|context| peer.lane(lane).poll_run(context, &peer.queued)).await;
+                poll_fn(|context| peer.lane(lane).poll_run(context, &peer.queue(lane).bytes)).await;
             });
             readers.spawn(self.clone().read_lane(lane, stream, inbox.clone(), events.clone()));
         }
@@ -283,6 +297,10 @@ impl Peer {
             (None, error @ ConnectionError::TransportError(_)) => (CloseCause::Violation, error.to_string()),
             (None, error) => (CloseCause::ByPeer, error.to_string()),
         }
+    }
+
+    fn queue(&self, lane: Lane) -> &Queue {
+        if lane == Lane::Program { &self.program_queue } else { &self.queue }
     }
 
     fn lane(&self, lane: Lane) -> MutexGuard<'_, LaneSender> {

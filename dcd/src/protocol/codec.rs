@@ -19,7 +19,7 @@ use crate::protocol::SharedState;
 use crate::space::ClientId;
 
 /// Grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 
 /// The largest message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -168,7 +168,8 @@ mod tests {
 
     use super::*;
     use crate::protocol::{
-        Border, Dispatch, FromClient, Ping, ToNode, Velocity, ViewNumber, WorldOp, WorldPose,
+        Border, Dispatch, FromClient, PROGRAM_DATAGRAM_BYTES, PROGRAM_MESSAGE_BYTES, Ping, Program, ToNode,
+        Velocity, ViewNumber, WorldOp, WorldPose,
     };
     use crate::space::{BodyId, Epoch, Tick};
 
@@ -259,6 +260,21 @@ mod tests {
             unpacked.extend(states);
         }
         assert_eq!(unpacked, states);
+    }
+
+    #[test]
+    fn what_programs_say_is_bounded_and_a_datagram_of_theirs_fits_one() {
+        let message = |program| encode(&Message::Program(program));
+        let longest = message(Program::Datagram(vec![0; PROGRAM_DATAGRAM_BYTES]));
+        assert!(longest.len() <= DATAGRAM_BYTES, "{}", longest.len());
+        assert!(decode(&longest).is_ok());
+        let refusal = |bytes: Vec<u8>| decode(&bytes).unwrap_err().to_string();
+        let datagram = Program::Datagram(vec![0; PROGRAM_DATAGRAM_BYTES + 1]);
+        assert!(refusal(message(datagram)).contains("program.datagram"));
+        let long = message(Program::Message(vec![0; PROGRAM_MESSAGE_BYTES]));
+        assert!(decode(&long).is_ok() && long.len() <= super::super::link::CLIENT_FRAME_BYTES);
+        let longer = Program::Message(vec![0; PROGRAM_MESSAGE_BYTES + 1]);
+        assert!(refusal(message(longer)).contains("program.message"));
     }
 
     #[test]

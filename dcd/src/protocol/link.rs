@@ -28,6 +28,8 @@ pub const WINDOW_BYTES: usize = 8 << 20;
 pub const QUEUE_BYTES: usize = 32 << 20;
 /// How much may wait for a slow client, and again as much in flight.
 pub const CLIENT_QUEUE_BYTES: usize = 64 << 10;
+/// Of programs' messages, so much may have been sent to a program that has not taken it yet.
+pub const PROGRAM_WINDOW_BYTES: usize = 128 << 10;
 /// Datagrams that have arrived and are not read yet.
 pub const DATAGRAM_QUEUE_BYTES: usize = 64 << 10;
 

@@ -3,6 +3,7 @@
 
 mod client;
 mod group;
+mod program;
 
 use std::net::SocketAddr;
 
@@ -16,6 +17,7 @@ pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Motion, Report, Stance, TickStats, ToNode,
     ToServer, WorldOp,
 };
+pub use program::Program;
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
@@ -53,6 +55,8 @@ pub enum Message {
     Ping(Ping),
     /// The echo.
     Pong(Pong),
+    /// Program to program, over a link between a server and another process.
+    Program(Program),
 }
 
 /// How a message travels. Order holds within a lane only.
@@ -74,6 +78,7 @@ impl Message {
             Self::Ping(_)
             | Self::Pong(_)
             | Self::ToClient(_, ToClient::States { .. })
+            | Self::Program(Program::Datagram(_))
             | Self::ToServer(ToServer::Abroad { .. })
             | Self::ToNode(ToNode::Abroad { .. }) => Lane::State,
             _ => Lane::Control,

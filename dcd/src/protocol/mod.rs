@@ -31,10 +31,13 @@ pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
     EnvironmentProperties, FromClient, Hello, Lane, Member, Message, Motion, Pace, Ping, Placed, Pong,
-    Refusal, Report, Role, Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer,
-    View, ViewNumber, WorldOp,
+    Program, Refusal, Report, Role, Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode,
+    ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;
 pub use shape::{ShapeHash, ShapeRecord};
-pub use validate::{Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, WORLD_REACH_M};
+pub use validate::{
+    Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, PROGRAM_DATAGRAM_BYTES,
+    PROGRAM_MESSAGE_BYTES, WORLD_REACH_M,
+};

@@ -19,6 +19,12 @@ pub const MAX_DEPTH: u32 = 16;
 /// Most colliders of one body.
 pub const MAX_COLLIDERS: usize = 4_096;
 
+/// The longest message of a program.
+pub const PROGRAM_MESSAGE_BYTES: usize = 32 << 10;
+
+/// The longest datagram of a program: with its envelope it fits one.
+pub const PROGRAM_DATAGRAM_BYTES: usize = 1_024;
+
 /// The field that broke a rule, and the rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} must be {rule}")]
@@ -497,6 +503,20 @@ impl Check for ToClient {
     }
 }
 
+impl Check for Program {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Message(bytes) => {
+                must(bytes.len() <= PROGRAM_MESSAGE_BYTES, "program.message", "32 KiB at most")
+            }
+            Self::Datagram(bytes) => {
+                must(bytes.len() <= PROGRAM_DATAGRAM_BYTES, "program.datagram", "1 KiB at most")
+            }
+            Self::Taken(_) => Ok(()),
+        }
+    }
+}
+
 impl Check for Message {
     fn check(&self) -> Result<(), Invalid> {
         match self {
@@ -511,6 +531,7 @@ impl Check for Message {
                 message.check()
             }
             Self::ToClient(_, message) => message.check(),
+            Self::Program(program) => program.check(),
             Self::Hello(_) | Self::Ping(_) | Self::Pong(_) => Ok(()),
         }
     }

@@ -2,21 +2,29 @@
 //!
 //! A connection is with a process, by its proven name. Its link may break and be made anew: then it is lost, and back. A
 //! server has connections with nodes and clients; others have one with their server, and those with nodes that their part in
-//! the world asks for.
+//! the world asks for. The programs at both ends of a connection with the server may say to each other what they like.
 
-use std::collections::{BTreeMap, VecDeque};
+mod mail;
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddr;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use self::mail::Mail;
+pub(super) use self::mail::Sent;
 use super::links::SUPERSEDED;
 use super::member::GIVE_UP;
 use crate::net::{PeerKey, PeerName, PeerStats};
+use crate::protocol::Program;
 
 /// How long a connection without a link is kept: so long its process dials, as a rule.
 const KEPT: Duration = GIVE_UP;
 /// Events kept for a user who does not take them; of more, the oldest are forgotten.
 const EVENTS: usize = 4_096;
+
+/// Untaken messages that are kept after their links' ends, by weight; of more, all are forgotten.
+const ENDED_BYTES: u64 = 4 << 20;
 
 /// A connection of this process; a number that is never given a second time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -33,10 +41,14 @@ pub struct Connection {
     pub address: SocketAddr,
     /// Whether there is a link; else it is waited for.
     pub is_up: bool,
+    /// How many links it has had.
+    pub links: u32,
     /// How long ago it came.
     pub age: Duration,
     /// What has passed over it, as of up to half a second ago.
     pub traffic: PeerStats,
+    /// Datagrams of programs that were dropped at this end: the link was full, or our program did not take them.
+    pub dropped: u64,
 }
 
 /// Something became of a connection.
@@ -63,6 +75,28 @@ pub enum ConnectionChange {
     Gone(String),
 }
 
+/// How programs' messages travel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Delivery {
+    /// Once and in order, as long as the link lasts.
+    Message,
+    /// May be lost, or overtaken.
+    Datagram,
+}
+
+/// What the program at the other end of a connection sent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProgramMessage {
+    /// Over which connection; it may be gone by now.
+    pub from: ConnectionId,
+    /// By whom.
+    pub who: PeerName,
+    /// How.
+    pub delivery: Delivery,
+    /// What.
+    pub bytes: Vec<u8>,
+}
+
 /// Why a connection is not what is asked of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ConnectionError {
@@ -72,6 +106,25 @@ pub enum ConnectionError {
     /// Asked of a process that is no server.
     #[error("only a server sends others away: to leave it, leave the world")]
     NotServer,
+    /// A message for somebody who is not the server, by somebody who is not.
+    #[error("programs speak with the server's only: send it there, and let that pass it on")]
+    NotByServer,
+    /// It has no link now.
+    #[error("the link is broken: wait until the connection is back, or gone")]
+    Lost,
+    /// Over a limit.
+    #[error("a message of {bytes} bytes is over the limit of {limit}: send it in parts")]
+    TooLong {
+        /// How long it is.
+        bytes: usize,
+        /// How long it may be.
+        limit: usize,
+    },
+    /// The link, or the program at its other end, is behind.
+    #[error(
+        "too much waits to be sent already: the link or the program at its other end is slow; send it later"
+    )]
+    Full,
 }
 
 /// The connections of a running process. All clones are of the same. Its methods return at once unless they say otherwise.
@@ -96,8 +149,18 @@ struct State {
     of_link: BTreeMap<PeerKey, ConnectionId>,
     events: VecDeque<ConnectionEvent>,
     sent_away: Vec<(PeerName, String)>,
+    /// Those that may have something to send.
+    sending: BTreeSet<ConnectionId>,
+    inbox: VecDeque<Received>,
+    /// Weight of what is in the inbox though its link has ended.
+    ended: u64,
     arrivals: u64,
     over: bool,
+}
+
+struct Received {
+    link: PeerKey,
+    message: ProgramMessage,
 }
 
 struct Entry {
@@ -109,6 +172,8 @@ struct Entry {
     /// What passed over former links, and over this one.
     before: PeerStats,
     traffic: PeerStats,
+    mail: Mail,
+    links: u32,
 }
 
 impl Connections {
@@ -126,6 +191,45 @@ impl Connections {
     /// What became of connections since the last call, in order.
     pub fn take_events(&self) -> Vec<ConnectionEvent> {
         self.lock().events.drain(..).collect()
+    }
+
+    /// Sends bytes to the program at the other end: from a server's to any, else to the server's. The world's own messages
+    /// never wait for them. What is on its way when the link breaks is lost.
+    pub fn send(&self, id: ConnectionId, bytes: &[u8], delivery: Delivery) -> Result<(), ConnectionError> {
+        let mut state = self.lock();
+        let entry = state.entries.get_mut(&id).ok_or(ConnectionError::Gone)?;
+        if !self.is_spoken_with(entry.who) {
+            return Err(ConnectionError::NotByServer);
+        }
+        entry.link.map_err(|_| ConnectionError::Lost)?;
+        entry.mail.post(bytes, delivery)?;
+        state.sending.insert(id);
+        drop(state);
+        (self.shared.wake)();
+        Ok(())
+    }
+
+    /// What programs have sent to this one since the last call, in the order in which it came. Who does not take them holds
+    /// their senders back.
+    pub fn take_messages(&self) -> Vec<ProgramMessage> {
+        let mut state = self.lock();
+        let State { entries, sending, inbox, .. } = &mut *state;
+        let mut is_to_tell = false;
+        for Received { link, message } in inbox.iter() {
+            if let Some(entry) = entries.get_mut(&message.from).filter(|entry| entry.link == Ok(*link)) {
+                entry.mail.take(&message.bytes, message.delivery);
+                if entry.mail.is_to_tell() {
+                    is_to_tell |= sending.insert(message.from);
+                }
+            }
+        }
+        let messages = inbox.drain(..).map(|received| received.message).collect();
+        state.ended = 0;
+        drop(state);
+        if is_to_tell {
+            (self.shared.wake)();
+        }
+        messages
     }
 
     /// How often something came over the network that concerns the user; for [`Connections::wait`].
@@ -178,6 +282,7 @@ impl Connections {
                 let traffic = std::mem::take(&mut entry.traffic);
                 entry.before.add(&traffic);
                 (entry.link, entry.address) = (Ok(link), address);
+                entry.links += 1;
                 state.of_link.insert(link, id);
                 state.tell(id, who, ConnectionChange::Back);
             }
@@ -185,7 +290,8 @@ impl Connections {
                 state.last += 1;
                 let id = ConnectionId(state.last);
                 let (before, traffic) = Default::default();
-                let entry = Entry { who, address, came: Instant::now(), link: Ok(link), before, traffic };
+                let (came, mail) = (Instant::now(), Mail::default());
+                let entry = Entry { who, address, came, link: Ok(link), before, traffic, mail, links: 1 };
                 state.entries.insert(id, entry);
                 state.of_peer.insert(who, id);
                 state.of_link.insert(link, id);
@@ -227,6 +333,38 @@ impl Connections {
         }
     }
 
+    /// Sends what programs want sent, as far as there is room. Returns whether something is to be tried again soon.
+    pub(super) fn send_waiting(&self, mut send: impl FnMut(PeerKey, &[u8], Delivery) -> Sent) -> bool {
+        let State { entries, sending, .. } = &mut *self.lock();
+        sending.retain(|id| match entries.get_mut(id) {
+            Some(Entry { link: Ok(link), mail, .. }) => {
+                mail.send(|frame, delivery| send(*link, frame, delivery))
+            }
+            _ => false,
+        });
+        !sending.is_empty()
+    }
+
+    /// Something that the program at the other end of a link says. An error names the rule that it broke.
+    pub(super) fn heard(&self, link: PeerKey, program: Program) -> Result<(), &'static str> {
+        let state = &mut *self.lock();
+        let Some(&from) = state.of_link.get(&link) else { return Ok(()) };
+        let Some(entry) = state.entries.get_mut(&from) else { return Ok(()) };
+        let who = entry.who;
+        if !self.is_spoken_with(who) {
+            return Err("a message for our program, which speaks with the server's only");
+        }
+        let is_room = matches!(program, Program::Taken(_));
+        if let Some((bytes, delivery)) = entry.mail.hear(program)? {
+            state.inbox.push_back(Received { link, message: ProgramMessage { from, who, delivery, bytes } });
+            state.arrivals += 1;
+            self.shared.arrived.notify_all();
+        } else if is_room {
+            state.sending.insert(from);
+        }
+        Ok(())
+    }
+
     /// Who is to be sent away, and why. Those without a link are gone with this.
     pub(super) fn take_sent_away(&self) -> Vec<(PeerName, String)> {
         let mut state = self.lock();
@@ -257,6 +395,11 @@ impl Connections {
         self.shared.arrived.notify_all();
     }
 
+    /// Whether our program and that of this process speak with each other.
+    fn is_spoken_with(&self, who: PeerName) -> bool {
+        self.shared.is_server || who == PeerName::Server
+    }
+
     fn lock(&self) -> MutexGuard<'_, State> {
         self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -272,8 +415,10 @@ impl Entry {
             who: self.who,
             address: self.address,
             is_up: self.link.is_ok(),
+            links: self.links,
             age: self.came.elapsed(),
             traffic: PeerStats { rtt, bytes_waiting, ..traffic },
+            dropped: self.mail.dropped,
         }
     }
 }
@@ -283,7 +428,9 @@ impl State {
         let Some(id) = self.of_link.remove(&link) else { return };
         let Some(entry) = self.entries.get_mut(&id) else { return };
         entry.link = Err(Instant::now());
-        let who = entry.who;
+        let (who, untaken) = (entry.who, entry.mail.untaken());
+        entry.mail.end();
+        self.keep_ended(untaken);
         self.tell(id, who, ConnectionChange::Lost(reason.to_owned()));
     }
 
@@ -292,8 +439,19 @@ impl State {
         self.of_peer.remove(&entry.who);
         if let Ok(link) = entry.link {
             self.of_link.remove(&link);
+            self.keep_ended(entry.mail.untaken());
         }
         self.tell(id, entry.who, ConnectionChange::Gone(reason.to_owned()));
+    }
+
+    /// So much more is in the inbox of a link that has ended.
+    fn keep_ended(&mut self, untaken: u64) {
+        self.ended += untaken;
+        if self.ended > ENDED_BYTES {
+            tracing::warn!("messages of processes that went are forgotten: this program does not take them");
+            self.inbox.retain(|received| self.of_link.contains_key(&received.link));
+            self.ended = 0;
+        }
     }
 
     fn tell(&mut self, id: ConnectionId, who: PeerName, change: ConnectionChange) {

@@ -25,7 +25,8 @@ mod snapshot;
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
 #[cfg(feature = "net")]
 pub use connections::{
-    Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections,
+    Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections, Delivery,
+    ProgramMessage,
 };
 pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]

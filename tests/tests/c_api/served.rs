@@ -254,12 +254,21 @@ fn what_is_wrong_on_entering_is_said_to_c() {
     cluster.stop();
 }
 
-#[test]
-fn one_program_serves_computes_and_sees_a_world() {
+/// Runs a C program that holds a world itself, in a folder of its own; as it is and under sanitizers.
+fn run_alone(source: &str) {
     for flags in [&[][..], &SANITIZED] {
         let folder = tempfile::tempdir().unwrap();
-        let program = build(&root().join("tests/tests/c_api/roles.c"), folder.path(), flags);
-        let said = run_well(Command::new(program).arg(folder.path().join("server")));
-        assert!(said.contains(" checks, 0 failures"), "{said}");
+        let program = build(&root().join("tests/tests/c_api").join(source), folder.path(), flags);
+        check(&run_well(Command::new(program).arg(folder.path().join("server"))));
     }
+}
+
+#[test]
+fn one_program_serves_computes_and_sees_a_world() {
+    run_alone("roles.c");
+}
+
+#[test]
+fn programs_see_their_connections_and_speak_over_them() {
+    run_alone("network.c");
 }

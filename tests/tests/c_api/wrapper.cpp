@@ -138,6 +138,7 @@ static void a_ball_breaks_a_tower()
     HOLDS(!world.address() && world.address().status().code() == DCD_ERR_UNSUPPORTED);
 
     HOLDS(world.regions()->size() == 2 && world.own_avatars()->empty());
+    HOLDS(world.connections()->empty() && world.poll(1000));
     HOLDS(world.info()->user_data == 7 && world.stats()->ticks == 120);
     HOLDS(world.stats_text()->find("ticks        120\n") != std::string::npos);
     HOLDS(*world.state_hash() != 0);
@@ -241,6 +242,8 @@ static void failures_say_why()
     HOLDS(dcd::World::client_connect({}).status().code() == DCD_ERR_NULL);
     HOLDS(dcd::World::participant_join({}).status().code() == DCD_ERR_NULL);
     HOLDS(!none.stats_text() && !none.regions() && !none.own_avatars());
+    HOLDS(!none.connections() && !none.connection_info({ 1 }) && !none.disconnect({ 1 }) && !none.poll(0));
+    HOLDS(!none.send({ 1 }, {}));
     HOLDS(dcd::pose_interpolate({ { 0, 0, 0 }, { 0, 0, 0, 1 } }, { { 2, 0, 0 }, { 0, 0, 0, 1 } }, 0.5)->p[0] == 1.0);
     HOLDS(none.body_get({ 0 }).value_or({ { { 4, 0, 0 }, { 0, 0, 0, 1 } }, {} }).pose.p[0] == 4.0);
 }

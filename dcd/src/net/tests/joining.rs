@@ -115,7 +115,7 @@ fn unlike_versions_are_both_named() {
     let server = Server::start();
     let request = JoinRequest { token: String::new(), csr: vec![], resume: None };
     let reason = reply(&server, &request.encode(77));
-    assert!(reason.contains("version 1,") && reason.contains("speaks 77;"), "{reason}");
+    assert!(reason.contains("version 2,") && reason.contains("speaks 77;"), "{reason}");
 }
 
 #[test]

@@ -18,16 +18,19 @@ fn frames_arrive_in_order_on_every_lane_and_in_both_directions() {
     for (process, from_bytes) in
         [(&server.process, u32::from_le_bytes as fn([u8; 4]) -> u32), (&node, u32::from_be_bytes)]
     {
-        let mut expected = [0; 3];
-        for _ in 0..900 {
+        let mut expected = [0; 4];
+        for _ in 0..1_200 {
             let (lane, bytes) = process.frame();
             assert_eq!(from_bytes(bytes.try_into().unwrap()), expected[lane.index()]);
             expected[lane.index()] += 1;
         }
-        assert_eq!(expected, [300; 3]);
+        assert_eq!(expected, [300; 4]);
     }
     let stats = node.net.stats(here).unwrap();
-    assert_eq!((stats.frames_in, stats.frames_out, stats.bytes_in, stats.bytes_out), (900, 900, 3600, 3600));
+    assert_eq!(
+        (stats.frames_in, stats.frames_out, stats.bytes_in, stats.bytes_out),
+        (1_200, 1_200, 4_800, 4_800)
+    );
 }
 
 #[test]

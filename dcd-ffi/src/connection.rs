@@ -1,0 +1,288 @@
+//! Other processes that a served world connects this one with.
+
+use std::ffi::c_char;
+use std::time::Duration;
+
+use dcd::net::PeerName;
+use dcd::runtime::{
+    Connection, ConnectionChange, ConnectionError, ConnectionEvent, Connections, ProgramMessage,
+};
+
+use crate::guard::guard;
+use crate::handle::stale;
+use crate::pointer::{self, Out, Room, Sized32};
+use crate::status::{
+    self, DCD_ERR_ARGUMENT, DCD_ERR_BUSY, DCD_ERR_NETWORK, DCD_ERR_TIMEOUT, DCD_ERR_UNSUPPORTED, DcdStatus,
+    Failure,
+};
+use crate::world::{
+    DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DCD_ROLE_SERVER, DcdRole, DcdWorld, with,
+};
+
+/// A connection of one world with another process; 0 is null. It outlives a link that breaks and is made anew.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DcdConnectionId {
+    /// Opaque.
+    pub v: u64,
+}
+
+/// What became of a connection, or how it is.
+pub type DcdConnectionState = u32;
+
+/// It is new, and has a link.
+pub const DCD_CONNECTION_CAME: DcdConnectionState = 1;
+/// Its link broke. It is waited for: half a minute, as a rule, and as long as the world goes on for a server.
+pub const DCD_CONNECTION_LOST: DcdConnectionState = 2;
+/// It has a link again.
+pub const DCD_CONNECTION_BACK: DcdConnectionState = 3;
+/// It is over, and its id is stale.
+pub const DCD_CONNECTION_GONE: DcdConnectionState = 4;
+
+/// Bytes of a reason at most, NUL included.
+pub const DCD_MAX_REASON: usize = 256;
+
+/// Something became of a connection.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdConnectionEvent {
+    /// Which.
+    pub connection: DcdConnectionId,
+    /// DCD_CONNECTION_CAME, _LOST, _BACK or _GONE.
+    pub state: DcdConnectionState,
+    /// What is, or was, at the other end: DCD_ROLE_SERVER, _NODE, _CLIENT or _PARTICIPANT.
+    pub role: DcdRole,
+    /// The number that the server knows it by as a node, from 1; 0 if it is none.
+    pub node: u32,
+    /// As a client, as DcdWorldInfo.client; 0 if it is none.
+    pub client: u32,
+    /// Why it is lost or gone, for people; else empty. Cut to fit.
+    pub reason: [c_char; DCD_MAX_REASON],
+}
+
+/// A connection as it is now. Start from DCD_CONNECTION_INFO_INIT.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdConnectionInfo {
+    /// sizeof(DcdConnectionInfo).
+    pub struct_size: u32,
+    /// DCD_CONNECTION_CAME while it has the link that it came with, _LOST while it has none, _BACK while it has another.
+    pub state: DcdConnectionState,
+    /// As in DcdConnectionEvent.
+    pub role: DcdRole,
+    /// As in DcdConnectionEvent.
+    pub node: u32,
+    /// As in DcdConnectionEvent.
+    pub client: u32,
+    /// Share of the packets sent that got lost on the way, 0 to 1.
+    pub loss: f32,
+    /// There and back, milliseconds.
+    pub rtt_ms: f64,
+    /// Seconds since it came.
+    pub age: f64,
+    /// Bytes received over it, without those of QUIC itself; up to half a second old, as all numbers here.
+    pub bytes_in: u64,
+    /// Bytes sent.
+    pub bytes_out: u64,
+    /// Messages received, dcd's own and those of programs, and datagrams.
+    pub messages_in: u64,
+    /// Messages and datagrams sent.
+    pub messages_out: u64,
+    /// Datagrams dropped at this end: the link was full, or nobody took them.
+    pub dropped: u64,
+    /// Bytes that wait because the link or the other end is slow.
+    pub bytes_waiting: u64,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdConnectionInfo {
+    const NAME: &'static str = "DcdConnectionInfo";
+}
+
+/// A served world's connections, and what came over them up to its last step.
+pub(crate) struct Network {
+    pub connections: Connections,
+    /// How much had come by then.
+    seen: u64,
+    pub events: Vec<ConnectionEvent>,
+    pub messages: Vec<ProgramMessage>,
+}
+
+impl Network {
+    pub(crate) fn new(connections: Connections) -> Self {
+        Self { connections, seen: 0, events: Vec::new(), messages: Vec::new() }
+    }
+
+    /// Takes in what has come since the last step.
+    pub(crate) fn listen(&mut self) {
+        self.seen = self.connections.arrivals();
+        self.events = self.connections.take_events();
+        self.messages = self.connections.take_messages();
+    }
+}
+
+/// What a process is, and its numbers as a node and as a client.
+pub(crate) fn names(who: PeerName) -> (DcdRole, u32, u32) {
+    let role = match who {
+        PeerName::Server => DCD_ROLE_SERVER,
+        PeerName::Node(_) => DCD_ROLE_NODE,
+        PeerName::Client(_) => DCD_ROLE_CLIENT,
+        PeerName::Participant(..) => DCD_ROLE_PARTICIPANT,
+    };
+    (role, who.node().unwrap_or_default().0, who.client().unwrap_or_default().0)
+}
+
+impl DcdConnectionEvent {
+    pub(crate) fn new(event: &ConnectionEvent, connection: DcdConnectionId) -> Self {
+        let (role, node, client) = names(event.who);
+        let (state, why) = match &event.change {
+            ConnectionChange::Came => (DCD_CONNECTION_CAME, ""),
+            ConnectionChange::Lost(why) => (DCD_CONNECTION_LOST, &why[..]),
+            ConnectionChange::Back => (DCD_CONNECTION_BACK, ""),
+            ConnectionChange::Gone(why) => (DCD_CONNECTION_GONE, &why[..]),
+        };
+        let mut reason = [0; DCD_MAX_REASON];
+        // SAFETY: so many bytes of our own.
+        unsafe { status::copy_text(why, reason.as_mut_ptr(), DCD_MAX_REASON) };
+        Self { connection, state, role, node, client, reason }
+    }
+}
+
+impl From<&Connection> for DcdConnectionInfo {
+    fn from(connection: &Connection) -> Self {
+        let (role, node, client) = names(connection.who);
+        let traffic = connection.traffic;
+        Self {
+            struct_size: size_of::<Self>() as u32,
+            state: match (connection.is_up, connection.links) {
+                (false, _) => DCD_CONNECTION_LOST,
+                (true, 1) => DCD_CONNECTION_CAME,
+                (true, _) => DCD_CONNECTION_BACK,
+            },
+            role,
+            node,
+            client,
+            loss: (traffic.packets_lost as f64 / traffic.packets_out.max(1) as f64) as f32,
+            rtt_ms: traffic.rtt.as_secs_f64() * 1e3,
+            age: connection.age.as_secs_f64(),
+            bytes_in: traffic.bytes_in,
+            bytes_out: traffic.bytes_out,
+            messages_in: traffic.frames_in + traffic.datagrams_in,
+            messages_out: traffic.frames_out + traffic.datagrams_out,
+            dropped: traffic.datagrams_dropped + connection.dropped,
+            bytes_waiting: traffic.bytes_waiting,
+        }
+    }
+}
+
+/// Why something cannot be done with a connection.
+pub(crate) fn failure(connection: DcdConnectionId, error: ConnectionError) -> Failure {
+    let status = match error {
+        ConnectionError::Gone => return stale("connection", connection.v),
+        ConnectionError::NotServer | ConnectionError::NotByServer => DCD_ERR_UNSUPPORTED,
+        ConnectionError::Lost => DCD_ERR_NETWORK,
+        ConnectionError::TooLong { .. } => DCD_ERR_ARGUMENT,
+        ConnectionError::Full => DCD_ERR_BUSY,
+    };
+    Failure::new(status, error.to_string())
+}
+
+/// Lists the connections of a world into `out`, which has `cap` entries, the oldest first, and their number into `count`. With
+/// `cap` 0 `out` may be null, to ask for the number. A server has one with each node, client and participant; others have one
+/// with their server, and those with nodes and clients that their share of the world, or their avatars, ask for. A local world
+/// has none.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_connections(
+    world: DcdWorld,
+    out: *mut DcdConnectionId,
+    cap: usize,
+    count: *mut usize,
+) -> DcdStatus {
+    guard("dcd_connections", || {
+        // SAFETY: the caller vouches for `cap` entries and for `count`.
+        let out = unsafe { Room::new(out, cap, count, "out")? };
+        with(world, |world| {
+            let network = world.backend.network();
+            let connections = network.map(|network| network.connections.list()).unwrap_or_default();
+            out.fill(connections.into_iter().map(|connection| world.mark.connection(connection.id)))
+        })
+    })
+}
+
+/// Says how a connection is.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, also once it is gone, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_connection_info(
+    world: DcdWorld,
+    connection: DcdConnectionId,
+    out: *mut DcdConnectionInfo,
+) -> DcdStatus {
+    guard("dcd_connection_info", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            let id = world.mark.connection_id(connection)?;
+            let found = world.backend.network().and_then(|network| network.connections.get(id));
+            out.write((&found.ok_or_else(|| stale("connection", connection.v))?).into());
+            Ok(())
+        })
+    })
+}
+
+/// Sends a process away from a server's world. It is told `reason`, a text shorter than DCD_MAX_REASON, or null for none; a node's
+/// regions are handed over first, a client's avatars wait for its return, which takes a new token. Returns at once;
+/// DCD_CONNECTION_GONE tells when it is gone, and there its dcd_step says DCD_ERR_NETWORK with the reason.
+///
+/// Who wants to leave a world calls dcd_world_destroy.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a reason that is too long, DCD_ERR_UNSUPPORTED for a world that
+/// is not a server.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_disconnect(
+    world: DcdWorld,
+    connection: DcdConnectionId,
+    reason: *const c_char,
+) -> DcdStatus {
+    guard("dcd_disconnect", || {
+        let reason = match reason.is_null() {
+            true => "no reason is given",
+            // SAFETY: the caller vouches for the text.
+            false => unsafe { pointer::text(reason, "reason")? },
+        };
+        if reason.len() >= DCD_MAX_REASON {
+            let length = reason.len();
+            return Err(Failure::argument(format!(
+                "a reason of {length} bytes is too long; give less than DCD_MAX_REASON ({DCD_MAX_REASON})"
+            )));
+        }
+        with(world, |world| {
+            let network = world.backend.networked("send processes away")?;
+            let id = world.mark.connection_id(connection)?;
+            network.connections.disconnect(id, reason).map_err(|error| failure(connection, error))
+        })
+    })
+}
+
+/// Waits until something has come that the next dcd_step would take in: states and events of a client's world, messages,
+/// changes of connections, the end of the world; not longer than `timeout_ms` milliseconds, and not at all in a local world.
+/// Other calls on the world do not wait for this one.
+///
+/// Errors: DCD_ERR_TIMEOUT when nothing has come, DCD_ERR_NULL, DCD_ERR_STALE_ID.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_poll(world: DcdWorld, timeout_ms: u32) -> DcdStatus {
+    guard("dcd_poll", || {
+        let network = |network: &Network| (network.connections.clone(), network.seen);
+        let Some((connections, seen)) = with(world, |world| Ok(world.backend.network().map(network)))? else {
+            return Ok(());
+        };
+        match connections.wait(seen, Duration::from_millis(timeout_ms.into())) {
+            true => Ok(()),
+            false => {
+                let message = format!("nothing has come within {timeout_ms} ms; go on, and ask again");
+                Err(Failure::new(DCD_ERR_TIMEOUT, message))
+            }
+        }
+    })
+}

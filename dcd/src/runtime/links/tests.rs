@@ -1,0 +1,319 @@
+//! Slow peers, links that break, and programs that write too much, over real links.
+
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use super::*;
+use crate::net::{Authority, Identity, Limits, NetConfig, NetEvents, join};
+use crate::protocol::{Chunk, Program};
+use crate::runtime::{ConnectionChange, ConnectionError};
+use crate::sim::{sim_body, sim_world};
+use crate::space::BodyId;
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A server and another process, whose link is up; the other reads only what it is made to.
+struct Pair {
+    links: Links,
+    events: NetEvents,
+    other: Net,
+    other_events: NetEvents,
+    peer: Peer,
+    folder: tempfile::TempDir,
+}
+
+fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) -> (Net, NetEvents) {
+    let listen = ([127, 0, 0, 1], 0).into();
+    Net::start(NetConfig { listen, identity, authority, limits }).unwrap()
+}
+
+impl Pair {
+    fn new(role: crate::net::Role) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
+        let identity = authority.server_identity().unwrap();
+        let (net, events) = start(identity, Some(authority.clone()), Limits::default());
+        let token = authority.issue_token(role, PATIENCE, SystemTime::now()).unwrap();
+        let joined = join(net.local_addr(), &token, None, PATIENCE).unwrap();
+        joined.save(&folder.path().join("joined")).unwrap();
+        let (other, other_events) =
+            start(joined, None, Limits { frame_bytes: 512 << 10, ..Limits::default() });
+        other.connect(net.local_addr(), PeerName::Server);
+        let mut links = Links::new(net, Connections::new(PeerName::Server, || ()));
+        let connected = links.translate(events.recv_timeout(PATIENCE).unwrap());
+        let LinkEvent::Connected(peer) = connected[0] else { panic!("{connected:?}") };
+        Self { links, events, other, other_events, peer, folder }
+    }
+
+    /// Starts the other process again; gives back what it was.
+    fn start_other(&mut self) -> Net {
+        let joined = Identity::load(&self.folder.path().join("joined")).unwrap();
+        let (other, events) = start(joined, None, Limits::default());
+        self.other_events = events;
+        std::mem::replace(&mut self.other, other)
+    }
+
+    /// What became of the connection with the other process since the last call.
+    fn changes(&self) -> Vec<ConnectionChange> {
+        self.links.connections.take_events().into_iter().map(|event| event.change).collect()
+    }
+
+    /// The next event of the network, and what it means.
+    fn hear(&mut self) -> Vec<LinkEvent> {
+        let event = self.events.recv_timeout(PATIENCE).unwrap();
+        self.links.translate(event)
+    }
+
+    fn tell(&mut self, message: ToClient) {
+        let client = ClientId(1);
+        self.links.send(self.peer, &Message::ToClient(client, message));
+    }
+
+    /// Some 300 kB of a world.
+    fn tell_bodies(&mut self) {
+        let bodies = (0..1_000).map(|id| sim_body(BodyId::persistent(id), [0.0; 3])).collect();
+        self.tell(ToClient::Chunk(Chunk::Bodies(bodies)));
+    }
+
+    fn tell_world(&mut self, chunks: usize) {
+        self.tell(ToClient::Welcome { id: ClientId(1), logical_time: 0, world: sim_world(2) });
+        (0..chunks).for_each(|_| self.tell_bodies());
+        self.tell(ToClient::WorldEnd);
+    }
+
+    fn waiting_bytes(&self) -> usize {
+        self.links.waiting.values().map(|waiting| waiting.bytes).sum()
+    }
+
+    /// The other reads until nothing waits any more.
+    fn read_all(&mut self) {
+        while self.links.flush(Instant::now()) {
+            while self.other_events.recv_timeout(Duration::from_millis(10)).is_ok() {}
+        }
+    }
+
+    fn given_up(&mut self) -> Vec<Peer> {
+        let events = self.links.take_given_up().into_iter();
+        events
+            .map(|event| match event {
+                LinkEvent::Disconnected(peer, reason) if reason == TOO_SLOW => peer,
+                other => panic!("{other:?}"),
+            })
+            .collect()
+    }
+}
+
+#[test]
+fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
+    let mut pair = Pair::new(crate::net::Role::Client);
+    pair.tell_world(60);
+    assert!(pair.waiting_bytes() > 4 << 20, "{}", pair.waiting_bytes());
+    pair.read_all();
+    assert_eq!((pair.waiting_bytes(), pair.given_up()), (0, vec![]));
+    // It reads no more: what its own process takes in comes first.
+    let mut told = 0;
+    while pair.links.keys.contains_key(&pair.peer) {
+        pair.tell(ToClient::Chunk(Chunk::Bodies(vec![sim_body(BodyId::persistent(1), [0.0; 3]); 100])));
+        assert_eq!(pair.waiting_bytes(), 0);
+        told += 1;
+        std::thread::sleep(Duration::from_micros(200));
+        assert!(told < 100_000);
+    }
+    assert_eq!(pair.given_up(), [pair.peer], "our own server hears of it");
+    assert_eq!(pair.given_up(), []);
+    let closed = pair.events.recv_timeout(PATIENCE).unwrap();
+    assert!(pair.links.translate(closed).is_empty(), "once");
+    while let Ok(event) = pair.other_events.recv_timeout(PATIENCE) {
+        if let NetEvent::Closed { reason, .. } = event {
+            assert_eq!(reason, TOO_SLOW);
+            return pair.other.shutdown();
+        }
+    }
+    panic!("the client is not told");
+}
+
+#[test]
+fn a_node_may_be_behind_by_a_world_and_no_more() {
+    let mut pair = Pair::new(crate::net::Role::Node);
+    pair.links.world_bytes = 8 << 20;
+    let mut most = 0;
+    while pair.links.keys.contains_key(&pair.peer) {
+        pair.tell_bodies();
+        most = most.max(pair.waiting_bytes());
+    }
+    assert!((7 << 20..=8 << 20).contains(&most), "{most}");
+    assert_eq!((pair.given_up(), pair.waiting_bytes()), (vec![pair.peer], 0));
+}
+
+#[test]
+fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
+    let mut pair = Pair::new(crate::net::Role::Client);
+    pair.tell_world(60);
+    let began = Instant::now();
+    assert!(pair.links.flush(began));
+    while pair.links.flush(Instant::now()) && began.elapsed() < Duration::from_millis(300) {}
+    let stuck = Instant::now();
+    assert!(pair.links.flush(stuck + STUCK / 2));
+    assert_eq!(pair.given_up(), []);
+    pair.links.flush(stuck + STUCK);
+    assert_eq!((pair.given_up(), pair.waiting_bytes()), (vec![pair.peer], 0));
+    // Who takes in a little now and then is slow, and stays.
+    let mut pair = Pair::new(crate::net::Role::Client);
+    pair.tell_world(60);
+    let mut now = Instant::now();
+    for part in 0..6 {
+        let before = pair.waiting_bytes();
+        while pair.waiting_bytes() == before {
+            let _ = pair.other_events.recv_timeout(Duration::from_millis(10));
+            assert!(pair.links.flush(now));
+        }
+        now += STUCK * 2 / 3;
+        assert!(pair.links.flush(now), "part {part}");
+        assert_eq!(pair.given_up(), [], "part {part}");
+    }
+}
+
+#[test]
+fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
+    let mut pair = Pair::new(crate::net::Role::Participant);
+    let connections = pair.links.connections.clone();
+    assert_eq!(pair.changes(), [ConnectionChange::Came]);
+    let [first] = &connections.list()[..] else { panic!("one connection, though it has two voices") };
+    assert!(first.is_up && first.who.node().is_some() && first.who.client().is_some());
+
+    let gone = pair.start_other();
+    gone.vanish();
+    assert_eq!(pair.hear().len(), 2, "both voices");
+    let [ConnectionChange::Lost(reason)] = &pair.changes()[..] else { panic!() };
+    assert!(reason.contains("nothing was heard"), "{reason}");
+    assert!(!connections.get(first.id).unwrap().is_up);
+    let seen = connections.arrivals();
+    assert!(!connections.wait(seen, Duration::ZERO));
+    pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
+    assert_eq!(pair.hear().len(), 2);
+    assert!(connections.wait(seen, Duration::ZERO));
+    assert_eq!(pair.changes(), [ConnectionChange::Back]);
+    assert!(connections.get(first.id).unwrap().is_up);
+    // It calls again before its former link is found dead.
+    let former = pair.start_other();
+    pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
+    pair.hear();
+    assert_eq!(pair.changes(), [ConnectionChange::Lost(SUPERSEDED.into()), ConnectionChange::Back]);
+    drop(former);
+
+    pair.links.flush(Instant::now());
+    pair.links.flush(Instant::now() + COUNT);
+    let traffic = connections.get(first.id).unwrap().traffic;
+    assert!(traffic.packets_out > 0 && traffic.rtt > Duration::ZERO, "{traffic:?}");
+    let other = pair.start_other();
+    other.shutdown();
+    while connections.get(first.id).is_some() {
+        pair.hear();
+    }
+    assert_eq!(pair.changes(), [ConnectionChange::Gone("shut down".into())]);
+    assert_eq!(connections.list(), []);
+}
+
+#[test]
+fn a_connection_that_does_not_come_back_is_gone_but_for_the_server() {
+    let mut pair = Pair::new(crate::net::Role::Client);
+    let other = Connections::new(PeerName::Client(ClientId(1)), || ());
+    let NetEvent::Connected { peer, who, addr } = pair.other_events.recv_timeout(PATIENCE).unwrap() else {
+        panic!()
+    };
+    other.linked(peer, who, addr);
+    other.lost(peer, "it is dead");
+    other.refresh(Instant::now() + Duration::from_secs(3_600), |_| None);
+    assert_eq!(other.list().len(), 1);
+    pair.start_other().vanish();
+    pair.hear();
+    pair.links.flush(Instant::now());
+    assert_eq!(pair.changes().len(), 2, "came and lost");
+    pair.links.flush(Instant::now() + Duration::from_secs(3_600));
+    assert_eq!(pair.changes(), [ConnectionChange::Gone("it did not come back".into())]);
+}
+
+#[test]
+fn a_program_that_takes_nothing_holds_up_its_writer_and_not_the_world() {
+    let mut pair = Pair::new(crate::net::Role::Client);
+    let connections = pair.links.connections.clone();
+    let id = connections.list()[0].id;
+    let mut written = 0;
+    while connections.send(id, &[7; 10_000], Delivery::Message) != Err(ConnectionError::Full) {
+        pair.links.flush(Instant::now());
+        written += 1;
+    }
+    assert!((20..30).contains(&written), "a window on its way, and one that waits: {written}");
+    connections.send(id, b"newest", Delivery::Datagram).unwrap();
+    pair.tell_world(10);
+    pair.read_all();
+    let (mut world, mut messages, mut datagrams) = (0, 0, 0);
+    pair.tell(ToClient::WorldEnd);
+    while world < 1 {
+        match pair.other_events.recv_timeout(PATIENCE).unwrap() {
+            NetEvent::Frame { lane: crate::net::Lane::Program, .. } => messages += 1,
+            NetEvent::Frame { bytes, .. } => {
+                let end = Message::ToClient(ClientId(1), ToClient::WorldEnd);
+                world += usize::from(protocol::decode(&bytes).unwrap() == end);
+            }
+            NetEvent::Datagram { .. } => datagrams += 1,
+            _ => {}
+        }
+    }
+    assert!(messages <= 13 && datagrams <= 1 && pair.waiting_bytes() == 0, "{messages}, {datagrams}");
+    assert_eq!((pair.given_up(), connections.list().len()), (vec![], 1));
+}
+
+#[test]
+fn who_writes_more_than_there_is_room_for_or_to_the_wrong_program_is_disconnected() {
+    let frame = |bytes| protocol::encode(&Message::Program(Program::Message(vec![0; bytes])));
+    let mut pair = Pair::new(crate::net::Role::Client);
+    let NetEvent::Connected { peer: server, .. } = pair.other_events.recv_timeout(PATIENCE).unwrap() else {
+        panic!()
+    };
+    for _ in 0..5 {
+        pair.other.send(server, crate::net::Lane::Program, frame(30_000)).unwrap();
+    }
+    let closed: Vec<_> = (0..5).flat_map(|_| pair.hear()).collect();
+    let [LinkEvent::Disconnected(_, reason)] = &closed[..] else { panic!("{closed:?}") };
+    assert!(reason.contains("than there was room for"), "{reason}");
+    let connections = &pair.links.connections;
+    assert_eq!(connections.take_messages().len(), 4);
+    assert_eq!(connections.list(), []);
+
+    let client = Connections::new(PeerName::Client(ClientId(1)), || ());
+    client.linked(server, PeerName::Node(NodeId(1)), ([127, 0, 0, 1], 1).into());
+    assert!(client.heard(server, Program::Datagram(vec![1])).is_err());
+    let node = client.list()[0].id;
+    assert_eq!(client.send(node, b"psst", Delivery::Message), Err(ConnectionError::NotByServer));
+}
+
+#[test]
+fn messages_outlive_their_link_and_not_without_bound() {
+    let pair = Pair::new(crate::net::Role::Client);
+    let NetEvent::Connected { peer: link, who, addr } = pair.other_events.recv_timeout(PATIENCE).unwrap()
+    else {
+        panic!()
+    };
+    let connections = Connections::new(PeerName::Client(ClientId(1)), || ());
+    let say = |bytes| connections.heard(link, Program::Message(vec![0; bytes])).unwrap();
+    connections.linked(link, who, addr);
+    say(1);
+    let id = connections.list()[0].id;
+    connections.send(id, b"never sent", Delivery::Message).unwrap();
+    connections.lost(link, "cut");
+    assert_eq!(connections.send(id, b"", Delivery::Message), Err(ConnectionError::Lost));
+    assert_eq!(connections.take_messages().len(), 1, "it has come");
+    connections.linked(link, who, addr);
+    assert!(!connections.send_waiting(|_, _, _| panic!("it was lost with its link")));
+    // Links that come and go with messages that nobody takes.
+    for _ in 0..60 {
+        (0..4).for_each(|_| say(30_000));
+        connections.gone(link, "left");
+        connections.linked(link, who, addr);
+    }
+    say(2);
+    let kept = connections.take_messages();
+    assert_eq!(kept.len(), 25 * 4 + 1, "those of 35 links are more than 4 MiB, and are forgotten");
+    assert_eq!(kept.last().map(|message| message.bytes.len()), Some(2));
+}

@@ -4,7 +4,8 @@
  *
  * Prediction: the avatar is where the world last said, plus what was asked of it since that the world had not heard by then.
  * Smooth correction: where the two disagree (somebody was in the way), what is drawn slides over in a quarter of a second. Others
- * are drawn as the world says, between the two last states. What it says last is for programs, in one line:
+ * are drawn as the world says, between the two last states. It greets the server's program, if one listens, and shows what that
+ * says. What it says last is for programs, in one line:
  *
  *   mmo_client: steps=<steps> delay=<steps from asking to hearing> moved_m=<way that was drawn>
  *               ahead_m=<mean distance from what was heard> corrected_m=<most that prediction was off>
@@ -126,6 +127,22 @@ static DcdWorld join(const char *server, const char *token)
     return world;
 }
 
+/* What came besides the world: a server to greet, lines to show. */
+static void chat(DcdWorld world)
+{
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    check(dcd_events(world, &events));
+    for (size_t i = 0; i < events.connection_count; i++) {
+        const DcdConnectionEvent *event = &events.connections[i];
+        if (event->role == DCD_ROLE_SERVER && event->state == DCD_CONNECTION_CAME) {
+            check(dcd_send(world, event->connection, "hello", 5, 0));
+        }
+    }
+    for (size_t i = 0; i < events.message_count; i++) {
+        printf("the server says: %.*s\n", (int)events.messages[i].size, (const char *)events.messages[i].data);
+    }
+}
+
 /* Makes the avatar and waits until the world has it. */
 static DcdBodyId enter(DcdWorld world, DcdPose *at, double dt)
 {
@@ -140,6 +157,7 @@ static DcdBodyId enter(DcdWorld world, DcdPose *at, double dt)
     for (double start = now(), next = start; next < start + PATIENCE; next += dt, sleep_until(next)) {
         DcdEventView events = DCD_EVENT_VIEW_INIT;
         check(dcd_step(world));
+        chat(world);
         check(dcd_events(world, &events));
         for (size_t i = 0; i < events.change_count; i++) {
             if (events.changes[i].body.v == avatar.v && events.changes[i].kind == DCD_BODY_APPEARED) {
@@ -179,6 +197,7 @@ int main(int argc, char **argv)
     for (double next = begin; next < begin + seconds; next += dt, sleep_until(next)) {
         ask(world, &player, dt);
         check(dcd_step(world)); /* sends what was asked, takes in what has come */
+        chat(world);
         check(dcd_body_get(world, player.avatar, &heard, NULL));
 
         /* Until the world shows the first wish, none of them is in what it says. */

@@ -2037,7 +2037,8 @@ DCD_API DcdStatus dcd_disconnect(DcdWorld world, DcdConnectionId connection, con
 
 // Waits until something has come that the next dcd_step would take in: states and events of a client's world, messages,
 // changes of connections, the end of the world; not longer than `timeout_ms` milliseconds, and not at all in a local world.
-// Other calls on the world do not wait for this one.
+// Once the world has ended or the server is given up it returns at once: dcd_step says why. Other calls on the world do not wait
+// for this one.
 //
 // Errors: DCD_ERR_TIMEOUT when nothing has come, DCD_ERR_NULL, DCD_ERR_STALE_ID.
 DCD_API DcdStatus dcd_poll(DcdWorld world, uint32_t timeout_ms);
@@ -2065,7 +2066,7 @@ DcdStatus dcd_send(DcdWorld world,
                    uint32_t flags);
 
 // Lends what happened in the last step; nothing before the first. Poll it once a step: a step without a look loses its
-// events.
+// events, and the messages that came.
 //
 // The arrays are the library's, and live as those of dcd_state_view do.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.

@@ -267,7 +267,8 @@ pub unsafe extern "C" fn dcd_disconnect(
 
 /// Waits until something has come that the next dcd_step would take in: states and events of a client's world, messages,
 /// changes of connections, the end of the world; not longer than `timeout_ms` milliseconds, and not at all in a local world.
-/// Other calls on the world do not wait for this one.
+/// Once the world has ended or the server is given up it returns at once: dcd_step says why. Other calls on the world do not wait
+/// for this one.
 ///
 /// Errors: DCD_ERR_TIMEOUT when nothing has come, DCD_ERR_NULL, DCD_ERR_STALE_ID.
 #[unsafe(no_mangle)]

@@ -299,7 +299,7 @@ fn code_of(refusal: Refusal) -> u32 {
 }
 
 /// Lends what happened in the last step; nothing before the first. Poll it once a step: a step without a look loses its
-/// events.
+/// events, and the messages that came.
 ///
 /// The arrays are the library's, and live as those of dcd_state_view do.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.

@@ -184,7 +184,8 @@ impl Peer {
     }
 
     pub(super) fn stats(&self) -> PeerStats {
-        self.counters.read(self.queue.bytes.load(Ordering::Relaxed), &self.connection.stats().path)
+        let waiting = [&self.queue, &self.program_queue].map(|queue| queue.bytes.load(Ordering::Relaxed));
+        self.counters.read(waiting.iter().sum(), &self.connection.stats().path)
     }
 
     /// Sends what waits, waits until the peer has it, and closes; after `limits.linger` without that.

@@ -1,27 +1,9 @@
 /* What the functions of the C API do when used as meant: each group in a small world of its own. */
-#include "dcd.h"
+#include "checks.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-static int checks, failures;
-
-#define OK(call) holds((call) == DCD_OK, #call, __LINE__)
-#define HOLDS(what) holds((what), #what, __LINE__)
 #define NEAR(value, expected, by) near_to((double)(value), (double)(expected), (double)(by), #value, __LINE__)
-
-static void holds(bool what, const char *text, int line)
-{
-    checks++;
-    if (!what) {
-        char message[256] = "";
-        dcd_last_error(message, sizeof message);
-        printf("line %d: not so: %s (last error: %s)\n", line, text, message);
-        failures++;
-    }
-}
 
 static void near_to(double value, double expected, double by, const char *text, int line)
 {
@@ -1533,6 +1515,5 @@ int main(int count, char **texts)
     millimetres_count_far_out();
     snapshots_are_gone_back_to(count > 1 ? texts[1] : "behaviour.dcd");
     steps_go_on_in_the_background();
-    printf("%d checks, %d failures\n", checks, failures);
-    return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
+    return checked();
 }

@@ -1,40 +1,9 @@
 /* What the C API does in a served world: `client MODE SERVER TOKEN…`, run by served.rs. */
 #define _POSIX_C_SOURCE 200809L
-#include "dcd.h"
+#include "checks.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
-
-static int checks, failures;
-
-#define HOLDS(what) holds((what), #what, __LINE__)
-#define OK(call) expect((call), DCD_OK, "", #call, __LINE__)
-#define FAILS(call, code, word) expect((call), (code), (word), #call, __LINE__)
-
-static void holds(bool what, const char *text, int line)
-{
-    checks++;
-    if (!what) {
-        printf("line %d: not so: %s\n", line, text);
-        failures++;
-    }
-}
-
-/* The status must be this, and the message of a failure must have the word. */
-static void expect(DcdStatus got, DcdStatus code, const char *word, const char *text, int line)
-{
-    char message[1024] = "";
-    checks++;
-    dcd_last_error(message, sizeof message);
-    if (got != code || (code != DCD_OK && strstr(message, word) == NULL)) {
-        printf("line %d: %s is %s, not %s with \"%s\": %s\n", line, text, dcd_status_string(got), dcd_status_string(code),
-               word, message);
-        failures++;
-    }
-}
 
 static DcdWorld connect(const char *server, const char *token, const char *identity)
 {
@@ -416,6 +385,5 @@ int main(int argc, char **argv)
         fprintf(stderr, "usage: client play|participate|return|lose|survive|fail SERVER TOKEN…\n");
         return EXIT_FAILURE;
     }
-    printf("%d checks, %d failures\n", checks, failures);
-    return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
+    return checked();
 }

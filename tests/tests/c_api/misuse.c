@@ -1,41 +1,9 @@
 /* Every way to misuse the C API that the header has a code for: each must give its code, and nothing may crash. */
 #define _POSIX_C_SOURCE 200809L
-#include "dcd.h"
+#include "checks.h"
 
 #include <math.h>
 #include <pthread.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-static int checks, failures;
-
-#define EXPECT(call, code) expect((call), (code), #call, __LINE__)
-#define HOLDS(what) holds((what), #what, __LINE__)
-
-static void expect(DcdStatus status, DcdStatus code, const char *call, int line)
-{
-    char message[256] = "";
-    checks++;
-    if (status != code) {
-        dcd_last_error(message, sizeof message);
-        printf("line %d: %s is %s, not %s (%s)\n", line, call, dcd_status_string(status), dcd_status_string(code),
-               message);
-        failures++;
-    } else if (code != DCD_OK && dcd_last_error(message, sizeof message) < 20) {
-        printf("line %d: %s fails with too few words: \"%s\"\n", line, call, message);
-        failures++;
-    }
-}
-
-static void holds(bool what, const char *text, int line)
-{
-    checks++;
-    if (!what) {
-        printf("line %d: not so: %s\n", line, text);
-        failures++;
-    }
-}
 
 static const DcdWorld NO_WORLD = { 0 };
 static const DcdBodyId NO_BODY = { 0 };
@@ -798,6 +766,39 @@ static void queries(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
+/* Other processes, which a local world has none of. */
+static void network(void)
+{
+    const DcdConnectionId none = { 0 }, stranger = { 12345 };
+    DcdWorld world = make_world(1);
+    DcdConnectionInfo info = DCD_CONNECTION_INFO_INIT;
+    DcdConnectionId found[1];
+    size_t count = 7;
+    EXPECT(dcd_connections(NO_WORLD, found, 1, &count), DCD_ERR_NULL);
+    EXPECT(dcd_connections(world, found, 1, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_connections(world, NULL, 1, &count), DCD_ERR_NULL);
+    HOLDS(count == 7);
+    EXPECT(dcd_connections(world, found, 1, &count), DCD_OK);
+    HOLDS(count == 0);
+    EXPECT(dcd_connection_info(world, stranger, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_connection_info(world, none, &info), DCD_ERR_NULL);
+    EXPECT(dcd_connection_info(world, stranger, &info), DCD_ERR_STALE_ID);
+    info.struct_size++;
+    EXPECT(dcd_connection_info(world, stranger, &info), DCD_ERR_STRUCT);
+    EXPECT(dcd_disconnect(NO_WORLD, stranger, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_disconnect(world, stranger, "\xff"), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_disconnect(world, stranger, "go"), DCD_ERR_UNSUPPORTED);
+    EXPECT(dcd_send(world, stranger, NULL, 1, 0), DCD_ERR_NULL);
+    EXPECT(dcd_send(world, stranger, found, sizeof found, 8), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_send(world, stranger, found, SIZE_MAX, DCD_SEND_UNRELIABLE), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_send(world, stranger, found, sizeof found, 0), DCD_ERR_UNSUPPORTED);
+    EXPECT(dcd_poll(NO_WORLD, 0), DCD_ERR_NULL);
+    EXPECT(dcd_poll(world, UINT32_MAX), DCD_OK);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_poll(world, UINT32_MAX), DCD_ERR_STALE_ID);
+    EXPECT(dcd_send(world, stranger, found, sizeof found, 0), DCD_ERR_STALE_ID);
+}
+
 static void snapshots(void)
 {
     DcdWorld world = make_world(2);
@@ -950,9 +951,9 @@ int main(void)
     joints();
     bulk();
     queries();
+    network();
     snapshots();
     logging();
     threads();
-    printf("%d checks, %d failures\n", checks, failures);
-    return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
+    return checked();
 }

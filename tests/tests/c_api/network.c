@@ -2,6 +2,8 @@
  * run by served.rs. */
 #include "checks.h"
 
+#include <pthread.h>
+
 static DcdWorld server, nodes[2], client, participant, local;
 static char address[64], token[512];
 
@@ -256,8 +258,18 @@ static void a_full_queue(void)
     HEAR(client, &heard, heard.messages == sent + 1);
 }
 
+static DcdStatus waited;
+
+static void *wait_long(void *unused)
+{
+    (void)unused;
+    waited = dcd_poll(server, UINT32_MAX);
+    return NULL;
+}
+
 static void waiting(void)
 {
+    pthread_t waiter;
     DcdWorld none = { 0 };
     Heard heard = { 0 };
     OK(dcd_poll(local, UINT32_MAX));
@@ -265,8 +277,12 @@ static void waiting(void)
     while (dcd_poll(server, 0) == DCD_OK)
         hear(server, &heard);
     FAILS(dcd_poll(server, 1), DCD_ERR_TIMEOUT, "1 ms");
+    /* Nobody waits for who waits. */
+    HOLDS(pthread_create(&waiter, NULL, wait_long, NULL) == 0);
+    OK(dcd_step(server));
     OK(dcd_send(client, find(client, DCD_ROLE_SERVER), "wake up", 7, 0));
     OK(dcd_poll(server, 60000));
+    HOLDS(pthread_join(waiter, NULL) == 0 && waited == DCD_OK);
     /* It has not been taken in yet. */
     OK(dcd_poll(server, 0));
     OK(dcd_step(server));

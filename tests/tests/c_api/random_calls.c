@@ -400,6 +400,23 @@ static DcdStatus play(void)
         saved[dice(sizeof saved)] ^= dice(4) == 0;
         return dice(3) == 0 ? dcd_snapshot_save(world, saved, sizeof saved, &size) : dcd_snapshot_load(world, saved, size);
     }
+    case 35: {
+        DcdConnectionId any = { dice(2) ? named.v : dice(3) };
+        DcdConnectionInfo is = DCD_CONNECTION_INFO_INIT;
+        size_t count;
+        switch (dice(5)) {
+        case 0:
+            return dcd_connections(world, &any, dice(2), &count);
+        case 1:
+            return dcd_connection_info(world, any, &is);
+        case 2:
+            return dcd_disconnect(world, any, dice(2) ? "go" : NULL);
+        case 3:
+            return dcd_send(world, any, dice(2) ? &is : NULL, dice(2) ? dice(sizeof is) : DCD_MAX_MESSAGE + 1, dice(3));
+        default:
+            return dcd_poll(world, dice(2));
+        }
+    }
     default:
         return dcd_step(world);
     }

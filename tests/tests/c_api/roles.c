@@ -1,38 +1,8 @@
 /* A server, two nodes and a client in one process, over loopback: `roles FOLDER`, run by served.rs. */
 #define _POSIX_C_SOURCE 200809L
-#include "dcd.h"
+#include "checks.h"
 
-#include <stdio.h>
-#include <string.h>
 #include <time.h>
-
-static int checks, failures;
-
-#define HOLDS(what) holds((what), #what, __LINE__)
-#define OK(call) expect((call), DCD_OK, "", #call, __LINE__)
-#define FAILS(call, code, word) expect((call), (code), (word), #call, __LINE__)
-
-static void holds(bool what, const char *text, int line)
-{
-    checks++;
-    if (!what) {
-        printf("line %d: not so: %s\n", line, text);
-        failures++;
-    }
-}
-
-/* The status must be this, and the message of a failure must have the word. */
-static void expect(DcdStatus got, DcdStatus code, const char *word, const char *text, int line)
-{
-    char message[1024] = "";
-    checks++;
-    dcd_last_error(message, sizeof message);
-    if (got != code || (code != DCD_OK && strstr(message, word) == NULL)) {
-        printf("line %d: %s is %s, not %s with \"%s\": %s\n", line, text, dcd_status_string(got), dcd_status_string(code),
-               word, message);
-        failures++;
-    }
-}
 
 /* Calls dcd_step, as often as a game would, until the world has reached this tick. */
 static bool reaches(DcdWorld world, uint64_t tick)
@@ -214,6 +184,5 @@ int main(int argc, char **argv)
     OK(dcd_world_destroy(nodes[1]));
     OK(dcd_world_destroy(client));
     OK(dcd_world_destroy(local));
-    printf("%d checks, %d failures\n", checks, failures);
-    return failures > 0;
+    return checked();
 }

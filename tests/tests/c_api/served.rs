@@ -8,7 +8,7 @@ use std::time::Duration;
 use dcd::net::Role;
 use dcd::protocol::Pace;
 use dcd::runtime::{
-    JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
+    Delivery, JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
 };
 use dcd::scene::{Params, Scene};
 
@@ -118,7 +118,21 @@ fn an_mmo_client_draws_its_avatar_ahead_of_what_it_hears() {
     let program = build(&root().join("examples-c/mmo_client.c"), cluster.folder.path(), &SANITIZED);
     let mut client = Command::new(program);
     client.arg(cluster.server.address.to_string()).arg(cluster.token(Role::Client));
+    let connections = cluster.server.connections().clone();
+    let host = std::thread::spawn(move || {
+        let mut seen = 0;
+        while connections.wait(seen, LIMIT) {
+            seen = connections.arrivals();
+            if let Some(greeting) = connections.take_messages().pop() {
+                assert_eq!(greeting.bytes, b"hello");
+                return connections.send(greeting.from, b"welcome", Delivery::Message).unwrap();
+            }
+        }
+        panic!("the client does not greet");
+    });
     let said = run_well(client.arg("3"));
+    host.join().unwrap();
+    assert!(said.contains("the server says: welcome"), "{said}");
     let last = said.lines().last().expect("it says something");
     let numbers = numbers(last);
     let [steps, delay, moved_m, ahead_m, corrected_m] = numbers[..] else { panic!("{said}") };

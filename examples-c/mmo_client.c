@@ -4,8 +4,8 @@
  *
  * Prediction: the avatar is where the world last said, plus what was asked of it since that the world had not heard by then.
  * Smooth correction: where the two disagree (somebody was in the way), what is drawn slides over in a quarter of a second. Others
- * are drawn as the world says, between the two last states. It greets the server's program, if one listens, and shows what that
- * says. What it says last is for programs, in one line:
+ * are drawn as the world says, between the two last states. Interest: it hears of what is near its avatar, and no more. It greets
+ * the server's program, if one listens, and shows what that says. What it says last is for programs, in one line:
  *
  *   mmo_client: steps=<steps> delay=<steps from asking to hearing> moved_m=<way that was drawn>
  *               ahead_m=<mean distance from what was heard> corrected_m=<most that prediction was off>
@@ -25,6 +25,7 @@ static const double PATIENCE = 20.0; /* seconds for the avatar to appear */
 static const double SPEED = 3.0;     /* m/s */
 static const double SLIDE = 0.25;    /* seconds within which a correction is out of sight */
 static const double JUMP = 2.0;      /* metres beyond which it is shown at once */
+static const double SIGHT = 12.0;    /* metres that the player sees */
 
 static void check(DcdStatus status)
 {
@@ -189,6 +190,7 @@ int main(int argc, char **argv)
     check(dcd_state_view(world, &view));
     bool moves = false;
     double moved = 0.0, ahead = 0.0, others = 0.0;
+    size_t near = 0, all = 0;
     DcdPose heard = start;
     for (int axis = 0; axis < 3; axis++) {
         player.drawn[axis] = start.p[axis];
@@ -196,6 +198,7 @@ int main(int argc, char **argv)
     const double begin = now();
     for (double next = begin; next < begin + seconds; next += dt, sleep_until(next)) {
         ask(world, &player, dt);
+        check(dcd_interest_set(world, player.drawn, SIGHT));
         check(dcd_step(world)); /* sends what was asked, takes in what has come */
         chat(world);
         check(dcd_body_get(world, player.avatar, &heard, NULL));
@@ -213,7 +216,13 @@ int main(int argc, char **argv)
         /* Everybody else, half a step behind: what the world said last and before that. A game would draw them here. */
         before = view;
         check(dcd_state_view(world, &view));
+        near = 0;
+        all = view.count;
         for (size_t i = 0; i < view.count && i < before.count; i++) {
+            if ((view.flags[i] & DCD_STATE_OUTSIDE) != 0) {
+                continue; /* out of sight, and perhaps elsewhere by now */
+            }
+            near++;
             if (view.ids[i].v == before.ids[i].v && view.ids[i].v != player.avatar.v) {
                 DcdPose between;
                 check(dcd_pose_interpolate(&before.poses[i], &view.poses[i], 0.5, &between));
@@ -222,7 +231,7 @@ int main(int argc, char **argv)
         }
     }
     check(dcd_world_destroy(world));
-    printf("others stood up to %.2f m high\n", others);
+    printf("%zu of %zu bodies in sight, others up to %.2f m high\n", near, all, others);
     printf("mmo_client: steps=%lu delay=%lu moved_m=%.3f ahead_m=%.3f corrected_m=%.3f\n", player.steps, player.delay,
            moved, ahead / (double)player.steps, player.corrected);
     return EXIT_SUCCESS;

@@ -168,6 +168,9 @@
 // In DcdStateView.flags: the body sleeps.
 #define DCD_STATE_SLEEPING 1
 
+// In DcdStateView.flags: your interest does not reach the body (dcd_interest_set); the state is that last heard of.
+#define DCD_STATE_OUTSIDE 2
+
 // Bytes of a reason at most, NUL included.
 #define DCD_MAX_REASON 256
 
@@ -250,6 +253,24 @@
 
 // In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
 #define DCD_HIT_INSIDE 1
+
+// The most rays that dcd_rays_submit takes, and the most bodies of its filter.
+#define DCD_MAX_SUBMITTED_RAYS 1024
+
+// The most queries that a world may have open: submitted, and neither fetched nor cancelled.
+#define DCD_MAX_OPEN_QUERIES 64
+
+// The most rays of all of them.
+#define DCD_MAX_OPEN_RAYS 4096
+
+// As DcdOwner.node where it is not known or there is none.
+#define DCD_NO_NODE UINT32_MAX
+
+// In DcdOwner.flags: this process computes the region that owns the body.
+#define DCD_OWNER_HERE 1
+
+// In DcdOwner.flags: what this world shows of the body was heard from others, and is some milliseconds old.
+#define DCD_OWNER_HEARD 2
 
 // What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 typedef int32_t DcdStatus;
@@ -588,8 +609,10 @@ typedef struct DcdBodyInfo {
     uint32_t parts;
     // Whether it sleeps: it costs nothing until something wakes it.
     bool sleeping;
+    // Whether your interest does not reach it (dcd_interest_set): what is told here is what was last heard of it.
+    bool outside;
     // 0.
-    uint8_t reserved[3];
+    uint8_t reserved[2];
 } DcdBodyInfo;
 
 // What a body is like, but for its shapes: the members of DcdBodyDef, to be read and changed later. Start from
@@ -1167,6 +1190,12 @@ typedef struct DcdBoxQuery {
     uint32_t reserved;
 } DcdBoxQuery;
 
+// Rays that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
+typedef struct DcdQueryId {
+    // Opaque.
+    uint64_t v;
+} DcdQueryId;
+
 // A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
 typedef struct DcdRegionInfo {
     // Its number in the tree of regions; numbers need not be dense.
@@ -1182,6 +1211,40 @@ typedef struct DcdRegionInfo {
     // Highest corner, outside, metres.
     double max[3];
 } DcdRegionInfo;
+
+// Where two regions meet.
+typedef struct DcdBorderInfo {
+    // The region of the lower number, as in DcdRegionInfo.
+    uint32_t a;
+    // The other.
+    uint32_t b;
+    // Movable bodies that both hold, whoever owns them.
+    uint32_t bodies;
+    // How often the two agree in the next step; with DCD_COUPLING_AUTO as often as the border came to need.
+    uint32_t exchanges;
+    // Contact hops across the border within which bodies live in both regions, at the side where it is more; 0 with
+    // DCD_COUPLING_OWNER and _PROXY.
+    uint32_t depth;
+    // How far the copies of a body were from agreement here in the last step, summed over its exchanges, m/s; an estimate of
+    // the error that the border makes. 0 with DCD_COUPLING_OWNER and _PROXY.
+    float disagreement;
+} DcdBorderInfo;
+
+// Who has authority over a body. Start from DCD_OWNER_INIT.
+typedef struct DcdOwner {
+    // sizeof(DcdOwner).
+    uint32_t struct_size;
+    // Its region, as in DcdRegionInfo; DCD_NO_REGION for a fixed body, which every region near it has, and for an avatar that
+    // has not appeared yet. In a served world, the region it is in: at a border another may own it for a moment.
+    uint32_t region;
+    // The node that computes the region, as the server numbers nodes from 1; DCD_NO_NODE in a local world and for a client,
+    // which is not told. A participant knows.
+    uint32_t node;
+    // Regions that hold the body, its owner included; 0 in a served world, where it is not told.
+    uint32_t holders;
+    // DCD_OWNER_… bits. In a participant both may be set.
+    uint32_t flags;
+} DcdOwner;
 
 // Counters of a world. Start from DCD_STATS_INIT.
 typedef struct DcdStats {
@@ -2076,7 +2139,8 @@ DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
 // overlooks them; a null filter overlooks nothing.
 //
 // This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
-// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED.
+// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit
+// asks instead.
 //
 // `rays` and `filter` are read during the call; `hits` has `count` entries.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
@@ -2166,11 +2230,72 @@ DcdStatus dcd_overlap_boxes(DcdWorld world,
                             size_t *ends,
                             size_t *total);
 
+// Asks what each of `count` rays meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
+// client or participant asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
+// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
+//
+// `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
+// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_RAYS, DCD_ERR_BUSY with
+// DCD_MAX_OPEN_QUERIES or DCD_MAX_OPEN_RAYS open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+DCD_API
+DcdStatus dcd_rays_submit(DcdWorld world,
+                          const DcdRay *rays,
+                          size_t count,
+                          const DcdFilter *filter,
+                          DcdQueryId *out);
+
+// Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and
+// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
+// fetched the query is closed and its id stale.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_BUSY while the answer is not there: nothing is written,
+// and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the same, and the query stays open),
+// DCD_ERR_NETWORK when the link is gone.
+DCD_API
+DcdStatus dcd_query_poll(DcdWorld world,
+                         DcdQueryId query,
+                         DcdRayHit *hits,
+                         size_t cap,
+                         size_t *count);
+
+// Closes a query whose answer is not wanted any more.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query).
+DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
+
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
 // ask for the number.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
+
+// Lists the borders into `out`, which has `cap` entries, and their number into `count`, in order of (a, b): of each two
+// regions that have a face in common or hold the same body. With `cap` 0 `out` may be null, to ask for the number.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
+// DCD_ERR_UNSUPPORTED in a served world: what its borders cost, its nodes know.
+DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, size_t *count);
+
+// Says who owns a body.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
+DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
+
+// Sets what a client or participant wants to hear of from now on: bodies whose origin is within `radius` metres of `centre`
+// (world space), its own avatars, and what is within 8 m of these. It saves bytes and time where the world is large. A radius of
+// 0 or less, or of infinity, is everything, as at first; `centre` may be null then. Call it as often as you like: as long as
+// the centre stays within a twentieth of the radius of where it was said last, nothing is sent.
+//
+// Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
+// DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What
+// leaves is told so; what comes in, by its own motion or as the interest moves over it, is told within a few steps, also when
+// it rests by then, and counts as outside until it is. Some bodies a little beyond the radius are told of too. When nodes
+// join or leave, everything is told once.
+//
+// A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,
+// DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+DCD_API DcdStatus dcd_interest_set(DcdWorld world, const double *centre, double radius);
 
 // Reads the counters of a world.
 //
@@ -2293,7 +2418,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \
-      { 0.0f, 0.0f, 0.0f }, 0, false, { 0, 0, 0 } }
+      { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
 #define DCD_BODY_PROPERTIES_INIT \
     { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
@@ -2308,6 +2433,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \
       NULL, 0, NULL, 0 }
+#define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_CONNECTION_INFO_INIT \
     { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 #define DCD_STATS_INIT \
@@ -2506,7 +2632,8 @@ DCD_ASSERT_(offsetof(DcdBodyInfo, force) == 48);
 DCD_ASSERT_(offsetof(DcdBodyInfo, torque) == 60);
 DCD_ASSERT_(offsetof(DcdBodyInfo, parts) == 72);
 DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 76);
-DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 77);
+DCD_ASSERT_(offsetof(DcdBodyInfo, outside) == 77);
+DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 78);
 DCD_ASSERT_(sizeof(DcdForce) == 24);
 DCD_ASSERT_(offsetof(DcdForce, force) == 0);
 DCD_ASSERT_(offsetof(DcdForce, torque) == 12);
@@ -2715,6 +2842,8 @@ DCD_ASSERT_(offsetof(DcdOverlap, body) == 0);
 DCD_ASSERT_(offsetof(DcdOverlap, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdOverlap, part) == 16);
 DCD_ASSERT_(offsetof(DcdOverlap, reserved) == 20);
+DCD_ASSERT_(sizeof(DcdQueryId) == 8);
+DCD_ASSERT_(offsetof(DcdQueryId, v) == 0);
 DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);
 DCD_ASSERT_(offsetof(DcdRegionInfo, region) == 0);
 DCD_ASSERT_(offsetof(DcdRegionInfo, bodies) == 4);
@@ -2722,6 +2851,19 @@ DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
 DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
+DCD_ASSERT_(sizeof(DcdOwner) == 20);
+DCD_ASSERT_(offsetof(DcdOwner, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdOwner, region) == 4);
+DCD_ASSERT_(offsetof(DcdOwner, node) == 8);
+DCD_ASSERT_(offsetof(DcdOwner, holders) == 12);
+DCD_ASSERT_(offsetof(DcdOwner, flags) == 16);
+DCD_ASSERT_(sizeof(DcdBorderInfo) == 24);
+DCD_ASSERT_(offsetof(DcdBorderInfo, a) == 0);
+DCD_ASSERT_(offsetof(DcdBorderInfo, b) == 4);
+DCD_ASSERT_(offsetof(DcdBorderInfo, bodies) == 8);
+DCD_ASSERT_(offsetof(DcdBorderInfo, exchanges) == 12);
+DCD_ASSERT_(offsetof(DcdBorderInfo, depth) == 16);
+DCD_ASSERT_(offsetof(DcdBorderInfo, disagreement) == 20);
 DCD_ASSERT_(sizeof(DcdStats) == 96);
 DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);

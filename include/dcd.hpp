@@ -31,6 +31,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -54,6 +55,7 @@
 DCD_ID_(DcdBodyId)
 DCD_ID_(DcdShapeId)
 DCD_ID_(DcdJointId)
+DCD_ID_(DcdQueryId)
 DCD_ID_(DcdConnectionId)
 #undef DCD_ID_
 
@@ -62,6 +64,7 @@ namespace dcd {
 using BodyId = DcdBodyId;
 using ShapeId = DcdShapeId;
 using JointId = DcdJointId;
+using QueryId = DcdQueryId;
 using ConnectionId = DcdConnectionId;
 using Pose = DcdPose;
 using Velocity = DcdVelocity;
@@ -74,6 +77,7 @@ using ConnectionEvent = DcdConnectionEvent;
 using Message = DcdMessage;
 using RayHit = DcdRayHit;
 using RegionInfo = DcdRegionInfo;
+using BorderInfo = DcdBorderInfo;
 using ShapeHit = DcdShapeHit;
 using PointHit = DcdPointHit;
 using Overlap = DcdOverlap;
@@ -111,6 +115,7 @@ DCD_STRUCT_(BoxQuery, DCD_BOX_QUERY_INIT);
 DCD_STRUCT_(JointDef, DCD_JOINT_DEF_INIT);
 DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
+DCD_STRUCT_(Owner, DCD_OWNER_INIT);
 DCD_STRUCT_(Stats, DCD_STATS_INIT);
 DCD_STRUCT_(ConnectionInfo, DCD_CONNECTION_INFO_INIT);
 #undef DCD_STRUCT_
@@ -413,6 +418,14 @@ public:
             return dcd_regions(world_, out, cap, count);
         });
     }
+    /* A radius of 0 is everything. */
+    Status interest_set(const Point &centre, double radius) { return Status(dcd_interest_set(world_, centre.data(), radius)); }
+    Result<std::vector<BorderInfo>> borders() const
+    {
+        return listed<BorderInfo>([&](BorderInfo *out, std::size_t cap, std::size_t *count) {
+            return dcd_borders(world_, out, cap, count);
+        });
+    }
     Result<std::vector<BodyId>> own_avatars() const
     {
         return listed<BodyId>([&](BodyId *out, std::size_t cap, std::size_t *count) {
@@ -518,6 +531,10 @@ public:
     Result<BodyInfo> body_info(BodyId body) const
     {
         return got<BodyInfo>([&](BodyInfo *out) { return dcd_body_info(world_, body, out); });
+    }
+    Result<Owner> body_owner(BodyId body) const
+    {
+        return got<Owner>([&](Owner *out) { return dcd_body_owner(world_, body, out); });
     }
     Result<Motion> body_get(BodyId body) const
     {
@@ -665,6 +682,27 @@ public:
         Status status(dcd_cast_rays(world_, rays.data(), rays.size(), &filter, hits.data()));
         return { status, std::move(hits) };
     }
+    /* Answered later, in a served world too. */
+    Result<QueryId> rays_submit(Span<const Ray> rays, const Filter &filter = {})
+    {
+        return got<QueryId>([&](QueryId *out) { return dcd_rays_submit(world_, rays.data(), rays.size(), &filter, out); });
+    }
+    /* Nothing while the answer is not there. */
+    Result<std::optional<std::vector<RayHit>>> query_poll(QueryId query)
+    {
+        std::vector<RayHit> hits;
+        std::size_t count = 0;
+        DcdStatus code = dcd_query_poll(world_, query, nullptr, 0, &count);
+        if (code == DCD_ERR_SMALL_BUFFER) {
+            hits.resize(count);
+            code = dcd_query_poll(world_, query, hits.data(), hits.size(), &count);
+        }
+        if (code == DCD_ERR_BUSY) {
+            return { Status(DCD_OK), std::nullopt };
+        }
+        return { Status(code), std::move(hits) };
+    }
+    Status query_cancel(QueryId query) { return Status(dcd_query_cancel(world_, query)); }
     Result<Found<RayHit>> cast_rays_all(Span<const Ray> rays, const Filter &filter = {}) const
     {
         return found<RayHit>(rays, filter, dcd_cast_rays_all);

@@ -6,8 +6,8 @@
 use std::io::Read;
 
 use dcd::net::PeerStats;
-use dcd::physics::{Handover, Queries, Region};
-use dcd::protocol::{BodyRecord, JointRecord, Velocity, WorldEvents, WorldPose};
+use dcd::physics::{BorderView, Handover, Queries, Region};
+use dcd::protocol::{Area, BodyRecord, JointRecord, Question, RayAnswer, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
@@ -17,7 +17,7 @@ use crate::connection::Network;
 use crate::hosted::Hosted;
 use crate::served::{Change, Served};
 use crate::status::{DCD_ERR_UNSUPPORTED, Failure};
-use crate::view::{BodyView, RegionView, StateRow};
+use crate::view::{BodyView, OwnerView, RegionView, StateRow};
 use crate::world::{DCD_ROLE_CLIENT, DCD_ROLE_LOCAL, DCD_ROLE_PARTICIPANT, DcdRole};
 
 /// A world by role.
@@ -228,6 +228,7 @@ impl Backend {
                     mass_kg: if body.is_fixed() { 0.0 } else { world.mass_kg(id)? },
                     user_data: body.user_data as u64,
                     owner: world.owner_of(id),
+                    outside: false,
                 })
             }
             Self::Served(world) => world.body(id),
@@ -388,6 +389,7 @@ impl Backend {
                         velocity,
                         user_data: body.map_or(0, |body| body.user_data as u64),
                         sleeping: body.is_some_and(RigidBody::is_sleeping),
+                        outside: false,
                     }
                 };
                 world.states().map(row).take(most).for_each(look);
@@ -497,10 +499,64 @@ impl Backend {
         }
     }
 
+    /// Wants to hear of an area, or of everything.
+    pub(crate) fn turn_to(&mut self, area: Option<Area>) -> Result<(), Failure> {
+        match self {
+            Self::Local(_) => Ok(()),
+            Self::Served(world) => world.turn_to(area),
+            Self::Hosted(world) => Err(world.unsupported("have an interest")),
+        }
+    }
+
+    /// Where regions meet, of a world that is computed here.
+    pub(crate) fn borders(&self) -> Result<Vec<BorderView>, Failure> {
+        Ok(self
+            .local("tell what borders cost", "its nodes know; dcd node says it at the end")?
+            .host()
+            .borders())
+    }
+
+    /// Who has authority over a body that is there.
+    pub(crate) fn owner(&self, id: BodyId) -> OwnerView {
+        let unknown = OwnerView { region: None, node: None, holders: 0, here: false, heard: false };
+        match self {
+            Self::Local(world) => OwnerView {
+                region: world.owner_of(id),
+                holders: world.host().holders(id),
+                here: true,
+                ..unknown
+            },
+            Self::Served(world) => world.owner(id),
+            Self::Hosted(_) => unknown,
+        }
+    }
+
+    /// Asks those who compute the world; the answer comes under this number.
+    pub(crate) fn submit(&mut self, question: Question) -> Result<u64, Failure> {
+        match self {
+            Self::Served(world) => world.submit(question),
+            Self::Local(_) | Self::Hosted(_) => unreachable!("only a served world asks others"),
+        }
+    }
+
+    /// What others have answered, once they have.
+    pub(crate) fn answer(&self, number: u64) -> Result<Option<Vec<Option<RayAnswer>>>, Failure> {
+        match self {
+            Self::Served(world) => world.answer(number),
+            Self::Local(_) | Self::Hosted(_) => Ok(None),
+        }
+    }
+
+    /// Nobody fetches the answer any more.
+    pub(crate) fn forget(&self, number: u64) {
+        if let Self::Served(world) = self {
+            world.forget(number);
+        }
+    }
+
     /// What there is to ask about the bodies computed here.
     pub(crate) fn queries(&self) -> Result<Queries<'_>, Failure> {
-        let instead =
-            "it hears where bodies are (dcd_state_view) and computes nothing; make an avatar with a sensor";
+        let instead = "it hears where bodies are and computes nothing; submit rays (dcd_rays_submit), or make an avatar with a sensor";
         Ok(self.local("ask by rays, shapes and points", instead)?.queries())
     }
 }

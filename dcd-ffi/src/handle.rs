@@ -6,6 +6,7 @@ use dcd::space::{BodyId, JointId};
 use crate::body::DcdBodyId;
 use crate::connection::DcdConnectionId;
 use crate::joint::DcdJointId;
+use crate::query::DcdQueryId;
 use crate::shape::DcdShapeId;
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STALE_ID, Failure};
 
@@ -40,6 +41,11 @@ impl<T> Slots<T> {
 
     pub(crate) fn get(&self, handle: u64) -> Option<&T> {
         self.entries.get(self.place(handle)?)?.value.as_ref()
+    }
+
+    pub(crate) fn get_mut(&mut self, handle: u64) -> Option<&mut T> {
+        let place = self.place(handle)?;
+        self.entries.get_mut(place)?.value.as_mut()
     }
 
     pub(crate) fn remove(&mut self, handle: u64) -> Option<T> {
@@ -111,6 +117,14 @@ impl Mark {
 
     pub(crate) fn shape(self, slot: u64) -> DcdShapeId {
         DcdShapeId { v: self.mix(slot) }
+    }
+
+    pub(crate) fn query(self, slot: u64) -> DcdQueryId {
+        DcdQueryId { v: self.mix(slot) }
+    }
+
+    pub(crate) fn query_slot(self, query: DcdQueryId) -> Result<u64, Failure> {
+        Ok(self.mix(not_null(query.v, "query")?))
     }
 
     pub(crate) fn shape_slot(self, shape: DcdShapeId) -> Result<u64, Failure> {

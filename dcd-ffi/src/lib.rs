@@ -62,6 +62,10 @@ pub mod event;
 
 pub mod query;
 
+pub mod topology;
+
+pub mod interest;
+
 pub mod stats;
 
 pub mod snapshot;

@@ -38,11 +38,13 @@ pub struct DcdBodyInfo {
     pub parts: u32,
     /// Whether it sleeps: it costs nothing until something wakes it.
     pub sleeping: bool,
+    /// Whether your interest does not reach it (dcd_interest_set): what is told here is what was last heard of it.
+    pub outside: bool,
     /// 0.
-    pub reserved: [u8; 3],
+    pub reserved: [u8; 2],
 }
 
-// SAFETY: begins with `struct_size`; it is only written, so that any bits in `sleeping` do no harm.
+// SAFETY: begins with `struct_size`; it is only written, so that any bits in its bools do no harm.
 unsafe impl Sized32 for DcdBodyInfo {
     const NAME: &'static str = "DcdBodyInfo";
 }
@@ -70,7 +72,8 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
                 torque: record.state.torque,
                 parts: record.traits.colliders.len() as u32,
                 sleeping: view.sleeping,
-                reserved: [0; 3],
+                outside: view.outside,
+                reserved: [0; 2],
             });
             Ok(())
         })

@@ -9,7 +9,10 @@ use std::time::{Duration, Instant};
 use dcd::cluster::BodyView as Heard;
 use dcd::net::PeerStats;
 use dcd::physics::ShapeLibrary;
-use dcd::protocol::{BodyKind, BodyRecord, EnvironmentProperties, Refusal, Velocity, WorldEvents, WorldPose};
+use dcd::protocol::{
+    Area, BodyKind, BodyRecord, EnvironmentProperties, Question, RayAnswer, Refusal, Velocity, WorldEvents,
+    WorldPose,
+};
 use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
 use rapier3d::prelude::*;
@@ -17,7 +20,7 @@ use rapier3d::prelude::*;
 use crate::connection::Network;
 use crate::properties::type_of;
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
-use crate::view::{BodyView, RegionView, StateRow};
+use crate::view::{BodyView, OwnerView, RegionView, StateRow};
 
 /// A client's or participant's world.
 pub(crate) struct Served {
@@ -38,6 +41,8 @@ pub(crate) struct Served {
     departed: BTreeMap<BodyId, u64>,
     events: WorldEvents,
     changes: Vec<Change>,
+    /// How many were asked.
+    questions: u64,
     tick: u64,
     last_step: Duration,
     /// Why the world is lost, said by every later step.
@@ -72,6 +77,7 @@ impl Served {
             departed: BTreeMap::new(),
             events: WorldEvents::default(),
             changes: Vec::new(),
+            questions: 0,
             tick: 0,
             last_step: Duration::ZERO,
             lost: None,
@@ -281,7 +287,15 @@ impl Served {
             mass_kg: 0.0,
             user_data: traits.user_data as u64,
             owner: owner.then(|| self.region_at(&state.pose)),
+            outside: self.heard(id).is_some_and(|heard| heard.outside),
         })
+    }
+
+    pub(crate) fn owner(&self, id: BodyId) -> OwnerView {
+        let region = self.body(id).and_then(|body| body.owner);
+        let node = region.and_then(|region| self.world.computed_by(region));
+        let here = node.is_some() && node == self.world.node();
+        OwnerView { region, node, holders: 0, here, heard: true }
     }
 
     pub(crate) fn user_data(&self, id: BodyId) -> Option<u64> {
@@ -304,14 +318,41 @@ impl Served {
     }
 
     pub(crate) fn states(&self) -> impl Iterator<Item = StateRow> {
-        self.movable_bodies().map(|Heard { body, .. }| StateRow {
+        self.movable_bodies().map(|Heard { body, outside, .. }| StateRow {
             id: body.id,
             region: self.region_at(&body.state.pose),
             pose: body.state.pose,
             velocity: body.state.velocity,
             user_data: body.traits.user_data as u64,
             sleeping: body.state.sleeping,
+            outside: *outside,
         })
+    }
+
+    /// Asks the nodes; the answer comes under this number.
+    pub(crate) fn submit(&mut self, question: Question) -> Result<u64, Failure> {
+        self.check_link()?;
+        self.questions += 1;
+        self.world.ask(Question { number: self.questions, ..question })?;
+        Ok(self.questions)
+    }
+
+    /// The answer, once it has come.
+    pub(crate) fn answer(&self, number: u64) -> Result<Option<Vec<Option<RayAnswer>>>, Failure> {
+        match self.world.take_answer(number) {
+            None => self.check_link().map(|()| None),
+            answer => Ok(answer),
+        }
+    }
+
+    pub(crate) fn forget(&self, number: u64) {
+        // Who is gone has nothing to forget.
+        let _ = self.world.forget(number);
+    }
+
+    pub(crate) fn turn_to(&self, area: Option<Area>) -> Result<(), Failure> {
+        self.check_link()?;
+        Ok(self.world.turn_to(area)?)
     }
 
     /// Avatars of this client that are in the world or on their way, in id order.

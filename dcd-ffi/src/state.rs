@@ -16,6 +16,8 @@ use crate::world::{DcdWorld, World, with};
 
 /// In DcdStateView.flags: the body sleeps.
 pub const DCD_STATE_SLEEPING: u32 = 1;
+/// In DcdStateView.flags: your interest does not reach the body (dcd_interest_set); the state is that last heard of.
+pub const DCD_STATE_OUTSIDE: u32 = 2;
 
 /// What dcd_state_read and dcd_state_write copy.
 pub type DcdField = u32;
@@ -109,7 +111,8 @@ impl StateArrays {
             poses.push(row.pose.into());
             velocities.push(row.velocity.into());
             user_data.push(row.user_data);
-            flags.push(if row.sleeping { DCD_STATE_SLEEPING } else { 0 });
+            let flag = |is: bool, bit: u32| if is { bit } else { 0 };
+            flags.push(flag(row.sleeping, DCD_STATE_SLEEPING) | flag(row.outside, DCD_STATE_OUTSIDE));
             regions.push(row.region.0);
         });
     }

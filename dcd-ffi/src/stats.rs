@@ -1,4 +1,4 @@
-//! Regions, counters, and the state as one number.
+//! Counters, and the state as one number.
 
 use std::ffi::c_char;
 use std::fmt::Write;
@@ -8,24 +8,6 @@ use crate::guard::guard;
 use crate::pointer::{Out, Room, Sized32};
 use crate::status::DcdStatus;
 use crate::world::{DcdWorld, with};
-
-/// A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct DcdRegionInfo {
-    /// Its number in the tree of regions; numbers need not be dense.
-    pub region: u32,
-    /// Bodies that it owns; in a served world, that are in it.
-    pub bodies: u32,
-    /// Bodies of its neighbours that it computes along, since they are near; 0 in a served world.
-    pub replicas: u32,
-    /// 0.
-    pub reserved: u32,
-    /// Lowest corner, inside, metres.
-    pub min: [f64; 3],
-    /// Highest corner, outside, metres.
-    pub max: [f64; 3],
-}
 
 /// Counters of a world. Start from DCD_STATS_INIT.
 #[repr(C)]
@@ -66,33 +48,6 @@ pub struct DcdStats {
 // SAFETY: begins with `struct_size`; every other member is a number.
 unsafe impl Sized32 for DcdStats {
     const NAME: &'static str = "DcdStats";
-}
-
-/// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-/// ask for the number.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_regions(
-    world: DcdWorld,
-    out: *mut DcdRegionInfo,
-    cap: usize,
-    count: *mut usize,
-) -> DcdStatus {
-    guard("dcd_regions", || {
-        // SAFETY: the caller vouches for `cap` entries and for `count`.
-        let out = unsafe { Room::new(out, cap, count, "out")? };
-        with(world, |world| {
-            out.fill(world.backend.regions().into_iter().map(|region| DcdRegionInfo {
-                region: region.id.0,
-                bodies: region.owned as u32,
-                replicas: region.replicas as u32,
-                reserved: 0,
-                min: region.min,
-                max: region.max,
-            }))
-        })
-    })
 }
 
 /// Reads the counters of a world.

@@ -1,7 +1,7 @@
 //! What roles say of bodies and regions, before it becomes C's.
 
 use dcd::protocol::{Velocity, WorldPose};
-use dcd::space::{BodyId, RegionId};
+use dcd::space::{BodyId, NodeId, RegionId};
 
 use crate::body::DcdBodyType;
 
@@ -16,6 +16,8 @@ pub(crate) struct BodyView {
     pub user_data: u64,
     /// `None` for an immovable body.
     pub owner: Option<RegionId>,
+    /// Whether the interest set does not reach it.
+    pub outside: bool,
 }
 
 /// A movable body after a step.
@@ -26,6 +28,22 @@ pub(crate) struct StateRow {
     pub velocity: Velocity,
     pub user_data: u64,
     pub sleeping: bool,
+    /// Whether the interest set does not reach it.
+    pub outside: bool,
+}
+
+/// Who has authority over a body.
+pub(crate) struct OwnerView {
+    /// `None` for an immovable body.
+    pub region: Option<RegionId>,
+    /// As far as known.
+    pub node: Option<NodeId>,
+    /// How many regions hold it; 0 where that is not known.
+    pub holders: usize,
+    /// Whether this process computes the region.
+    pub here: bool,
+    /// Whether what is known of the body was heard from others.
+    pub heard: bool,
 }
 
 /// A region of the world.

@@ -17,6 +17,7 @@ use crate::guard::{guard, guard_value};
 use crate::handle::{Mark, Slots, not_null, stale};
 use crate::log;
 use crate::pointer::{self, Out, Sized32};
+use crate::query::OpenQueries;
 use crate::state::StateBuffers;
 use crate::status::{DcdStatus, Failure};
 
@@ -146,6 +147,7 @@ pub(crate) struct World {
     pub shapes: Slots<SharedShape>,
     pub states: StateBuffers,
     pub events: EventBuffers,
+    pub queries: OpenQueries,
     user_data: u64,
 }
 
@@ -209,6 +211,7 @@ pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
         shapes: Slots::new(),
         states: StateBuffers::default(),
         events: EventBuffers::default(),
+        queries: OpenQueries::new(),
         user_data,
     };
     let handle = DcdWorld { v: worlds().insert(Arc::new(Cell::new(world))) };

@@ -20,6 +20,7 @@ use dcd_ffi::serve::*;
 use dcd_ffi::shape::*;
 use dcd_ffi::state::*;
 use dcd_ffi::stats::*;
+use dcd_ffi::topology::*;
 use dcd_ffi::types::*;
 use dcd_ffi::world::*;
 
@@ -85,7 +86,7 @@ fn layouts() -> Vec<Layout> {
             user_data
         }
         DcdBodyInfo {
-            struct_size, body_type, user_data, centre, mass, region, force, torque, parts, sleeping, reserved
+            struct_size, body_type, user_data, centre, mass, region, force, torque, parts, sleeping, outside, reserved
         }
         DcdForce { force, torque }
         DcdJointDef {
@@ -124,7 +125,10 @@ fn layouts() -> Vec<Layout> {
         DcdShapeQuery { shape, pose, exclude, mask, reserved }
         DcdBoxQuery { min, max, exclude, mask, reserved }
         DcdOverlap { body, user_data, part, reserved }
+        DcdQueryId { v }
         DcdRegionInfo { region, bodies, replicas, reserved, min, max }
+        DcdOwner { struct_size, region, node, holders, flags }
+        DcdBorderInfo { a, b, bodies, exchanges, depth, disagreement }
         DcdStats {
             struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out, rtt,
             last_step, disagreement, exchanges
@@ -193,7 +197,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
 #define DCD_BODY_INFO_INIT \\
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \\
-      { 0.0f, 0.0f, 0.0f }, 0, false, { 0, 0, 0 } }
+      { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
 #define DCD_BODY_PROPERTIES_INIT \\
     { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \\
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
@@ -208,6 +212,7 @@ const MACROS: &str = "
 #define DCD_EVENT_VIEW_INIT \\
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \\
       NULL, 0, NULL, 0 }
+#define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_CONNECTION_INFO_INIT \\
     { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 #define DCD_STATS_INIT \\

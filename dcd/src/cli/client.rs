@@ -13,8 +13,8 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::summary::Summary;
-use super::values::{GIVE_UP, SERVER, address, speed, wall_seconds};
-use crate::protocol::{Velocity, WorldPose};
+use super::values::{GIVE_UP, SERVER, address, positive, speed, wall_seconds};
+use crate::protocol::{Area, Velocity, WorldPose};
 use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
 use crate::space::{BodyId, Bounds};
@@ -36,7 +36,7 @@ const HALF_M: f32 = 0.4;
 #[command(
     verbatim_doc_comment,
     after_long_help = "Prints `joined as CLIENT` first, `listening ADDR` next with --compute, and a summary last; with --json as an object\n\
-                       with the keys client avatars updates contacts refusals moved_m seconds. A server that is out of reach is\n\
+                       with the keys client avatars updates contacts refusals moved_m seconds bytes_in outside. A server that is out of reach is\n\
                        dialled again; the avatars go on as long as nodes compute the world."
 )]
 pub(super) struct Client {
@@ -55,6 +55,9 @@ pub(super) struct Client {
     /// How fast avatars go, m/s
     #[arg(long, value_name = "M_S", default_value_t = 3.0, value_parser = speed)]
     speed: f32,
+    /// Hear only of what is within so many metres of the first avatar, or of the middle of a world without one
+    #[arg(long, value_name = "M", value_parser = positive)]
+    interest: Option<f32>,
     /// Also compute a share of the world, as players' machines do
     #[arg(long)]
     compute: bool,
@@ -85,6 +88,8 @@ struct Played {
     refusals: u64,
     moved_m: f64,
     seconds: f64,
+    bytes_in: u64,
+    outside: usize,
 }
 
 impl Summary for Played {
@@ -98,6 +103,7 @@ impl Summary for Played {
             ("updates", self.updates.to_string()),
             ("contacts", format!("{} beginnings and ends", self.contacts)),
             ("refusals", self.refusals.to_string()),
+            ("bytes in", format!("{}, with {} bodies outside its interest", self.bytes_in, self.outside)),
         ]
     }
 }
@@ -118,7 +124,7 @@ impl Client {
         if let Some(address) = world.address() {
             print(&format!("listening {address}"))?;
         }
-        let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed)?;
+        let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed, self.interest.map(f64::from))?;
         let end = loop {
             let late = limit.is_some_and(|limit| crowd.start.elapsed() >= limit);
             if late || interrupt.asked() {
@@ -143,6 +149,7 @@ struct Crowd {
     world: ClientWorld,
     bounds: Bounds,
     speed_m_s: f32,
+    interest_m: Option<f64>,
     dice: Dice,
     start: Instant,
     walkers: BTreeMap<BodyId, Walker>,
@@ -159,7 +166,12 @@ struct Walker {
 
 impl Crowd {
     /// Avatars of an earlier stay go on; only missing ones are made.
-    fn enter(mut world: ClientWorld, count: usize, speed_m_s: f32) -> Result<Self, Failure> {
+    fn enter(
+        mut world: ClientWorld,
+        count: usize,
+        speed_m_s: f32,
+        interest_m: Option<f64>,
+    ) -> Result<Self, Failure> {
         let environment = world.environment().ok_or(ProcessError::Stopped)?;
         let limit = environment.avatar_speed_limit;
         if speed_m_s > limit {
@@ -187,7 +199,7 @@ impl Crowd {
             .map(|id| (id, Walker { goal: somewhere(&bounds, &mut dice), since: start, seen: None }))
             .collect();
         let (contacts, refusals, moved_m) = (0, 0, 0.0);
-        Ok(Self { world, bounds, speed_m_s, dice, start, walkers, contacts, refusals, moved_m })
+        Ok(Self { world, bounds, speed_m_s, interest_m, dice, start, walkers, contacts, refusals, moved_m })
     }
 
     /// Waits for news of the world and answers each avatar's.
@@ -198,6 +210,11 @@ impl Crowd {
         let events = self.world.take_events();
         self.contacts += events.touches.len() as u64;
         self.refusals += events.refusals.len() as u64;
+        if let Some(radius_m) = self.interest_m {
+            let first = self.walkers.keys().next().and_then(|&first| self.world.body(first));
+            let centre = first.map_or(self.bounds.centre(), |body| body.body.state.pose.translation);
+            self.world.turn_to(Some(Area { centre, radius_m }))?;
+        }
         for (&id, walker) in &mut self.walkers {
             let Some(body) = self.world.body(id) else { continue };
             let place = body.body.state.pose.translation;
@@ -226,6 +243,8 @@ impl Crowd {
             refusals: self.refusals,
             moved_m: self.moved_m,
             seconds: self.start.elapsed().as_secs_f64(),
+            bytes_in: self.world.traffic().bytes_in,
+            outside: self.world.with_bodies(|body| body.outside.then_some(())).len(),
         }
     }
 }

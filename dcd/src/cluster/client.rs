@@ -1,13 +1,16 @@
 //! A process that hosts avatars: joins at the server, moves its avatars through the leader, keeps its view of the world.
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use super::Peer;
 use crate::protocol::{
-    BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient, Hello, JointRecord, Member,
-    Message, Refusal, Role, ShapeHash, ShapeRecord, SharedState, ToClient, Touch, VERSION, Velocity,
-    WorldPose,
+    Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient, Hello,
+    JointRecord, Member, Message, Question, RayAnswer, Refusal, Role, ShapeHash, ShapeRecord, SharedState,
+    ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
 
@@ -16,6 +19,9 @@ const MAX_CONTACTS: usize = 4_096;
 
 /// Between attempts to dial the server, or a leader that cannot be reached.
 const AGAIN: Duration = Duration::from_millis(250);
+
+/// When a question that is not answered is asked again: with whoever leads by then.
+const ASK_AGAIN: Duration = Duration::from_millis(500);
 
 /// A wish older than this is not said again only because the membership has changed: much may have happened since.
 const STILL_MEANT: Duration = Duration::from_secs(5);
@@ -54,6 +60,12 @@ pub enum ClientEvent {
     },
     /// An avatar is to go for good.
     Despawn(BodyId),
+    /// The user asks about bodies; its number is unlike those of questions before.
+    Ask(Question),
+    /// The user does not want the answer any more.
+    Forget(u64),
+    /// The user wants to hear of bodies in this area, or of all.
+    Interest(Option<Area>),
     /// The user goes.
     Leave,
 }
@@ -102,17 +114,19 @@ pub struct BodyView {
     pub tick: Tick,
     /// Whether it was computed by a node that waits for others: a guess, until one that is not comes.
     pub provisional: bool,
+    /// Whether the client's interest did not reach it when it was last heard of, or has left it since: it may be elsewhere.
+    pub outside: bool,
     /// Epoch and tick of the newest state that is no guess.
     settled: (Epoch, Tick),
 }
 
 impl BodyView {
     fn new(body: BodyRecord) -> Self {
-        Self { settled: (body.epoch, Tick(0)), body, tick: Tick(0), provisional: false }
+        Self { settled: (body.epoch, Tick(0)), body, tick: Tick(0), provisional: false, outside: false }
     }
 
     /// Takes a state in, unless something newer is known. A guess never counts against what is none.
-    fn learn(&mut self, state: &SharedState, tick: Tick, provisional: bool) {
+    fn learn(&mut self, state: &SharedState, tick: Tick, provisional: bool, outside: bool) {
         let is_news = match provisional {
             false => self.settled <= (state.epoch, tick),
             true => {
@@ -130,6 +144,7 @@ impl BodyView {
             self.body.state.pose = state.pose;
             self.body.state.velocity = state.velocity;
             self.body.state.sleeping = state.sleeping;
+            self.outside = outside;
         }
     }
 
@@ -166,6 +181,11 @@ pub struct Client {
     logical_time: u64,
     /// The newest wish for each avatar and its time: said again when a link is back, and to a new leader.
     newest: BTreeMap<BodyId, (Drive, Duration)>,
+    /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
+    asked: BTreeMap<u64, (Question, Duration)>,
+    answers: BTreeMap<u64, Vec<Option<RayAnswer>>>,
+    /// What it wants to hear of, as said to the leader; `None` is everything.
+    area: Option<Area>,
     now: Duration,
     /// What the server has not answered yet, in order: said again when it is back.
     unanswered: Vec<FromClient>,
@@ -195,6 +215,9 @@ impl Client {
             dial_leader_at: None,
             logical_time: 0,
             newest: BTreeMap::new(),
+            asked: BTreeMap::new(),
+            answers: BTreeMap::new(),
+            area: None,
             now: Duration::ZERO,
             unanswered: Vec::new(),
             touches: VecDeque::new(),
@@ -217,6 +240,9 @@ impl Client {
                 self.dial_leader_at = None;
                 for drive in self.newest.values().map(|&(drive, _)| drive).collect::<Vec<_>>() {
                     self.send_drive(drive);
+                }
+                if self.area.is_some() {
+                    self.send_interest();
                 }
             }
             ClientEvent::Disconnected(Peer::Server) => {
@@ -246,15 +272,30 @@ impl Client {
                 self.send_drive(drive);
             }
             ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
+            ClientEvent::Interest(area) => self.turn_to(area),
+            ClientEvent::Ask(question) => {
+                self.tell_leader(FromClient::Ask(question.clone()));
+                self.asked.insert(question.number, (question, now + ASK_AGAIN));
+            }
+            ClientEvent::Forget(number) => {
+                self.asked.remove(&number);
+                self.answers.remove(&number);
+            }
             ClientEvent::Leave => self.ask_server(FromClient::Leave),
         }
     }
 
     /// To be called at [`Client::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
+        let mut again = Vec::new();
         if self.dial_server_at.take_if(|at| *at <= now).is_some() {
             self.outputs.push_back(ClientOutput::Redial);
         }
+        for (question, at) in self.asked.values_mut().filter(|(_, at)| *at <= now) {
+            *at = now + ASK_AGAIN;
+            again.push(question.clone());
+        }
+        again.into_iter().for_each(|question| self.tell_leader(FromClient::Ask(question)));
         if self.dial_leader_at.take_if(|at| *at <= now).is_some() && self.node.is_none() && !self.linked {
             self.outputs.extend(self.leader.clone().map(ClientOutput::Connect));
         }
@@ -262,7 +303,8 @@ impl Client {
 
     /// When [`Client::handle_timeout`] is next due; ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
-        self.dial_server_at.into_iter().chain(self.dial_leader_at).min()
+        let ask = self.asked.values().map(|&(_, at)| at).min();
+        self.dial_server_at.into_iter().chain(self.dial_leader_at).chain(ask).min()
     }
 
     /// The next thing to do, until there is none.
@@ -323,6 +365,11 @@ impl Client {
     /// Forces on own avatars above their thresholds since the last call.
     pub fn take_forces(&mut self) -> impl Iterator<Item = (Tick, ContactForce)> {
         std::mem::take(&mut self.forces).into_iter()
+    }
+
+    /// The answer to a question, if it has come: what each ray met first. It is forgotten with this.
+    pub fn take_answer(&mut self, number: u64) -> Option<Vec<Option<RayAnswer>>> {
+        self.answers.remove(&number)
     }
 
     fn send(&mut self, to: Peer, message: Message) {
@@ -388,6 +435,40 @@ impl Client {
         }
     }
 
+    /// Says what it wants to hear of, unless what was said stands for it.
+    fn turn_to(&mut self, area: Option<Area>) {
+        let is_known = match (&self.area, &area) {
+            (Some(known), Some(area)) => known.stands_for(area),
+            (known, area) => known.is_none() && area.is_none(),
+        };
+        if is_known {
+            return;
+        }
+        self.area = area;
+        // What comes into the area counts as outside until it is heard of.
+        let (me, area) = (self.id, self.area);
+        for BodyView { body, outside, .. } in self.bodies.values_mut() {
+            *outside |= is_outside(me, area, body);
+        }
+        self.send_interest();
+    }
+
+    /// To the leader alone, who must know; the next one is told anew.
+    fn send_interest(&mut self) {
+        self.tell_leader(FromClient::Interest(self.area));
+    }
+
+    fn tell_leader(&mut self, wish: FromClient) {
+        match &self.leader {
+            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(wish)),
+            Some(member) if self.linked => {
+                let to = Peer::Node(member.node);
+                self.send(to, Message::FromClient(self.id, wish));
+            }
+            _ => {}
+        }
+    }
+
     fn told(&mut self, message: ToClient) {
         match message {
             ToClient::Welcome { world, logical_time, .. } => {
@@ -428,6 +509,9 @@ impl Client {
                     for drive in fresh.map(|&(drive, _)| drive).collect::<Vec<_>>() {
                         self.send_drive(drive);
                     }
+                    if self.area.is_some() {
+                        self.send_interest();
+                    }
                 }
             }
             ToClient::Inserted { body, shapes } => {
@@ -446,8 +530,13 @@ impl Client {
             }
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 for state in states {
+                    let outside = !is_followed(self.id, self.area, state.id, &state.pose);
+                    // Nobody would take a guess back there.
+                    if stamp.provisional && outside {
+                        continue;
+                    }
                     if let Some(view) = self.bodies.get_mut(&state.id) {
-                        view.learn(&state, stamp.tick, stamp.provisional);
+                        view.learn(&state, stamp.tick, stamp.provisional, outside);
                     }
                 }
             }
@@ -456,6 +545,11 @@ impl Client {
             ToClient::Contacts { tick, touches, forces } => {
                 keep(&mut self.touches, tick, touches);
                 keep(&mut self.forces, tick, forces);
+            }
+            ToClient::Answer { number, hits } => {
+                if self.asked.remove(&number).is_some() {
+                    self.answers.insert(number, hits);
+                }
             }
             ToClient::Rejected { body, reason } => {
                 body.into_iter().for_each(|id| self.answered(id));
@@ -467,7 +561,8 @@ impl Client {
     /// A body of the server's record; what the leader told before may be newer.
     fn know(&mut self, body: BodyRecord) {
         if self.bodies.get(&body.id).is_none_or(|view| view.settled.0 < body.epoch) {
-            self.bodies.insert(body.id, BodyView::new(body));
+            let outside = is_outside(self.id, self.area, &body);
+            self.bodies.insert(body.id, BodyView { outside, ..BodyView::new(body) });
         }
     }
 
@@ -490,37 +585,18 @@ impl Client {
     }
 }
 
+/// Whether the leader tells a client with this interest of a body whenever it moves, if this is where it is.
+fn is_followed(client: ClientId, area: Option<Area>, id: BodyId, pose: &WorldPose) -> bool {
+    area.is_none_or(|area| area.covers(pose.translation) || id.client() == Some(client))
+}
+
+/// Whether a body may be elsewhere than where it is known to be.
+fn is_outside(client: ClientId, area: Option<Area>, body: &BodyRecord) -> bool {
+    body.traits.kind != BodyKind::Fixed && !is_followed(client, area, body.id, &body.state.pose)
+}
+
 fn keep<T>(queue: &mut VecDeque<(Tick, T)>, tick: Tick, items: Vec<T>) {
     queue.extend(items.into_iter().map(|item| (tick, item)));
     let excess = queue.len().saturating_sub(MAX_CONTACTS);
     queue.drain(..excess);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::protocol::Stamp;
-    use crate::sim::sim_body;
-
-    #[test]
-    fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
-        let mut client = Client::new(ClientId(1), None);
-        let mut tell = |message: ToClient| {
-            let message = Message::ToClient(ClientId(1), message);
-            client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Server, message });
-            client.bodies().map(|view| (view.body.epoch, view.tick)).next()
-        };
-        let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
-        let returned = |epoch| ToClient::Inserted {
-            body: BodyRecord { epoch: Epoch(epoch), ..body.clone() },
-            shapes: Vec::new(),
-        };
-        assert_eq!(tell(returned(1)), Some((Epoch(1), Tick(0))));
-        let (pose, velocity) = (body.state.pose, body.state.velocity);
-        let state = SharedState { id: body.id, epoch: Epoch(3), pose, velocity, sleeping: false };
-        let stamp = Stamp { group: GroupId(1), tick: Tick(7), provisional: false };
-        assert_eq!(tell(ToClient::States { stamp, states: vec![state] }), Some((Epoch(3), Tick(7))));
-        assert_eq!(tell(returned(2)), Some((Epoch(3), Tick(7))), "it comes over another link");
-        assert_eq!(tell(returned(4)), Some((Epoch(4), Tick(0))));
-    }
 }

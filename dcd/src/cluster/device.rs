@@ -1,8 +1,8 @@
 //! Physics as the node machine sees it: a device that is given one command at a time and answers with an event.
 
 use crate::protocol::{
-    BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, JointRecord, Placed,
-    RegionEvents, SharedState, TickStats, WorldOp,
+    Answer, BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, JointRecord,
+    Placed, RegionEvents, SharedState, TickStats, WorldOp,
 };
 use crate::space::{BodyId, RegionId, Tick};
 
@@ -103,6 +103,8 @@ pub enum PhysicsEvent {
         holds: Vec<BodyId>,
         /// What the regions saw.
         events: Vec<RegionEvents>,
+        /// To the questions that came with the tick.
+        answers: Vec<Answer>,
         /// For clients, as sampled, in id order.
         report: Vec<SharedState>,
         /// For the server, as sampled, in id order.

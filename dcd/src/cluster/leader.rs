@@ -3,6 +3,8 @@
 
 mod abroad;
 mod holders;
+mod interest;
+mod questions;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -10,12 +12,14 @@ use std::time::Duration;
 use self::abroad::Abroad;
 pub use self::abroad::Deviations;
 use self::holders::Holders;
+use self::interest::{Audience, Latest, Moved};
+use self::questions::Questions;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
-    ContactForce, ContactKey, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, Pace, Refusal,
-    RegionEvents, Report, SharedState, Stamp, Thresholds, TickStats, ToClient, Touch, View, ViewNumber,
-    WorldEvents, WorldOp,
+    Area, ContactForce, ContactKey, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, FromClient,
+    Pace, Question, Refusal, RegionEvents, Report, SharedState, Stamp, Thresholds, TickStats, ToClient,
+    Touch, View, ViewNumber, WorldEvents, WorldOp,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 
@@ -52,11 +56,16 @@ pub struct Leader {
     early: BTreeMap<BodyId, (Drive, Tick)>,
     /// Avatars in the world and the logical time of their newest wish.
     avatars: BTreeMap<BodyId, Option<u64>>,
-    latest: BTreeMap<BodyId, (SharedState, Tick)>,
-    moved: BTreeSet<BodyId>,
+    latest: Latest,
+    moved: Moved,
     reminded: BodyId,
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
+    questions: Questions,
+    /// What clients have said since the last tick that they want to hear of.
+    interests: BTreeMap<ClientId, Option<Area>>,
+    /// Of clients that do not want to hear of everything.
+    audiences: BTreeMap<ClientId, Audience>,
     messages: Vec<(ClientId, ToClient)>,
     thresholds: Thresholds,
     /// While there are other groups.
@@ -87,11 +96,14 @@ impl Leader {
             drives: BTreeMap::new(),
             early: BTreeMap::new(),
             avatars: BTreeMap::new(),
-            latest: BTreeMap::new(),
-            moved: BTreeSet::new(),
+            latest: Latest::new(),
+            moved: Moved::new(),
             reminded: BodyId::default(),
             contacts: ContactLedger::default(),
             clients: participants.collect(),
+            questions: Questions::default(),
+            interests: BTreeMap::new(),
+            audiences: BTreeMap::new(),
             messages: Vec::new(),
             thresholds: world.thresholds,
             abroad: None,
@@ -108,19 +120,61 @@ impl Leader {
         self.ops.extend(ops);
     }
 
-    /// A client is linked directly; it is told of every body at once.
+    /// A client is linked directly; it is told of every body at once, and says again what it is interested in.
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
+        self.uninterest(client);
+        self.tell_everything(client);
+    }
+
+    /// A client wants to hear of an area from now on, or of everything: after the present tick, so that however often it
+    /// changes its mind, all bodies are looked at once a tick.
+    pub fn take_interest(&mut self, client: ClientId, area: Option<Area>) {
+        // One that is not linked says it again when it is.
+        if self.clients.contains_key(&client) {
+            self.interests.insert(client, area);
+        }
+    }
+
+    /// A client asks about bodies, perhaps once more; the answer comes with the tick to come, or a later one.
+    pub fn ask(&mut self, client: ClientId, question: Question) {
+        if self.clients.contains_key(&client) {
+            self.questions.ask(client, question);
+        }
+    }
+
+    fn turn_audiences(&mut self) {
+        for (client, area) in std::mem::take(&mut self.interests) {
+            match (self.audiences.get_mut(&client), area) {
+                (Some(audience), Some(area)) => audience.turn_to(area, &self.latest),
+                (None, Some(area)) => {
+                    self.audiences.insert(client, Audience::new(client, area, &self.latest));
+                }
+                (Some(_), None) => {
+                    self.audiences.remove(&client);
+                    self.tell_everything(client);
+                }
+                (None, None) => {}
+            }
+        }
+    }
+
+    fn uninterest(&mut self, client: ClientId) {
+        self.interests.remove(&client);
+        self.audiences.remove(&client);
+    }
+
+    fn tell_everything(&mut self, client: ClientId) {
         let states = self.latest.values().map(|&(state, _)| state).collect();
-        let stamp = Stamp { group: self.group, tick: self.tick, provisional: false };
-        let message = ToClient::States { stamp, states };
-        self.messages.push((client, message));
+        self.tell(client, self.tick, false, states);
     }
 
     /// A client's direct link is gone.
     pub fn dismiss(&mut self, client: ClientId) {
         if self.clients.get(&client) == Some(&Peer::Client(client)) {
             self.clients.remove(&client);
+            self.uninterest(client);
+            self.questions.forget(client);
         }
     }
 
@@ -175,6 +229,7 @@ impl Leader {
             self.holders.now_holds(from, holds);
         }
         self.rounds_wanted = self.rounds_wanted.max(done.rounds_wanted);
+        self.messages.extend(self.questions.answered(from, done.answers));
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
         if self.lag > 0 {
             self.forward_contacts();
@@ -192,8 +247,8 @@ impl Leader {
         for state in report.states {
             let known = self.latest.get(&state.id);
             if known.is_none_or(|(old, tick)| (old.epoch, *tick) <= (state.epoch, report.tick)) {
+                self.moved.entry(state.id).or_insert(known.map(|(old, _)| old.pose.translation));
                 self.latest.insert(state.id, (state, report.tick));
-                self.moved.insert(state.id);
                 self.moved_here(state.id);
                 if state.id.client().is_some() {
                     self.avatars.entry(state.id).or_default();
@@ -230,6 +285,7 @@ impl Leader {
         self.sort_early();
         ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
         ops.extend(self.corrections());
+        ops.extend(self.questions.dispatch(&self.members));
         // Members that are not in step cannot exchange within a tick.
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };
@@ -292,6 +348,7 @@ impl Leader {
         self.drives.remove(&id);
         self.latest.remove(&id);
         self.moved.remove(&id);
+        self.audiences.values_mut().for_each(|audience| audience.forget(id));
         self.contacts.forget_body(id);
         self.holders.forget(id);
         self.forget_abroad(id);
@@ -326,8 +383,19 @@ impl Leader {
     }
 
     fn forward_states(&mut self) {
-        if self.moved.is_empty() || self.clients.is_empty() {
-            self.moved.clear();
+        let moved = std::mem::take(&mut self.moved);
+        if self.clients.is_empty() {
+            return;
+        }
+        self.turn_audiences();
+        for (client, mut audience) in std::mem::take(&mut self.audiences) {
+            let states = audience.batch(&moved, &self.latest);
+            self.audiences.insert(client, audience);
+            if !states.is_empty() {
+                self.tell(client, self.tick, false, states);
+            }
+        }
+        if moved.is_empty() {
             return;
         }
         let reminders: Vec<_> = self
@@ -335,26 +403,36 @@ impl Leader {
             .range(self.reminded..)
             .skip(1)
             .map(|(&id, _)| id)
-            .filter(|id| !self.moved.contains(id))
+            .filter(|id| !moved.contains_key(id))
             .take(REMINDERS)
             .collect();
         self.reminded = reminders.last().copied().unwrap_or_default();
-        self.moved.extend(reminders);
-        let states: Vec<_> =
-            std::mem::take(&mut self.moved).iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
+        let told: BTreeSet<_> = moved.into_keys().chain(reminders).collect();
+        let states: Vec<_> = told.iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
         self.tell_all(self.tick, false, &states);
     }
 
+    /// Tells all who want to hear of everything.
     fn tell_all(&mut self, tick: Tick, provisional: bool, states: &[SharedState]) {
-        for &client in self.clients.keys() {
-            let states = states.to_vec();
-            let stamp = Stamp { group: self.group, tick, provisional };
-            self.messages.push((client, ToClient::States { stamp, states }));
+        let all = self.clients.keys().filter(|client| !self.audiences.contains_key(client));
+        for client in all.copied().collect::<Vec<_>>() {
+            self.tell(client, tick, provisional, states.to_vec());
         }
+    }
+
+    fn tell(&mut self, client: ClientId, tick: Tick, provisional: bool, states: Vec<SharedState>) {
+        let stamp = Stamp { group: self.group, tick, provisional };
+        self.messages.push((client, ToClient::States { stamp, states }));
     }
 
     /// What was computed without the others, for clients only.
     pub fn tell_provisional(&mut self, tick: Tick, states: &[SharedState]) {
+        let of =
+            |audience: &Audience| states.iter().filter(|state| audience.reaches(state)).copied().collect();
+        let parts: Vec<(_, Vec<_>)> = self.audiences.iter().map(|(&client, all)| (client, of(all))).collect();
+        for (client, states) in parts {
+            self.tell(client, tick, true, states);
+        }
         self.tell_all(tick, true, states);
     }
 
@@ -363,11 +441,14 @@ impl Leader {
         self.drives.values().copied()
     }
 
-    /// Wishes that are not dispatched yet, by client.
-    pub fn into_wishes(self) -> Vec<(ClientId, Drive)> {
+    /// What clients said that another leader must know: wishes that are not dispatched yet, and their interests.
+    pub fn into_wishes(self) -> Vec<(ClientId, FromClient)> {
         let early = self.early.into_values().map(|(drive, _)| drive);
         let drives = self.drives.into_values().chain(early);
-        drives.filter_map(|drive| Some((drive.body.client()?, drive))).collect()
+        let drives = drives.filter_map(|drive| Some((drive.body.client()?, FromClient::Drive(drive))));
+        let areas = self.audiences.into_iter().map(|(client, audience)| (client, Some(audience.area())));
+        let interests = areas.chain(self.interests);
+        drives.chain(interests.map(|(client, area)| (client, FromClient::Interest(area)))).collect()
     }
 
     /// Whether anybody is told what happens.
@@ -424,8 +505,15 @@ mod tests {
             let events =
                 RegionEvents { region: RegionId(id), tick: Tick(tick), touches, ..RegionEvents::default() };
             let (view, stats) = (ViewNumber(1), TickStats::default());
-            let done =
-                Done { view, tick: Tick(tick), rounds_wanted: id, stats, holds: None, events: vec![events] };
+            let done = Done {
+                view,
+                tick: Tick(tick),
+                rounds_wanted: id,
+                stats,
+                holds: None,
+                events: vec![events],
+                answers: vec![],
+            };
             leader.done(NodeId(id), done);
         }
     }
@@ -456,7 +544,15 @@ mod tests {
             let (view, stats) = (ViewNumber(1), TickStats::default());
             leader.done(
                 NodeId(id),
-                Done { view, tick: Tick(1), rounds_wanted, stats, holds: None, events: vec![] },
+                Done {
+                    view,
+                    tick: Tick(1),
+                    rounds_wanted,
+                    stats,
+                    holds: None,
+                    events: vec![],
+                    answers: vec![],
+                },
             );
         }
         assert_eq!(leader.dispatch(Duration::from_secs(1)).unwrap().rounds, 3);
@@ -506,7 +602,47 @@ mod tests {
             assert_eq!(leader.drive(CLIENT, drive), Ok(()));
         }
         let wishes = leader.into_wishes();
-        assert_eq!(wishes, [(CLIENT, Drive { body: early, ..drive(6, 6.0) })]);
+        assert_eq!(wishes, [(CLIENT, FromClient::Drive(Drive { body: early, ..drive(6, 6.0) }))]);
+    }
+
+    #[test]
+    fn an_interest_counts_from_the_tick_on_is_handed_on_and_goes_with_the_link() {
+        let mut leader = leader();
+        let body = BodyId::persistent(1);
+        let told_at = |leader: &mut Leader, tick: u64, x: f64| {
+            leader.dispatch(Duration::from_secs(tick)).unwrap();
+            let pose = WorldPose::at([x, 0.0, 0.0]);
+            let (epoch, velocity) = (crate::space::Epoch(0), Velocity::default());
+            let states = vec![SharedState { id: body, epoch, pose, velocity, sleeping: false }];
+            leader.report(Report { view: ViewNumber(1), tick: Tick(tick), states });
+            leader.take_messages();
+            both_done(leader, tick, vec![], vec![]);
+            let states = |(client, message)| match message {
+                ToClient::States { states, .. } => Some((client, states.len())),
+                _ => None,
+            };
+            leader.take_messages().into_iter().filter_map(states).collect::<Vec<_>>()
+        };
+        let area = Area { centre: [0.0; 3], radius_m: 10.0 };
+        let other = ClientId(5);
+        leader.admit(other);
+        assert_eq!(told_at(&mut leader, 1, 50.0), [(CLIENT, 1), (other, 1)]);
+        leader.take_interest(CLIENT, Some(area));
+        leader.take_interest(ClientId(6), Some(area));
+        assert_eq!(told_at(&mut leader, 2, 51.0), [(other, 1)]);
+        assert_eq!(told_at(&mut leader, 3, 5.0), [(CLIENT, 1), (other, 1)]);
+        let handed_on = leader.clone().into_wishes();
+        assert_eq!(handed_on, [(CLIENT, FromClient::Interest(Some(area)))]);
+        leader.take_interest(CLIENT, None);
+        assert_eq!(
+            told_at(&mut leader, 4, 60.0),
+            [(CLIENT, 1), (CLIENT, 1), (other, 1)],
+            "all at once, and on"
+        );
+        leader.take_interest(CLIENT, Some(area));
+        told_at(&mut leader, 5, 70.0);
+        leader.admit(CLIENT);
+        assert_eq!(told_at(&mut leader, 6, 71.0), [(CLIENT, 1), (other, 1)], "it has not said it again yet");
     }
 
     #[test]

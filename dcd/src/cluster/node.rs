@@ -16,8 +16,8 @@ use self::drift::Drift;
 use self::links::Links;
 use super::{DelayWatch, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
 use crate::protocol::{
-    Border, BorderMessage, Dispatch, Done, Drive, EnvironmentProperties, FromClient, JointRecord, Member,
-    Message, Placed, ToClient, ToServer, View, ViewNumber,
+    Border, BorderMessage, Dispatch, Done, EnvironmentProperties, FromClient, JointRecord, Member, Message,
+    Placed, ToClient, ToServer, View, ViewNumber,
 };
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
@@ -146,7 +146,10 @@ pub struct Node {
     joints: Vec<JointRecord>,
     early: BTreeMap<NodeId, VecDeque<Border>>,
     leader: Option<Leader>,
-    wishes: Vec<(ClientId, Drive)>,
+    /// What clients said before this node leads.
+    wishes: Vec<(ClientId, FromClient)>,
+    /// What the client in this process said last that it wants to hear of.
+    interest: Option<FromClient>,
     links: BTreeSet<Peer>,
     link: Links,
     /// The newest word to the leader, and whether the next report is to be of all bodies.
@@ -217,6 +220,7 @@ impl Node {
             early: BTreeMap::new(),
             leader: None,
             wishes: Vec::new(),
+            interest: None,
             links: BTreeSet::new(),
             link: Links::default(),
             done: None,

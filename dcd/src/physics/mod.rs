@@ -34,7 +34,7 @@ pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
 pub use coupling::Coupling;
 pub use directory::Handover;
 pub use hooks::{ContactHooks, HookedPair};
-pub use host::{HostError, Preset, RegionHost, StepSettings};
+pub use host::{BorderView, HostError, Preset, RegionHost, StepSettings};
 pub use joints::joint_record;
 pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;

@@ -4,6 +4,7 @@
 mod client;
 mod group;
 mod program;
+mod question;
 
 use std::net::SocketAddr;
 
@@ -12,12 +13,13 @@ use bincode::{Decode, Encode};
 use super::{BodyRecord, JointRecord, ShapeRecord};
 use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
-pub use client::{Drive, FromClient, Refusal, Stamp, ToClient};
+pub use client::{Area, Drive, FromClient, Refusal, Stamp, ToClient};
 pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Motion, Report, Stance, TickStats, ToNode,
     ToServer, WorldOp,
 };
 pub use program::Program;
+pub use question::{Answer, MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Question, RayAnswer, RayQuestion};
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]

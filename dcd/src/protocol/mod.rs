@@ -29,10 +29,11 @@ pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
-    BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
-    EnvironmentProperties, FromClient, Hello, Lane, Member, Message, Motion, Pace, Ping, Placed, Pong,
-    Program, Refusal, Report, Role, Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode,
-    ToServer, View, ViewNumber, WorldOp,
+    Answer, Area, BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
+    EnvironmentProperties, FromClient, Hello, Lane, MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Member,
+    Message, Motion, Pace, Ping, Placed, Pong, Program, Question, RayAnswer, RayQuestion, Refusal, Report,
+    Role, Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber,
+    WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

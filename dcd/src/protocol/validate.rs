@@ -413,8 +413,40 @@ impl Check for WorldOp {
             Self::Remove(_) | Self::RemoveJoint(_) => Ok(()),
             Self::Drive(drive) => drive.check(),
             Self::Correct { states, .. } => all(states),
+            Self::Ask { question, .. } => question.check(),
         }
     }
+}
+
+impl Check for Question {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.rays.len() <= MAX_RAYS, "question.rays", "at most 1024")?;
+        must(self.exclude.len() <= MAX_RAYS, "question.exclude", "at most 1024")?;
+        ascending(&self.exclude, |&body| body, "question.exclude")?;
+        all(&self.rays)
+    }
+}
+
+impl Check for RayQuestion {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.origin.iter().all(|v| v.is_finite()), "ray.origin", "finite")?;
+        finite(&self.direction, "ray.direction")?;
+        must(self.direction != [0.0; 3], "ray.direction", "longer than 0")?;
+        must(self.max_m >= 0.0, "ray.max_m", "0 or more")
+    }
+}
+
+impl Check for RayAnswer {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.point.iter().all(|v| v.is_finite()), "answer.point", "finite")?;
+        finite(&self.normal, "answer.normal")?;
+        must(self.distance_m >= 0.0, "answer.distance_m", "0 or more")
+    }
+}
+
+fn all_hits(hits: &[Option<RayAnswer>]) -> Result<(), Invalid> {
+    must(hits.len() <= MAX_RAYS, "answer.hits", "at most 1024")?;
+    hits.iter().flatten().try_for_each(Check::check)
 }
 
 impl Check for Dispatch {
@@ -428,6 +460,7 @@ impl Check for Done {
     fn check(&self) -> Result<(), Invalid> {
         must((1..=MAX_ROUNDS).contains(&self.rounds_wanted), "done.rounds_wanted", "1 to 64")?;
         not_negative(&[self.stats.disagreement_m_s], "done.disagreement_m_s")?;
+        self.answers.iter().try_for_each(|answer| all_hits(&answer.hits))?;
         all(&self.events)
     }
 }
@@ -479,8 +512,19 @@ impl Check for FromClient {
                 body.check()?;
                 all(shapes)
             }
+            Self::Ask(question) => question.check(),
+            Self::Interest(area) => area.map_or(Ok(()), |area| area.check()),
             Self::Despawn(_) | Self::Leave => Ok(()),
         }
+    }
+}
+
+impl Check for Area {
+    fn check(&self) -> Result<(), Invalid> {
+        let is_there = self.centre.iter().all(|v| v.abs() <= WORLD_REACH_M);
+        must(is_there, "interest.centre", "within a million kilometres")?;
+        let is_size = self.radius_m > 0.0 && self.radius_m <= WORLD_REACH_M;
+        must(is_size, "interest.radius_m", "above 0 and at most a million kilometres")
     }
 }
 
@@ -494,6 +538,7 @@ impl Check for ToClient {
                 all(shapes)
             }
             Self::States { states, .. } => all(states),
+            Self::Answer { hits, .. } => all_hits(hits),
             Self::Contacts { touches, forces, .. } => {
                 all(touches)?;
                 all(forces)

@@ -12,8 +12,10 @@ use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
-use crate::protocol::{ContactForce, EnvironmentProperties, Refusal, Touch, Velocity, WorldPose};
-use crate::space::{BodyId, ClientId, NodeId, Tick};
+use crate::protocol::{
+    Area, ContactForce, EnvironmentProperties, Question, RayAnswer, Refusal, Touch, Velocity, WorldPose,
+};
+use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
 /// With what a process enters a served world.
 #[derive(Clone, Debug)]
@@ -136,6 +138,11 @@ impl ClientWorld {
         self.member.who.node()
     }
 
+    /// The node that computes a region, as far as known: by a participant, whose node is told.
+    pub fn computed_by(&self, region: RegionId) -> Option<NodeId> {
+        self.member.shared.lock().allocation.get(&region).copied()
+    }
+
     /// Where our node listens, for a participant.
     pub fn address(&self) -> Option<SocketAddr> {
         self.node().map(|_| self.member.address)
@@ -194,6 +201,28 @@ impl ClientWorld {
         pose: Option<WorldPose>,
     ) -> Result<(), ProcessError> {
         self.member.wish(ClientEvent::Drive { body: avatar, velocity, pose })
+    }
+
+    /// Wants to hear of bodies in this area and about our avatars from now on; `None`: of all, as at first. What is outside stays
+    /// as last heard of, and [`BodyView::outside`] says so.
+    pub fn turn_to(&self, area: Option<Area>) -> Result<(), ProcessError> {
+        self.member.wish(ClientEvent::Interest(area))
+    }
+
+    /// Asks those who compute the world what rays meet; [`ClientWorld::take_answer`] has the answer once it has come, some ticks
+    /// later. `number` must be unlike those of other questions.
+    pub fn ask(&self, question: Question) -> Result<(), ProcessError> {
+        self.member.wish(ClientEvent::Ask(question))
+    }
+
+    /// Does not want the answer to a question any more.
+    pub fn forget(&self, number: u64) -> Result<(), ProcessError> {
+        self.member.wish(ClientEvent::Forget(number))
+    }
+
+    /// The answer to a question, if it has come: what each ray met first. It is given once.
+    pub fn take_answer(&self, number: u64) -> Option<Vec<Option<RayAnswer>>> {
+        self.member.shared.lock().client.as_mut()?.take_answer(number)
     }
 
     /// Our avatars in the world, also those that an earlier stay left behind, in id order.

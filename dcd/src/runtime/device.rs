@@ -6,13 +6,14 @@ use std::time::Instant;
 use rapier3d::prelude::*;
 use tracing::warn;
 
+use super::answer::answer;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
 use crate::physics::{Coupling, HostError, Partition, RegionHost, StepSettings};
 use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties,
-    SharedState, StateHasher, TickStats, WorldOp,
+    Question, SharedState, StateHasher, TickStats, WorldOp,
 };
-use crate::space::{BodyId, DistributionTree, RegionId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
 
 /// Why the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +35,8 @@ pub struct PhysicsDevice {
     rebuilding: bool,
     /// Rounds of the tick that are not computed yet.
     rounds_left: u32,
+    /// Questions that came with the tick.
+    questions: Vec<(ClientId, Question)>,
     transfers_told: u64,
     compute_us: u32,
     report: Sampler,
@@ -53,6 +56,7 @@ impl PhysicsDevice {
             host: None,
             rebuilding: false,
             rounds_left: 0,
+            questions: Vec::new(),
             transfers_told: 0,
             compute_us: 0,
             report: Sampler::default(),
@@ -99,6 +103,11 @@ impl PhysicsDevice {
             }
             PhysicsCommand::Step { tick, rounds, ops } => {
                 let band_m = self.band_m();
+                let questions = ops.iter().filter_map(|op| match op {
+                    WorldOp::Ask { client, question } => Some((*client, question.clone())),
+                    _ => None,
+                });
+                self.questions = questions.collect();
                 let host = self.world();
                 assert_eq!(tick, host.tick().next(), "ticks are computed in order");
                 let new = ops.iter().filter_map(|op| match op {
@@ -286,7 +295,10 @@ impl PhysicsDevice {
         self.transfers_told = transfers;
         let rounds_wanted = host.rounds_wanted() as u32;
         let holds = self.holds();
-        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, report, checkpoint }
+        let host = self.host.as_ref().expect("a world comes before commands");
+        let questions = std::mem::take(&mut self.questions);
+        let answers = questions.iter().map(|(client, question)| answer(host, *client, question)).collect();
+        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint }
     }
 
     fn claims(&mut self) -> Vec<Claim> {
@@ -343,6 +355,8 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
                 host.remove_joint(id);
             }
             WorldOp::Drive(drive) => steer(host, &drive),
+            // Answered when the tick is over.
+            WorldOp::Ask { .. } => {}
             WorldOp::Correct { tick, states } => {
                 // Where bodies are here is where they were after the last tick.
                 let lag_s = (host.tick().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);

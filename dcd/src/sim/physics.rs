@@ -6,10 +6,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Engine;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
 use crate::protocol::{
-    BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, ContactKey, EnvironmentProperties,
-    Placed, RegionEvents, SharedState, TickStats, Touch, Transfer, WorldOp, WorldPose,
+    Answer, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, ContactKey,
+    EnvironmentProperties, Placed, Question, RayAnswer, RayQuestion, RegionEvents, SharedState, TickStats,
+    Touch, Transfer, WorldOp, WorldPose,
 };
-use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
+use crate::space::{BodyId, Bounds, ClientId, Epoch, RegionId, RegionSet, Tick};
 
 /// How far beyond its box a region holds replicas, metres.
 const HALO_M: f64 = 1.0;
@@ -59,6 +60,8 @@ pub struct StandIn {
     /// Of the present tick, and those not computed yet.
     rounds: u32,
     rounds_left: u32,
+    /// Questions that came with the tick.
+    questions: Vec<(ClientId, Question)>,
     reported: BTreeMap<BodyId, BodyState>,
     checkpointed: BTreeMap<BodyId, BodyState>,
     copy: Option<Box<Copy>>,
@@ -239,6 +242,7 @@ impl StandIn {
                 }
             }
             WorldOp::RemoveJoint(_) => {}
+            WorldOp::Ask { client, question } => self.questions.push((client, question)),
             WorldOp::Correct { tick: told, states } => {
                 let (dt_s, band_m) = {
                     let world = self.world();
@@ -374,8 +378,28 @@ impl StandIn {
             self.regions.values().flat_map(|region| region.owned.keys().chain(region.replicas.keys()));
         let holds: BTreeSet<_> = holds.filter(|id| id.client().is_some()).copied().collect();
         let holds = holds.into_iter().collect();
-        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, report, checkpoint }
+        let questions = std::mem::take(&mut self.questions);
+        let answers =
+            questions.into_iter().map(|(client, question)| answer(&owned, client, &question)).collect();
+        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint }
     }
+}
+
+/// Which body each ray passes first, among those whose place is within a metre of it.
+fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Question) -> Answer {
+    let cast = |ray: &RayQuestion| {
+        let along = nalgebra::Vector3::from(ray.direction.map(f64::from)).normalize();
+        owned.values().fold(None, |best, body| {
+            let point = body.state.pose.translation;
+            let from = nalgebra::Vector3::from(point) - nalgebra::Vector3::from(ray.origin);
+            let distance_m = from.dot(&along);
+            let meets = (0.0..=ray.max_m).contains(&distance_m) && (from - along * distance_m).norm() < 1.0;
+            let hit =
+                RayAnswer { body: body.id, collider: 0, point, normal: [0.0; 3], distance_m, subshape: 0 };
+            RayAnswer::nearer(best, meets.then_some(hit))
+        })
+    };
+    Answer { client, number: question.number, hits: question.rays.iter().map(cast).collect() }
 }
 
 fn shared(body: &BodyRecord) -> SharedState {

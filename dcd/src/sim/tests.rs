@@ -10,6 +10,9 @@ use crate::cluster::{ClientEvent, ClientOutput, NodeCounters, Peer};
 use crate::protocol::{Refusal, Velocity};
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
+mod interest;
+mod questions;
+
 fn config(seed: u64, nodes: u32) -> SimConfig {
     SimConfig { seed, nodes, ..SimConfig::default() }
 }

@@ -275,6 +275,61 @@ static void a_transfer_is_told_once(void)
     OK(dcd_world_destroy(world));
 }
 
+/* A body that lies across the border is held, and told of, on both sides; one far from it is not. */
+static void topology_says_who_owns_what_and_what_borders_share(void)
+{
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyId ground = add_floor(world);
+    DcdBodyId away = add(world, crate(world, -10.0, 0.5));
+    DcdBodyId low = add(world, crate(world, -0.2, 0.5));
+    DcdBodyDef def = crate(world, 0.2, 1.5);
+    def.density = 100000.0f;
+    DcdBodyId high = add(world, def);
+    DcdRegionInfo regions[2];
+    DcdBorderInfo border = { 9, 9, 9, 9, 9, 9.0f };
+    DcdOwner owner = DCD_OWNER_INIT;
+    size_t count = 0;
+    float worst = 0.0f;
+    OK(dcd_regions(world, regions, 2, &count));
+    for (int i = 0; i < 30; i++) {
+        DcdStats stats = DCD_STATS_INIT;
+        OK(dcd_step(world));
+        OK(dcd_borders(world, &border, 1, &count));
+        OK(dcd_stats(world, &stats));
+        HOLDS(count == 1 && border.disagreement == stats.disagreement);
+        worst = border.disagreement > worst ? border.disagreement : worst;
+    }
+    HOLDS(border.a == regions[0].region && border.b == regions[1].region && border.depth >= 1 && border.exchanges >= 1);
+    OK(dcd_body_owner(world, away, &owner));
+    HOLDS(owner.region == region_of(world, away) && owner.node == DCD_NO_NODE && owner.holders == 1);
+    HOLDS(owner.flags == DCD_OWNER_HERE);
+    OK(dcd_body_owner(world, ground, &owner));
+    HOLDS(owner.region == DCD_NO_REGION && owner.holders == 2 && owner.flags == DCD_OWNER_HERE);
+    OK(dcd_world_destroy(world));
+
+    /* Without moving islands whole, both boxes live in both regions. */
+    DcdWorldDef overlap = DCD_WORLD_DEF_INIT;
+    overlap.regions = 2;
+    overlap.coupling = DCD_COUPLING_OVERLAP;
+    overlap.exchanges = 3;
+    OK(dcd_world_create(&overlap, &world));
+    add_floor(world);
+    low = add(world, crate(world, -0.2, 0.5));
+    def.shape = crate(world, 0.0, 0.0).shape;
+    high = add(world, def);
+    for (int i = 0; i < 30; i++) {
+        OK(dcd_step(world));
+        OK(dcd_borders(world, &border, 1, &count));
+        worst = border.disagreement > worst ? border.disagreement : worst;
+    }
+    HOLDS(border.bodies == 2 && border.exchanges == 3 && border.depth == 2 && worst > 0.0f && worst < 1.0f);
+    OK(dcd_body_owner(world, low, &owner));
+    HOLDS(owner.holders == 2 && owner.region == region_of(world, low));
+    OK(dcd_body_owner(world, high, &owner));
+    HOLDS(owner.holders == 2 && owner.region == region_of(world, high));
+    OK(dcd_world_destroy(world));
+}
+
 /* What DcdBodyDef says can be changed later, of the bodies of scenes too. */
 static void surfaces_can_be_changed(void)
 {
@@ -1493,6 +1548,7 @@ int main(int count, char **texts)
     pushes_push();
     events_tell();
     a_transfer_is_told_once();
+    topology_says_who_owns_what_and_what_borders_share();
     surfaces_can_be_changed();
     every_member_of_a_body_is_read_back();
     changed_bodies_behave_so();

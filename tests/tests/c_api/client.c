@@ -82,6 +82,38 @@ static DcdBodyDef avatar_def(DcdWorld world)
     return def;
 }
 
+/* The nodes that own the bodies answer: the avatar, what is under it, and nothing in the sky. */
+static void asks_the_owners(DcdWorld world, DcdBodyId avatar)
+{
+    const DcdPose at = pose_of(world, avatar);
+    DcdRay rays[3], down = DCD_RAY_INIT;
+    DcdRayHit hits[3];
+    DcdQueryId query, other;
+    size_t count = 0;
+    down.origin[0] = at.p[0];
+    down.origin[1] = at.p[1] + 10.0;
+    down.origin[2] = at.p[2];
+    down.direction[1] = -1.0f;
+    rays[0] = rays[1] = rays[2] = down;
+    rays[1].exclude = avatar;
+    rays[2].direction[1] = 1.0f;
+    OK(dcd_rays_submit(world, rays, 3, NULL, &query));
+    OK(dcd_rays_submit(world, rays, 1, NULL, &other));
+    OK(dcd_query_cancel(world, other));
+    FAILS(dcd_query_poll(world, other, hits, 3, &count), DCD_ERR_STALE_ID, "query");
+    DcdStatus status = DCD_ERR_BUSY;
+    for (int i = 0; status == DCD_ERR_BUSY && i < 3000; i++) {
+        status = dcd_query_poll(world, query, hits, 3, &count);
+        OK(step(world));
+    }
+    OK(status);
+    HOLDS(count == 3 && hits[0].body.v == avatar.v && hits[0].user_data == 7);
+    HOLDS(fabs(hits[0].distance - 9.5) < 1e-3 && fabs(hits[0].point[1] - at.p[1] - 0.5) < 1e-3);
+    HOLDS(hits[1].body.v != 0 && hits[1].body.v != avatar.v && hits[1].distance > 10.5f);
+    HOLDS(hits[2].body.v == 0 && hits[2].distance == 0.0f);
+    FAILS(dcd_query_poll(world, query, hits, 3, &count), DCD_ERR_STALE_ID, "query");
+}
+
 /* What this role cannot do names it. */
 static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const char *role)
 {
@@ -114,6 +146,7 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_cast_rays(world, &ray, 1, NULL, &hit), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_overlap_points(world, NULL, 0, NULL, NULL, 0, NULL, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_borders(world, NULL, 0, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_snapshot_save(world, NULL, 0, &count), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_snapshot_load(world, &hash, sizeof hash), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_apply_impulse(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
@@ -171,6 +204,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(await_change(world, avatar, DCD_BODY_APPEARED).user_data == 7);
     OK(dcd_state_view(world, &view));
     HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.user_data[100] == 7);
+    asks_the_owners(world, avatar);
     DcdVelocity east = { { 10.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &east));
     HOLDS(gets_beyond(world, avatar, -10.0));
@@ -193,6 +227,16 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
     OK(dcd_body_properties(world, avatar, &as));
     HOLDS(as.dominance == 3 && as.user_data == 7);
+    DcdOwner owner = DCD_OWNER_INIT;
+    OK(dcd_body_owner(world, avatar, &owner));
+    HOLDS(owner.region == body_info.region && owner.holders == 0 && (owner.flags & DCD_OWNER_HEARD) != 0);
+    /* A participant is told who computes what, and comes to compute a share. */
+    bool knows = strcmp(role, "participant") == 0;
+    for (int i = 0; knows && i < 3000 && (owner.flags & DCD_OWNER_HERE) == 0; i++) {
+        step(world);
+        OK(dcd_body_owner(world, i % 2 ? avatar : box, &owner));
+    }
+    HOLDS(knows == ((owner.flags & DCD_OWNER_HERE) != 0) && knows == (owner.node != DCD_NO_NODE));
     DcdRegionInfo regions[2];
     OK(dcd_regions(world, regions, 2, &count));
     HOLDS(count == 2 && regions[0].bodies + regions[1].bodies == 101);
@@ -213,6 +257,107 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(await_change(world, avatar, DCD_BODY_REMOVED).user_data == 7);
     OK(dcd_own_avatars(world, NULL, 0, &count));
     HOLDS(count == 0);
+}
+
+/* How many movable bodies the interest does not reach. */
+static size_t outside(DcdWorld world)
+{
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    size_t count = 0;
+    OK(dcd_state_view(world, &view));
+    for (size_t i = 0; i < view.count; i++) {
+        count += (view.flags[i] & DCD_STATE_OUTSIDE) != 0;
+    }
+    return count;
+}
+
+/* Steps until so many bodies are outside. */
+static bool comes_to(DcdWorld world, size_t count)
+{
+    for (int i = 0; i < 3000 && step(world) == DCD_OK; i++) {
+        if (outside(world) == count) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool is_outside(DcdWorld world, DcdBodyId body)
+{
+    DcdBodyInfo info = DCD_BODY_INFO_INIT;
+    OK(dcd_body_info(world, body, &info));
+    return info.outside;
+}
+
+/* What moves unseen stays where it was last heard of, and is where it is once the interest comes over it. */
+static void hears_of_a_part(const char *server, const char *first, const char *second)
+{
+    DcdWorld watcher = connect(server, first, NULL), mover = connect(server, second, NULL);
+    DcdBodyDef def = avatar_def(mover);
+    DcdVelocity east = { { 15.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, still = { { 0.0f }, { 0.0f } };
+    double here[3] = { -12.0, 50.0, 0.0 }, there[3] = { 0.0, 50.0, 0.0 };
+    DcdBodyId avatar, seen, ground;
+    size_t count = 0;
+    OK(dcd_body_create(mover, &def, &avatar));
+    await_change(mover, avatar, DCD_BODY_APPEARED);
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    while (count < 101 && step(watcher) == DCD_OK) {
+        OK(dcd_state_view(watcher, &view));
+        count = view.count;
+    }
+    seen = view.ids[100];
+    HOLDS(outside(watcher) == 0 && pose_of(watcher, seen).p[1] == 50.0);
+    OK(dcd_body_at(watcher, 0, &ground));
+
+    FAILS(dcd_interest_set(watcher, here, NAN), DCD_ERR_ARGUMENT, "radius");
+    FAILS(dcd_interest_set(watcher, NULL, 5.0), DCD_ERR_NULL, "centre");
+    here[2] = INFINITY;
+    FAILS(dcd_interest_set(watcher, here, 5.0), DCD_ERR_ARGUMENT, "centre");
+    here[2] = 0.0;
+
+    /* Around the avatar alone: all boxes are outside, and fixed ground never is. */
+    OK(dcd_interest_set(watcher, here, 5.0));
+    HOLDS(comes_to(watcher, 100) && !is_outside(watcher, seen) && !is_outside(watcher, ground));
+
+    /* It goes away, and is told to have gone; then it goes on unseen, and stops. */
+    OK(dcd_body_set_velocity(mover, avatar, &east));
+    OK(step(mover));
+    HOLDS(comes_to(watcher, 101) && is_outside(watcher, seen));
+    HOLDS(gets_beyond(mover, avatar, 25.0));
+    OK(dcd_body_set_velocity(mover, avatar, &still));
+    double last = -100.0, x = pose_of(mover, avatar).p[0];
+    while (x > last && step(mover) == DCD_OK) {
+        for (int i = 0; i < 10; i++) {
+            step(mover);
+        }
+        last = x;
+        x = pose_of(mover, avatar).p[0];
+    }
+    for (int i = 0; i < 30; i++) {
+        step(watcher);
+    }
+    HOLDS(dcd_body_is_valid(watcher, seen) && pose_of(watcher, seen).p[0] < 10.0 && is_outside(watcher, seen));
+
+    /* The interest comes to where it rests. */
+    there[0] = x;
+    OK(dcd_interest_set(watcher, there, 5.0));
+    HOLDS(comes_to(watcher, 100) && pose_of(watcher, seen).p[0] == x && !is_outside(watcher, seen));
+
+    /* Everything again, by a radius of 0 and by one of infinity. */
+    OK(dcd_interest_set(watcher, NULL, 0.0));
+    HOLDS(comes_to(watcher, 0));
+    OK(dcd_interest_set(watcher, there, 5.0));
+    HOLDS(comes_to(watcher, 100));
+    OK(dcd_interest_set(watcher, NULL, INFINITY));
+    HOLDS(comes_to(watcher, 0));
+
+    /* One's own avatar is always heard of. */
+    OK(dcd_interest_set(mover, here, 5.0));
+    HOLDS(comes_to(mover, 100));
+    OK(dcd_body_set_velocity(mover, avatar, &east));
+    HOLDS(gets_beyond(mover, avatar, x + 10.0) && !is_outside(mover, avatar));
+    OK(dcd_world_destroy(mover));
+    OK(dcd_world_destroy(watcher));
 }
 
 /* An avatar left behind is found again by who joins with the same identity. */
@@ -375,6 +520,8 @@ int main(int argc, char **argv)
         OK(dcd_world_destroy(world));
     } else if (strcmp(mode, "return") == 0 && argc == 6) {
         comes_back(argv[2], argv[3], argv[4], argv[5]);
+    } else if (strcmp(mode, "interest") == 0 && argc == 5) {
+        hears_of_a_part(argv[2], argv[3], argv[4]);
     } else if (strcmp(mode, "lose") == 0) {
         loses(argv[2], argv[3]);
     } else if (strcmp(mode, "survive") == 0) {
@@ -382,7 +529,7 @@ int main(int argc, char **argv)
     } else if (strcmp(mode, "fail") == 0 && argc == 6) {
         fails(argv[2], argv[3], argv[4], argv[5]);
     } else {
-        fprintf(stderr, "usage: client play|participate|return|lose|survive|fail SERVER TOKEN…\n");
+        fprintf(stderr, "usage: client play|participate|return|interest|lose|survive|fail SERVER TOKEN…\n");
         return EXIT_FAILURE;
     }
     return checked();

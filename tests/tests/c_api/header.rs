@@ -29,13 +29,14 @@ int main(void)
     DcdBodyInfo body_info = DCD_BODY_INFO_INIT;
     DcdStateView state_view = DCD_STATE_VIEW_INIT;
     DcdEventView event_view = DCD_EVENT_VIEW_INIT;
+    DcdOwner owner = DCD_OWNER_INIT;
     DcdStats stats = DCD_STATS_INIT;
     DcdClientDef client_def = DCD_CLIENT_DEF_INIT;
     DcdParticipantDef participant_def = DCD_PARTICIPANT_DEF_INIT;
     return world_def.struct_size + body_def.struct_size + joint_def.struct_size + joint_motor.model + filter.struct_size + ray.flags +
                    shape_cast.flags + point_query.flags + shape_query.reserved + box_query.reserved + body_properties.struct_size +
                    part_properties.struct_size + joint_info.struct_size + world_info.struct_size +
-                   body_info.struct_size + state_view.struct_size + event_view.struct_size + stats.struct_size +
+                   body_info.struct_size + owner.struct_size + state_view.struct_size + event_view.struct_size + stats.struct_size +
                    client_def.struct_size + participant_def.struct_size ==
                0
            ? DCD_VERSION

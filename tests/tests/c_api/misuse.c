@@ -567,6 +567,8 @@ static void bulk(void)
     DcdStateView view = DCD_STATE_VIEW_INIT, early = DCD_STATE_VIEW_INIT;
     DcdEventView events = DCD_EVENT_VIEW_INIT;
     DcdRegionInfo regions[2];
+    DcdBorderInfo border;
+    DcdOwner owner = DCD_OWNER_INIT;
     DcdStats stats = DCD_STATS_INIT;
     size_t count = 0;
     char text[256], tiny[4] = "abc";
@@ -635,6 +637,22 @@ static void bulk(void)
     EXPECT(dcd_regions(world, regions, 1, &count), DCD_ERR_SMALL_BUFFER);
     EXPECT(dcd_regions(world, regions, 2, &count), DCD_OK);
     HOLDS(regions[0].max[0] == 0.0 && isinf(regions[0].min[0]));
+    EXPECT(dcd_borders(world, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_borders(world, NULL, 1, &count), DCD_ERR_NULL);
+    EXPECT(dcd_borders(world, NULL, 0, &count), DCD_ERR_SMALL_BUFFER);
+    HOLDS(count == 1);
+    EXPECT(dcd_borders(world, &border, 1, &count), DCD_OK);
+    const double nowhere[3] = { 0.0, NAN, 0.0 };
+    EXPECT(dcd_interest_set(world, NULL, 1.0), DCD_ERR_NULL);
+    EXPECT(dcd_interest_set(world, nowhere, 1.0), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_interest_set(world, NULL, NAN), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_interest_set((DcdWorld){ 0 }, NULL, 0.0), DCD_ERR_NULL);
+    EXPECT(dcd_interest_set(world, NULL, 0.0), DCD_OK); /* a local world shows everything */
+    EXPECT(dcd_body_owner(world, NO_BODY, &owner), DCD_ERR_NULL);
+    EXPECT(dcd_body_owner(world, ids[2], &owner), DCD_ERR_STALE_ID);
+    EXPECT(dcd_body_owner(world, ids[0], NULL), DCD_ERR_NULL);
+    owner.struct_size = 4;
+    EXPECT(dcd_body_owner(world, ids[0], &owner), DCD_ERR_STRUCT);
     EXPECT(dcd_stats(world, NULL), DCD_ERR_NULL);
     stats.struct_size = 0;
     EXPECT(dcd_stats(world, &stats), DCD_ERR_STRUCT);
@@ -648,6 +666,66 @@ static void bulk(void)
     EXPECT(dcd_state_hash(world, NULL), DCD_ERR_NULL);
     EXPECT(dcd_state_hash(world, &hash), DCD_OK);
     EXPECT(dcd_world_destroy(world), DCD_OK);
+}
+
+/* Submitted rays: their ids, their bound, and when they are closed. */
+static void submitted(void)
+{
+    DcdWorld world = make_world(2), other = make_world(1);
+    DcdBodyId body = make_body(world, make_box(world), DCD_FIXED, 0.0);
+    DcdRay ray = { { 0.0, 5.0, 0.0 }, { 0.0f, -1.0f, 0.0f }, 100.0f, { 0 }, 0xFFFFFFFFu, 0 }, rays[2];
+    DcdRayHit hits[2];
+    DcdQueryId query = { 7 }, many[DCD_MAX_OPEN_QUERIES];
+    DcdFilter filter = DCD_FILTER_INIT;
+    size_t count = 9;
+    rays[0] = rays[1] = ray;
+    rays[1].direction[1] = 1.0f;
+    EXPECT(dcd_rays_submit(world, NULL, 1, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_rays_submit(world, rays, 2, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_rays_submit((DcdWorld){ 0 }, rays, 2, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_rays_submit(world, rays, SIZE_MAX, NULL, &query), DCD_ERR_ARGUMENT);
+    filter.struct_size = 1;
+    EXPECT(dcd_rays_submit(world, rays, 2, &filter, &query), DCD_ERR_STRUCT);
+    ray.origin[0] = NAN;
+    EXPECT(dcd_rays_submit(world, &ray, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    HOLDS(query.v == 7);
+    static DcdRay crowd[DCD_MAX_SUBMITTED_RAYS + 1];
+    for (size_t i = 0; i <= DCD_MAX_SUBMITTED_RAYS; i++)
+        crowd[i] = rays[0];
+    EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_RAYS + 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_RAYS, NULL, &query), DCD_OK);
+    EXPECT(dcd_query_cancel(world, query), DCD_OK);
+    EXPECT(dcd_query_cancel(world, query), DCD_ERR_STALE_ID);
+
+    EXPECT(dcd_rays_submit(world, rays, 2, NULL, &query), DCD_OK);
+    EXPECT(dcd_query_poll(other, query, hits, 2, &count), DCD_ERR_STALE_ID);
+    EXPECT(dcd_query_poll(world, (DcdQueryId){ 0 }, hits, 2, &count), DCD_ERR_NULL);
+    EXPECT(dcd_query_poll(world, (DcdQueryId){ 12345 }, hits, 2, &count), DCD_ERR_STALE_ID);
+    EXPECT(dcd_query_poll(world, query, hits, 2, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_query_poll(world, query, NULL, 2, &count), DCD_ERR_NULL);
+    HOLDS(count == 9);
+    EXPECT(dcd_query_poll(world, query, hits, 1, &count), DCD_ERR_SMALL_BUFFER);
+    HOLDS(count == 2);
+    EXPECT(dcd_query_poll(world, query, hits, 2, &count), DCD_OK);
+    HOLDS(count == 2 && hits[0].body.v == body.v && hits[0].distance > 0.0f && hits[1].body.v == 0);
+    EXPECT(dcd_query_poll(world, query, hits, 2, &count), DCD_ERR_STALE_ID);
+    EXPECT(dcd_query_cancel(world, query), DCD_ERR_STALE_ID);
+
+    for (size_t i = 0; i < DCD_MAX_OPEN_RAYS / DCD_MAX_SUBMITTED_RAYS; i++)
+        EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_RAYS, NULL, &many[i]), DCD_OK);
+    EXPECT(dcd_rays_submit(world, rays, 1, NULL, &query), DCD_ERR_BUSY);
+    for (size_t i = 0; i < DCD_MAX_OPEN_RAYS / DCD_MAX_SUBMITTED_RAYS; i++)
+        EXPECT(dcd_query_cancel(world, many[i]), DCD_OK);
+    for (size_t i = 0; i < DCD_MAX_OPEN_QUERIES; i++)
+        EXPECT(dcd_rays_submit(world, rays, 1, NULL, &many[i]), DCD_OK);
+    EXPECT(dcd_rays_submit(world, rays, 1, NULL, &query), DCD_ERR_BUSY);
+    EXPECT(dcd_query_cancel(world, many[3]), DCD_OK);
+    EXPECT(dcd_rays_submit(world, rays, 0, NULL, &query), DCD_OK);
+    EXPECT(dcd_query_poll(world, query, NULL, 0, &count), DCD_OK);
+    HOLDS(count == 0);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+    EXPECT(dcd_world_destroy(other), DCD_OK);
+    EXPECT(dcd_query_poll(world, many[0], hits, 2, &count), DCD_ERR_STALE_ID);
 }
 
 static void queries(void)
@@ -951,6 +1029,7 @@ int main(void)
     joints();
     bulk();
     queries();
+    submitted();
     network();
     snapshots();
     logging();

@@ -39,6 +39,7 @@ static DcdWorld worlds[WORLDS];
 static DcdShapeId shapes[KEPT];
 static DcdBodyId bodies[KEPT];
 static DcdJointId joints[KEPT];
+static DcdQueryId queries[KEPT];
 
 static DcdPose some_pose(void)
 {
@@ -130,6 +131,13 @@ static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
             rays[i].exclude = dice(3) == 0 ? named : rays[i].exclude;
             rays[i].flags = dice(3);
         }
+        if (dice(2)) {
+            DcdQueryId *query = &queries[dice(KEPT)];
+            query->v = handle(query->v);
+            return dice(2)   ? dcd_rays_submit(world, rays, dice(MANY + 1), given, query)
+                   : dice(8) ? dcd_query_poll(world, *query, hits, cap, &total)
+                             : dcd_query_cancel(world, *query);
+        }
         status = dice(2) ? dcd_cast_rays(world, rays, MANY, given, hits)
                          : dcd_cast_rays_all(world, rays, MANY, given, hits, cap, ends, &total);
         break;
@@ -206,7 +214,7 @@ static DcdStatus play(void)
         indices[i] = dice(dice(10) == 0 ? 20 : 8);
     }
 
-    switch (dice(38)) {
+    switch (dice(40)) {
     case 0:
         if (dice(20) == 0) {
             DcdWorld *place = &worlds[dice(WORLDS)];
@@ -401,6 +409,14 @@ static DcdStatus play(void)
         return dice(3) == 0 ? dcd_snapshot_save(world, saved, sizeof saved, &size) : dcd_snapshot_load(world, saved, size);
     }
     case 35: {
+        DcdOwner owner = DCD_OWNER_INIT;
+        DcdBorderInfo borders[4];
+        size_t count;
+        return dice(3) ? dcd_body_owner(world, named, &owner)
+               : dice(2) ? dcd_borders(world, borders, dice(5), &count)
+                         : dcd_interest_set(world, dice(2) ? pose.p : NULL, (double)number());
+    }
+    case 36: {
         DcdConnectionId any = { dice(2) ? named.v : dice(3) };
         DcdConnectionInfo is = DCD_CONNECTION_INFO_INIT;
         size_t count;

@@ -73,13 +73,20 @@ static void cannot(DcdWorld world, const char *role)
     DcdBodyDef body = DCD_BODY_DEF_INIT;
     DcdBodyId id = { 0 };
     DcdStateView view = DCD_STATE_VIEW_INIT;
+    DcdOwner owner = DCD_OWNER_INIT;
+    DcdQueryId query;
     uint64_t hash = 0;
+    size_t needed = 0;
     const float half[3] = { 0.5f, 0.5f, 0.5f };
     OK(dcd_shape_box(world, half, &shape));
     body.shape = shape;
     FAILS(dcd_body_create(world, &body, &id), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_view(world, &view), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_borders(world, NULL, 0, &needed), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_interest_set(world, NULL, 0.0), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_rays_submit(world, NULL, 0, NULL, &query), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_body_owner(world, (DcdBodyId){ 1 }, &owner), DCD_ERR_UNSUPPORTED, role);
     HOLDS(id.v == 0 && hash == 0);
 }
 

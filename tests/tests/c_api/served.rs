@@ -172,6 +172,16 @@ fn a_participant_plays_like_a_client_and_hands_its_share_over() {
 }
 
 #[test]
+fn a_client_with_an_interest_hears_of_a_part_of_the_world() {
+    for nodes in [1, 2] {
+        let cluster = Cluster::start(nodes);
+        let mut program = cluster.program("interest");
+        check(&run_well(program.args([cluster.token(Role::Client), cluster.token(Role::Client)])));
+        cluster.stop();
+    }
+}
+
+#[test]
 fn an_avatar_left_behind_is_found_again() {
     let cluster = Cluster::start(2);
     let mut program = cluster.program("return");

@@ -119,6 +119,11 @@ static void a_ball_breaks_a_tower()
     const dcd::Ray rays[] = { ray, ray };
     const std::vector<dcd::RayHit> hits = *world.cast_rays(rays);
     HOLDS(hits.size() == 2 && std::fabs(hits[1].distance - 5.0f) < 1e-3f);
+    const dcd::QueryId query = *world.rays_submit(rays), spare = *world.rays_submit(rays);
+    HOLDS(query != spare && world.query_cancel(spare));
+    const std::optional<std::vector<dcd::RayHit>> polled = *world.query_poll(query);
+    HOLDS(polled && polled->size() == 2 && (*polled)[1].distance == hits[1].distance);
+    HOLDS(world.query_poll(query).status().code() == DCD_ERR_STALE_ID);
     const dcd::Found<dcd::RayHit> through = *world.cast_rays_all(rays);
     HOLDS(through.of(0).size() == 1 && through.of(1).size() == 1 && through.of(1)[0].body == hits[1].body);
     dcd::Filter movable;
@@ -137,6 +142,8 @@ static void a_ball_breaks_a_tower()
     HOLDS(*world.state_hash() == then);
     HOLDS(!world.address() && world.address().status().code() == DCD_ERR_UNSUPPORTED);
 
+    HOLDS(world.interest_set({ 0.0, 0.0, 0.0 }, 10.0));
+    HOLDS(world.borders()->size() == 1 && world.body_owner(ball)->flags == DCD_OWNER_HERE);
     HOLDS(world.regions()->size() == 2 && world.own_avatars()->empty());
     HOLDS(world.connections()->empty() && world.poll(1000));
     HOLDS(world.info()->user_data == 7 && world.stats()->ticks == 120);

@@ -312,6 +312,7 @@ mod tests {
             stats: TickStats::default(),
             holds: None,
             events: Vec::new(),
+            answers: vec![],
         };
         leader.done(NodeId(1), done);
         leader.dispatch(Duration::from_secs(tick.0 + 1)).expect("it is alone")

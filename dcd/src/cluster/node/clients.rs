@@ -12,14 +12,23 @@ impl Node {
     /// The client in this process speaks: no message is formed while this node leads.
     pub(super) fn own_client(&mut self, message: FromClient) {
         let Some(client) = self.config.client else { return };
-        if let FromClient::Drive(drive) = &message {
-            self.drift.steer(*drive);
+        match &message {
+            FromClient::Drive(drive) => self.drift.steer(*drive),
+            FromClient::Interest(_) => self.interest = Some(message.clone()),
+            _ => {}
         }
         let leader = self.view.as_ref().map(|view| view.leader);
         match leader {
             Some(leader) if leader == self.config.id => self.lead_client(client, message),
             Some(leader) => self.send(Peer::Node(leader), Message::FromClient(client, message)),
             None => self.send(Peer::Server, Message::FromClient(client, message)),
+        }
+    }
+
+    /// What was said to the leader may be lost with the link.
+    pub(super) fn repeat_interest(&mut self) {
+        if let Some(message) = self.interest.clone() {
+            self.own_client(message);
         }
     }
 
@@ -47,23 +56,23 @@ impl Node {
                     self.tell_client(client, ToClient::Rejected { body: Some(drive.body), reason });
                 }
             }
+            (Some(leader), FromClient::Interest(area)) => leader.take_interest(client, area),
+            (Some(leader), FromClient::Ask(question)) => leader.ask(client, question),
             // What lasts is put on record before it happens.
             (_, message @ (FromClient::Spawn { .. } | FromClient::Despawn(_) | FromClient::Leave)) => {
                 self.send(Peer::Server, Message::FromClient(client, message));
             }
             // The client may hear of its new leader before the leader does.
-            (None, FromClient::Drive(drive)) if self.wishes.len() < EARLY_WISHES => {
-                self.wishes.push((client, drive));
-            }
-            (None, FromClient::Drive(_)) => self.counters.overflow += 1,
+            (None, message) if self.wishes.len() < EARLY_WISHES => self.wishes.push((client, message)),
+            (None, _) => self.counters.overflow += 1,
         }
     }
 
     /// A view has begun: what clients wished of this node in advance is done if it leads.
     pub(super) fn grant_early_wishes(&mut self) {
-        for (client, drive) in std::mem::take(&mut self.wishes) {
+        for (client, message) in std::mem::take(&mut self.wishes) {
             if self.leader.is_some() {
-                self.lead_client(client, FromClient::Drive(drive));
+                self.lead_client(client, message);
             }
         }
     }

@@ -172,6 +172,7 @@ impl Node {
             if let Some(done) = self.done.clone() {
                 self.send(Peer::Node(node), Message::Done(done));
             }
+            self.repeat_interest();
         }
     }
 

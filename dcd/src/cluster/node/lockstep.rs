@@ -188,7 +188,7 @@ impl Node {
         match event {
             PhysicsEvent::Drifted(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
             PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
-            PhysicsEvent::Settled { rounds_wanted, stats, holds, events, report, checkpoint } => {
+            PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
                 self.tick = tick;
@@ -209,7 +209,7 @@ impl Node {
                 let holds = (self.holds != holds)
                     .then(|| std::mem::replace(&mut self.holds, holds.clone()))
                     .map(|_| holds);
-                let done = Done { view, tick, rounds_wanted, stats, holds, events };
+                let done = Done { view, tick, rounds_wanted, stats, holds, events, answers };
                 self.done = Some(done.clone());
                 self.tell_leader(Message::Done(done));
                 self.outputs.push_back(NodeOutput::Settled(tick));
@@ -310,9 +310,9 @@ impl Node {
         });
         // What clients wished and was not passed on yet is not lost with the view.
         let pending = self.leader.take().map(Leader::into_wishes).unwrap_or_default();
+        self.wishes.splice(..0, pending);
         self.leader =
             self.world.as_ref().filter(|_| view.leader == me).map(|world| Leader::new(now, &view, world));
-        self.wishes.extend(pending);
         for peer in &self.links {
             if let (Peer::Client(client), Some(leader)) = (peer, &mut self.leader) {
                 leader.admit(*client);

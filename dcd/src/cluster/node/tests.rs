@@ -1,7 +1,7 @@
 //! What a node refuses, keeps and drops.
 
 use super::*;
-use crate::protocol::{Border, Chunk, ToNode, Velocity, WorldOp};
+use crate::protocol::{Border, Chunk, Drive, ToNode, Velocity, WorldOp};
 use crate::sim::{sim_body, sim_world};
 use crate::space::{BodyId, RegionId};
 
@@ -74,6 +74,7 @@ fn settle(node: &mut Node) -> Vec<NodeOutput> {
         stats: Default::default(),
         holds: vec![],
         events: vec![],
+        answers: vec![],
         report: vec![],
         checkpoint: vec![],
     };

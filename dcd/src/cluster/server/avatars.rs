@@ -57,6 +57,8 @@ impl Server {
                 self.part(client);
                 None
             }
+            // A participant without a leader, who says it again to the next.
+            FromClient::Interest(_) | FromClient::Ask(_) => None,
         };
         if let Some((body, reason)) = refused {
             self.common.send_client(client, ToClient::Rejected { body: Some(body), reason });

@@ -139,13 +139,18 @@ impl Pace {
     }
 
     /// By how many hops overlaps are to be deeper than usual.
-    pub(super) fn extra_depth(&self) -> usize {
+    pub(in crate::physics) fn extra_depth(&self) -> usize {
         usize::from(self.borders.iter().any(|border| border.rung >= DEEPER))
     }
 
     /// How far copies have lately disagreed at the worst border in a tick, m/s.
     pub(in crate::physics) fn disagreement_m_s(&self) -> f32 {
         self.borders.iter().map(|border| border.last).fold(0.0, f32::max)
+    }
+
+    /// The same at the border with the region of this rank.
+    pub(in crate::physics) fn disagreement_with_m_s(&self, rank: usize) -> f32 {
+        self.borders[rank].last
     }
 }
 

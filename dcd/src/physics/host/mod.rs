@@ -1,10 +1,13 @@
 //! The regions that one process computes: all of them in a local world, some of them on a node.
 
+mod borders;
 mod change;
 mod place;
 mod repartition;
 mod replace;
 mod rounds;
+
+pub use self::borders::BorderView;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Chunk, EnvironmentProperties, Member, ViewNumber};
+use super::{Chunk, EnvironmentProperties, Member, Question, RayAnswer, ViewNumber};
 use crate::protocol::{BodyRecord, ContactForce, ShapeRecord, SharedState, Touch, Velocity, WorldPose};
 use crate::space::{BodyId, ClientId, GroupId, Tick};
 
@@ -22,6 +22,56 @@ pub enum FromClient {
     Despawn(BodyId),
     /// The client goes; its avatars wait for its return.
     Leave,
+    /// What the client wants to hear of from now on; `None` is everything. To the leader alone: said again to each new one.
+    Interest(Option<Area>),
+    /// The client asks about bodies. To the leader alone, and said again until it is answered.
+    Ask(Question),
+}
+
+/// A ball of world space that a client wants to hear of. The margins around it let it move a little, and bodies go to and fro
+/// at its edge, without a word between client and leader.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Area {
+    /// Metres of world space.
+    pub centre: [f64; 3],
+    /// Metres, above 0.
+    pub radius_m: f64,
+}
+
+impl Area {
+    fn margin_m(&self) -> f64 {
+        (0.1 * self.radius_m).max(1.0)
+    }
+
+    fn is_within(&self, point: [f64; 3], distance_m: f64) -> bool {
+        let squares = (0..3).map(|i| (point[i] - self.centre[i]).powi(2));
+        squares.sum::<f64>() <= distance_m * distance_m
+    }
+
+    /// Whether what is there is certain to be told: the area and half a margin.
+    pub fn covers(&self, point: [f64; 3]) -> bool {
+        self.is_within(point, self.radius_m + 0.5 * self.margin_m())
+    }
+
+    /// Whether what comes there is told from then on.
+    pub fn enters(&self, point: [f64; 3]) -> bool {
+        self.is_within(point, self.radius_m + self.margin_m())
+    }
+
+    /// Whether what is told already goes on to be told there.
+    pub fn keeps(&self, point: [f64; 3]) -> bool {
+        self.is_within(point, self.radius_m + 1.5 * self.margin_m())
+    }
+
+    /// Whether what this one covers has all of the other in it.
+    pub fn stands_for(&self, other: &Self) -> bool {
+        self.radius_m == other.radius_m && self.is_within(other.centre, 0.5 * self.margin_m())
+    }
+
+    /// Whether a smaller one lies in this one.
+    pub fn contains(&self, other: &Self) -> bool {
+        self.is_within(other.centre, self.radius_m - other.radius_m) && other.radius_m <= self.radius_m
+    }
 }
 
 /// Leader or server to client.
@@ -73,6 +123,13 @@ pub enum ToClient {
         touches: Vec<Touch>,
         /// Forces above a threshold.
         forces: Vec<ContactForce>,
+    },
+    /// Answer to [`FromClient::Ask`].
+    Answer {
+        /// The question's.
+        number: u64,
+        /// By ray; none where it meets nothing.
+        hits: Vec<Option<RayAnswer>>,
     },
     /// A wish was refused.
     Rejected {
@@ -139,4 +196,38 @@ pub struct Drive {
     pub velocity: Velocity,
     /// Wanted pose, for a jump.
     pub pose: Option<WorldPose>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::Check;
+
+    #[test]
+    fn areas_are_balls_of_finite_size() {
+        let area = |centre: [f64; 3], radius_m| FromClient::Interest(Some(Area { centre, radius_m })).check();
+        assert_eq!(area([1.0, 2.0, 3.0], 4.0), Ok(()));
+        assert_eq!(FromClient::Interest(None).check(), Ok(()));
+        for centre in [[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0], [0.0, 0.0, 1e10]] {
+            assert!(area(centre, 4.0).is_err());
+        }
+        for radius_m in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(area([0.0; 3], radius_m).is_err());
+        }
+    }
+
+    #[test]
+    fn an_area_stands_for_others_that_it_covers_and_is_told_beyond() {
+        let area = |x| Area { centre: [x, 0.0, 0.0], radius_m: 20.0 };
+        assert!(area(0.0).stands_for(&area(1.0)) && !area(0.0).stands_for(&area(1.1)));
+        assert!(!area(0.0).stands_for(&Area { radius_m: 10.0, ..area(0.0) }));
+        let at = |x| [x, 0.0, 0.0];
+        assert!(area(0.0).covers(at(21.0)) && !area(0.0).covers(at(21.1)));
+        assert!(area(0.0).enters(at(22.0)) && !area(0.0).enters(at(22.1)));
+        assert!(area(0.0).keeps(at(23.0)) && !area(0.0).keeps(at(23.1)));
+        let small = Area { radius_m: 8.0, ..area(12.0) };
+        assert!(
+            area(0.0).contains(&small) && !area(0.1 - 1.0).contains(&small) && !small.contains(&area(12.0))
+        );
+    }
 }

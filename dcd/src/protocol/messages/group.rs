@@ -2,11 +2,11 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Chunk, Drive, EnvironmentProperties, Member, View, ViewNumber};
+use super::{Answer, Chunk, Drive, EnvironmentProperties, Member, Question, View, ViewNumber};
 use crate::protocol::{
     BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
 };
-use crate::space::{BodyId, Epoch, JointId, NodeId, RegionId, Tick};
+use crate::space::{BodyId, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
 
 /// Server to node.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -272,6 +272,13 @@ pub enum WorldOp {
         /// In id order.
         states: Vec<SharedState>,
     },
+    /// A client asks about bodies as they are after the tick; changes nothing.
+    Ask {
+        /// Whose question.
+        client: ClientId,
+        /// What it asks.
+        question: Question,
+    },
 }
 
 /// A member has completed a tick.
@@ -289,6 +296,8 @@ pub struct Done {
     pub holds: Option<Vec<BodyId>>,
     /// Contacts of avatars.
     pub events: Vec<RegionEvents>,
+    /// To the questions that came with the tick.
+    pub answers: Vec<Answer>,
 }
 
 /// What a tick cost one member.

@@ -1,0 +1,39 @@
+//! What part of a served world a client wants to hear of.
+
+use dcd::protocol::{Area, WORLD_REACH_M};
+
+use crate::guard::guard;
+use crate::pointer::{self, check_point};
+use crate::status::{DcdStatus, Failure};
+use crate::world::{DcdWorld, with};
+
+/// Sets what a client or participant wants to hear of from now on: bodies whose origin is within `radius` metres of `centre`
+/// (world space), its own avatars, and what is within 8 m of these. It saves bytes and time where the world is large. A radius of
+/// 0 or less, or of infinity, is everything, as at first; `centre` may be null then. Call it as often as you like: as long as
+/// the centre stays within a twentieth of the radius of where it was said last, nothing is sent.
+///
+/// Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
+/// DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What
+/// leaves is told so; what comes in, by its own motion or as the interest moves over it, is told within a few steps, also when
+/// it rests by then, and counts as outside until it is. Some bodies a little beyond the radius are told of too. When nodes
+/// join or leave, everything is told once.
+///
+/// A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,
+/// DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_interest_set(world: DcdWorld, centre: *const f64, radius: f64) -> DcdStatus {
+    guard("dcd_interest_set", || {
+        let area = if radius.is_nan() {
+            return Err(Failure::argument("radius is NaN; give metres, or 0 for everything"));
+        } else if radius <= 0.0 || radius == f64::INFINITY {
+            None
+        } else {
+            // SAFETY: the caller vouches for three numbers.
+            let centre = unsafe { pointer::read(centre.cast::<[f64; 3]>(), "centre")? };
+            check_point(&centre, "centre")?;
+            Some(Area { centre, radius_m: radius.min(WORLD_REACH_M) })
+        };
+        with(world, |world| world.backend.turn_to(area))
+    })
+}

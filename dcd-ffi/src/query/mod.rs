@@ -1,0 +1,232 @@
+//! Rays, shapes that move, overlaps, nearest points: many questions a call, of the state as it is now.
+
+use dcd::physics::{BodyFilter, Queries, QueryError};
+use dcd::space::BodyId;
+use rapier3d::prelude::*;
+
+use crate::body::{self, DcdBodyId, check_bits};
+use crate::pointer::{self, Room, Sized32};
+use crate::status::Failure;
+use crate::world::{DcdWorld, World, with};
+
+/// In DcdFilter.flags: overlooks fixed bodies.
+pub const DCD_FILTER_NO_FIXED: u32 = 1;
+/// In DcdFilter.flags: overlooks kinematic bodies.
+pub const DCD_FILTER_NO_KINEMATIC: u32 = 2;
+/// In DcdFilter.flags: overlooks dynamic bodies.
+pub const DCD_FILTER_NO_DYNAMIC: u32 = 4;
+/// In DcdFilter.flags: overlooks sensors.
+pub const DCD_FILTER_NO_SENSORS: u32 = 8;
+/// In DcdFilter.flags: overlooks all but sensors.
+pub const DCD_FILTER_NO_SOLIDS: u32 = 16;
+
+/// What all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdFilter {
+    /// sizeof(DcdFilter).
+    pub struct_size: u32,
+    /// DCD_FILTER_… bits.
+    pub flags: u32,
+    /// Groups that the queries belong to: shapes whose mask meets none of them are overlooked. 0 asks no shape's mask.
+    pub groups: u32,
+    /// Groups that the queries meet; 0xFFFFFFFF for all.
+    pub mask: u32,
+    /// Bodies that are overlooked; null when there are none.
+    pub exclude: *const DcdBodyId,
+    /// How many.
+    pub exclude_count: usize,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
+unsafe impl Sized32 for DcdFilter {
+    const NAME: &'static str = "DcdFilter";
+}
+
+/// In flags of a ray or a point: bodies are hollow. A ray that starts inside of one meets its surface from within, and the
+/// place nearest to a point inside of one is on its surface.
+pub const DCD_QUERY_HOLLOW: u32 = 1;
+/// In DcdShapeCast.flags: what the shape overlaps at the start stops it only if it moves farther in.
+pub const DCD_QUERY_LEAVE: u32 = 2;
+
+/// In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
+pub const DCD_HIT_INSIDE: u32 = 1;
+
+mod ray;
+pub use ray::*;
+
+mod cast;
+pub use cast::*;
+
+mod point;
+pub use point::*;
+
+mod overlap;
+pub use overlap::*;
+
+mod submit;
+pub use submit::*;
+
+const NOBODY: DcdBodyId = DcdBodyId { v: 0 };
+
+/// The checked inputs that all queries have.
+struct Batch<'a, Q> {
+    queries: &'a [Q],
+    name: &'static str,
+    filter: Option<DcdFilter>,
+    exclude: &'a [DcdBodyId],
+}
+
+/// A world to ask, and what all queries of a call overlook.
+struct Asked<'a> {
+    world: &'a World,
+    queries: Queries<'a>,
+    flags: QueryFilterFlags,
+    groups: Group,
+    mask: Group,
+    /// In order.
+    exclude: Vec<BodyId>,
+}
+
+impl<'a, Q> Batch<'a, Q> {
+    /// # Safety
+    /// `queries` has `count` entries; `filter` is null, or it and what it points to are there during the call.
+    unsafe fn new(
+        queries: *const Q,
+        count: usize,
+        name: &'static str,
+        filter: *const DcdFilter,
+    ) -> Result<Self, Failure> {
+        // SAFETY: passed on.
+        unsafe {
+            let queries = pointer::slice(queries, count, name)?;
+            if filter.is_null() {
+                return Ok(Self { queries, name, filter: None, exclude: &[] });
+            }
+            let filter = pointer::read_sized(filter, "filter")?;
+            let exclude = pointer::slice(filter.exclude, filter.exclude_count, "filter->exclude")?;
+            Ok(Self { queries, name, filter: Some(filter), exclude })
+        }
+    }
+
+    fn ask<'w>(&self, world: &'w World) -> Result<Asked<'w>, Failure> {
+        let queries = world.backend.queries()?;
+        let (flags, groups, mask) =
+            self.filter.map_or((0, 0, u32::MAX), |filter| (filter.flags, filter.groups, filter.mask));
+        check_bits(flags, QueryFilterFlags::all().bits(), "filter->flags")?;
+        let exclude = self.excluded(world)?;
+        let (groups, mask) = (Group::from_bits_retain(groups), Group::from_bits_retain(mask));
+        Ok(Asked {
+            world,
+            queries,
+            flags: QueryFilterFlags::from_bits_truncate(flags),
+            groups,
+            mask,
+            exclude,
+        })
+    }
+
+    /// What all queries overlook, in order.
+    fn excluded(&self, world: &World) -> Result<Vec<BodyId>, Failure> {
+        let found = self.exclude.iter().map(|&body| body::find(world, body));
+        let mut exclude = found.collect::<Result<Vec<_>, _>>()?;
+        exclude.sort_unstable();
+        exclude.dedup();
+        Ok(exclude)
+    }
+
+    /// Answers every query, and says which one is wrong if one is.
+    fn answers<R>(
+        &self,
+        asked: &Asked<'_>,
+        answer: impl Fn(&Asked<'_>, &Q) -> Result<R, Failure>,
+    ) -> Result<Vec<R>, Failure> {
+        self.numbered(|query| answer(asked, query))
+    }
+
+    fn numbered<R>(&self, look: impl Fn(&Q) -> Result<R, Failure>) -> Result<Vec<R>, Failure> {
+        let name = self.name;
+        let wrong =
+            |i, failure: Failure| Failure::new(failure.status, format!("{name}[{i}]: {}", failure.message));
+        let look = |(i, query)| look(query).map_err(|failure| wrong(i, failure));
+        self.queries.iter().enumerate().map(look).collect()
+    }
+
+    /// One answer a query, to `hits`.
+    ///
+    /// # Safety
+    /// `hits` has an entry for each query.
+    unsafe fn each<R>(
+        &self,
+        world: DcdWorld,
+        hits: *mut R,
+        answer: impl Fn(&Asked<'_>, &Q) -> Result<R, Failure>,
+    ) -> Result<(), Failure> {
+        if !self.queries.is_empty() {
+            pointer::check(hits, "hits")?;
+        }
+        with(world, |world| {
+            let answers = self.answers(&self.ask(world)?, answer)?;
+            for (i, hit) in answers.into_iter().enumerate() {
+                // SAFETY: not null, aligned, and the caller vouches for the entries.
+                unsafe { hits.add(i).write(hit) };
+            }
+            Ok(())
+        })
+    }
+
+    /// A list of answers a query, all of them to `room`, and where each list ends to `ends`.
+    ///
+    /// # Safety
+    /// `ends` has an entry for each query.
+    unsafe fn lists<R>(
+        &self,
+        world: DcdWorld,
+        room: Room<R>,
+        ends: *mut usize,
+        answer: impl Fn(&Asked<'_>, &Q) -> Result<Vec<R>, Failure>,
+    ) -> Result<(), Failure> {
+        if !self.queries.is_empty() {
+            pointer::check(ends, "ends")?;
+        }
+        with(world, |world| {
+            let answers = self.answers(&self.ask(world)?, answer)?;
+            let lengths: Vec<usize> = answers.iter().map(Vec::len).collect();
+            room.fill(answers.into_iter().flatten().collect::<Vec<_>>().into_iter())?;
+            let mut end = 0;
+            for (i, length) in lengths.into_iter().enumerate() {
+                end += length;
+                // SAFETY: not null, aligned, and the caller vouches for the entries.
+                unsafe { ends.add(i).write(end) };
+            }
+            Ok(())
+        })
+    }
+}
+
+impl Asked<'_> {
+    /// Asks with what this one query overlooks besides.
+    fn with_filter<R>(
+        &self,
+        exclude: DcdBodyId,
+        mask: u32,
+        ask: impl FnOnce(&Queries<'_>, &BodyFilter<'_>) -> Result<R, QueryError>,
+    ) -> Result<R, Failure> {
+        let own = if exclude.v == 0 { None } else { Some(body::find(self.world, exclude)?) };
+        let mask = self.mask & Group::from_bits_retain(mask);
+        // A query belongs to no group unless it says so, and then only memberships count.
+        let lets = |id: BodyId, collider: &Collider| {
+            let groups = collider.collision_groups();
+            groups.memberships.intersects(mask)
+                && (self.groups.is_empty() || groups.filter.intersects(self.groups))
+                && own != Some(id)
+                && self.exclude.binary_search(&id).is_err()
+        };
+        let filter = BodyFilter { flags: self.flags, predicate: Some(&lets), ..BodyFilter::default() };
+        ask(&self.queries, &filter).map_err(|error| Failure::argument(error.to_string()))
+    }
+}
+
+fn user_data(world: &World, id: BodyId) -> u64 {
+    world.backend.user_data(id).unwrap_or(0)
+}

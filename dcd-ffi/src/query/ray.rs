@@ -1,0 +1,155 @@
+//! Rays.
+
+use dcd::physics::{RayHit, WorldRay};
+use rapier3d::prelude::Vector;
+
+use super::{Asked, Batch, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, user_data};
+use crate::body::{DcdBodyId, check_bits};
+use crate::guard::guard;
+use crate::pointer::{Room, check_numbers, check_point};
+use crate::status::{DcdStatus, Failure};
+use crate::world::{DcdWorld, World};
+
+/// A ray. Start from DCD_RAY_INIT and give a direction.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdRay {
+    /// Where it starts, world space, metres.
+    pub origin: [f64; 3],
+    /// Where it goes, of any length above 0.
+    pub direction: [f32; 3],
+    /// How far, metres, above 0; INFINITY is allowed.
+    pub max_distance: f32,
+    /// A body that it passes through, as the one that looks; null for none.
+    pub exclude: DcdBodyId,
+    /// Groups that it meets, as in DcdBodyDef.groups; 0xFFFFFFFF for all.
+    pub mask: u32,
+    /// DCD_QUERY_HOLLOW or 0.
+    pub flags: u32,
+}
+
+/// A body that a ray met.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcdRayHit {
+    /// Which; null when the ray met nothing, and then all else is 0.
+    pub body: DcdBodyId,
+    /// Its user data.
+    pub user_data: u64,
+    /// Where, world space, metres.
+    pub point: [f64; 3],
+    /// Outward, of length 1; 0 when the ray starts inside the body.
+    pub normal: [f32; 3],
+    /// From the origin, metres.
+    pub distance: f32,
+    /// Which shape of the body, from 0.
+    pub part: u32,
+    /// Which triangle of a mesh or terrain, which part of a compound; else 0.
+    pub subshape: u32,
+}
+
+/// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
+/// overlooks them; a null filter overlooks nothing.
+///
+/// This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
+/// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit
+/// asks instead.
+///
+/// `rays` and `filter` are read during the call; `hits` has `count` entries.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
+/// finite, a direction of length 0, a distance that is not above 0, unknown bits, or more than DCD_MAX_ITEMS,
+/// DCD_ERR_UNSUPPORTED.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_cast_rays(
+    world: DcdWorld,
+    rays: *const DcdRay,
+    count: usize,
+    filter: *const DcdFilter,
+    hits: *mut DcdRayHit,
+) -> DcdStatus {
+    guard("dcd_cast_rays", || {
+        // SAFETY: the caller vouches for `count` rays and hits, and for the filter.
+        let batch = unsafe { Batch::new(rays, count, "rays", filter)? };
+        // SAFETY: as above.
+        unsafe { batch.each(world, hits, cast) }
+    })
+}
+
+/// Finds every body that each of `count` rays meets, a shape of it once, the nearest first. The hits of all rays go to `hits`, which
+/// has `cap` entries, and their number to `total`; those of rays[i] end before hits[ends[i]] and begin where those of the ray
+/// before end. `ends` has `count` entries. With `cap` 0 `hits` may be null, to ask for the number.
+///
+/// Errors: as dcd_cast_rays, and DCD_ERR_SMALL_BUFFER (then `total` is written all the same, and nothing else).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_cast_rays_all(
+    world: DcdWorld,
+    rays: *const DcdRay,
+    count: usize,
+    filter: *const DcdFilter,
+    hits: *mut DcdRayHit,
+    cap: usize,
+    ends: *mut usize,
+    total: *mut usize,
+) -> DcdStatus {
+    guard("dcd_cast_rays_all", || {
+        // SAFETY: the caller vouches for `count` rays and ends, `cap` hits, `total` and the filter.
+        let (batch, room) =
+            unsafe { (Batch::new(rays, count, "rays", filter)?, Room::new(hits, cap, total, "hits")?) };
+        // SAFETY: as above.
+        unsafe {
+            batch.lists(world, room, ends, |asked, ray| {
+                let straight = straight(ray)?;
+                let hits = asked
+                    .with_filter(ray.exclude, ray.mask, |queries, f| queries.intersect_ray(&straight, f))?;
+                Ok(hits.iter().map(|hit| ray_hit(asked.world, hit)).collect())
+            })
+        }
+    })
+}
+
+pub(super) const NO_RAY_HIT: DcdRayHit = DcdRayHit {
+    body: NOBODY,
+    user_data: 0,
+    point: [0.0; 3],
+    normal: [0.0; 3],
+    distance: 0.0,
+    part: 0,
+    subshape: 0,
+};
+
+/// What a ray meets first of the bodies that are computed here.
+pub(super) fn cast(asked: &Asked<'_>, ray: &DcdRay) -> Result<DcdRayHit, Failure> {
+    let straight = straight(ray)?;
+    let hit = asked.with_filter(ray.exclude, ray.mask, |queries, f| queries.cast_ray(&straight, f))?;
+    Ok(hit.map_or(NO_RAY_HIT, |hit| ray_hit(asked.world, &hit)))
+}
+
+pub(super) fn straight(ray: &DcdRay) -> Result<WorldRay, Failure> {
+    check_point(&ray.origin, "origin")?;
+    check_numbers(&ray.direction, "direction")?;
+    check_bits(ray.flags, DCD_QUERY_HOLLOW, "flags")?;
+    if Vector::from_array(ray.direction).try_normalize().is_none() {
+        return Err(Failure::argument("direction has no length; say where the ray goes"));
+    }
+    // NaN is not above 0 either.
+    if !matches!(ray.max_distance.partial_cmp(&0.0), Some(std::cmp::Ordering::Greater)) {
+        return Err(Failure::argument(format!(
+            "max_distance is {}; give metres above 0, or INFINITY",
+            ray.max_distance
+        )));
+    }
+    let straight = WorldRay::new(ray.origin, ray.direction).up_to(f64::from(ray.max_distance));
+    Ok(WorldRay { solid: ray.flags & DCD_QUERY_HOLLOW == 0, ..straight })
+}
+
+fn ray_hit(world: &World, hit: &RayHit) -> DcdRayHit {
+    DcdRayHit {
+        body: world.mark.body(hit.body),
+        user_data: user_data(world, hit.body),
+        point: hit.point,
+        normal: hit.normal,
+        distance: hit.distance_m as f32,
+        part: hit.collider as u32,
+        subshape: hit.subshape,
+    }
+}

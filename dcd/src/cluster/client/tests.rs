@@ -1,0 +1,111 @@
+//! What a client says, and what it believes.
+
+use super::*;
+use crate::protocol::Stamp;
+use crate::sim::sim_body;
+
+#[test]
+fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
+    let mut client = Client::new(ClientId(1), None);
+    let mut tell = |message: ToClient| {
+        let message = Message::ToClient(ClientId(1), message);
+        client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Server, message });
+        client.bodies().map(|view| (view.body.epoch, view.tick)).next()
+    };
+    let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
+    let returned = |epoch| ToClient::Inserted {
+        body: BodyRecord { epoch: Epoch(epoch), ..body.clone() },
+        shapes: Vec::new(),
+    };
+    assert_eq!(tell(returned(1)), Some((Epoch(1), Tick(0))));
+    let (pose, velocity) = (body.state.pose, body.state.velocity);
+    let state = SharedState { id: body.id, epoch: Epoch(3), pose, velocity, sleeping: false };
+    let stamp = Stamp { group: GroupId(1), tick: Tick(7), provisional: false };
+    assert_eq!(tell(ToClient::States { stamp, states: vec![state] }), Some((Epoch(3), Tick(7))));
+    assert_eq!(tell(returned(2)), Some((Epoch(3), Tick(7))), "it comes over another link");
+    assert_eq!(tell(returned(4)), Some((Epoch(4), Tick(0))));
+}
+
+/// A client with a link to its leader that knows two bodies.
+fn linked() -> Client {
+    let mut client = Client::new(ClientId(1), None);
+    for x in [0.0, 50.0] {
+        let body = sim_body(BodyId::persistent(x as u32), [x, 0.0, 0.0]);
+        tell(&mut client, ToClient::Inserted { body, shapes: Vec::new() });
+    }
+    follow(&mut client, 1);
+    client
+}
+
+fn tell(client: &mut Client, message: ToClient) {
+    let message = Message::ToClient(ClientId(1), message);
+    client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Server, message });
+}
+
+fn follow(client: &mut Client, node: u32) {
+    let leader = Member { node: NodeId(node), address: ([127, 0, 0, 1], 1).into(), client: None };
+    let view = crate::protocol::ViewNumber(node.into());
+    tell(client, ToClient::LeaderIs { group: GroupId(1), view, leader: Some(leader) });
+    client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Node(NodeId(node))));
+}
+
+/// What it says to its leaders of its interest.
+fn said(client: &mut Client) -> Vec<(Peer, Option<Area>)> {
+    let output = |output| match output {
+        ClientOutput::Send { to, message: Message::FromClient(_, FromClient::Interest(area)) } => {
+            Some((to, area))
+        }
+        _ => None,
+    };
+    std::iter::from_fn(|| client.poll_output()).filter_map(output).collect()
+}
+
+#[test]
+fn an_interest_is_said_when_it_changes_by_more_than_a_little_and_again_to_a_new_leader() {
+    let mut client = linked();
+    let area = |x: f64| Some(Area { centre: [x, 0.0, 0.0], radius_m: 20.0 });
+    let turn = |client: &mut Client, area| {
+        client.handle(Duration::ZERO, ClientEvent::Interest(area));
+        said(client)
+    };
+    let (first, second) = (Peer::Node(NodeId(1)), Peer::Node(NodeId(2)));
+    assert_eq!(said(&mut client), [], "everything is what a leader tells by itself");
+    assert_eq!(turn(&mut client, area(0.0)), [(first, area(0.0))]);
+    assert_eq!(turn(&mut client, area(0.9)), []);
+    assert_eq!(turn(&mut client, area(1.1)), [(first, area(1.1))]);
+    follow(&mut client, 2);
+    assert_eq!(said(&mut client), [(second, area(1.1))]);
+    assert_eq!(turn(&mut client, None), [(second, None)]);
+    assert_eq!(turn(&mut client, None), []);
+}
+
+#[test]
+fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
+    let mut client = linked();
+    let outside = |client: &Client| client.bodies().map(|view| view.outside).collect::<Vec<_>>();
+    let turn = |client: &mut Client, x: f64| {
+        let area = Area { centre: [x, 0.0, 0.0], radius_m: 20.0 };
+        client.handle(Duration::ZERO, ClientEvent::Interest(Some(area)));
+    };
+    let hear = |client: &mut Client, id: u32, x: f64, provisional: bool| {
+        let (pose, velocity) = (WorldPose::at([x, 0.0, 0.0]), Velocity::default());
+        let state =
+            SharedState { id: BodyId::persistent(id), epoch: Epoch(0), pose, velocity, sleeping: false };
+        let stamp = Stamp { group: GroupId(1), tick: Tick(1), provisional };
+        tell(client, ToClient::States { stamp, states: vec![state] });
+    };
+    assert_eq!(outside(&client), [false, false]);
+    turn(&mut client, 0.0);
+    assert_eq!(outside(&client), [false, true]);
+    turn(&mut client, 50.0);
+    assert_eq!(outside(&client), [true, true]);
+    hear(&mut client, 50, 50.0, false);
+    assert_eq!(outside(&client), [true, false]);
+    hear(&mut client, 50, 90.0, true);
+    assert_eq!(client.body(BodyId::persistent(50)).unwrap().body.state.pose.translation[0], 50.0);
+    hear(&mut client, 50, 90.0, false);
+    assert_eq!(outside(&client), [true, true], "it went");
+    client.handle(Duration::ZERO, ClientEvent::Interest(None));
+    hear(&mut client, 50, 90.0, false);
+    assert_eq!(outside(&client), [true, false], "everything is followed, and not everything heard of yet");
+}

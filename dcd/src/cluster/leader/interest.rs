@@ -1,0 +1,397 @@
+//! What a client that does not want to hear of everything is told: bodies in its area, and what it must know of others so
+//! that nothing it believes to be in its area is out of date.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::protocol::{Area, SharedState};
+use crate::space::{BodyId, ClientId, Tick};
+
+/// Around each avatar of the client's own what is there is told too, metres: what may touch it.
+const NEAR_M: f64 = 8.0;
+/// How often a body that comes into the area or leaves it is told of: datagrams get lost.
+const TIMES: u8 = 3;
+/// The most of them that are told of at once: what goes beyond waits, lest it push other states out.
+const AT_ONCE: usize = 200;
+/// Resting bodies in the area told again with each batch of states.
+const REMINDERS: usize = 16;
+
+/// The newest state of each body.
+pub(super) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
+/// Bodies that moved since clients were told, and where they were before, if that was told.
+pub(super) type Moved = BTreeMap<BodyId, Option<[f64; 3]>>;
+
+/// One client's interest, and what it was told.
+#[derive(Clone, Debug)]
+pub(super) struct Audience {
+    client: ClientId,
+    area: Area,
+    /// Around avatars that the area does not cover.
+    near: BTreeMap<BodyId, Area>,
+    /// Told of whenever they move.
+    inside: BTreeSet<BodyId>,
+    /// To be told of though they may rest, so many times more.
+    owed: BTreeMap<BodyId, u8>,
+    /// Outside, and not where the client was told last: where that was. At most one entry a body.
+    stale: BTreeMap<BodyId, [f64; 3]>,
+    reminded: BodyId,
+}
+
+impl Audience {
+    /// Of a client that was told of all these, and wants to hear of an area from now on.
+    pub(super) fn new(client: ClientId, area: Area, latest: &Latest) -> Self {
+        let mut audience = Self {
+            client,
+            area,
+            near: BTreeMap::new(),
+            inside: BTreeSet::new(),
+            owed: BTreeMap::new(),
+            stale: BTreeMap::new(),
+            reminded: BodyId::default(),
+        };
+        audience.settle(latest);
+        audience
+    }
+
+    /// Where it wants to hear of bodies.
+    pub(super) fn area(&self) -> Area {
+        self.area
+    }
+
+    /// It wants to hear of another area.
+    pub(super) fn turn_to(&mut self, area: Area, latest: &Latest) {
+        if area != self.area {
+            self.area = area;
+            self.settle(latest);
+        }
+    }
+
+    fn settle(&mut self, latest: &Latest) {
+        let own = BodyId::avatar(self.client, 0)..=BodyId::avatar(self.client, u32::MAX);
+        for (&id, (state, _)) in latest.range(own) {
+            self.follow(id, state);
+        }
+        self.look(latest);
+    }
+
+    /// What it is told of the bodies that moved, of those that it must hear of though they did not, and of some that rest.
+    pub(super) fn batch(&mut self, moved: &Moved, latest: &Latest) -> Vec<SharedState> {
+        let state_of = |id: &BodyId| latest.get(id).map(|&(state, _)| state);
+        let mut strayed = false;
+        for &id in moved.keys() {
+            if id.client() == Some(self.client)
+                && let Some(state) = state_of(&id)
+            {
+                strayed |= self.follow(id, &state);
+            }
+        }
+        if strayed {
+            self.look(latest);
+        }
+        let mut told = BTreeSet::new();
+        for (&id, &before) in moved {
+            let Some(state) = state_of(&id) else { continue };
+            if self.reaches(&state) {
+                self.inside.insert(id);
+                self.stale.remove(&id);
+                told.insert(id);
+            } else if self.inside.remove(&id) {
+                self.owed.insert(id, TIMES);
+            } else if !self.owed.contains_key(&id) && !self.stale.contains_key(&id) {
+                match before {
+                    // The area has come to where the client believes it.
+                    Some(before) if self.spans(before) => drop(self.owed.insert(id, TIMES)),
+                    Some(before) => drop(self.stale.insert(id, before)),
+                    // Nobody knows what an earlier leader told.
+                    None => drop(told.insert(id)),
+                }
+            }
+        }
+        self.pay(&mut told);
+        if !moved.is_empty() {
+            self.remind(&mut told);
+        }
+        told.iter().filter_map(state_of).collect()
+    }
+
+    /// Whether it hears of a body where this state has it.
+    pub(super) fn reaches(&self, state: &SharedState) -> bool {
+        let (id, at) = (state.id, state.pose.translation);
+        let is_inside = self.inside.contains(&id);
+        let reach = |area: &Area| if is_inside { area.keeps(at) } else { area.enters(at) };
+        id.client() == Some(self.client) || reach(&self.area) || self.near.values().any(reach)
+    }
+
+    pub(super) fn forget(&mut self, id: BodyId) {
+        self.near.remove(&id);
+        self.inside.remove(&id);
+        self.owed.remove(&id);
+        self.stale.remove(&id);
+    }
+
+    /// An avatar of its own is here now. Says whether others must be looked at therefore.
+    fn follow(&mut self, id: BodyId, state: &SharedState) -> bool {
+        let around = Area { centre: state.pose.translation, radius_m: NEAR_M };
+        if self.area.contains(&around) {
+            return self.near.remove(&id).is_some();
+        }
+        if self.near.get(&id).is_some_and(|known| known.stands_for(&around)) {
+            return false;
+        }
+        self.near.insert(id, around);
+        true
+    }
+
+    /// Looks at all bodies, as what it hears of has changed: what comes in is owed, and what goes, so that the client knows;
+    /// and where the client believes a body that has moved on unseen.
+    fn look(&mut self, latest: &Latest) {
+        for (&id, (state, _)) in latest {
+            let is_inside = self.reaches(state);
+            if is_inside {
+                self.stale.remove(&id);
+            }
+            if is_inside != self.inside.contains(&id) {
+                self.owed.insert(id, TIMES);
+                if is_inside {
+                    self.inside.insert(id)
+                } else {
+                    self.inside.remove(&id)
+                };
+            }
+        }
+        let ghosts = self.stale.iter().filter(|(_, at)| self.spans(**at));
+        for id in ghosts.map(|(&id, _)| id).collect::<Vec<_>>() {
+            self.stale.remove(&id);
+            self.owed.insert(id, TIMES);
+        }
+    }
+
+    /// Whether whatever comes here is told.
+    fn spans(&self, at: [f64; 3]) -> bool {
+        self.area.enters(at) || self.near.values().any(|area| area.enters(at))
+    }
+
+    fn pay(&mut self, told: &mut BTreeSet<BodyId>) {
+        let due: Vec<_> = self.owed.keys().take(AT_ONCE).copied().collect();
+        for id in due {
+            told.insert(id);
+            let left = self.owed.get_mut(&id).expect("it is owed");
+            *left -= 1;
+            if *left == 0 {
+                self.owed.remove(&id);
+            }
+        }
+    }
+
+    fn remind(&mut self, told: &mut BTreeSet<BodyId>) {
+        let rest: Vec<_> = self
+            .inside
+            .range(self.reminded..)
+            .filter(|&&id| id != self.reminded && !told.contains(&id))
+            .take(REMINDERS)
+            .copied()
+            .collect();
+        self.reminded = rest.last().copied().unwrap_or_default();
+        told.extend(rest);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::{Velocity, WorldPose};
+    use crate::sim::Random;
+    use crate::space::Epoch;
+
+    const CLIENT: ClientId = ClientId(4);
+    const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
+    const STONE: BodyId = BodyId::persistent(1);
+
+    /// A leader's knowledge, one client with an interest, and what that client believes.
+    struct Stage {
+        latest: Latest,
+        moved: Moved,
+        audience: Audience,
+        believed: BTreeMap<BodyId, [f64; 3]>,
+    }
+
+    fn area(x: f64, radius_m: f64) -> Area {
+        Area { centre: [x, 0.0, 0.0], radius_m }
+    }
+
+    fn state(id: BodyId, x: f64) -> SharedState {
+        let pose = WorldPose::at([x, 0.0, 0.0]);
+        SharedState { id, epoch: Epoch(0), pose, velocity: Velocity::default(), sleeping: false }
+    }
+
+    impl Stage {
+        /// Everything was told; what is owed at first too.
+        fn new(bodies: &[(BodyId, f64)], area: Area) -> Self {
+            let latest: Latest = bodies.iter().map(|&(id, x)| (id, (state(id, x), Tick(0)))).collect();
+            let believed = latest.iter().map(|(&id, (state, _))| (id, state.pose.translation)).collect();
+            let audience = Audience::new(CLIENT, area, &latest);
+            let mut stage = Self { latest, moved: Moved::new(), audience, believed };
+            for _ in 0..TIMES {
+                stage.tell();
+            }
+            stage
+        }
+
+        fn put(&mut self, id: BodyId, x: f64) {
+            let before = self.latest.insert(id, (state(id, x), Tick(0)));
+            self.moved.entry(id).or_insert(before.map(|(state, _)| state.pose.translation));
+        }
+
+        fn turn_to(&mut self, area: Area) {
+            self.audience.turn_to(area, &self.latest);
+        }
+
+        /// Whom the client is told of at the end of a tick.
+        fn tell(&mut self) -> Vec<BodyId> {
+            let told = self.audience.batch(&std::mem::take(&mut self.moved), &self.latest);
+            self.believed.extend(told.iter().map(|state| (state.id, state.pose.translation)));
+            told.iter().map(|state| state.id).collect()
+        }
+    }
+
+    #[test]
+    fn what_moves_in_the_area_is_told_and_what_moves_elsewhere_is_not() {
+        let other = BodyId::persistent(2);
+        let mut stage = Stage::new(&[(STONE, 0.0), (other, 50.0)], area(0.0, 10.0));
+        assert_eq!(stage.tell(), [], "nothing moves");
+        stage.put(STONE, 1.0);
+        stage.put(other, 51.0);
+        assert_eq!(stage.tell(), [STONE]);
+    }
+
+    #[test]
+    fn what_leaves_is_told_where_it_went_some_times_and_then_no_more() {
+        let mut stage = Stage::new(&[(STONE, 0.0)], area(0.0, 10.0));
+        for x in 0..TIMES {
+            stage.put(STONE, 100.0 + f64::from(x));
+            assert_eq!(stage.tell(), [STONE]);
+        }
+        stage.put(STONE, 200.0);
+        assert_eq!(stage.tell(), []);
+    }
+
+    #[test]
+    fn what_goes_to_and_fro_at_the_edge_is_told_as_what_moves_inside() {
+        let mut stage = Stage::new(&[(STONE, 0.0)], area(0.0, 10.0));
+        for x in [10.9, 11.4, 10.9, 11.4] {
+            stage.put(STONE, x);
+            assert_eq!(stage.tell(), [STONE]);
+            assert!(stage.audience.owed.is_empty(), "no last words");
+        }
+    }
+
+    #[test]
+    fn what_came_to_rest_unseen_is_told_when_the_area_comes_over_it() {
+        let mut stage = Stage::new(&[(STONE, 50.0)], area(0.0, 10.0));
+        stage.put(STONE, 60.0);
+        assert_eq!(stage.tell(), []);
+        stage.turn_to(area(55.0, 10.0));
+        assert_eq!(stage.tell(), [STONE]);
+        assert_eq!(stage.believed[&STONE][0], 60.0);
+    }
+
+    #[test]
+    fn what_is_believed_where_the_area_comes_and_is_not_there_any_more_is_told() {
+        let mut stage = Stage::new(&[(STONE, 50.0)], area(0.0, 10.0));
+        stage.put(STONE, 90.0);
+        stage.tell();
+        stage.put(STONE, 95.0);
+        stage.tell();
+        stage.turn_to(area(50.0, 10.0));
+        assert_eq!(stage.tell(), [STONE]);
+        assert_eq!(stage.believed[&STONE][0], 95.0);
+    }
+
+    #[test]
+    fn a_body_first_heard_of_is_told_once_wherever_it_is() {
+        let mut stage = Stage::new(&[], area(0.0, 10.0));
+        stage.put(STONE, 50.0);
+        assert_eq!(stage.tell(), [STONE], "the leader before may have told otherwise");
+        stage.put(STONE, 51.0);
+        assert_eq!(stage.tell(), []);
+    }
+
+    #[test]
+    fn an_avatar_of_its_own_is_always_told_and_so_is_what_is_near_it() {
+        let other = BodyId::avatar(ClientId(5), 0);
+        let bodies = [(AVATAR, 100.0), (other, 130.0), (STONE, 120.0)];
+        let mut stage = Stage::new(&bodies, area(0.0, 10.0));
+        stage.put(other, 131.0);
+        stage.put(STONE, 121.0);
+        assert_eq!(stage.tell(), [AVATAR], "which rests: it is told again");
+        // It comes to the stone, which rests by now.
+        stage.put(AVATAR, 115.0);
+        assert_eq!(stage.tell(), [STONE, AVATAR]);
+        assert_eq!(stage.believed[&STONE][0], 121.0);
+    }
+
+    #[test]
+    fn many_that_come_in_at_once_are_told_in_parts() {
+        let bodies: Vec<_> = (0..500).map(|i| (BodyId::persistent(i), 50.0)).collect();
+        let mut stage = Stage::new(&bodies, area(0.0, 10.0));
+        stage.turn_to(area(50.0, 10.0));
+        let mut heard = BTreeSet::new();
+        for _ in 0..3 * TIMES {
+            let told = stage.tell();
+            assert!(told.len() <= AT_ONCE);
+            heard.extend(told);
+        }
+        assert_eq!(heard.len(), 500);
+    }
+
+    #[test]
+    fn what_rests_in_the_area_is_told_again_and_what_rests_elsewhere_is_not() {
+        let mut bodies: Vec<_> = (1..100).map(|i| (BodyId::persistent(i), f64::from(i))).collect();
+        bodies.push((BodyId::persistent(0), 0.0));
+        let mut stage = Stage::new(&bodies, area(0.0, 40.0));
+        let mut reminded = BTreeSet::new();
+        for i in 0..10 {
+            stage.put(BodyId::persistent(0), 0.1 * f64::from(i));
+            reminded.extend(stage.tell());
+        }
+        assert_eq!(reminded.len(), 45, "up to 44 m: the area and its margin");
+    }
+
+    /// Bodies, avatars and areas move and jump at random: whatever is in the area, or believed to be, is believed to be where it
+    /// is; and the leader keeps no more than an entry a body.
+    #[test]
+    fn what_a_client_believes_of_its_area_is_so_whatever_moves() {
+        for seed in 0..300 {
+            let mut random = Random::new(seed);
+            let anywhere = |random: &mut Random| 200.0 * random.unit();
+            let ids: Vec<_> = (0..30).map(BodyId::persistent).chain([AVATAR]).collect();
+            let bodies: Vec<_> = ids.iter().map(|&id| (id, anywhere(&mut random))).collect();
+            let mut here = area(anywhere(&mut random), 5.0 + 20.0 * random.unit());
+            let mut stage = Stage::new(&bodies, here);
+            for _ in 0..60 {
+                for &id in ids.iter().filter(|_| random.below(3) == 0).collect::<Vec<_>>() {
+                    let step = if random.below(8) == 0 { anywhere(&mut random) } else { random.unit() - 0.5 };
+                    let x = (stage.latest[&id].0.pose.translation[0] + step) % 200.0;
+                    stage.put(id, x);
+                }
+                if random.below(4) == 0 {
+                    here = match random.below(2) {
+                        0 => area(anywhere(&mut random), here.radius_m),
+                        _ => Area { centre: [here.centre[0] + 3.0, 0.0, 0.0], ..here },
+                    };
+                    stage.turn_to(here);
+                }
+                stage.tell();
+                let avatar = stage.latest[&AVATAR].0.pose.translation;
+                let near = Area { centre: avatar, radius_m: NEAR_M };
+                for (id, (state, _)) in &stage.latest {
+                    let (is, believed) = (state.pose.translation, stage.believed[id]);
+                    let matters = |at| here.covers(at) || near.covers(at);
+                    if *id == AVATAR || matters(is) || matters(believed) {
+                        assert_eq!(is, believed, "seed {seed}: {id}");
+                    }
+                }
+                assert!(stage.audience.stale.len() <= ids.len());
+            }
+        }
+    }
+}

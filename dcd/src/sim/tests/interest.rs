@@ -1,0 +1,134 @@
+//! Clients that want to hear of a part of the world.
+
+use super::*;
+use crate::protocol::Area;
+use crate::sim::Scope;
+
+/// A ball of a tenth of the world's volume, in which and around which bodies fly.
+const AREA: Area = Area { centre: [6.0, 4.0, 4.0], radius_m: 3.0 };
+/// What has come so far in must have been told: bodies fly at up to 21 m/s, from the edge in some 8 ticks.
+const CORE: Area = Area { radius_m: 1.0, ..AREA };
+/// Members report every three ticks; then a word is on its way for some milliseconds.
+const FRESH_TICKS: u64 = 12;
+
+/// A client or participant that has said what it is interested in, and heard from its leader since.
+fn interested(sim: &mut Sim, participates: bool, area: Area) -> ClientId {
+    let client = if participates { sim.start_participant(None).1 } else { sim.start_client(None) };
+    sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
+    sim.wish(client, ClientEvent::Interest(Some(area)));
+    let target = Tick(sim.tick().0 + 60);
+    sim.run_to(target).unwrap();
+    client
+}
+
+/// In the stand-in physics everything moves all the time: what is in the area, or believed to be, must have been told lately.
+fn check_fresh(sim: &Sim, client: ClientId, seed: u64) -> usize {
+    let (now, truth) = (sim.tick(), sim.states());
+    let mut seen = 0;
+    for view in sim.client(client).bodies() {
+        let (id, believed) = (view.body.id, view.body.state.pose.translation);
+        let is = truth[&id].pose.translation;
+        if AREA.covers(believed) || CORE.covers(is) {
+            let age = now.0.saturating_sub(view.settled_tick().0);
+            assert!(age <= FRESH_TICKS, "seed {seed}: {id} is {age} ticks old, {now}");
+            seen += 1;
+        }
+        assert!(view.outside || AREA.covers(believed), "seed {seed}: {id}");
+    }
+    seen
+}
+
+fn stay_fresh(sim: &mut Sim, client: ClientId, seed: u64) {
+    let mut seen = 0;
+    for _ in 0..10 {
+        let target = Tick(sim.tick().0 + 7);
+        sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        seen += check_fresh(sim, client, seed);
+    }
+    assert!(seen > 0, "seed {seed}: the test needs bodies in the area");
+}
+
+#[test]
+fn what_a_client_believes_of_its_area_is_fresh() {
+    for seed in 0..20 {
+        let mut sim = running(seed, 3);
+        let client = interested(&mut sim, seed % 2 == 1, AREA);
+        stay_fresh(&mut sim, client, seed);
+        let other = Area { centre: [12.0, 4.0, 4.0], ..AREA };
+        for area in [Some(other), None, Some(AREA)] {
+            sim.wish(client, ClientEvent::Interest(area));
+            sim.run_events(200).unwrap();
+        }
+        let target = Tick(sim.tick().0 + 20);
+        sim.run_to(target).unwrap();
+        stay_fresh(&mut sim, client, seed);
+    }
+}
+
+#[test]
+fn an_interest_outlives_leaders_links_and_servers() {
+    for seed in 0..20 {
+        let mut sim = running(seed, 3);
+        let client = interested(&mut sim, seed % 2 == 1, AREA);
+        let leader = sim.server().view().unwrap().leader;
+        match seed % 5 {
+            0 | 1 => sim.crash(Peer::Node(leader)),
+            2 => sim.break_link(Peer::Client(client), Peer::Node(leader)),
+            3 => sim.break_link(Peer::Node(NodeId(4)), Peer::Node(leader)),
+            _ => {
+                sim.crash(Peer::Server);
+                sim.run_for(Duration::from_secs(1)).unwrap();
+                sim.restart_server();
+            }
+        }
+        // What is wished for while nobody leads counts too.
+        sim.wish(client, ClientEvent::Interest(Some(Area { centre: [12.0, 4.0, 4.0], ..AREA })));
+        sim.wish(client, ClientEvent::Interest(Some(AREA)));
+        sim.run_for(Duration::from_secs(5)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        stay_fresh(&mut sim, client, seed);
+        // And it is still kept to: what is outside is not told of.
+        let now = sim.tick().0;
+        assert!(sim.client(client).bodies().any(|view| view.settled_tick().0 + 30 < now), "seed {seed}");
+        let before = bytes_to_clients(&sim);
+        sim.wish(client, ClientEvent::Interest(Some(Area { centre: [500.0, 0.0, 0.0], radius_m: 1.0 })));
+        sim.run_for(Duration::from_secs(1)).unwrap();
+        let between = bytes_to_clients(&sim);
+        sim.run_for(Duration::from_secs(2)).unwrap();
+        assert!(between > before || seed % 2 == 1, "seed {seed}");
+        assert_eq!(bytes_to_clients(&sim), between, "seed {seed}: nothing is there");
+    }
+}
+
+fn bytes_to_clients(sim: &Sim) -> u64 {
+    sim.sent().get(&Scope::Clients).map_or(0, |sent| sent.bytes)
+}
+
+#[test]
+fn loss_does_not_leave_ghosts_in_the_area() {
+    for seed in 0..10 {
+        let mut sim = running(seed, 3);
+        let client = interested(&mut sim, false, AREA);
+        let calm = sim.config.network.clone();
+        sim.set_network(NetworkConditions { loss: 0.05, ..calm.clone() });
+        sim.run_for(Duration::from_secs(10)).unwrap();
+        sim.set_network(calm);
+        let target = Tick(sim.tick().0 + 20);
+        sim.run_to(target).unwrap();
+        stay_fresh(&mut sim, client, seed);
+    }
+}
+
+#[test]
+fn an_area_of_a_tenth_costs_a_fraction_of_the_bytes() {
+    let bytes = |area: Option<Area>| {
+        let mut sim = running(3, 2);
+        let client = interested(&mut sim, false, AREA);
+        sim.wish(client, ClientEvent::Interest(area));
+        sim.run_for(Duration::from_secs(1)).unwrap();
+        let before = bytes_to_clients(&sim);
+        sim.run_for(Duration::from_secs(10)).unwrap();
+        bytes_to_clients(&sim) - before
+    };
+    let (all, part) = (bytes(None), bytes(Some(AREA)));
+    assert!(part > 0 && part < all / 2, "{part} of {all}");
+}

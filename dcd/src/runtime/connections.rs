@@ -128,6 +128,21 @@ pub enum ConnectionError {
 }
 
 /// The connections of a running process. All clones are of the same. Its methods return at once unless they say otherwise.
+///
+/// What one client says, all hear:
+///
+/// ```no_run
+/// # use dcd::runtime::{ConnectionError, Delivery, ServerProcess};
+/// # fn chat(server: &ServerProcess) -> Result<(), ConnectionError> {
+/// let connections = server.connections();
+/// for message in connections.take_messages() {
+///     for other in connections.list() {
+///         connections.send(other.id, &message.bytes, Delivery::Message)?;
+///     }
+/// }
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone)]
 pub struct Connections {
     shared: Arc<Shared>,
@@ -148,7 +163,7 @@ struct State {
     of_peer: BTreeMap<PeerName, ConnectionId>,
     of_link: BTreeMap<PeerKey, ConnectionId>,
     events: VecDeque<ConnectionEvent>,
-    sent_away: Vec<(PeerName, String)>,
+    sent_away: BTreeMap<PeerName, String>,
     /// Those that may have something to send.
     sending: BTreeSet<ConnectionId>,
     inbox: VecDeque<Received>,
@@ -253,7 +268,7 @@ impl Connections {
         }
         let mut state = self.lock();
         let who = state.entries.get(&id).ok_or(ConnectionError::Gone)?.who;
-        state.sent_away.push((who, reason.into()));
+        state.sent_away.insert(who, reason.into());
         drop(state);
         (self.shared.wake)();
         Ok(())
@@ -330,6 +345,7 @@ impl Connections {
         }
         for id in late {
             state.forget(id, "it did not come back");
+            self.shared.arrived.notify_all();
         }
     }
 
@@ -366,7 +382,7 @@ impl Connections {
     }
 
     /// Who is to be sent away, and why. Those without a link are gone with this.
-    pub(super) fn take_sent_away(&self) -> Vec<(PeerName, String)> {
+    pub(super) fn take_sent_away(&self) -> BTreeMap<PeerName, String> {
         let mut state = self.lock();
         let sent_away = std::mem::take(&mut state.sent_away);
         for (who, reason) in &sent_away {
@@ -374,6 +390,7 @@ impl Connections {
             let is_lost = |id: &ConnectionId| state.entries[id].link.is_err();
             if let Some(id) = id.filter(is_lost) {
                 state.forget(id, reason);
+                self.shared.arrived.notify_all();
             }
         }
         sent_away

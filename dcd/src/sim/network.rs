@@ -88,8 +88,10 @@ pub struct Traffic {
     pub resent: u64,
     /// Links that broke because of a reader that did not read.
     pub overflows: u64,
-    /// The most that a sender kept for a reader, bytes.
+    /// The most that a sender kept for a server or node that was to read it, bytes.
     pub most_queued: usize,
+    /// The same for a client.
+    pub most_queued_for_client: usize,
     /// The most that waited for a link to be made, bytes.
     pub most_waiting: usize,
 }
@@ -103,6 +105,7 @@ impl std::ops::AddAssign for Traffic {
         self.resent += other.resent;
         self.overflows += other.overflows;
         self.most_queued = self.most_queued.max(other.most_queued);
+        self.most_queued_for_client = self.most_queued_for_client.max(other.most_queued_for_client);
         self.most_waiting = self.most_waiting.max(other.most_waiting);
     }
 }
@@ -286,7 +289,11 @@ impl Network {
         if queued > self.bounds.queue_for(to) && end.unread > 0 {
             return self.overflow(now, id, side);
         }
-        self.traffic.most_queued = self.traffic.most_queued.max(queued);
+        let most = match to {
+            Peer::Client(_) => &mut self.traffic.most_queued_for_client,
+            Peer::Server | Peer::Node(_) => &mut self.traffic.most_queued,
+        };
+        *most = queued.max(*most);
         end.unread += bytes.len();
         let missing = 1 + bytes.len() as u64 / PACKET_BYTES as u64;
         let number = end.push(lane, Frame { bytes, missing, retries: 0 });

@@ -441,7 +441,8 @@ fn what_a_participant_wishes_while_the_leader_changes_happens() {
 
 /// A cluster with two clients that each have an avatar, and little room for who does not read.
 fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
-    let bounds = Bounds { inbox_bytes: 8_192, client_queue_bytes: 8_192, ..Bounds::default() };
+    let bounds =
+        Bounds { inbox_bytes: 8_192, queue_bytes: 65_536, client_queue_bytes: 8_192, ..Bounds::default() };
     let mut sim = Sim::new(SimConfig { bounds, ..config(seed, 3) });
     let clients = [sim.start_client(None), sim.start_client(None)];
     sim.run_until(|sim| clients.iter().all(|&client| sim.client(client).is_joined())).unwrap();
@@ -453,6 +454,12 @@ fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
     (sim, clients)
 }
 
+/// One more avatar, of which all are told; beside the others, so that a body does not touch all of them at once.
+fn chatter(sim: &mut Sim, client: ClientId, index: u32) {
+    let body = sim_body(BodyId::avatar(client, index), [0.08 * f64::from(index), 4.0, 4.0]);
+    sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+}
+
 #[test]
 fn a_client_that_does_not_read_costs_nobody_else_anything_and_no_more_than_its_bound() {
     for seed in 0..10 {
@@ -461,20 +468,43 @@ fn a_client_that_does_not_read_costs_nobody_else_anything_and_no_more_than_its_b
             if hangs {
                 sim.hang(Peer::Client(silent));
             }
-            // What the server tells all clients of, without end.
             for index in 1..200 {
-                let body = sim_body(BodyId::avatar(lively, index), [2.0, 4.0, 4.0]);
-                sim.wish(lively, ClientEvent::Spawn { body, shapes: Vec::new() });
+                chatter(&mut sim, lively, index);
                 sim.run_for(Duration::from_millis(20)).unwrap();
             }
             let traffic = sim.traffic();
             assert_eq!(traffic.overflows > 0, hangs, "seed {seed}: {traffic:?}");
-            assert!(traffic.most_queued <= 8_192, "seed {seed}: {traffic:?}");
+            assert!(traffic.most_queued_for_client <= 8_192, "seed {seed}: {traffic:?}");
             assert_eq!(sim.client(lively).bodies().count(), if hangs { 240 } else { 241 }, "seed {seed}");
             sim.tick().0
         };
         let (with, without) = (ticks(true), ticks(false));
         assert!(with + 2 >= without, "seed {seed}: {with} ticks instead of {without}");
+    }
+}
+
+#[test]
+fn a_client_and_a_node_that_do_not_read_cost_no_more_than_their_bounds_and_the_others_the_time_to_notice() {
+    for seed in 0..5 {
+        let (mut sim, [silent, lively]) = with_two_clients(seed);
+        let view = sim.server().view().unwrap().clone();
+        let node = view.members.iter().find(|member| member.node != view.leader).unwrap().node;
+        let before = sim.checker().last();
+        sim.hang(Peer::Client(silent));
+        sim.hang(Peer::Node(node));
+        for index in 1..200 {
+            chatter(&mut sim, lively, index);
+            sim.run_for(Duration::from_millis(30)).unwrap();
+        }
+        let traffic = sim.traffic();
+        assert!(traffic.overflows > 0, "seed {seed}: {traffic:?}");
+        assert!(traffic.most_queued_for_client <= 8_192, "seed {seed}: {traffic:?}");
+        assert!(traffic.most_queued <= 65_536, "seed {seed}: {traffic:?}");
+        assert_eq!(sim.server().view().map(|view| view.members.len()), Some(2), "seed {seed}");
+        assert_eq!(sim.client(lively).bodies().count(), 240, "seed {seed}");
+        // Six seconds, less the three after which who keeps others waiting is let go.
+        let made = sim.checker().last().0 - before.0;
+        assert!(made > 3 * 60 - 30, "seed {seed}: {made}");
     }
 }
 

@@ -168,22 +168,23 @@ fn random_calls_find_no_bug() {
     }
 }
 
-#[test]
-fn valgrind_finds_nothing_in_the_programs() {
+/// What a program is to be run by, so that what it does to memory is checked; `None` where there is no valgrind.
+pub(crate) fn valgrind() -> Option<Command> {
     if !is_installed("valgrind") {
         eprintln!("valgrind is not installed: nothing checked");
-        return;
+        return None;
     }
+    let mut valgrind = Command::new("valgrind");
+    valgrind.args(["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite"]);
+    valgrind.arg(format!("--suppressions={}", root().join("tests/tests/c_api/valgrind.supp").display()));
+    Some(valgrind)
+}
+
+#[test]
+fn valgrind_finds_nothing_in_the_programs() {
     let dir = tempfile::tempdir().unwrap();
     for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c")] {
-        let mut valgrind = Command::new("valgrind");
-        valgrind.args([
-            "--quiet",
-            "--error-exitcode=9",
-            "--leak-check=full",
-            "--errors-for-leak-kinds=definite",
-        ]);
-        valgrind.arg(format!("--suppressions={}", root().join("tests/tests/c_api/valgrind.supp").display()));
+        let Some(mut valgrind) = valgrind() else { return };
         run_well(valgrind.arg(build(&source, dir.path(), &[])).current_dir(dir.path()));
     }
 }

@@ -69,8 +69,11 @@ impl Server {
             // Its link may be on its way back.
             Some(delay) => delay.is_some(),
         };
+        // The server may have lost all links, and this node be the first one back: those near it are still to come.
+        let awaits = by_delay && self.common.nodes.values().any(|entry| entry.absent_until.is_some());
         entry.in_group_since + MEASURE <= self.common.now
-            || others.map(|(&other, _)| other).all(|other| knows(node, other) && knows(other, node))
+            || !awaits
+                && others.map(|(&other, _)| other).all(|other| knows(node, other) && knows(other, node))
     }
 
     /// Gives nodes without a group one.

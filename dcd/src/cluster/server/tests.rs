@@ -1,7 +1,7 @@
 //! Rules of the server that a calm simulation does not show.
 
 use super::*;
-use crate::protocol::{Claim, Delay};
+use crate::protocol::{Claim, Delay, DelayThresholds};
 use crate::protocol::{ToNode, ToServer};
 use crate::sim::{sim_body, sim_world};
 use crate::space::Epoch;
@@ -125,6 +125,24 @@ fn a_node_is_let_go_of_by_one_group_before_another_takes_it() {
     let mut outputs = obey(&mut server, 1, outputs);
     outputs = obey(&mut server, 2, outputs);
     assert_eq!(obey(&mut server, 1, outputs).last(), Some(&ServerOutput::Ended));
+}
+
+#[test]
+fn who_is_back_first_when_all_links_broke_waits_for_those_near_it() {
+    let mut server = server_of_two();
+    let delay = DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
+    server.common.config.world.thresholds.delay = Some(delay);
+    for node in [1, 2] {
+        server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(node))));
+    }
+    hello(&mut server, 3, VERSION);
+    tell(&mut server, 3, Message::ToServer(ToServer::Loaded));
+    let group = |server: &Server| server.common.nodes[&NodeId(3)].group;
+    assert_eq!(group(&server), None, "the others are missed, but not for long");
+    for ms in (0..2_100).step_by(50) {
+        server.handle_timeout(Duration::from_millis(ms));
+    }
+    assert_eq!(group(&server), Some(server.main_group()));
 }
 
 #[test]

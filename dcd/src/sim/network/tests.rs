@@ -329,7 +329,7 @@ fn a_reader_that_does_not_read_is_given_up_at_the_bound_and_datagrams_are_droppe
     assert_eq!(world.frames(C, false).len(), 30, "what fits into inbox and queue");
     assert_eq!((world.told(A, false), world.told(C, false)), (1, 1));
     let traffic = world.network.traffic();
-    assert_eq!((traffic.overflows, traffic.most_queued), (1, 2_000));
+    assert_eq!((traffic.overflows, traffic.most_queued_for_client), (1, 2_000));
 }
 
 #[test]

@@ -64,14 +64,15 @@ fn drive(sim: &mut Sim, client: ClientId, linear: [f32; 3]) -> Velocity {
     velocity
 }
 
+fn site(node: NodeId) -> u32 {
+    let participates = node.0 > 2 * SITES && node.0 <= 4 * SITES;
+    (if participates { node.0 - 1 } else { node.0 }) % SITES
+}
+
 #[test]
 fn nodes_near_one_another_are_a_group() {
     for seed in 0..3 {
         let (sim, clients) = groups(seed);
-        let site = |node: NodeId| {
-            let participant = node.0 > 2 * SITES;
-            (if participant { node.0 - 1 } else { node.0 }) % SITES
-        };
         for (group, view) in sim.server().views() {
             let sites: BTreeSet<_> = view.members.iter().map(|member| site(member.node)).collect();
             assert_eq!(

@@ -74,15 +74,10 @@ impl Drift {
 
 #[test]
 fn a_delay_that_drifts_for_an_hour_moves_a_node_a_handful_of_times() {
-    let mut most = 0;
-    for (seed, period_s) in [120.0, 400.0, 900.0, 1_800.0].into_iter().enumerate() {
+    for (seed, period_s) in [(1, 400.0), (3, 1_800.0)] {
         let drift = Drift { period_s, amplitude_ms: 28.0, noise_ms: 10.0 };
-        let began = std::time::Instant::now();
-        let moves = drift.moves(seed as u64);
-        eprintln!("{drift:?} {moves:?} {:?}", began.elapsed());
-        assert!(moves.len() <= 6, "{drift:?}: {moves:?}");
+        let moves = drift.moves(seed);
+        assert!((2..=6).contains(&moves.len()), "{drift:?}: {moves:?}");
         assert!(moves.iter().all(|&node| node == NodeId(NODES)), "{drift:?}: {moves:?}");
-        most = most.max(moves.len());
     }
-    assert!(most >= 2, "no drift puts the rules to the test");
 }

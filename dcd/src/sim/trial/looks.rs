@@ -269,9 +269,14 @@ impl Trial<'_> {
     }
 
     fn check_queues(&self) -> Result<(), Violation> {
-        let (traffic, bound) = (self.sim.traffic(), self.sim.config.bounds.queue_bytes);
-        if traffic.most_queued > bound {
-            return Err(Violation::Queue { queue: "what a sender keeps", held: traffic.most_queued, bound });
+        let (traffic, bounds) = (self.sim.traffic(), self.sim.config.bounds);
+        for (queue, held, bound) in [
+            ("what a sender keeps", traffic.most_queued, bounds.queue_bytes),
+            ("what a sender keeps for a client", traffic.most_queued_for_client, bounds.client_queue_bytes),
+        ] {
+            if held > bound {
+                return Err(Violation::Queue { queue, held, bound });
+            }
         }
         Ok(())
     }

@@ -151,11 +151,10 @@ impl Audience {
             }
             if is_inside != self.inside.contains(&id) {
                 self.owed.insert(id, TIMES);
-                if is_inside {
-                    self.inside.insert(id)
-                } else {
-                    self.inside.remove(&id)
-                };
+                match is_inside {
+                    true => drop(self.inside.insert(id)),
+                    false => drop(self.inside.remove(&id)),
+                }
             }
         }
         let ghosts = self.stale.iter().filter(|(_, at)| self.spans(**at));

@@ -419,26 +419,6 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
     }
 }
 
-#[test]
-fn what_a_participant_wishes_while_the_leader_changes_happens() {
-    for wait_ms in (0..400).step_by(7) {
-        let mut sim = running(12, 3);
-        let (_, client) = sim.start_participant(None);
-        sim.run_until(|sim| sim.client(client).leader().is_some()).unwrap();
-        let body = sim_body(avatar(client), [1.0, 4.0, 4.0]);
-        sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
-        sim.run_until(|sim| sim.client(client).body(avatar(client)).is_some()).unwrap();
-        let leader = sim.client(client).leader().unwrap();
-        sim.leave(leader);
-        sim.run_for(Duration::from_millis(wait_ms)).unwrap();
-        let velocity = Velocity { linear: [0.0, 0.5, 0.0], angular: [0.0; 3] };
-        sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
-        sim.run_for(Duration::from_secs(2)).unwrap();
-        assert_ne!(sim.client(client).leader(), Some(leader), "{wait_ms} ms");
-        assert_eq!(sim.state(avatar(client)).unwrap().velocity, velocity, "{wait_ms} ms");
-    }
-}
-
 /// A cluster with two clients that each have an avatar, and little room for who does not read.
 fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
     let bounds =

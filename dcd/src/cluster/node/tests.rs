@@ -21,6 +21,15 @@ fn member() -> Node {
 }
 
 fn member_with(client: Option<ClientId>, report_every: u64, world: EnvironmentProperties) -> Node {
+    adopted(client, report_every, world).0
+}
+
+/// And what it says when the view begins.
+fn adopted(
+    client: Option<ClientId>,
+    report_every: u64,
+    world: EnvironmentProperties,
+) -> (Node, Vec<NodeOutput>) {
     let address = ([127, 0, 0, 1], 1).into();
     let config = NodeConfig {
         id: NodeId(2),
@@ -46,9 +55,19 @@ fn member_with(client: Option<ClientId>, report_every: u64, world: EnvironmentPr
         allocation: [(RegionId(1), NodeId(1)), (RegionId(2), NodeId(2))].into(),
     };
     server(&mut node, ToNode::Adopt { view, drop: vec![] });
-    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Computed { outgoing: vec![], removed: vec![] }));
-    drain(&mut node);
-    node
+    let said = computed(&mut node);
+    (node, said)
+}
+
+#[test]
+fn the_client_in_a_members_process_hears_of_the_leader_when_its_wishes_can_be_passed_on() {
+    let (_, said) = adopted(Some(ClientId(7)), 1, sim_world(2));
+    let leader = |output: &NodeOutput| match output {
+        NodeOutput::Client(ToClient::LeaderIs { leader: Some(member), .. }) => Some(member.node),
+        _ => None,
+    };
+    assert_eq!(said.iter().find_map(leader), Some(NodeId(1)));
+    assert_eq!(adopted(None, 1, sim_world(2)).1.iter().find_map(leader), None, "it has none");
 }
 
 fn border(node: &mut Node, view: u64, tick: u64, messages: Vec<BorderMessage>) -> Vec<NodeOutput> {

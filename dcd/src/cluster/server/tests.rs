@@ -1,7 +1,7 @@
 //! Rules of the server that a calm simulation does not show.
 
 use super::*;
-use crate::protocol::{Claim, Delay, DelayThresholds};
+use crate::protocol::{Claim, Delay, DelayThresholds, Stance};
 use crate::protocol::{ToNode, ToServer};
 use crate::sim::{sim_body, sim_world};
 use crate::space::Epoch;
@@ -125,6 +125,40 @@ fn a_node_is_let_go_of_by_one_group_before_another_takes_it() {
     let mut outputs = obey(&mut server, 1, outputs);
     outputs = obey(&mut server, 2, outputs);
     assert_eq!(obey(&mut server, 1, outputs).last(), Some(&ServerOutput::Ended));
+}
+
+#[test]
+fn what_a_group_was_believed_about_that_is_no_more_the_main_one_is_told_of() {
+    let mut server = server();
+    for node in 1..=3 {
+        let outputs = hello(&mut server, node, VERSION);
+        for other in 1..node {
+            let delays = vec![Delay { node: NodeId(node), delay_ms: None }];
+            tell(&mut server, other, Message::ToServer(ToServer::Delays(delays)));
+        }
+        obey(&mut server, node, outputs);
+        if node > 1 {
+            let outputs = wait(&mut server);
+            obey(&mut server, node, outputs);
+        }
+    }
+    let views: Vec<_> = server.views().map(|(group, view)| (group, view.number)).collect();
+    assert_eq!(views.len(), 3, "none of them reaches another");
+    let body = BodyId::persistent(0);
+    let touched = ToServer::Touched { view: views[2].1, bodies: vec![(body, 1)] };
+    tell(&mut server, 3, Message::ToServer(touched));
+    assert_eq!(server.believed(body), views[2].0);
+    let outputs = tell(&mut server, 3, Message::ToServer(ToServer::Leave));
+    let outputs = obey(&mut server, 3, outputs);
+    let told = |output: &ServerOutput| match output {
+        ServerOutput::Send { to, message: Message::ToNode(ToNode::Authority { stances, .. }) } => {
+            Some((*to, stances.clone()))
+        }
+        _ => None,
+    };
+    let told: Vec<_> = outputs.iter().filter_map(told).collect();
+    let stance = |yours| vec![Stance { body, number: 2, yours }];
+    assert_eq!(told, [(Peer::Node(NodeId(1)), stance(true)), (Peer::Node(NodeId(2)), stance(false))]);
 }
 
 #[test]

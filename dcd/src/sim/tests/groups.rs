@@ -178,26 +178,3 @@ fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_stop_no_other_group
         assert_eq!(sizes(&sim), [2; 3]);
     }
 }
-
-#[test]
-fn what_a_group_was_believed_about_that_is_no_more_the_main_group_is_believed_about() {
-    let (mut sim, _) = groups(20);
-    let main = sim.server().main_group();
-    let bodies = || (0..20).map(BodyId::persistent);
-    let claimed = |sim: &Sim| bodies().find(|&body| sim.server().believed(body) != main);
-    sim.run_until(|sim| claimed(sim).is_some()).unwrap();
-    let body = claimed(&sim).unwrap();
-    let group = sim.server().believed(body);
-    let members = sim.server().views().find(|&(id, _)| id == group).map(|(_, view)| view.members.clone());
-    for member in members.into_iter().flatten() {
-        sim.crash(Peer::Node(member.node));
-    }
-    sim.run_until(|sim| sim.server().views().count() == 2).unwrap();
-    sim.run_for(Duration::from_secs(1)).unwrap();
-    for (group, view) in sim.server().views() {
-        let leader = sim.nodes[&view.leader].machine.leader().expect("it leads");
-        for body in bodies() {
-            assert_eq!(leader.is_believed(body), sim.server().believed(body) == group, "{body} in {group}");
-        }
-    }
-}

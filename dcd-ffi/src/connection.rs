@@ -202,7 +202,7 @@ pub unsafe extern "C" fn dcd_connections(
 ) -> DcdStatus {
     guard("dcd_connections", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
-        let out = unsafe { Room::new(out, cap, count, "out")? };
+        let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
         with(world, |world| {
             let network = world.backend.network();
             let connections = network.map(|network| network.connections.list()).unwrap_or_default();

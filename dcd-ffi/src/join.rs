@@ -134,7 +134,7 @@ pub unsafe extern "C" fn dcd_own_avatars(
 ) -> DcdStatus {
     guard("dcd_own_avatars", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
-        let out = unsafe { Room::new(out, cap, count, "out")? };
+        let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
         with(world, |world| {
             let avatars = world.backend.own_avatars();
             out.fill(avatars.into_iter().map(|id| world.mark.body(id)))

@@ -452,7 +452,7 @@ pub unsafe extern "C" fn dcd_body_joints(
 ) -> DcdStatus {
     guard("dcd_body_joints", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
-        let out = unsafe { Room::new(out, cap, count, "out")? };
+        let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
         with(world, |world| {
             world.backend.check_joints()?;
             let id = body::find(world, body)?;

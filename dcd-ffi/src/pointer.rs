@@ -95,10 +95,10 @@ impl<T> Room<T> {
         out: *mut T,
         cap: usize,
         count: *mut usize,
-        name: &'static str,
+        [name, count_name]: [&'static str; 2],
     ) -> Result<Self, Failure> {
         // SAFETY: passed on.
-        let count = unsafe { Out::new(count, "count")? };
+        let count = unsafe { Out::new(count, count_name)? };
         if cap > 0 {
             check(out, name)?;
         }

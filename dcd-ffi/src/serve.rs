@@ -210,7 +210,7 @@ pub unsafe extern "C" fn dcd_token_create(
 ) -> DcdStatus {
     guard("dcd_token_create", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
-        let room = unsafe { Room::new(buf, cap, needed, "buf")? };
+        let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
         let role = match role {
             DCD_ROLE_CLIENT => Role::Client,
             DCD_ROLE_PARTICIPANT => Role::Participant,
@@ -248,7 +248,7 @@ pub unsafe extern "C" fn dcd_address(
 ) -> DcdStatus {
     guard("dcd_address", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
-        let room = unsafe { Room::new(buf, cap, needed, "buf")? };
+        let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
         with(world, |world| fill_text(room, &world.backend.hosted("be listened to")?.address().to_string()))
     })
 }

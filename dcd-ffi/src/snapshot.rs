@@ -27,7 +27,7 @@ pub unsafe extern "C" fn dcd_snapshot_save(
 ) -> DcdStatus {
     guard("dcd_snapshot_save", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
-        let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, "buf")? };
+        let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
         with(world, |world| {
             let mut bytes = Vec::new();
             world.backend.saved()?.save(&mut bytes)?;

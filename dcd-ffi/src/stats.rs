@@ -94,7 +94,7 @@ pub unsafe extern "C" fn dcd_stats_text(
 ) -> DcdStatus {
     guard("dcd_stats_text", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
-        let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, "buf")? };
+        let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
         with(world, |world| {
             let mut text = describe(&world.backend).into_bytes();
             text.push(0);

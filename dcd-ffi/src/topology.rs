@@ -91,7 +91,7 @@ pub unsafe extern "C" fn dcd_regions(
 ) -> DcdStatus {
     guard("dcd_regions", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
-        let out = unsafe { Room::new(out, cap, count, "out")? };
+        let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
         with(world, |world| {
             out.fill(world.backend.regions().into_iter().map(|region| DcdRegionInfo {
                 region: region.id.0,
@@ -119,7 +119,7 @@ pub unsafe extern "C" fn dcd_borders(
 ) -> DcdStatus {
     guard("dcd_borders", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
-        let out = unsafe { Room::new(out, cap, count, "out")? };
+        let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
         with(world, |world| out.fill(borders(&world.backend)?.into_iter()))
     })
 }

@@ -76,8 +76,9 @@ pub unsafe extern "C" fn dcd_overlap_shapes(
 ) -> DcdStatus {
     guard("dcd_overlap_shapes", || {
         // SAFETY: the caller vouches for `count` shapes and ends, `cap` overlaps, `total` and the filter.
-        let (batch, room) =
-            unsafe { (Batch::new(shapes, count, "shapes", filter)?, Room::new(found, cap, total, "found")?) };
+        let (batch, room) = unsafe {
+            (Batch::new(shapes, count, "shapes", filter)?, Room::new(found, cap, total, ["found", "total"])?)
+        };
         // SAFETY: as above.
         unsafe {
             batch.lists(world, room, ends, |asked, query| {
@@ -108,8 +109,9 @@ pub unsafe extern "C" fn dcd_overlap_points(
 ) -> DcdStatus {
     guard("dcd_overlap_points", || {
         // SAFETY: the caller vouches for `count` points and ends, `cap` overlaps, `total` and the filter.
-        let (batch, room) =
-            unsafe { (Batch::new(points, count, "points", filter)?, Room::new(found, cap, total, "found")?) };
+        let (batch, room) = unsafe {
+            (Batch::new(points, count, "points", filter)?, Room::new(found, cap, total, ["found", "total"])?)
+        };
         // SAFETY: as above.
         unsafe {
             batch.lists(world, room, ends, |asked, query| {
@@ -141,8 +143,9 @@ pub unsafe extern "C" fn dcd_overlap_boxes(
 ) -> DcdStatus {
     guard("dcd_overlap_boxes", || {
         // SAFETY: the caller vouches for `count` boxes and ends, `cap` overlaps, `total` and the filter.
-        let (batch, room) =
-            unsafe { (Batch::new(boxes, count, "boxes", filter)?, Room::new(found, cap, total, "found")?) };
+        let (batch, room) = unsafe {
+            (Batch::new(boxes, count, "boxes", filter)?, Room::new(found, cap, total, ["found", "total"])?)
+        };
         // SAFETY: as above.
         unsafe {
             batch.lists(world, room, ends, |asked, query| {

@@ -93,8 +93,9 @@ pub unsafe extern "C" fn dcd_cast_rays_all(
 ) -> DcdStatus {
     guard("dcd_cast_rays_all", || {
         // SAFETY: the caller vouches for `count` rays and ends, `cap` hits, `total` and the filter.
-        let (batch, room) =
-            unsafe { (Batch::new(rays, count, "rays", filter)?, Room::new(hits, cap, total, "hits")?) };
+        let (batch, room) = unsafe {
+            (Batch::new(rays, count, "rays", filter)?, Room::new(hits, cap, total, ["hits", "total"])?)
+        };
         // SAFETY: as above.
         unsafe {
             batch.lists(world, room, ends, |asked, ray| {

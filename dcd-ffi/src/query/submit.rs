@@ -121,7 +121,7 @@ pub unsafe extern "C" fn dcd_query_poll(
 ) -> DcdStatus {
     guard("dcd_query_poll", || {
         // SAFETY: the caller vouches for `cap` hits and for `count`.
-        let room = unsafe { Room::new(hits, cap, count, "hits")? };
+        let room = unsafe { Room::new(hits, cap, count, ["hits", "count"])? };
         with(world, |world| {
             let slot = slot(world, query)?;
             if let Some(&(rays, Submitted::Asked(number))) = world.queries.slots.get(slot) {

@@ -1,6 +1,7 @@
 //! One region: a Rapier world around an anchor, and who owns what in it.
 
 mod place;
+mod read;
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, OnceLock};
@@ -21,9 +22,7 @@ use super::shapes::{ShapeError, ShapeLibrary};
 use super::ties::{HeldJoint, JointNews};
 use super::watch::ContactWatch;
 use super::{convert, record};
-use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, JointRecord, RegionEvents, SharedState, Velocity, WorldPose,
-};
+use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, Epoch, JointId, RegionId, RegionSet, Tick};
 
 /// Immovable bodies are held this far beyond the cell, so that what reaches out of it finds its ground.
@@ -266,22 +265,6 @@ impl Region {
         self.replicas.len()
     }
 
-    /// By how many regions the mass of a body held here is divided: Rapier's body in each of them has that share of it.
-    pub fn share_of(&self, handle: RigidBodyHandle) -> usize {
-        self.slot_at(handle).and_then(|slot| slot.shared.as_deref()).map_or(1, |shared| shared.parts)
-    }
-
-    /// A body's pose in world space, as this region sees it.
-    pub fn world_pose(&self, handle: RigidBodyHandle) -> WorldPose {
-        convert::world_from_region(self.anchor, self.world.bodies[handle].position())
-    }
-
-    /// Where the body is, in world space, and how it moves.
-    pub(crate) fn motion(&self, handle: RigidBodyHandle) -> (WorldPose, Velocity) {
-        let body = &self.world.bodies[handle];
-        (convert::world_from_region(self.anchor, body.position()), convert::velocity_of(body))
-    }
-
     /// Micro-steps of the present tick.
     pub fn steps(&self) -> usize {
         self.border.pace.steps_of(self.rank)
@@ -492,43 +475,6 @@ impl Region {
         true
     }
 
-    /// A body held here, whole.
-    pub fn body_record(&self, handle: RigidBodyHandle) -> BodyRecord {
-        let slot = self.slot(handle);
-        BodyRecord {
-            id: slot.id,
-            epoch: slot.epoch,
-            state: self.body_state(handle),
-            traits: slot.traits.clone(),
-        }
-    }
-
-    /// The epoch of a body held here.
-    pub fn epoch_of(&self, handle: RigidBodyHandle) -> Epoch {
-        self.slot(handle).epoch
-    }
-
-    /// What a step changes of a body held here, in world space.
-    pub fn body_state(&self, handle: RigidBodyHandle) -> BodyState {
-        let mut state = record::state_of(&self.world.bodies[handle], self.anchor);
-        if let Some(shared) = &self.slot(handle).shared {
-            (state.force, state.torque) = (shared.user_force.to_array(), shared.user_torque.to_array());
-        }
-        state
-    }
-
-    /// What the owner of a body says of it.
-    pub fn shared_state(&self, handle: RigidBodyHandle) -> SharedState {
-        let (slot, body) = (self.slot(handle), &self.world.bodies[handle]);
-        SharedState {
-            id: slot.id,
-            epoch: slot.epoch,
-            pose: convert::world_from_region(self.anchor, body.position()),
-            velocity: convert::velocity_of(body),
-            sleeping: body.is_sleeping(),
-        }
-    }
-
     /// Changes who owns a body that is held here, and who else holds it.
     pub(super) fn set_role(&mut self, handle: RigidBodyHandle, role: Role, holders: RegionSet, epoch: Epoch) {
         let slot = self.slot_mut(handle);
@@ -652,19 +598,6 @@ impl Region {
             region.due[handle.into_raw_parts().0 as usize] = 0;
             result
         }))
-    }
-
-    /// The box around a body's colliders now, in world space.
-    pub(super) fn world_bounds(&self, handle: RigidBodyHandle) -> Bounds {
-        let body = &self.world.bodies[handle];
-        let aabbs = body.colliders().iter().map(|&collider| self.world.colliders[collider].compute_aabb());
-        let here = convert::world_point(self.anchor, body.translation());
-        aabbs.fold(Bounds::new(here, here), |bounds, aabb| {
-            bounds.union(&Bounds {
-                min: convert::world_point(self.anchor, aabb.mins),
-                max: convert::world_point(self.anchor, aabb.maxs),
-            })
-        })
     }
 
     /// Finds again which bodies joints tie together, if joints changed.

@@ -90,10 +90,94 @@ static void cannot(DcdWorld world, const char *role)
     HOLDS(id.v == 0 && hash == 0);
 }
 
+/* Joins as a node and as a client. */
+static void join(DcdWorld server, DcdWorld *node, DcdWorld *client)
+{
+    char address[64] = "", token[512] = "";
+    size_t needed = 0;
+    DcdNodeDef computes = DCD_NODE_DEF_INIT;
+    DcdClientDef sees = DCD_CLIENT_DEF_INIT;
+    computes.server = sees.server = address;
+    computes.token = sees.token = token;
+    OK(dcd_address(server, address, sizeof address, &needed));
+    OK(dcd_token_create(server, DCD_ROLE_NODE, 60, token, sizeof token, &needed));
+    OK(dcd_node_join(&computes, node));
+    OK(dcd_token_create(server, DCD_ROLE_CLIENT, 60, token, sizeof token, &needed));
+    OK(dcd_client_connect(&sees, client));
+}
+
+/* A world that was built here, served as it is: a box at rest, and a ball at the end of a joint that swings below it. */
+static void own_world(const char *folder)
+{
+    DcdWorld local = { 0 }, server = { 0 }, node = { 0 }, client = { 0 };
+    DcdWorldDef world = DCD_WORLD_DEF_INIT;
+    DcdBodyDef body = DCD_BODY_DEF_INIT;
+    DcdJointDef joint = DCD_JOINT_DEF_INIT;
+    DcdServerDef def = DCD_SERVER_DEF_INIT;
+    DcdBodyId box, ball;
+    DcdShapeId cube, sphere;
+    DcdJointId held;
+    const float half[3] = { 0.5f, 0.5f, 0.5f };
+    world.regions = 2;
+    world.gravity[1] = -5.0f;
+    OK(dcd_world_create(&world, &local));
+    OK(dcd_shape_box(local, half, &cube));
+    OK(dcd_shape_sphere(local, 0.25f, &sphere));
+    body.body_type = DCD_FIXED;
+    body.shape = cube;
+    body.pose.p[1] = 10.0;
+    body.user_data = 1;
+    OK(dcd_body_create(local, &body, &box));
+    body.body_type = DCD_DYNAMIC;
+    body.shape = sphere;
+    body.pose.p[0] = 3.0;
+    body.user_data = 2;
+    OK(dcd_body_create(local, &body, &ball));
+    joint.a = box;
+    joint.b = ball;
+    joint.joint_type = DCD_JOINT_SPHERICAL;
+    joint.frame_b.p[0] = -3.0f;
+    OK(dcd_joint_create(local, &joint, &held));
+
+    def.data_path = folder;
+    def.source = local;
+    def.scene = "pile";
+    FAILS(dcd_server_create(&def, &server), DCD_ERR_ARGUMENT, "source");
+    def.scene = NULL;
+    OK(dcd_server_create(&def, &server));
+    def.source = server;
+    FAILS(dcd_server_create(&def, &node), DCD_ERR_UNSUPPORTED, "server");
+    /* It was copied. */
+    OK(dcd_world_destroy(local));
+    def.source = local;
+    FAILS(dcd_server_create(&def, &node), DCD_ERR_STALE_ID, "world");
+
+    join(server, &node, &client);
+    HOLDS(reaches(client, 60));
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_world_info(client, &info));
+    HOLDS(info.regions == 2 && info.gravity[1] == -5.0f);
+    OK(dcd_state_view(client, &view));
+    HOLDS(view.count == 1);
+    if (view.count == 1) {
+        /* It swings: lower than it was made, and as far from the box. */
+        double x = view.poses[0].p[0], y = view.poses[0].p[1] - 10.0;
+        HOLDS(view.user_data[0] == 2);
+        HOLDS(y < -1.0 && x * x + y * y > 8.9 && x * x + y * y < 9.1);
+    }
+    OK(dcd_world_destroy(server));
+    OK(dcd_world_destroy(node));
+    OK(dcd_world_destroy(client));
+}
+
 int main(int argc, char **argv)
 {
+    char folder[512];
     if (argc != 2)
         return 2;
+    snprintf(folder, sizeof folder, "%s-own", argv[1]);
+    own_world(folder);
     bad_definitions(argv[1]);
 
     const char *params[] = { "n=40" };
@@ -113,6 +197,7 @@ int main(int argc, char **argv)
 
     char address[64] = "", token[512] = "", small[4] = "";
     size_t needed = 0;
+    FAILS(dcd_address(server, small, sizeof small, NULL), DCD_ERR_NULL, "needed");
     FAILS(dcd_address(server, small, sizeof small, &needed), DCD_ERR_SMALL_BUFFER, "room");
     HOLDS(needed > sizeof "127.0.0.1:" && needed <= sizeof address && small[0] == 0);
     OK(dcd_address(server, address, sizeof address, &needed));

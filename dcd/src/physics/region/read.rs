@@ -1,0 +1,76 @@
+//! What a region says of the bodies that it holds, in world space.
+
+use rapier3d::prelude::*;
+
+use super::Region;
+use crate::physics::{convert, record};
+use crate::protocol::{BodyRecord, BodyState, SharedState, Velocity, WorldPose};
+use crate::space::{Bounds, Epoch};
+
+impl Region {
+    /// By how many regions the mass of a body held here is divided: Rapier's body in each of them has that share of it.
+    pub fn share_of(&self, handle: RigidBodyHandle) -> usize {
+        self.slot_at(handle).and_then(|slot| slot.shared.as_deref()).map_or(1, |shared| shared.parts)
+    }
+
+    /// A body's pose in world space, as this region sees it.
+    pub fn world_pose(&self, handle: RigidBodyHandle) -> WorldPose {
+        convert::world_from_region(self.anchor, self.world.bodies[handle].position())
+    }
+
+    /// Where the body is, in world space, and how it moves.
+    pub(crate) fn motion(&self, handle: RigidBodyHandle) -> (WorldPose, Velocity) {
+        let body = &self.world.bodies[handle];
+        (convert::world_from_region(self.anchor, body.position()), convert::velocity_of(body))
+    }
+
+    /// A body held here, whole.
+    pub fn body_record(&self, handle: RigidBodyHandle) -> BodyRecord {
+        let slot = self.slot(handle);
+        BodyRecord {
+            id: slot.id,
+            epoch: slot.epoch,
+            state: self.body_state(handle),
+            traits: slot.traits.clone(),
+        }
+    }
+
+    /// The epoch of a body held here.
+    pub fn epoch_of(&self, handle: RigidBodyHandle) -> Epoch {
+        self.slot(handle).epoch
+    }
+
+    /// What a step changes of a body held here, in world space.
+    pub fn body_state(&self, handle: RigidBodyHandle) -> BodyState {
+        let mut state = record::state_of(&self.world.bodies[handle], self.anchor);
+        if let Some(shared) = &self.slot(handle).shared {
+            (state.force, state.torque) = (shared.user_force.to_array(), shared.user_torque.to_array());
+        }
+        state
+    }
+
+    /// What the owner of a body says of it.
+    pub fn shared_state(&self, handle: RigidBodyHandle) -> SharedState {
+        let (slot, body) = (self.slot(handle), &self.world.bodies[handle]);
+        SharedState {
+            id: slot.id,
+            epoch: slot.epoch,
+            pose: convert::world_from_region(self.anchor, body.position()),
+            velocity: convert::velocity_of(body),
+            sleeping: body.is_sleeping(),
+        }
+    }
+
+    /// The box around a body's colliders now, in world space.
+    pub(in crate::physics) fn world_bounds(&self, handle: RigidBodyHandle) -> Bounds {
+        let body = &self.world.bodies[handle];
+        let aabbs = body.colliders().iter().map(|&collider| self.world.colliders[collider].compute_aabb());
+        let here = convert::world_point(self.anchor, body.translation());
+        aabbs.fold(Bounds::new(here, here), |bounds, aabb| {
+            bounds.union(&Bounds {
+                min: convert::world_point(self.anchor, aabb.mins),
+                max: convert::world_point(self.anchor, aabb.maxs),
+            })
+        })
+    }
+}

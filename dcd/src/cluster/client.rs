@@ -435,6 +435,15 @@ impl Client {
         }
     }
 
+    fn hearing(&self) -> Hearing {
+        let own = BodyId::avatar(self.id, 0)..=BodyId::avatar(self.id, u32::MAX);
+        let around = |view: &BodyView| Area::around_avatar(view.body.state.pose.translation);
+        let areas = self.area.map(|area| {
+            std::iter::once(area).chain(self.bodies.range(own).map(|(_, view)| around(view))).collect()
+        });
+        Hearing { client: self.id, areas }
+    }
+
     /// Says what it wants to hear of, unless what was said stands for it.
     fn turn_to(&mut self, area: Option<Area>) {
         let is_known = match (&self.area, &area) {
@@ -446,9 +455,9 @@ impl Client {
         }
         self.area = area;
         // What comes into the area counts as outside until it is heard of.
-        let (me, area) = (self.id, self.area);
+        let hearing = self.hearing();
         for BodyView { body, outside, .. } in self.bodies.values_mut() {
-            *outside |= is_outside(me, area, body);
+            *outside |= hearing.misses(body);
         }
         self.send_interest();
     }
@@ -529,8 +538,9 @@ impl Client {
                 self.outputs.push_back(ClientOutput::Removed(id));
             }
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
+                let hearing = self.hearing();
                 for state in states {
-                    let outside = !is_followed(self.id, self.area, state.id, &state.pose);
+                    let outside = !hearing.follows(state.id, &state.pose);
                     // Nobody would take a guess back there.
                     if stamp.provisional && outside {
                         continue;
@@ -561,7 +571,7 @@ impl Client {
     /// A body of the server's record; what the leader told before may be newer.
     fn know(&mut self, body: BodyRecord) {
         if self.bodies.get(&body.id).is_none_or(|view| view.settled.0 < body.epoch) {
-            let outside = is_outside(self.id, self.area, &body);
+            let outside = self.hearing().misses(&body);
             self.bodies.insert(body.id, BodyView { outside, ..BodyView::new(body) });
         }
     }
@@ -585,14 +595,24 @@ impl Client {
     }
 }
 
-/// Whether the leader tells a client with this interest of a body whenever it moves, if this is where it is.
-fn is_followed(client: ClientId, area: Option<Area>, id: BodyId, pose: &WorldPose) -> bool {
-    area.is_none_or(|area| area.covers(pose.translation) || id.client() == Some(client))
+/// Of what the leader tells a client.
+struct Hearing {
+    client: ClientId,
+    /// Its area, and what is around its avatars; `None`: of everything.
+    areas: Option<Vec<Area>>,
 }
 
-/// Whether a body may be elsewhere than where it is known to be.
-fn is_outside(client: ClientId, area: Option<Area>, body: &BodyRecord) -> bool {
-    body.traits.kind != BodyKind::Fixed && !is_followed(client, area, body.id, &body.state.pose)
+impl Hearing {
+    /// Whether it is told of a body whenever that moves, if this is where it is.
+    fn follows(&self, id: BodyId, pose: &WorldPose) -> bool {
+        let Some(areas) = &self.areas else { return true };
+        id.client() == Some(self.client) || areas.iter().any(|area| area.covers(pose.translation))
+    }
+
+    /// Whether a body may be elsewhere than where it is known to be.
+    fn misses(&self, body: &BodyRecord) -> bool {
+        body.traits.kind != BodyKind::Fixed && !self.follows(body.id, &body.state.pose)
+    }
 }
 
 fn keep<T>(queue: &mut VecDeque<(Tick, T)>, tick: Tick, items: Vec<T>) {

@@ -80,6 +80,29 @@ fn an_interest_is_said_when_it_changes_by_more_than_a_little_and_again_to_a_new_
 }
 
 #[test]
+fn what_is_near_an_avatar_of_ones_own_is_not_outside() {
+    let mut client = linked();
+    let id = BodyId::avatar(client.id, 0);
+    let stone = client.bodies().find(|view| view.body.id == BodyId::persistent(50)).unwrap().body.clone();
+    let at = |x: f64| WorldPose::at([x, 0.0, 0.0]);
+    tell(&mut client, ToClient::Inserted { body: sim_body(id, [44.0, 0.0, 0.0]), shapes: Vec::new() });
+    let area = Area { centre: [-20.0, 0.0, 0.0], radius_m: 5.0 };
+    client.handle(Duration::ZERO, ClientEvent::Interest(Some(area)));
+    let outside = |client: &Client| client.body(stone.id).unwrap().outside;
+    assert!(!outside(&client), "at 50 m");
+    let stamp = Stamp { group: GroupId(1), tick: Tick(1), provisional: false };
+    let hear = |client: &mut Client, x: f64| {
+        let (pose, velocity) = (at(x), Velocity::default());
+        let state = SharedState { id: stone.id, epoch: Epoch(0), pose, velocity, sleeping: false };
+        tell(client, ToClient::States { stamp, states: vec![state] });
+    };
+    hear(&mut client, 60.0);
+    assert!(outside(&client));
+    hear(&mut client, 51.0);
+    assert!(!outside(&client));
+}
+
+#[test]
 fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
     let mut client = linked();
     let outside = |client: &Client| client.bodies().map(|view| view.outside).collect::<Vec<_>>();

@@ -6,8 +6,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// Around each avatar of the client's own what is there is told too, metres: what may touch it.
-const NEAR_M: f64 = 8.0;
 /// How often a body that comes into the area or leaves it is told of: datagrams get lost.
 const TIMES: u8 = 3;
 /// The most of them that are told of at once: what goes beyond waits, lest it push other states out.
@@ -130,7 +128,7 @@ impl Audience {
 
     /// An avatar of its own is here now. Says whether others must be looked at therefore.
     fn follow(&mut self, id: BodyId, state: &SharedState) -> bool {
-        let around = Area { centre: state.pose.translation, radius_m: NEAR_M };
+        let around = Area::around_avatar(state.pose.translation);
         if self.area.contains(&around) {
             return self.near.remove(&id).is_some();
         }
@@ -381,7 +379,7 @@ mod tests {
                 }
                 stage.tell();
                 let avatar = stage.latest[&AVATAR].0.pose.translation;
-                let near = Area { centre: avatar, radius_m: NEAR_M };
+                let near = Area::around_avatar(avatar);
                 for (id, (state, _)) in &stage.latest {
                     let (is, believed) = (state.pose.translation, stage.believed[id]);
                     let matters = |at| here.covers(at) || near.covers(at);

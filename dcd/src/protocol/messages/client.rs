@@ -39,6 +39,11 @@ pub struct Area {
 }
 
 impl Area {
+    /// What a client is told of around an avatar of its own, wherever its area is: what may touch it.
+    pub const fn around_avatar(centre: [f64; 3]) -> Self {
+        Self { centre, radius_m: 8.0 }
+    }
+
     fn margin_m(&self) -> f64 {
         (0.1 * self.radius_m).max(1.0)
     }

@@ -1574,7 +1574,8 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 //   it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
 // - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
 //   your own avatars, if they ask for them.
-// - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, rays, dcd_state_hash.
+// - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, dcd_borders, dcd_state_hash, and
+//   queries but for dcd_rays_submit.
 // - dcd_world_destroy leaves in order. Avatars leave with you and come back when you join with the same identity file.
 //
 // `def` and its texts are read during the call. The library keeps threads of its own until the world is destroyed.
@@ -2264,7 +2265,7 @@ DcdStatus dcd_query_poll(DcdWorld world,
 DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
 
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-// ask for the number.
+// ask for the number. A server and a node list none: dcd_world_info has their number.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
@@ -2273,7 +2274,7 @@ DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, si
 // regions that have a face in common or hold the same body. With `cap` 0 `out` may be null, to ask for the number.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
-// DCD_ERR_UNSUPPORTED in a served world: what its borders cost, its nodes know.
+// DCD_ERR_UNSUPPORTED in a served world, whatever the role: ask a local one of the same cut and coupling.
 DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, size_t *count);
 
 // Says who owns a body.

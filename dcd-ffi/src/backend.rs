@@ -511,7 +511,7 @@ impl Backend {
     /// Where regions meet, of a world that is computed here.
     pub(crate) fn borders(&self) -> Result<Vec<BorderView>, Failure> {
         Ok(self
-            .local("tell what borders cost", "its nodes know; dcd node says it at the end")?
+            .local("tell what borders cost", "ask a local world of the same cut and coupling")?
             .host()
             .borders())
     }

@@ -15,7 +15,7 @@ use crate::guard::guard;
 use crate::hosted::{Hosted, Process};
 use crate::join::Entry;
 use crate::pointer::{self, Out, Room, Sized32};
-use crate::status::{DcdStatus, Failure};
+use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
 use crate::world::{
     self, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole, DcdWorld, DcdWorldDef, Opened, with,
 };
@@ -137,6 +137,11 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         let (def, out, opened, groups, listen, data) = unsafe {
             let def = pointer::read_sized(def, "def")?;
             let opened = if def.source.v == 0 {
+                if def.scene.is_null() {
+                    let message =
+                        "scene and source are both null; name a scene, or give a local world as source";
+                    return Err(Failure::new(DCD_ERR_NULL, message));
+                }
                 Some(world::open(def.scene, def.params, def.param_count, def.world)?)
             } else if def.scene.is_null() && def.params.is_null() && def.world.is_null() {
                 None

@@ -79,7 +79,7 @@ pub struct DcdBorderInfo {
 }
 
 /// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-/// ask for the number.
+/// ask for the number. A server and a node list none: dcd_world_info has their number.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 #[unsafe(no_mangle)]
@@ -109,7 +109,7 @@ pub unsafe extern "C" fn dcd_regions(
 /// regions that have a face in common or hold the same body. With `cap` 0 `out` may be null, to ask for the number.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
-/// DCD_ERR_UNSUPPORTED in a served world: what its borders cost, its nodes know.
+/// DCD_ERR_UNSUPPORTED in a served world, whatever the role: ask a local one of the same cut and coupling.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_borders(
     world: DcdWorld,

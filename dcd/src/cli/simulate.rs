@@ -19,7 +19,7 @@ use crate::sim::{FaultProfile, Row, TrialConfig, run_trial, simulate};
 /// Examples:
 ///   dcd simulate
 ///   dcd simulate --faults kill-leader --seeds 0..1000
-///   dcd simulate --faults table --seeds 0..1000        (half an hour: the fault table)
+///   dcd simulate --faults table --seeds 0..1000        (an hour: the fault table)
 ///   dcd simulate --faults all --seeds 17..18 --timeline
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, after_long_help = profiles())]

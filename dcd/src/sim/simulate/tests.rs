@@ -54,7 +54,7 @@ fn the_world_holds_when_all_goes_wrong_at_once() {
 }
 
 #[test]
-#[ignore = "half an hour: cargo test --release -p dcd --lib -- --ignored fault_table"]
+#[ignore = "an hour: cargo test --release -p dcd --lib -- --ignored fault_table"]
 fn the_whole_fault_table_holds_by_a_thousand_seeds() {
     hold(&FaultProfile::TABLE, 0..1_000);
 }

@@ -359,7 +359,8 @@ impl Network {
     fn probe(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get(&id).filter(|link| link.is_open(side)) else { return };
         let (own, other) = (link.end(side).who, link.end(side.other()).who);
-        if !self.alive.contains_key(&other) {
+        let is_forgotten = link.end(side.other()).state == State::Closed;
+        if !is_forgotten || !self.alive.contains_key(&other) {
             return;
         }
         let is_answered = self.is_running(own) && self.is_running(other) && self.passes(now, own, other);

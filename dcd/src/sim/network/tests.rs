@@ -298,6 +298,27 @@ fn who_was_stopped_for_long_has_lost_its_links_and_hears_of_it_before_or_after_w
 }
 
 #[test]
+fn when_both_ends_are_stopped_one_after_the_other_both_keep_the_link_or_both_lose_it() {
+    let mut kept = 0;
+    for seed in 0..200 {
+        let mut world = World::linked(calm(), seed);
+        world.network.stop(world.now, A);
+        world.run_to(world.now + 500 * MS);
+        world.network.stop(world.now, B);
+        world.run_to(world.now + 5_000 * MS);
+        for peer in [A, B] {
+            world.network.resume(world.now, peer);
+            world.collect(true);
+            world.run_to(world.now + 500 * MS);
+        }
+        world.run_to(world.now + 3_000 * MS);
+        assert_eq!(world.told(A, false), world.told(B, false), "seed {seed}");
+        kept += usize::from(world.network.is_linked(A, B));
+    }
+    assert!((1..200).contains(&kept), "{kept} of 200 kept the link");
+}
+
+#[test]
 fn a_short_stop_ends_no_link() {
     for seed in 0..50 {
         let mut world = World::linked(calm(), seed);

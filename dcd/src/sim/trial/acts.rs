@@ -207,7 +207,10 @@ impl Trial<'_> {
         if self.healed_at.is_some() {
             return;
         }
-        let pause = self.random.between_ms(300, 1_200);
+        // Who turns all the time is nowhere near where other groups have heard that it is: users let them catch up at last.
+        let lets_settle = self.sites > 1 && self.calm_since.is_some();
+        let (least, most) = if lets_settle { (2_000, 4_000) } else { (300, 1_200) };
+        let pause = self.random.between_ms(least, most);
         self.plan_in(pause, Action::Use(client));
         let is_stopped = self.sim.hosts.get(&Peer::Client(client)).is_none_or(|host| host.stopped);
         let Some(machine) = self.sim.clients.get(&client).filter(|client| client.is_joined()) else { return };

@@ -299,8 +299,6 @@ impl Drop for ServerProcess {
     }
 }
 
-/// The scene as everybody is told of it. The halo is that of a local world with the same bodies, so that both compute
-/// the same bits.
 /// A world to be, as values.
 struct Beginning {
     tree: DistributionTree,
@@ -346,6 +344,8 @@ impl Beginning {
     }
 }
 
+/// The world as everybody is told of it. The halo is that of a local world with the same bodies, so that both compute
+/// the same bits.
 fn world_of(
     beginning: Beginning,
     config: &ServeConfig,

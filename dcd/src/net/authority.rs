@@ -6,14 +6,16 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rcgen::{
-    BasicConstraints, CertificateParams, CertificateSigningRequestParams, DistinguishedName, DnType,
-    ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose, PublicKeyData,
+    BasicConstraints, CertificateParams, DistinguishedName, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer,
+    KeyUsagePurpose, PublicKeyData,
 };
 use rustls::pki_types::pem::PemObject;
-use rustls::pki_types::{CertificateDer, CertificateSigningRequestDer, PrivatePkcs8KeyDer};
+use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
 
 use super::files::{at, open_private, replace_private};
+use super::identity::pem_section;
 use super::join::{Admission, JoinRequest};
+use super::key::Key;
 use super::ledger::Ledger;
 use super::token::{NONCE_BYTES, Secret, unix_seconds};
 use super::verify::{fingerprint, random};
@@ -24,7 +26,7 @@ use super::{Identity, JoinRefusal, NetError, PeerName, ResumeKey, Role, Token};
 /// Any process that may read the folder can mint tokens while the server runs; only the server redeems them.
 pub struct Authority {
     folder: PathBuf,
-    issuer: Issuer<'static, KeyPair>,
+    issuer: Issuer<'static, Key>,
     certificate: CertificateDer<'static>,
     fingerprint: [u8; 32],
     secret: Secret,
@@ -59,17 +61,15 @@ impl Authority {
         let damaged = |what: &str| NetError::Damaged { path: path.to_owned(), what: what.to_owned() };
         let pem = std::fs::read(path).map_err(at(path))?;
         let key_der = PrivatePkcs8KeyDer::from_pem_slice(&pem).map_err(|_| damaged("no private key"))?;
-        let key = KeyPair::try_from(&key_der).map_err(|error| damaged(&error.to_string()))?;
+        let key = Key::from_der(&key_der).ok_or_else(|| damaged("a private key that is not Ed25519"))?;
         let certificate = CertificateDer::from_pem_slice(&pem).map_err(|_| damaged("no certificate"))?;
-        let issuer =
-            Issuer::from_ca_cert_der(&certificate, key).map_err(|error| damaged(&error.to_string()))?;
         // Derived, not a file of its own: who has the key may issue certificates anyway, and one file cannot
         // contradict itself.
         let secret =
             blake3::derive_key("dcd 2026 seal of join tokens and resume keys", key_der.secret_pkcs8_der());
         Ok(Self {
             folder: folder.to_owned(),
-            issuer,
+            issuer: Issuer::new(of_authority(), key),
             fingerprint: fingerprint(&certificate),
             certificate,
             secret: Secret(secret),
@@ -102,11 +102,11 @@ impl Authority {
     /// The server's own identity, made anew at each start.
     pub fn server_identity(&self) -> Result<Identity, NetError> {
         let now = SystemTime::now();
-        let key = KeyPair::generate().map_err(tls)?;
+        let key = Key::generate()?;
         let certificate = self.issue(PeerName::Server, &key, now, SERVER_CERTIFICATE_LIFE).map_err(tls)?;
         Ok(Identity {
             who: PeerName::Server,
-            key: PrivatePkcs8KeyDer::from(key.serialize_der()),
+            key: key.der().clone_key(),
             certificate,
             authority: self.certificate.clone(),
             expires_unix_s: unix_seconds(now + SERVER_CERTIFICATE_LIFE),
@@ -131,9 +131,9 @@ impl Authority {
         }
         let resumed = request.resume.as_deref().map(|key| self.resumed(key, token.role)).transpose()?;
         // The key must be good before the token is spent.
-        let csr = CertificateSigningRequestDer::from(request.csr.as_slice());
-        let csr = CertificateSigningRequestParams::from_der(&csr)
-            .map_err(|_| JoinRefusal::Malformed("its certificate request"))?;
+        if !request.key.is_proved(&request.token, &request.proof) {
+            return Err(JoinRefusal::Malformed("the proof that its key is its own"));
+        }
         let failed = |error: &dyn std::fmt::Display| JoinRefusal::Server(error.to_string());
 
         let mut ledger = self.ledger(now).map_err(|error| failed(&error))?;
@@ -146,7 +146,7 @@ impl Authority {
             .map_err(|error| failed(&error))?;
         // Only the key is taken from the request: names are ours to give.
         let certificate =
-            self.issue(who, &csr.public_key, now, self.certificate_life).map_err(|error| failed(&error))?;
+            self.issue(who, &request.key, now, self.certificate_life).map_err(|error| failed(&error))?;
         Ok(Admission {
             who,
             certificate: certificate.to_vec(),
@@ -159,7 +159,7 @@ impl Authority {
     /// A certificate with the names and key of another one, as if issued `then`.
     #[cfg(test)]
     pub(super) fn renewed(&self, identity: &Identity, then: SystemTime) -> CertificateDer<'static> {
-        let key = KeyPair::try_from(&identity.key).unwrap();
+        let key = Key::from_der(&identity.key).unwrap();
         self.issue(identity.who, &key, then, self.certificate_life).unwrap()
     }
 
@@ -205,13 +205,19 @@ impl Authority {
 
 /// The text of a new `authority.pem`: key and self-signed certificate.
 fn new_authority() -> Result<String, NetError> {
-    let key = KeyPair::generate().map_err(tls)?;
+    let key = Key::generate()?;
+    let certificate = of_authority().self_signed(&key).map_err(tls)?;
+    let key = pem_section("PRIVATE KEY", key.der().secret_pkcs8_der());
+    Ok(key + &pem_section("CERTIFICATE", certificate.der()))
+}
+
+/// What the authority's own certificate says.
+fn of_authority() -> CertificateParams {
     let mut params = CertificateParams::default();
     params.distinguished_name = named("dcd authority");
     params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
     params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::DigitalSignature];
-    let certificate = params.self_signed(&key).map_err(tls)?;
-    Ok(key.serialize_pem() + &certificate.pem())
+    params
 }
 
 fn named(name: &str) -> DistinguishedName {

@@ -6,10 +6,10 @@ use std::time::{Duration, SystemTime};
 
 use quinn::crypto::rustls::QuicClientConfig;
 use quinn::{Connection, ConnectionError, Endpoint};
-use rcgen::{CertificateParams, KeyPair};
-use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
+use rustls::pki_types::CertificateDer;
 
 use super::fields::{Fields, put_counted};
+use super::key::{Key, PublicKey};
 use super::peer::{CODE_DONE, CODE_VIOLATION};
 use super::verify::joining;
 use super::{
@@ -28,11 +28,12 @@ pub fn join(
     resume: Option<&ResumeKey>,
     timeout: Duration,
 ) -> Result<Identity, NetError> {
-    let key = KeyPair::generate().map_err(tls)?;
-    let csr = CertificateParams::default().serialize_request(&key).map_err(tls)?;
+    let key = Key::generate()?;
+    let token_text = token.to_string();
     let request = JoinRequest {
-        token: token.to_string(),
-        csr: csr.der().to_vec(),
+        key: key.public(),
+        proof: key.prove(&token_text),
+        token: token_text,
         resume: resume.map(ResumeKey::to_string),
     };
     let request = request.encode(PROTOCOL_VERSION);
@@ -44,7 +45,7 @@ pub fn join(
     };
     Ok(Identity {
         who: admission.who,
-        key: PrivatePkcs8KeyDer::from(key.serialize_der()),
+        key: key.der().clone_key(),
         certificate: CertificateDer::from(admission.certificate),
         authority: CertificateDer::from(admission.authority),
         expires_unix_s: admission.expires_unix_s,
@@ -55,7 +56,10 @@ pub fn join(
 /// What a joiner says.
 pub(super) struct JoinRequest {
     pub(super) token: String,
-    pub(super) csr: Vec<u8>,
+    /// Its own, for which it wants a certificate.
+    pub(super) key: PublicKey,
+    /// That it is its own.
+    pub(super) proof: Vec<u8>,
     pub(super) resume: Option<String>,
 }
 
@@ -78,7 +82,8 @@ impl JoinRequest {
         let mut bytes = MAGIC.to_vec();
         bytes.extend(version.to_be_bytes());
         put_counted(&mut bytes, self.token.as_bytes());
-        put_counted(&mut bytes, &self.csr);
+        bytes.extend(self.key.0);
+        put_counted(&mut bytes, &self.proof);
         put_counted(&mut bytes, self.resume.as_deref().unwrap_or_default().as_bytes());
         bytes
     }
@@ -95,10 +100,11 @@ impl JoinRequest {
         }
         let mut read = || {
             let token = String::from_utf8(fields.take_counted()?.to_vec()).ok()?;
-            let csr = fields.take_counted()?.to_vec();
+            let key = PublicKey(fields.take()?);
+            let proof = fields.take_counted()?.to_vec();
             let resume = String::from_utf8(fields.take_counted()?.to_vec()).ok()?;
             fields.end()?;
-            Some(Self { token, csr, resume: Some(resume).filter(|key| !key.is_empty()) })
+            Some(Self { token, key, proof, resume: Some(resume).filter(|key| !key.is_empty()) })
         };
         read().ok_or(JoinRefusal::Malformed("its fields"))
     }
@@ -290,8 +296,4 @@ pub(super) fn explain(
         }
         error => NetError::Broken { addr, detail: error.to_string() },
     }
-}
-
-fn tls(error: rcgen::Error) -> NetError {
-    NetError::Tls(error.to_string())
 }

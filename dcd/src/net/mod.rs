@@ -15,6 +15,7 @@ mod fields;
 mod files;
 mod identity;
 mod join;
+mod key;
 mod lanes;
 mod ledger;
 mod limits;
@@ -43,4 +44,4 @@ pub use stats::{NetTotals, PeerStats};
 pub use token::{ResumeKey, Token};
 
 /// The version of everything that dcd processes say to one another. Processes of unlike versions refuse each other.
-pub const PROTOCOL_VERSION: u32 = 2;
+pub const PROTOCOL_VERSION: u32 = 3;

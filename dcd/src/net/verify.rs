@@ -5,28 +5,28 @@ use std::sync::Arc;
 
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
 use rustls::client::{Resumption, WebPkiServerVerifier};
-use rustls::crypto::{CryptoProvider, WebPkiSupportedAlgorithms, ring};
+use rustls::crypto::ring::{cipher_suite, kx_group};
+use rustls::crypto::{CryptoProvider, GetRandomFailed, SecureRandom, WebPkiSupportedAlgorithms};
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::server::{NoServerSessionStorage, WebPkiClientVerifier};
 use rustls::version::TLS13;
 use rustls::{ClientConfig, DigitallySignedStruct, RootCertStore, ServerConfig, SignatureScheme};
 
+use super::key::Keys;
 use super::{Identity, NetError, PeerName};
 
 const ALPN: &[u8] = b"dcd";
 
 /// SHA-256, by which tokens name an authority.
 pub(super) fn fingerprint(certificate: &CertificateDer<'_>) -> [u8; 32] {
-    // rustls has ring's SHA-256 inside its cipher suites; a crate for one call is spared.
-    let suite = ring::cipher_suite::TLS13_AES_128_GCM_SHA256.tls13().expect("it is a suite of TLS 1.3");
-    let hash = suite.common.hash_provider.hash(certificate);
+    let hash = ring::digest::digest(&ring::digest::SHA256, certificate);
     hash.as_ref().try_into().expect("SHA-256 has 32 bytes")
 }
 
 /// Bytes that nobody can foresee.
 pub(super) fn random<const N: usize>() -> Result<[u8; N], NetError> {
     let mut bytes = [0; N];
-    let filled = ring::default_provider().secure_random.fill(&mut bytes);
+    let filled = System.fill(&mut bytes);
     filled.map(|()| bytes).map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))
 }
 
@@ -76,7 +76,7 @@ pub(super) fn dialling(identity: &Identity) -> Result<ClientConfig, NetError> {
 
 /// How to dial a server without an identity: it must show the authority that the token names.
 pub(super) fn joining(fingerprint: [u8; 32]) -> Result<ClientConfig, NetError> {
-    let verifier = PinnedAuthority { fingerprint, algorithms: provider().signature_verification_algorithms };
+    let verifier = PinnedAuthority { fingerprint };
     let config = ClientConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&TLS13])
         .map_err(tls)?
@@ -92,8 +92,35 @@ fn for_dcd(mut config: ClientConfig) -> ClientConfig {
     config
 }
 
+/// What signs certificates and handshakes.
+static SIGNATURES: WebPkiSupportedAlgorithms = WebPkiSupportedAlgorithms {
+    all: &[webpki::ring::ED25519],
+    mapping: &[(SignatureScheme::ED25519, &[webpki::ring::ED25519])],
+};
+
+/// The cryptography of all links: no more of it than our own processes show each other.
 fn provider() -> Arc<CryptoProvider> {
-    Arc::new(ring::default_provider())
+    Arc::new(CryptoProvider {
+        cipher_suites: vec![
+            cipher_suite::TLS13_AES_256_GCM_SHA384,
+            cipher_suite::TLS13_AES_128_GCM_SHA256,
+            cipher_suite::TLS13_CHACHA20_POLY1305_SHA256,
+        ],
+        kx_groups: vec![kx_group::X25519],
+        signature_verification_algorithms: SIGNATURES,
+        secure_random: &System,
+        key_provider: &Keys,
+    })
+}
+
+/// Random bytes of the operating system.
+#[derive(Debug)]
+struct System;
+
+impl SecureRandom for System {
+    fn fill(&self, bytes: &mut [u8]) -> Result<(), GetRandomFailed> {
+        ring::rand::SecureRandom::fill(&ring::rand::SystemRandom::new(), bytes).map_err(|_| GetRandomFailed)
+    }
 }
 
 fn roots(authority: &CertificateDer<'static>) -> Result<RootCertStore, NetError> {
@@ -110,7 +137,6 @@ fn tls(error: impl std::fmt::Display) -> NetError {
 #[derive(Debug)]
 struct PinnedAuthority {
     fingerprint: [u8; 32],
-    algorithms: WebPkiSupportedAlgorithms,
 }
 
 impl ServerCertVerifier for PinnedAuthority {
@@ -140,7 +166,7 @@ impl ServerCertVerifier for PinnedAuthority {
         certificate: &CertificateDer<'_>,
         signature: &DigitallySignedStruct,
     ) -> Result<HandshakeSignatureValid, rustls::Error> {
-        rustls::crypto::verify_tls12_signature(message, certificate, signature, &self.algorithms)
+        rustls::crypto::verify_tls12_signature(message, certificate, signature, &SIGNATURES)
     }
 
     fn verify_tls13_signature(
@@ -149,10 +175,10 @@ impl ServerCertVerifier for PinnedAuthority {
         certificate: &CertificateDer<'_>,
         signature: &DigitallySignedStruct,
     ) -> Result<HandshakeSignatureValid, rustls::Error> {
-        rustls::crypto::verify_tls13_signature(message, certificate, signature, &self.algorithms)
+        rustls::crypto::verify_tls13_signature(message, certificate, signature, &SIGNATURES)
     }
 
     fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
-        self.algorithms.supported_schemes()
+        SIGNATURES.supported_schemes()
     }
 }

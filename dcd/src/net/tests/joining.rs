@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::net::join::{JoinRequest, exchange};
+use crate::net::key::Key;
 use crate::space::{ClientId, NodeId};
 
 fn refusal(result: Result<Identity, NetError>) -> String {
@@ -102,10 +103,16 @@ fn a_server_refuses_tokens_that_it_did_not_mint() {
     }
 }
 
+/// What a process with a key of its own says.
+fn request(token: &str) -> JoinRequest {
+    let key = Key::generate().unwrap();
+    JoinRequest { token: token.to_owned(), proof: key.prove(token), key: key.public(), resume: None }
+}
+
 #[test]
 fn a_mistyped_token_is_told_from_a_refused_one() {
     let server = Server::start();
-    let request = JoinRequest { token: "dcd1-aaaaaaaaaaaaaaaa".to_owned(), csr: vec![], resume: None };
+    let request = request("dcd1-aaaaaaaaaaaaaaaa");
     let reason = reply(&server, &request.encode(PROTOCOL_VERSION));
     assert!(reason.contains("mistyped"), "{reason}");
 }
@@ -113,18 +120,20 @@ fn a_mistyped_token_is_told_from_a_refused_one() {
 #[test]
 fn unlike_versions_are_both_named() {
     let server = Server::start();
-    let request = JoinRequest { token: String::new(), csr: vec![], resume: None };
+    let request = request("");
     let reason = reply(&server, &request.encode(77));
-    assert!(reason.contains("version 2,") && reason.contains("speaks 77;"), "{reason}");
+    assert!(reason.contains("version 3,") && reason.contains("speaks 77;"), "{reason}");
 }
 
 #[test]
 fn requests_of_any_bytes_are_refused_and_spend_no_token() {
     let server = Server::start();
     let token = server.token(Role::Node);
-    let no_csr = JoinRequest { token: token.to_string(), csr: vec![0; 40], resume: None };
-    let whole = no_csr.encode(PROTOCOL_VERSION);
-    for request in [&b""[..], b"join", b"GET / HTTP/1.1", &whole[..whole.len() - 1], &whole] {
+    let whole = request(&token.to_string()).encode(PROTOCOL_VERSION);
+    // A key that is not the joiner's.
+    let other = Key::generate().unwrap();
+    let strange = JoinRequest { key: other.public(), ..request(&token.to_string()) }.encode(PROTOCOL_VERSION);
+    for request in [&b""[..], b"join", b"GET / HTTP/1.1", &whole[..whole.len() - 1], &strange] {
         assert!(reply(&server, request).contains("cannot be read"));
     }
     join(server.addr(), &token, None, PATIENCE).unwrap();

@@ -1,0 +1,138 @@
+//! Key pairs as every dcd process has one: Ed25519, made and used by ring.
+//!
+//! No process of ours shows another kind, so none is understood: whatever is not here, cannot be attacked.
+
+use std::fmt;
+use std::sync::Arc;
+
+use rcgen::{PKCS_ED25519, PublicKeyData, SignatureAlgorithm};
+use ring::rand::SystemRandom;
+use ring::signature::{ED25519, ED25519_PUBLIC_KEY_LEN, Ed25519KeyPair, KeyPair, UnparsedPublicKey};
+use rustls::crypto::KeyProvider;
+use rustls::crypto::ring::sign::any_eddsa_type;
+use rustls::pki_types::{PrivateKeyDer, PrivatePkcs8KeyDer};
+
+use super::NetError;
+
+/// What a proof of possession is made of beside the token that it is for.
+const PROOF: &[u8] = b"dcd joins with this key and the token ";
+
+/// A private key with its public half.
+pub(super) struct Key {
+    pair: Ed25519KeyPair,
+    der: PrivatePkcs8KeyDer<'static>,
+}
+
+/// The public half of somebody's key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PublicKey(pub(super) [u8; ED25519_PUBLIC_KEY_LEN]);
+
+impl Key {
+    /// A new one.
+    pub(super) fn generate() -> Result<Self, NetError> {
+        let made = Ed25519KeyPair::generate_pkcs8(&SystemRandom::new());
+        let made = made.map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))?;
+        let der = PrivatePkcs8KeyDer::from(made.as_ref().to_vec());
+        Ok(Self::from_der(&der).expect("what ring has made, ring can read"))
+    }
+
+    /// Reads PKCS#8; `None` when it is not one of our keys.
+    pub(super) fn from_der(der: &PrivatePkcs8KeyDer<'_>) -> Option<Self> {
+        let pair = Ed25519KeyPair::from_pkcs8(der.secret_pkcs8_der()).ok()?;
+        Some(Self { pair, der: der.clone_key() })
+    }
+
+    /// PKCS#8.
+    pub(super) fn der(&self) -> &PrivatePkcs8KeyDer<'static> {
+        &self.der
+    }
+
+    pub(super) fn public(&self) -> PublicKey {
+        PublicKey(self.pair.public_key().as_ref().try_into().expect("it has this length"))
+    }
+
+    /// Shows who has the token that this key is theirs.
+    pub(super) fn prove(&self, token: &str) -> Vec<u8> {
+        self.pair.sign(&[PROOF, token.as_bytes()].concat()).as_ref().to_vec()
+    }
+}
+
+impl PublicKey {
+    /// Whether the one who made the proof for this token has the private half.
+    pub(super) fn is_proved(&self, token: &str, proof: &[u8]) -> bool {
+        let key = UnparsedPublicKey::new(&ED25519, self.0);
+        key.verify(&[PROOF, token.as_bytes()].concat(), proof).is_ok()
+    }
+}
+
+impl PublicKeyData for PublicKey {
+    fn der_bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    fn algorithm(&self) -> &'static SignatureAlgorithm {
+        &PKCS_ED25519
+    }
+}
+
+impl PublicKeyData for Key {
+    fn der_bytes(&self) -> &[u8] {
+        self.pair.public_key().as_ref()
+    }
+
+    fn algorithm(&self) -> &'static SignatureAlgorithm {
+        &PKCS_ED25519
+    }
+}
+
+impl rcgen::SigningKey for Key {
+    fn sign(&self, message: &[u8]) -> Result<Vec<u8>, rcgen::Error> {
+        Ok(self.pair.sign(message).as_ref().to_vec())
+    }
+}
+
+/// Gives TLS our keys.
+#[derive(Debug)]
+pub(super) struct Keys;
+
+impl KeyProvider for Keys {
+    fn load_private_key(
+        &self,
+        key: PrivateKeyDer<'static>,
+    ) -> Result<Arc<dyn rustls::sign::SigningKey>, rustls::Error> {
+        match &key {
+            PrivateKeyDer::Pkcs8(key) => any_eddsa_type(key),
+            _ => Err(rustls::Error::General("keys are in PKCS#8".to_owned())),
+        }
+    }
+}
+
+impl fmt::Debug for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // The private half stays out of logs.
+        f.debug_tuple("Key").field(&self.public()).finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_that_was_written_is_read_back() {
+        let key = Key::generate().unwrap();
+        assert_eq!(Key::from_der(key.der()).unwrap().public(), key.public());
+        assert_ne!(Key::generate().unwrap().public(), key.public());
+        assert!(Key::from_der(&PrivatePkcs8KeyDer::from(vec![0x30; 48])).is_none());
+    }
+
+    #[test]
+    fn a_proof_is_of_one_key_and_one_token() {
+        let (key, other) = (Key::generate().unwrap(), Key::generate().unwrap());
+        let proof = key.prove("a token");
+        assert!(key.public().is_proved("a token", &proof));
+        assert!(!key.public().is_proved("another token", &proof));
+        assert!(!other.public().is_proved("a token", &proof));
+        assert!(!key.public().is_proved("a token", &[]));
+    }
+}

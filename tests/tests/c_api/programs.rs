@@ -51,6 +51,22 @@ fn game_loop_sees_contacts_and_transfers_and_draws_between_steps() {
     assert!(said.contains("ball 0 is 0.25 m above something"), "{said}");
 }
 
+/// The first program of the README, and what it changes to join a server.
+pub(crate) fn program_of_the_readme() -> [String; 2] {
+    let page = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let mut blocks = page.split("```c\n").skip(1).map(|block| block.split("```").next().unwrap().to_owned());
+    std::array::from_fn(|_| blocks.next().expect("the page has both"))
+}
+
+#[test]
+fn the_program_of_the_readme_says_where_its_ball_lies() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("readme.c");
+    std::fs::write(&file, &program_of_the_readme()[0]).unwrap();
+    let said = run_well(&mut Command::new(build(&file, dir.path(), &[])));
+    assert_eq!(said, "the ball is at 1.00 m\n");
+}
+
 /// The numbers of a line, in their order.
 pub(crate) fn numbers(line: &str) -> Vec<f64> {
     line.split(|c: char| !(c.is_ascii_digit() || c == '.')).filter_map(|n| n.parse().ok()).collect()

@@ -12,8 +12,8 @@ use dcd::runtime::{
 };
 use dcd::scene::{Params, Scene};
 
-use crate::programs::{SANITIZED, numbers};
-use crate::toolchain::{build, root, run_well};
+use crate::programs::{SANITIZED, numbers, program_of_the_readme};
+use crate::toolchain::{build, library_dir, root, run_well};
 
 const LIMIT: Duration = Duration::from_secs(60);
 
@@ -109,6 +109,29 @@ fn a_game_loop_written_for_a_local_world_joins_a_served_one() {
         last.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
     let [300, 249, began, ..] = numbers[..] else { panic!("{said}") };
     assert!(began >= 16, "16 balls fall on the ground: {said}");
+    cluster.stop();
+}
+
+#[test]
+fn the_program_of_the_readme_joins_a_served_world_by_another_call() {
+    // First: tokens expire, and the library may take its time.
+    library_dir();
+    let cluster = Cluster::start(1);
+    let [local, joins] = program_of_the_readme();
+    // The scene has a ground.
+    let (before, rest) = local.split_once("    DcdWorldDef def").expect("it makes a world");
+    let (_, rest) = rest.split_once("_INIT;\n").expect("the definition has a line");
+    let (declared, rest) = rest.split_once("    def.regions").expect("it sets the definition");
+    let (_, rest) = rest.split_once("    ball.pose").expect("it makes the ball last");
+    let joins = joins.replace("192.0.2.7:7420", &cluster.server.address.to_string());
+    let joins = joins.replace("dcd1-...", &cluster.token(Role::Client));
+    let declared = declared.replace("ground = DCD_BODY_DEF_INIT, ", "");
+    let source = format!("{before}{declared}{joins}    ball.pose{rest}");
+    let source = source.replace("    const float half[3] = { 50.0f, 0.5f, 50.0f };\n", "");
+    let file = cluster.folder.path().join("readme.c");
+    std::fs::write(&file, source).unwrap();
+    let said = run_well(&mut Command::new(build(&file, cluster.folder.path(), &[])));
+    assert!(said.starts_with("the ball is at "), "{said}");
     cluster.stop();
 }
 

@@ -33,6 +33,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -453,6 +454,11 @@ public:
     Status send(ConnectionId connection, Span<const unsigned char> bytes, std::uint32_t flags = 0)
     {
         return Status(dcd_send(world_, connection, bytes.data(), bytes.size(), flags));
+    }
+    /* A text goes without a NUL at its end. */
+    Status send(ConnectionId connection, std::string_view text, std::uint32_t flags = 0)
+    {
+        return Status(dcd_send(world_, connection, text.data(), text.size(), flags));
     }
 
     /* Shapes. */

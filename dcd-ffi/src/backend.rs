@@ -520,12 +520,10 @@ impl Backend {
     pub(crate) fn owner(&self, id: BodyId) -> OwnerView {
         let unknown = OwnerView { region: None, node: None, holders: 0, here: false, heard: false };
         match self {
-            Self::Local(world) => OwnerView {
-                region: world.owner_of(id),
-                holders: world.host().holders(id),
-                here: true,
-                ..unknown
-            },
+            Self::Local(world) => {
+                let region = world.owner_of(id);
+                OwnerView { region, holders: world.host().holders(id), here: region.is_some(), ..unknown }
+            }
             Self::Served(world) => world.owner(id),
             Self::Hosted(_) => unknown,
         }

@@ -378,6 +378,7 @@ pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdB
         with(world, |world| {
             let id = BodyId::persistent(index);
             if !world.backend.contains(id) {
+                world.backend.check_sees()?;
                 return Err(stale("body number", u64::from(index)));
             }
             out.write(world.mark.body(id));
@@ -389,7 +390,12 @@ pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdB
 /// The body behind a handle.
 pub(crate) fn find(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
     let id = world.mark.body_id(body)?;
-    if world.backend.contains(id) { Ok(id) } else { Err(stale("body", body.v)) }
+    if world.backend.contains(id) { Ok(id) } else { Err(missing(world, body)) }
+}
+
+/// Why a handle names no body: its world shows none, or it is stale.
+pub(crate) fn missing(world: &World, body: DcdBodyId) -> Failure {
+    world.backend.check_sees().err().unwrap_or_else(|| stale("body", body.v))
 }
 
 pub(crate) fn check_bits(bits: u32, known: u32, name: &str) -> Result<(), Failure> {

@@ -3,9 +3,8 @@
 use dcd::protocol::WorldPose;
 use dcd::space::BodyId;
 
-use crate::body::{DCD_FIXED, DCD_KINEMATIC_POSE, DCD_NO_REGION, DcdBodyId, DcdBodyType, find};
+use crate::body::{DCD_FIXED, DCD_KINEMATIC_POSE, DCD_NO_REGION, DcdBodyId, DcdBodyType, find, missing};
 use crate::guard::guard;
-use crate::handle::stale;
 use crate::library::DCD_MAX_NUMBER;
 use crate::pointer::{self, Out, Sized32, check_numbers, check_point};
 use crate::status::{DcdStatus, Failure};
@@ -60,7 +59,7 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
         with(world, |world| {
             let id = world.mark.body_id(body)?;
             let view = view(world, body)?;
-            let record = world.backend.record(id).ok_or_else(|| stale("body", body.v))?;
+            let record = world.backend.record(id).ok_or_else(|| missing(world, body))?;
             out.write(DcdBodyInfo {
                 struct_size: size_of::<DcdBodyInfo>() as u32,
                 body_type: view.kind,
@@ -101,7 +100,7 @@ pub unsafe extern "C" fn dcd_body_get(
         };
         with(world, |world| {
             let motion = world.backend.motion(world.mark.body_id(body)?);
-            let (now, moves) = motion.ok_or_else(|| stale("body", body.v))?;
+            let (now, moves) = motion.ok_or_else(|| missing(world, body))?;
             if let Some(out) = pose {
                 out.write(now.into());
             }
@@ -235,7 +234,7 @@ pub extern "C" fn dcd_body_sleep(world: DcdWorld, body: DcdBodyId) -> DcdStatus 
 /// What there is to say of a body.
 pub(crate) fn view(world: &World, body: DcdBodyId) -> Result<BodyView, Failure> {
     let id = world.mark.body_id(body)?;
-    world.backend.body(id).ok_or_else(|| stale("body", body.v))
+    world.backend.body(id).ok_or_else(|| missing(world, body))
 }
 
 pub(crate) fn set_pose(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {

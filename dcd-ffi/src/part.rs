@@ -5,7 +5,6 @@ use rapier3d::prelude::*;
 
 use crate::body::{self, DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdBodyId, check_bits};
 use crate::guard::guard;
-use crate::handle::stale;
 use crate::pointer::{self, Out, Sized32, check_not_negative};
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
@@ -479,7 +478,7 @@ const USUAL: DcdPartProperties = DcdPartProperties {
 
 fn read(world: &World, body: DcdBodyId, part: u32) -> Result<DcdPartProperties, Failure> {
     let id = world.mark.body_id(body)?;
-    let record = world.backend.record(id).ok_or_else(|| stale("body", body.v))?;
+    let record = world.backend.record(id).ok_or_else(|| body::missing(world, body))?;
     let parts = &record.traits.colliders;
     let collider = parts.get(part as usize).ok_or_else(|| {
         Failure::argument(format!(

@@ -5,10 +5,9 @@ use rapier3d::prelude::*;
 
 use crate::body::{
     DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_BODY_NO_SLEEP, DCD_DYNAMIC,
-    DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyId, DcdBodyType, check_bits, find,
+    DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyId, DcdBodyType, check_bits, find, missing,
 };
 use crate::guard::guard;
-use crate::handle::stale;
 use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers};
 use crate::status::{DcdStatus, Failure};
 use crate::world::{DcdWorld, World, with};
@@ -327,6 +326,6 @@ pub unsafe extern "C" fn dcd_body_set_properties(
 
 fn read(world: &World, body: DcdBodyId) -> Result<DcdBodyProperties, Failure> {
     let id = world.mark.body_id(body)?;
-    let record = world.backend.record(id).ok_or_else(|| stale("body", body.v))?;
+    let record = world.backend.record(id).ok_or_else(|| missing(world, body))?;
     Ok(DcdBodyProperties::of(&record.traits))
 }

@@ -136,7 +136,7 @@ fn borders(backend: &Backend) -> Result<Vec<DcdBorderInfo>, Failure> {
     Ok(backend.borders()?.into_iter().map(info).collect())
 }
 
-/// Says who owns a body.
+/// Says who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
 #[unsafe(no_mangle)]
@@ -145,7 +145,6 @@ pub unsafe extern "C" fn dcd_body_owner(world: DcdWorld, body: DcdBodyId, out: *
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
-            world.backend.check_sees()?;
             let owner = world.backend.owner(find(world, body)?);
             let flag = |is: bool, bit: u32| if is { bit } else { 0 };
             out.write(DcdOwner {

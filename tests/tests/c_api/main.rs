@@ -8,4 +8,5 @@ mod long;
 mod packaging;
 mod programs;
 mod served;
+mod table;
 mod toolchain;

@@ -250,7 +250,9 @@ static void failures_say_why()
     HOLDS(dcd::World::participant_join({}).status().code() == DCD_ERR_NULL);
     HOLDS(!none.stats_text() && !none.regions() && !none.own_avatars());
     HOLDS(!none.connections() && !none.connection_info({ 1 }) && !none.disconnect({ 1 }) && !none.poll(0));
-    HOLDS(!none.send({ 1 }, {}));
+    const unsigned char bytes[2] = { 1, 2 };
+    HOLDS(!none.send({ 1 }, bytes) && !none.send({ 1 }, std::vector<unsigned char>{ 1 }));
+    HOLDS(!none.send({ 1 }, "hello") && !none.send({ 1 }, std::string("hello"), DCD_SEND_UNRELIABLE));
     HOLDS(dcd::pose_interpolate({ { 0, 0, 0 }, { 0, 0, 0, 1 } }, { { 2, 0, 0 }, { 0, 0, 0, 1 } }, 0.5)->p[0] == 1.0);
     HOLDS(none.body_get({ 0 }).value_or({ { { 4, 0, 0 }, { 0, 0, 0, 1 } }, {} }).pose.p[0] == 4.0);
 }

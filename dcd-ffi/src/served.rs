@@ -143,6 +143,8 @@ impl Served {
         for id in heard.refusals.iter().filter_map(|(id, _)| *id) {
             self.leaving.remove(&id);
         }
+        // Before the bodies: what comes in between is of a later tick.
+        self.tick = self.tick.max(self.world.tick().0);
         let (bodies, leaving, tick) = (&mut self.bodies, &self.leaving, &mut self.tick);
         bodies.clear();
         self.world.with_bodies(|body| {

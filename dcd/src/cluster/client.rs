@@ -170,6 +170,8 @@ pub struct Client {
     bodies: BTreeMap<BodyId, BodyView>,
     /// Bodies that the server, which tells of the world again, has not spoken of yet.
     unspoken: BTreeSet<BodyId>,
+    /// The newest of its group heard of.
+    tick: Tick,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
     joints: Vec<JointRecord>,
     group: Option<GroupId>,
@@ -205,6 +207,7 @@ impl Client {
             joined: false,
             bodies: BTreeMap::new(),
             unspoken: BTreeSet::new(),
+            tick: Tick(0),
             shapes: BTreeMap::new(),
             joints: Vec::new(),
             group: None,
@@ -244,6 +247,7 @@ impl Client {
                 if self.area.is_some() {
                     self.send_interest();
                 }
+                self.ask_again(now, now + ASK_AGAIN);
             }
             ClientEvent::Disconnected(Peer::Server) => {
                 if std::mem::take(&mut self.server_linked) {
@@ -287,15 +291,10 @@ impl Client {
 
     /// To be called at [`Client::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
-        let mut again = Vec::new();
         if self.dial_server_at.take_if(|at| *at <= now).is_some() {
             self.outputs.push_back(ClientOutput::Redial);
         }
-        for (question, at) in self.asked.values_mut().filter(|(_, at)| *at <= now) {
-            *at = now + ASK_AGAIN;
-            again.push(question.clone());
-        }
-        again.into_iter().for_each(|question| self.tell_leader(FromClient::Ask(question)));
+        self.ask_again(now, now);
         if self.dial_leader_at.take_if(|at| *at <= now).is_some() && self.node.is_none() && !self.linked {
             self.outputs.extend(self.leader.clone().map(ClientOutput::Connect));
         }
@@ -335,6 +334,11 @@ impl Client {
     /// The group that it plays with, as far as known: epochs and ticks of unlike groups do not compare.
     pub fn group(&self) -> Option<GroupId> {
         self.group
+    }
+
+    /// The newest tick heard of, guesses included; of a world at rest too, every half second or so.
+    pub fn tick(&self) -> Tick {
+        self.tick
     }
 
     /// A body as last heard of.
@@ -467,6 +471,16 @@ impl Client {
         self.tell_leader(FromClient::Interest(self.area));
     }
 
+    /// Asks what is due by then once more, or for the first time: nobody is there to be asked before the link to the leader is.
+    fn ask_again(&mut self, now: Duration, due_by: Duration) {
+        let mut again = Vec::new();
+        for (question, at) in self.asked.values_mut().filter(|(_, at)| *at <= due_by) {
+            *at = now + ASK_AGAIN;
+            again.push(question.clone());
+        }
+        again.into_iter().for_each(|question| self.tell_leader(FromClient::Ask(question)));
+    }
+
     fn tell_leader(&mut self, wish: FromClient) {
         match &self.leader {
             Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(wish)),
@@ -508,6 +522,7 @@ impl Client {
             ToClient::LeaderIs { group, leader, .. } => {
                 if self.group.replace(group) != Some(group) {
                     // Another lineage of epochs: whatever it says first counts.
+                    self.tick = Tick(0);
                     self.bodies.values_mut().for_each(|view| view.settled = Default::default());
                 }
                 self.follow(leader);
@@ -521,6 +536,7 @@ impl Client {
                     if self.area.is_some() {
                         self.send_interest();
                     }
+                    self.ask_again(now, now + ASK_AGAIN);
                 }
             }
             ToClient::Inserted { body, shapes } => {
@@ -538,6 +554,7 @@ impl Client {
                 self.outputs.push_back(ClientOutput::Removed(id));
             }
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
+                self.tick = self.tick.max(stamp.tick);
                 let hearing = self.hearing();
                 for state in states {
                     let outside = !hearing.follows(state.id, &state.pose);

@@ -26,6 +26,9 @@ use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 /// Resting bodies told again with each batch of states, so that a client that missed their last move hears of it.
 const REMINDERS: usize = 16;
 
+/// So often at least, in ticks, clients and the server hear that time goes on though nothing moves.
+pub(super) const TELL_TICK: u64 = 30;
+
 /// How long a wish waits for its avatar to appear, in ticks.
 const EARLY_TICKS: u64 = 60;
 
@@ -61,6 +64,8 @@ pub struct Leader {
     reminded: BodyId,
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
+    /// Up to which tick each was told last.
+    told: BTreeMap<ClientId, Tick>,
     questions: Questions,
     /// What clients have said since the last tick that they want to hear of.
     interests: BTreeMap<ClientId, Option<Area>>,
@@ -101,6 +106,7 @@ impl Leader {
             reminded: BodyId::default(),
             contacts: ContactLedger::default(),
             clients: participants.collect(),
+            told: BTreeMap::new(),
             questions: Questions::default(),
             interests: BTreeMap::new(),
             audiences: BTreeMap::new(),
@@ -173,6 +179,7 @@ impl Leader {
     pub fn dismiss(&mut self, client: ClientId) {
         if self.clients.get(&client) == Some(&Peer::Client(client)) {
             self.clients.remove(&client);
+            self.told.remove(&client);
             self.uninterest(client);
             self.questions.forget(client);
         }
@@ -395,9 +402,14 @@ impl Leader {
                 self.tell(client, self.tick, false, states);
             }
         }
-        if moved.is_empty() {
-            return;
+        if !moved.is_empty() {
+            self.tell_moved(moved);
         }
+        self.tell_tick();
+    }
+
+    /// Tells all who want to hear of everything of what has moved, and of some that have not.
+    fn tell_moved(&mut self, moved: Moved) {
         let reminders: Vec<_> = self
             .latest
             .range(self.reminded..)
@@ -412,6 +424,16 @@ impl Leader {
         self.tell_all(self.tick, false, &states);
     }
 
+    /// Tells those who have not heard of anything for long that time goes on.
+    fn tell_tick(&mut self) {
+        let is_due = |client: &ClientId| {
+            self.told.get(client).is_none_or(|&Tick(told)| told + TELL_TICK <= self.tick.0)
+        };
+        for client in self.clients.keys().copied().filter(is_due).collect::<Vec<_>>() {
+            self.tell(client, self.tick, false, Vec::new());
+        }
+    }
+
     /// Tells all who want to hear of everything.
     fn tell_all(&mut self, tick: Tick, provisional: bool, states: &[SharedState]) {
         let all = self.clients.keys().filter(|client| !self.audiences.contains_key(client));
@@ -421,6 +443,9 @@ impl Leader {
     }
 
     fn tell(&mut self, client: ClientId, tick: Tick, provisional: bool, states: Vec<SharedState>) {
+        if !provisional {
+            self.told.insert(client, tick);
+        }
         let stamp = Stamp { group: self.group, tick, provisional };
         self.messages.push((client, ToClient::States { stamp, states }));
     }
@@ -643,6 +668,29 @@ mod tests {
         told_at(&mut leader, 5, 70.0);
         leader.admit(CLIENT);
         assert_eq!(told_at(&mut leader, 6, 71.0), [(CLIENT, 1), (other, 1)], "it has not said it again yet");
+    }
+
+    #[test]
+    fn clients_hear_now_and_then_that_time_goes_on_though_nothing_moves() {
+        let mut leader = leader();
+        let mut told = Vec::new();
+        leader.take_messages();
+        for tick in 1..=100 {
+            leader.dispatch(Duration::from_secs(tick)).unwrap();
+            // Of what moves it is told in place of that.
+            let (id, epoch) = (AVATAR, crate::space::Epoch(0));
+            let (pose, velocity) = (WorldPose::default(), Velocity::default());
+            let states = vec![SharedState { id, epoch, pose, velocity, sleeping: false }];
+            if tick == 40 {
+                leader.report(Report { view: ViewNumber(1), tick: Tick(tick), states });
+            }
+            both_done(&mut leader, tick, vec![], vec![]);
+            for (client, message) in leader.take_messages() {
+                let ToClient::States { stamp, states } = message else { continue };
+                told.push((client, stamp.tick.0, states.len()));
+            }
+        }
+        assert_eq!(told, [(CLIENT, 30, 0), (CLIENT, 40, 1), (CLIENT, 70, 0), (CLIENT, 100, 0)]);
     }
 
     #[test]

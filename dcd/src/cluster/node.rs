@@ -155,6 +155,8 @@ pub struct Node {
     /// The newest word to the leader, and whether the next report is to be of all bodies.
     done: Option<Done>,
     report_all: bool,
+    /// Up to which tick the server was told last.
+    told: Tick,
     leaving: bool,
     watch: Option<DelayWatch>,
     pinger: Pinger,
@@ -225,6 +227,7 @@ impl Node {
             link: Links::default(),
             done: None,
             report_all: false,
+            told: Tick(0),
             leaving: false,
             watch: None,
             pinger: Pinger::default(),

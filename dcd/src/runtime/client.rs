@@ -9,7 +9,7 @@ use std::net::SocketAddr;
 
 use super::member::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
-use crate::cluster::{BodyView, ClientEvent};
+use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{
@@ -94,7 +94,8 @@ pub struct ClientWorld {
 }
 
 impl ClientWorld {
-    /// Joins as a client, and waits until the whole world has come.
+    /// Joins as a client, and waits until the server has told the whole world, as it is on its record. It need not have nodes
+    /// yet: the world stands still until it has.
     pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
         Self::enter(config, Role::Client)
     }
@@ -118,7 +119,7 @@ impl ClientWorld {
         })?;
         let left = config.timeout.saturating_sub(start.elapsed());
         let joined = |state: &super::member::State| {
-            state.end.is_some() || state.client.as_ref().is_some_and(crate::cluster::Client::is_joined)
+            state.end.is_some() || state.client.as_ref().is_some_and(Client::is_joined)
         };
         if !member.shared.wait(left, joined) {
             return Err(ProcessError::Timeout { server: config.server, waited: config.timeout });
@@ -163,6 +164,11 @@ impl ClientWorld {
                 _ => Err(ProcessError::Stopped),
             },
         }
+    }
+
+    /// The newest tick heard of: some milliseconds old while bodies move, up to half a second of the world's time while all rest.
+    pub fn tick(&self) -> Tick {
+        self.member.shared.lock().client.as_ref().map_or(Tick(0), Client::tick)
     }
 
     /// What the server says of the world.

@@ -100,10 +100,12 @@ static void join(DcdWorld server, DcdWorld *node, DcdWorld *client)
     computes.server = sees.server = address;
     computes.token = sees.token = token;
     OK(dcd_address(server, address, sizeof address, &needed));
-    OK(dcd_token_create(server, DCD_ROLE_NODE, 60, token, sizeof token, &needed));
-    OK(dcd_node_join(&computes, node));
+    /* A client need not wait for nodes. */
     OK(dcd_token_create(server, DCD_ROLE_CLIENT, 60, token, sizeof token, &needed));
     OK(dcd_client_connect(&sees, client));
+    OK(dcd_token_create(server, DCD_ROLE_NODE, 60, token, sizeof token, &needed));
+    FAILS(dcd_client_connect(&sees, node), DCD_ERR_ARGUMENT, "dcd_token_create");
+    OK(dcd_node_join(&computes, node));
 }
 
 /* A world that was built here, served as it is: a box at rest, and a ball at the end of a joint that swings below it. */
@@ -171,6 +173,33 @@ static void own_world(const char *folder)
     OK(dcd_world_destroy(client));
 }
 
+/* Nothing moves, and time goes on all the same, for the server too. */
+static void world_at_rest(const char *folder)
+{
+    DcdWorld local = { 0 }, server = { 0 }, node = { 0 }, client = { 0 };
+    DcdBodyDef body = DCD_BODY_DEF_INIT;
+    DcdServerDef def = DCD_SERVER_DEF_INIT;
+    DcdBodyId box;
+    DcdStats stats = DCD_STATS_INIT;
+    const float half[3] = { 0.5f, 0.5f, 0.5f };
+    DcdWorldDef world = DCD_WORLD_DEF_INIT;
+    OK(dcd_world_create(&world, &local));
+    OK(dcd_shape_box(local, half, &body.shape));
+    body.flags = DCD_BODY_ASLEEP;
+    OK(dcd_body_create(local, &body, &box));
+    def.data_path = folder;
+    def.source = local;
+    OK(dcd_server_create(&def, &server));
+    OK(dcd_world_destroy(local));
+    join(server, &node, &client);
+    HOLDS(reaches(client, 90) && reaches(server, 120) && reaches(client, 150));
+    OK(dcd_stats(client, &stats));
+    HOLDS(stats.updates <= 2);
+    OK(dcd_world_destroy(client));
+    OK(dcd_world_destroy(node));
+    OK(dcd_world_destroy(server));
+}
+
 int main(int argc, char **argv)
 {
     char folder[512];
@@ -178,6 +207,8 @@ int main(int argc, char **argv)
         return 2;
     snprintf(folder, sizeof folder, "%s-own", argv[1]);
     own_world(folder);
+    snprintf(folder, sizeof folder, "%s-rest", argv[1]);
+    world_at_rest(folder);
     bad_definitions(argv[1]);
 
     const char *params[] = { "n=40" };

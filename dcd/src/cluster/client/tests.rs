@@ -132,3 +132,40 @@ fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
     hear(&mut client, 50, 90.0, false);
     assert_eq!(outside(&client), [true, false], "everything is followed, and not everything heard of yet");
 }
+
+#[test]
+fn a_question_asked_before_there_is_a_leader_is_asked_as_soon_as_there_is_and_not_again_at_once() {
+    let mut client = Client::new(ClientId(1), None);
+    let question = Question { number: 7, flags: 0, groups: 0, exclude: Vec::new(), rays: Vec::new() };
+    client.handle(Duration::ZERO, ClientEvent::Ask(question.clone()));
+    let asked = |client: &mut Client| {
+        let asks = |output: &ClientOutput| match output {
+            ClientOutput::Send { to, message: Message::FromClient(_, FromClient::Ask(_)) } => Some(*to),
+            _ => None,
+        };
+        std::iter::from_fn(|| client.poll_output()).filter_map(|output| asks(&output)).collect::<Vec<_>>()
+    };
+    assert_eq!(asked(&mut client), [], "nobody is there to be asked");
+    follow(&mut client, 1);
+    assert_eq!(asked(&mut client), [Peer::Node(NodeId(1))]);
+    assert_eq!(client.poll_timeout(), Some(ASK_AGAIN));
+    follow(&mut client, 2);
+    assert_eq!(asked(&mut client), [Peer::Node(NodeId(2))], "what the last leader was asked is gone with it");
+    let message = Message::ToClient(ClientId(1), ToClient::Answer { number: 7, hits: Vec::new() });
+    client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Node(NodeId(2)), message });
+    assert_eq!(client.poll_timeout(), None);
+    follow(&mut client, 3);
+    assert_eq!(asked(&mut client), [], "it is answered");
+}
+
+#[test]
+fn time_goes_on_for_a_client_though_it_is_told_of_no_body() {
+    let mut client = linked();
+    let mut hear = |group, tick, provisional| {
+        let stamp = Stamp { group: GroupId(group), tick: Tick(tick), provisional };
+        tell(&mut client, ToClient::States { stamp, states: Vec::new() });
+        client.tick().0
+    };
+    assert_eq!([hear(1, 30, false), hear(1, 29, false), hear(1, 33, true)], [30, 30, 33]);
+    assert_eq!(hear(2, 90, false), 33, "another group's time is another");
+}

@@ -104,7 +104,8 @@ impl Node {
             (Peer::Node(node), message) if node == self.config.id => {
                 self.outputs.push_back(NodeOutput::Client(message));
             }
-            (route, ToClient::States { stamp, states }) => {
+            // One without states tells of its tick.
+            (route, ToClient::States { stamp, states }) if !states.is_empty() => {
                 for message in pack_states(client, stamp, states) {
                     self.send(route, message);
                 }

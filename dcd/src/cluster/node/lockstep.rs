@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::{Change, Node, NodeOutput, Phase};
+use crate::cluster::leader::TELL_TICK;
 use crate::cluster::{
     DelayWatch, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds, WatchRules,
 };
@@ -196,8 +197,12 @@ impl Node {
                 self.dispatches.retain(|dispatch| tick.0 < dispatch.tick.0 + lag);
                 let view = self.number();
                 let is_last = self.world.as_ref().is_some_and(|world| world.last_tick == Some(tick));
-                if is_last && checkpoint.is_empty() {
+                let leads_on = self.leader.is_some() && self.told.0 + TELL_TICK <= tick.0;
+                if (is_last || leads_on) && checkpoint.is_empty() {
                     self.send_server(ToServer::Checkpoint { view, tick, bodies: Vec::new() });
+                }
+                if is_last || leads_on || !checkpoint.is_empty() {
+                    self.told = tick;
                 }
                 for bodies in split(checkpoint, CHUNK_BYTES) {
                     self.send_server(ToServer::Checkpoint { view, tick, bodies });
@@ -318,7 +323,7 @@ impl Node {
                 leader.admit(*client);
             }
         }
-        (self.tick, self.drained) = (view.tick, view.tick);
+        (self.tick, self.drained, self.told) = (view.tick, view.tick, view.tick);
         self.dispatches.clear();
         self.dispatched = view.tick;
         self.holds.clear();

@@ -95,7 +95,9 @@ fn an_interest_outlives_leaders_links_and_servers() {
         let between = bytes_to_clients(&sim);
         sim.run_for(Duration::from_secs(2)).unwrap();
         assert!(between > before || seed % 2 == 1, "seed {seed}");
-        assert_eq!(bytes_to_clients(&sim), between, "seed {seed}: nothing is there");
+        // Nothing is there: it hears that time goes on, twice a second.
+        let idle = bytes_to_clients(&sim) - between;
+        assert!(idle <= 5 * 10, "seed {seed}: {idle} bytes");
     }
 }
 

@@ -6,6 +6,9 @@
  * Handles. Worlds, bodies, shapes, joints and connections are opaque numbers in a struct; { 0 } is null. A handle whose thing is
  * gone, or that belongs to another world, gives DCD_ERR_STALE_ID, for ever; a null one gives DCD_ERR_NULL.
  *
+ * Roles. A world is local, a client's, a participant's, a server's or a node's, and its functions are the same. What a role cannot
+ * do is DCD_ERR_UNSUPPORTED; the message says what to use instead. "Who can do what" in examples-c/README.md is a table of it.
+ *
  * Structs. Those that begin with struct_size may grow in later versions. Start from their _INIT macro:
  *
  *     DcdBodyDef def = DCD_BODY_DEF_INIT;
@@ -340,7 +343,8 @@ typedef struct DcdWorldInfo {
     uint32_t struct_size;
     // DCD_ROLE_LOCAL, _CLIENT, _PARTICIPANT, _SERVER or _NODE.
     DcdRole role;
-    // Steps since the world began; the newest heard of in a served world.
+    // Steps since the world began. In a served world the newest heard of: it lags by some milliseconds while bodies move, and
+    // comes every 30 steps while all rest; at the server by up to 12 steps more.
     uint64_t tick;
     // Your own.
     uint64_t user_data;
@@ -362,7 +366,7 @@ typedef struct DcdClientDef {
     uint32_t timeout_ms;
     // Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port".
     const char *server;
-    // What `dcd token --role client` printed; joining uses it up.
+    // What `dcd token --role client` or dcd_token_create gave; joining uses it up.
     const char *token;
     // A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
     // were left behind. It holds a secret.
@@ -379,7 +383,7 @@ typedef struct DcdParticipantDef {
     uint32_t timeout_ms;
     // As in DcdClientDef.
     const char *server;
-    // What `dcd token --role participant` printed; joining uses it up.
+    // What `dcd token --role participant` or dcd_token_create gave; joining uses it up.
     const char *token;
     // As in DcdClientDef.
     const char *identity_path;
@@ -950,6 +954,9 @@ typedef struct DcdBodyChange {
     uint32_t reason;
 } DcdBodyChange;
 
+// Why a connection is lost or gone.
+typedef uint32_t DcdCause;
+
 // Something became of a connection.
 typedef struct DcdConnectionEvent {
     // Which.
@@ -962,7 +969,11 @@ typedef struct DcdConnectionEvent {
     uint32_t node;
     // As a client, as DcdWorldInfo.client; 0 if it is none.
     uint32_t client;
-    // Why it is lost or gone, for people; else empty. Cut to fit.
+    // DCD_CAUSE_...: why it is lost or gone.
+    DcdCause cause;
+    // 0.
+    uint32_t reserved;
+    // The same in words, for people; empty with DCD_CAUSE_NONE. Cut to fit.
     char reason[DCD_MAX_REASON];
 } DcdConnectionEvent;
 
@@ -1497,6 +1508,36 @@ typedef struct DcdForce {
 // It is over, and its id is stale.
 #define DCD_CONNECTION_GONE 4
 
+// It is not: it came, or is back.
+#define DCD_CAUSE_NONE 0
+
+// It went by its own wish, or this process did.
+#define DCD_CAUSE_LEFT 1
+
+// The server's program sent it away (dcd_disconnect), or this process.
+#define DCD_CAUSE_SENT_AWAY 2
+
+// Nothing is heard of it: it was killed, hangs, or is cut off.
+#define DCD_CAUSE_BROKEN 3
+
+// One of the two said what it may not, or is not what the other takes it for, as a process of another version.
+#define DCD_CAUSE_REFUSED 4
+
+// The world has ended.
+#define DCD_CAUSE_WORLD_ENDED 5
+
+// A newer link took its place, or another process with the same identity.
+#define DCD_CAUSE_REPLACED 6
+
+// It reads too slowly.
+#define DCD_CAUSE_SLOW 7
+
+// What one of the two does for the world does not ask for it any more, as when another node leads.
+#define DCD_CAUSE_UNNEEDED 8
+
+// A fault of dcd ended this process's part in the world.
+#define DCD_CAUSE_FAILED 9
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -1560,7 +1601,8 @@ DCD_API bool dcd_world_is_valid(DcdWorld world);
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 
-// Joins a world that a server holds and nodes compute, as a client, and waits until the whole world has come.
+// Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
+// whole world, as it is on its record. It need not have nodes yet: the world stands still until it has.
 //
 // The handle is used like that of a local world; what differs:
 // - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands
@@ -1604,16 +1646,14 @@ DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, si
 // It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
 // for your program: of dcd_events, connections and messages. Of the handle count besides dcd_world_info, dcd_stats,
 // dcd_address, dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
-// from the same process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
-// leaves the world there.
+// from the same process. dcd_world_destroy ends the world for all. The folder keeps its keys (authority.pem), the list of
+// used tokens (joins.log), locks, and world.redb, which has no world to go on with; after a process that ends without, it has.
 //
 // `def` and what it points to are read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
 // is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
 // the address cannot be listened on, DCD_ERR_LIMIT without threads.
-DCD_API
-DcdStatus dcd_server_create(const DcdServerDef *def,
-                            DcdWorld *out);
+DCD_API DcdStatus dcd_server_create(const DcdServerDef *def, DcdWorld *out);
 
 // Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It
 // can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
@@ -2277,7 +2317,7 @@ DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, si
 // DCD_ERR_UNSUPPORTED in a served world, whatever the role: ask a local one of the same cut and coupling.
 DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, size_t *count);
 
-// Says who owns a body.
+// Says who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
 DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
@@ -2690,13 +2730,15 @@ DCD_ASSERT_(offsetof(DcdStateView, velocities) == 40);
 DCD_ASSERT_(offsetof(DcdStateView, user_data) == 48);
 DCD_ASSERT_(offsetof(DcdStateView, flags) == 56);
 DCD_ASSERT_(offsetof(DcdStateView, regions) == 64);
-DCD_ASSERT_(sizeof(DcdConnectionEvent) == 280);
+DCD_ASSERT_(sizeof(DcdConnectionEvent) == 288);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, connection) == 0);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, state) == 8);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, role) == 12);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, node) == 16);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, client) == 20);
-DCD_ASSERT_(offsetof(DcdConnectionEvent, reason) == 24);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, cause) == 24);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, reserved) == 28);
+DCD_ASSERT_(offsetof(DcdConnectionEvent, reason) == 32);
 DCD_ASSERT_(sizeof(DcdConnectionInfo) == 88);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, state) == 4);

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use dcd::net::PeerName;
 use dcd::runtime::{
-    Connection, ConnectionChange, ConnectionError, ConnectionEvent, Connections, ProgramMessage,
+    Cause, Connection, ConnectionChange, ConnectionError, ConnectionEvent, Connections, ProgramMessage,
 };
 
 use crate::guard::guard;
@@ -39,6 +39,30 @@ pub const DCD_CONNECTION_BACK: DcdConnectionState = 3;
 /// It is over, and its id is stale.
 pub const DCD_CONNECTION_GONE: DcdConnectionState = 4;
 
+/// Why a connection is lost or gone.
+pub type DcdCause = u32;
+
+/// It is not: it came, or is back.
+pub const DCD_CAUSE_NONE: DcdCause = 0;
+/// It went by its own wish, or this process did.
+pub const DCD_CAUSE_LEFT: DcdCause = 1;
+/// The server's program sent it away (dcd_disconnect), or this process.
+pub const DCD_CAUSE_SENT_AWAY: DcdCause = 2;
+/// Nothing is heard of it: it was killed, hangs, or is cut off.
+pub const DCD_CAUSE_BROKEN: DcdCause = 3;
+/// One of the two said what it may not, or is not what the other takes it for, as a process of another version.
+pub const DCD_CAUSE_REFUSED: DcdCause = 4;
+/// The world has ended.
+pub const DCD_CAUSE_WORLD_ENDED: DcdCause = 5;
+/// A newer link took its place, or another process with the same identity.
+pub const DCD_CAUSE_REPLACED: DcdCause = 6;
+/// It reads too slowly.
+pub const DCD_CAUSE_SLOW: DcdCause = 7;
+/// What one of the two does for the world does not ask for it any more, as when another node leads.
+pub const DCD_CAUSE_UNNEEDED: DcdCause = 8;
+/// A fault of dcd ended this process's part in the world.
+pub const DCD_CAUSE_FAILED: DcdCause = 9;
+
 /// Bytes of a reason at most, NUL included.
 pub const DCD_MAX_REASON: usize = 256;
 
@@ -56,7 +80,11 @@ pub struct DcdConnectionEvent {
     pub node: u32,
     /// As a client, as DcdWorldInfo.client; 0 if it is none.
     pub client: u32,
-    /// Why it is lost or gone, for people; else empty. Cut to fit.
+    /// DCD_CAUSE_...: why it is lost or gone.
+    pub cause: DcdCause,
+    /// 0.
+    pub reserved: u32,
+    /// The same in words, for people; empty with DCD_CAUSE_NONE. Cut to fit.
     pub reason: [c_char; DCD_MAX_REASON],
 }
 
@@ -136,15 +164,30 @@ impl DcdConnectionEvent {
     pub(crate) fn new(event: &ConnectionEvent, connection: DcdConnectionId) -> Self {
         let (role, node, client) = names(event.who);
         let (state, why) = match &event.change {
-            ConnectionChange::Came => (DCD_CONNECTION_CAME, ""),
-            ConnectionChange::Lost(why) => (DCD_CONNECTION_LOST, &why[..]),
-            ConnectionChange::Back => (DCD_CONNECTION_BACK, ""),
-            ConnectionChange::Gone(why) => (DCD_CONNECTION_GONE, &why[..]),
+            ConnectionChange::Came => (DCD_CONNECTION_CAME, None),
+            ConnectionChange::Lost(why) => (DCD_CONNECTION_LOST, Some(why)),
+            ConnectionChange::Back => (DCD_CONNECTION_BACK, None),
+            ConnectionChange::Gone(why) => (DCD_CONNECTION_GONE, Some(why)),
         };
+        let (cause, why) = why.map_or((DCD_CAUSE_NONE, ""), |why| (number(why.cause), &why.text[..]));
         let mut reason = [0; DCD_MAX_REASON];
         // SAFETY: so many bytes of our own.
         unsafe { status::copy_text(why, reason.as_mut_ptr(), DCD_MAX_REASON) };
-        Self { connection, state, role, node, client, reason }
+        Self { connection, state, role, node, client, cause, reserved: 0, reason }
+    }
+}
+
+fn number(cause: Cause) -> DcdCause {
+    match cause {
+        Cause::Left => DCD_CAUSE_LEFT,
+        Cause::SentAway => DCD_CAUSE_SENT_AWAY,
+        Cause::Broken => DCD_CAUSE_BROKEN,
+        Cause::Refused => DCD_CAUSE_REFUSED,
+        Cause::WorldEnded => DCD_CAUSE_WORLD_ENDED,
+        Cause::Replaced => DCD_CAUSE_REPLACED,
+        Cause::Slow => DCD_CAUSE_SLOW,
+        Cause::Unneeded => DCD_CAUSE_UNNEEDED,
+        Cause::Failed => DCD_CAUSE_FAILED,
     }
 }
 

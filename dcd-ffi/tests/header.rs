@@ -99,7 +99,7 @@ fn layouts() -> Vec<Layout> {
             natural_frequency, damping_ratio, flags, locked, coupled, limited, driven
         }
         DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
-        DcdConnectionEvent { connection, state, role, node, client, reason }
+        DcdConnectionEvent { connection, state, role, node, client, cause, reserved, reason }
         DcdConnectionInfo {
             struct_size, state, role, node, client, loss, rtt_ms, age, bytes_in, bytes_out, messages_in, messages_out,
             dropped, bytes_waiting
@@ -345,7 +345,7 @@ fn size_of_member(declaration: &str) -> usize {
         _ if name.contains('*') => size_of::<usize>(),
         "uint8_t" | "bool" | "char" => 1,
         "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
-        | "DcdCombineRule" | "DcdConnectionState" | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
+        | "DcdCombineRule" | "DcdConnectionState" | "DcdCause" | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
         "double" | "uint64_t" | "size_t" => 8,
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };

@@ -36,7 +36,10 @@ pub use leader::{Deviations, Leader};
 pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
 pub use ping::{ClockOffset, Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
-pub use server::{Grouping, MAX_AVATARS, RestoreError, Server, ServerConfig, ServerEvent, ServerOutput};
+pub use server::{
+    Farewell, Grouping, MAX_AVATARS, RestoreError, Server, ServerConfig, ServerEvent, ServerOutput,
+    WORLD_ENDS,
+};
 pub use votes::{
     Ballot, Call, DelayWatch, Outcome, PeerDelay, PollRules, Polls, Tally, VoteError, VoteRefusal,
     VoteThresholds, WatchRules,

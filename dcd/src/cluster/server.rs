@@ -33,6 +33,8 @@ pub use self::stored::RestoreError;
 const BEAT: Duration = Duration::from_millis(250);
 /// When it could not for so long, it was stopped.
 const STOPPED: Duration = BEAT.saturating_mul(2);
+/// With this reason a node is told to stop when the world ends.
+pub const WORLD_ENDS: &str = "the server ends the world";
 /// How often it is written down where bodies are.
 const STORE_EVERY: Duration = Duration::from_secs(2);
 
@@ -87,7 +89,7 @@ pub enum ServerOutput {
         message: Message,
     },
     /// Close the link once all is sent; no [`ServerEvent::Disconnected`] is needed.
-    Close(Peer),
+    Close(Peer, Farewell),
     /// A view begins.
     Began {
         /// Of which group.
@@ -109,6 +111,19 @@ pub enum ServerOutput {
         doubled: Vec<BodyId>,
     },
     /// The world has ended and all have been told; what is stored of it is of no use any more.
+    Ended,
+}
+
+/// Why the server closes a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Farewell {
+    /// A node goes by its own wish, and has handed its share over.
+    Left,
+    /// The server's user does not want it any more.
+    SentAway,
+    /// It is of another version, or not what it says that it is.
+    Refused,
+    /// The world ends.
     Ended,
 }
 
@@ -207,7 +222,7 @@ impl Server {
                 match (node, client) {
                     (Some(node), _) => self.send_away(node, reason),
                     (None, Some(client)) => {
-                        self.common.outputs.push_back(ServerOutput::Close(Peer::Client(client)));
+                        self.common.close(Peer::Client(client), Farewell::SentAway);
                     }
                     (None, None) => {}
                 }
@@ -382,11 +397,11 @@ impl Server {
         let refusal = Refusal::Version { theirs: hello.version, ours: VERSION };
         match (from, hello.role) {
             (Peer::Node(node), _) if hello.version != VERSION => {
-                self.common.dismiss(node, true, refusal.to_string());
+                self.common.dismiss(node, Farewell::Refused, refusal.to_string());
             }
             (Peer::Client(client), _) if hello.version != VERSION => {
                 self.common.send_client(client, ToClient::Rejected { body: None, reason: refusal });
-                self.common.outputs.push_back(ServerOutput::Close(from));
+                self.common.close(from, Farewell::Refused);
             }
             (Peer::Node(node), Role::Node { address, client, resume }) => {
                 let member = Member { node, address, client };
@@ -404,7 +419,7 @@ impl Server {
                 }
             }
             (Peer::Client(client), Role::Client) => self.welcome_client(client),
-            _ => self.common.outputs.push_back(ServerOutput::Close(from)),
+            _ => self.common.close(from, Farewell::Refused),
         }
     }
 
@@ -448,10 +463,10 @@ impl Server {
             self.common.outputs.push_back(ServerOutput::Audited { lost, doubled });
         }
         for node in self.common.nodes.keys().copied().collect::<Vec<_>>() {
-            self.common.dismiss(node, false, "the server ends the world".into());
+            self.common.dismiss(node, Farewell::Ended, WORLD_ENDS.into());
         }
         for client in std::mem::take(&mut self.common.clients).into_keys() {
-            self.common.outputs.push_back(ServerOutput::Close(Peer::Client(client)));
+            self.common.close(Peer::Client(client), Farewell::Ended);
         }
         for group in self.groups.values_mut() {
             (group.view, group.change) = (None, None);

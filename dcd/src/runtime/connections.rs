@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 
 use self::mail::Mail;
 pub(super) use self::mail::Sent;
-use super::links::SUPERSEDED;
+use super::ProcessError;
+use super::links::{ENDED, SUPERSEDED};
 use super::member::GIVE_UP;
 use crate::net::{PeerKey, PeerName, PeerStats};
 use crate::protocol::Program;
@@ -68,11 +69,64 @@ pub enum ConnectionChange {
     /// It is new.
     Came,
     /// Its link broke; why. It is waited for.
-    Lost(String),
+    Lost(Reason),
     /// It has a link again.
     Back,
     /// It is over; why. Its id names nothing any more.
-    Gone(String),
+    Gone(Reason),
+}
+
+/// Why a connection is lost or gone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reason {
+    /// For programs.
+    pub cause: Cause,
+    /// For people.
+    pub text: String,
+}
+
+/// The same in one word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// Its process went by its own wish, or this one did.
+    Left,
+    /// The server's user sent it away, or this process.
+    SentAway,
+    /// Nothing is heard of it.
+    Broken,
+    /// One of the two said what it may not, or is not what the other takes it for.
+    Refused,
+    /// The world has ended.
+    WorldEnded,
+    /// A newer link, or another process with the same identity, took its place.
+    Replaced,
+    /// It reads too slowly.
+    Slow,
+    /// This process's part in the world does not ask for it any more, or the other's.
+    Unneeded,
+    /// A fault ended this process's part in the world.
+    Failed,
+}
+
+impl Reason {
+    pub(super) fn new(cause: Cause, text: impl Into<String>) -> Self {
+        Self { cause, text: text.into() }
+    }
+
+    /// What the end of this process's own part in the world means for its connections.
+    pub(super) fn of_end(end: &Result<(), ProcessError>) -> Self {
+        let cause = match end {
+            Ok(()) => return Self::new(Cause::Left, "this process has left"),
+            Err(ProcessError::ServerGone { reason, .. }) if reason.contains(ENDED) => Cause::WorldEnded,
+            Err(ProcessError::ServerGone { .. }) => Cause::Refused,
+            Err(ProcessError::GivenUp { .. }) => Cause::Broken,
+            Err(ProcessError::Superseded { .. }) => Cause::Replaced,
+            Err(ProcessError::Evicted { .. } | ProcessError::SentAway { .. }) => Cause::SentAway,
+            Err(ProcessError::NotReleased { .. }) => Cause::Left,
+            Err(_) => Cause::Failed,
+        };
+        Self::new(cause, end.as_ref().err().map_or(String::new(), ToString::to_string))
+    }
 }
 
 /// How programs' messages travel.
@@ -291,7 +345,7 @@ impl Connections {
         match state.of_peer.get(&who).copied() {
             Some(id) => {
                 if let Some(former) = state.entries.get(&id).and_then(|entry| entry.link.ok()) {
-                    state.unlink(former, SUPERSEDED);
+                    state.unlink(former, Reason::new(Cause::Replaced, SUPERSEDED));
                 }
                 let Some(entry) = state.entries.get_mut(&id) else { return };
                 let traffic = std::mem::take(&mut entry.traffic);
@@ -317,13 +371,13 @@ impl Connections {
     }
 
     /// A link broke that its process will make again, or is to.
-    pub(super) fn lost(&self, link: PeerKey, reason: &str) {
+    pub(super) fn lost(&self, link: PeerKey, reason: Reason) {
         self.lock().unlink(link, reason);
         self.shared.arrived.notify_all();
     }
 
     /// A link was closed for good.
-    pub(super) fn gone(&self, link: PeerKey, reason: &str) {
+    pub(super) fn gone(&self, link: PeerKey, reason: Reason) {
         let mut state = self.lock();
         if let Some(id) = state.of_link.get(&link).copied() {
             state.forget(id, reason);
@@ -344,7 +398,7 @@ impl Connections {
             }
         }
         for id in late {
-            state.forget(id, "it did not come back");
+            state.forget(id, Reason::new(Cause::Broken, "it did not come back"));
             self.shared.arrived.notify_all();
         }
     }
@@ -389,7 +443,7 @@ impl Connections {
             let id = state.of_peer.get(who).copied();
             let is_lost = |id: &ConnectionId| state.entries[id].link.is_err();
             if let Some(id) = id.filter(is_lost) {
-                state.forget(id, reason);
+                state.forget(id, Reason::new(Cause::SentAway, reason.clone()));
                 self.shared.arrived.notify_all();
             }
         }
@@ -403,10 +457,10 @@ impl Connections {
     }
 
     /// The process's part in the world is over.
-    pub(super) fn end(&self, reason: &str) {
+    pub(super) fn end(&self, reason: Reason) {
         let mut state = self.lock();
         for id in state.entries.keys().copied().collect::<Vec<_>>() {
-            state.forget(id, reason);
+            state.forget(id, reason.clone());
         }
         state.over = true;
         self.shared.arrived.notify_all();
@@ -441,24 +495,24 @@ impl Entry {
 }
 
 impl State {
-    fn unlink(&mut self, link: PeerKey, reason: &str) {
+    fn unlink(&mut self, link: PeerKey, reason: Reason) {
         let Some(id) = self.of_link.remove(&link) else { return };
         let Some(entry) = self.entries.get_mut(&id) else { return };
         entry.link = Err(Instant::now());
         let (who, untaken) = (entry.who, entry.mail.untaken());
         entry.mail.end();
         self.keep_ended(untaken);
-        self.tell(id, who, ConnectionChange::Lost(reason.to_owned()));
+        self.tell(id, who, ConnectionChange::Lost(reason));
     }
 
-    fn forget(&mut self, id: ConnectionId, reason: &str) {
+    fn forget(&mut self, id: ConnectionId, reason: Reason) {
         let Some(entry) = self.entries.remove(&id) else { return };
         self.of_peer.remove(&entry.who);
         if let Ok(link) = entry.link {
             self.of_link.remove(&link);
             self.keep_ended(entry.mail.untaken());
         }
-        self.tell(id, entry.who, ConnectionChange::Gone(reason.to_owned()));
+        self.tell(id, entry.who, ConnectionChange::Gone(reason));
     }
 
     /// So much more is in the inbox of a link that has ended.

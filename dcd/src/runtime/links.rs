@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
 
-use super::connections::{Connections, Delivery, Sent};
+use super::connections::{Cause, Connections, Delivery, Reason, Sent};
 use crate::cluster::Peer;
 use crate::net::{CloseCause, Net, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, Lane, Message, Role, ToClient};
@@ -42,6 +42,14 @@ pub(super) const SUPERSEDED: &str = "a newer link of the same peer took its plac
 
 /// Why a link ends when the world does.
 pub(super) const ENDED: &str = "the world has ended";
+
+/// Why the link of a node ends that goes by its own wish.
+pub(super) const LEFT: &str = "it has left";
+
+/// Why links end that a process's part in the world does not ask for any more.
+pub(super) const NOT_A_MEMBER: &str = "no longer a member";
+/// The same.
+pub(super) const NOT_THE_LEADER: &str = "no longer the leader";
 
 /// Why a link ends that the server does not want any more.
 pub(super) const THE_END: &str = "the server ends the link";
@@ -84,6 +92,24 @@ struct Waiting {
     bytes: usize,
     /// When something was last taken in, or began to wait for a link that is up.
     since: Option<Instant>,
+}
+
+/// What the way in which a link ended, and what was said of it, mean to the user.
+fn why(cause: CloseCause, said: &str) -> Reason {
+    let cause = match said {
+        ENDED => Cause::WorldEnded,
+        SUPERSEDED => Cause::Replaced,
+        TOO_SLOW => Cause::Slow,
+        // The second is what a process says that ends.
+        LEFT | "shut down" => Cause::Left,
+        NOT_A_MEMBER | NOT_THE_LEADER => Cause::Unneeded,
+        said if said.starts_with(SENT_AWAY) => Cause::SentAway,
+        // What quinn says when the other end has forgotten the link.
+        said if cause == CloseCause::ByPeer && said.contains("by peer") => Cause::Broken,
+        _ if cause == CloseCause::TimedOut => Cause::Broken,
+        _ => Cause::Refused,
+    };
+    Reason::new(cause, said)
 }
 
 impl Links {
@@ -263,8 +289,8 @@ impl Links {
             self.keys.retain(|_, other| *other != key);
             self.send_programs();
             match reason {
-                TOO_SLOW => self.connections.lost(key, reason),
-                _ => self.connections.gone(key, reason),
+                TOO_SLOW => self.connections.lost(key, why(CloseCause::ByUs, reason)),
+                _ => self.connections.gone(key, why(CloseCause::ByUs, reason)),
             }
             self.net.close(key, reason);
         }
@@ -333,8 +359,8 @@ impl Links {
                 }
                 // Our server is dialled until it is given up.
                 match cause == CloseCause::TimedOut || reason == TOO_SLOW || who == PeerName::Server {
-                    true => self.connections.lost(key, &reason),
-                    false => self.connections.gone(key, &reason),
+                    true => self.connections.lost(key, why(cause, &reason)),
+                    false => self.connections.gone(key, why(cause, &reason)),
                 }
                 let mut peers = self.peers_of(who);
                 peers.retain(|peer| self.keys.get(peer) == Some(&key));

@@ -11,11 +11,12 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
-use super::links::{ENDED, LinkEvent, Links, SENT_AWAY, SUPERSEDED, THE_END};
+use super::connections::{Cause, Reason};
+use super::links::{ENDED, LinkEvent, Links, NOT_A_MEMBER, NOT_THE_LEADER, SENT_AWAY, SUPERSEDED, THE_END};
 use super::{Connections, PhysicsDevice, ProcessError};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand,
-    PhysicsEvent,
+    PhysicsEvent, WORLD_ENDS,
 };
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
 use crate::protocol::{Message, Refusal, ViewNumber};
@@ -217,6 +218,7 @@ impl Member {
             joined: false,
             count_at: Duration::ZERO,
             end: None,
+            reason: None,
         };
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
@@ -225,7 +227,7 @@ impl Member {
                 if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
                     shared.lock().end = Some(Err(ProcessError::Fault));
                     shared.changed.notify_all();
-                    running.connections.end(&ProcessError::Fault.to_string());
+                    running.connections.end(Reason::of_end(&Err(ProcessError::Fault)));
                 }
             })
             .map_err(ProcessError::Thread)?;
@@ -362,6 +364,8 @@ struct Loop {
     /// When the network's counters are read next.
     count_at: Duration,
     end: Option<Result<(), ProcessError>>,
+    /// Why it ends, where `end` does not say.
+    reason: Option<Reason>,
 }
 
 impl Loop {
@@ -410,13 +414,13 @@ impl Loop {
             }
         }
         let end = self.end.take().unwrap_or(Ok(()));
-        let reason = end.as_ref().err().map_or("this process has left".into(), ProcessError::to_string);
+        let reason = self.reason.take().unwrap_or_else(|| Reason::of_end(&end));
         let mut state = self.shared.lock();
         state.summary.seconds = self.start.elapsed().as_secs_f64();
         state.end = Some(end);
         drop(state);
         self.shared.changed.notify_all();
-        self.connections.end(&reason);
+        self.connections.end(reason);
     }
 
     fn poll_timeout(&self) -> Option<Duration> {
@@ -472,7 +476,9 @@ impl Loop {
             LinkEvent::Disconnected(peer, reason) => {
                 if peer == Peer::Server {
                     let server = self.server;
-                    let goodbye = [THE_END, ENDED].iter().any(|end| reason.contains(end));
+                    if reason.contains(ENDED) {
+                        return self.world_ended();
+                    }
                     if reason.contains(SUPERSEDED) {
                         self.end = Some(Err(ProcessError::Superseded { server }));
                         return;
@@ -482,7 +488,7 @@ impl Loop {
                         self.end = Some(Err(ProcessError::SentAway { server, reason }));
                         return;
                     }
-                    if goodbye || !self.joined {
+                    if reason.contains(THE_END) || !self.joined {
                         self.end = Some(Err(ProcessError::ServerGone { server, reason }));
                         return;
                     }
@@ -548,7 +554,7 @@ impl Loop {
             NodeOutput::Send { to, message } => self.links.send(to, &message),
             NodeOutput::Redial => self.redial(),
             NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
-            NodeOutput::Disconnect(node) => self.links.close(Peer::Node(node), "no longer a member"),
+            NodeOutput::Disconnect(node) => self.links.close(Peer::Node(node), NOT_A_MEMBER),
             NodeOutput::Physics(command) => self.compute(command),
             NodeOutput::Client(message) => self.client(ClientEvent::Node(message)),
             NodeOutput::Settled(tick) => {
@@ -567,12 +573,21 @@ impl Loop {
             }
             NodeOutput::Stopped { evicted, reason } => {
                 info!(reason, "the node stops");
-                self.end = Some(match evicted {
-                    true => Err(ProcessError::Evicted { server: self.server, reason }),
-                    false => Ok(()),
-                });
+                match evicted {
+                    true => self.end = Some(Err(ProcessError::Evicted { server: self.server, reason })),
+                    false if reason == WORLD_ENDS => self.world_ended(),
+                    false => self.end = Some(Ok(())),
+                }
             }
         }
+    }
+
+    /// In order, for all: no failure of who only computes; who plays in it must know.
+    fn world_ended(&mut self) {
+        let (server, reason) = (self.server, ENDED.to_owned());
+        let plays = self.shared.lock().client.is_some();
+        self.end = Some(if plays { Err(ProcessError::ServerGone { server, reason }) } else { Ok(()) });
+        self.reason = Some(Reason::new(Cause::WorldEnded, ENDED));
     }
 
     fn redial(&mut self) {
@@ -621,7 +636,7 @@ impl Loop {
                 self.redial();
             }
             ClientOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
-            ClientOutput::Disconnect(node) => self.links.close(Peer::Node(node), "no longer the leader"),
+            ClientOutput::Disconnect(node) => self.links.close(Peer::Node(node), NOT_THE_LEADER),
             ClientOutput::Node(message) => {
                 drop(state);
                 if let Some(node) = &mut self.node {
@@ -634,11 +649,11 @@ impl Loop {
 
 fn is_update(event: &ClientEvent) -> bool {
     use crate::protocol::ToClient;
-    matches!(
-        event,
-        ClientEvent::Message { message: Message::ToClient(_, ToClient::States { .. }), .. }
-            | ClientEvent::Node(ToClient::States { .. })
-    )
+    match event {
+        ClientEvent::Message { message: Message::ToClient(_, ToClient::States { states, .. }), .. }
+        | ClientEvent::Node(ToClient::States { states, .. }) => !states.is_empty(),
+        _ => false,
+    }
 }
 
 #[cfg(test)]

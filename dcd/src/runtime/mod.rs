@@ -26,8 +26,8 @@ mod snapshot;
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
 #[cfg(feature = "net")]
 pub use connections::{
-    Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections, Delivery,
-    ProgramMessage,
+    Cause, Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections,
+    Delivery, ProgramMessage, Reason,
 };
 pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]

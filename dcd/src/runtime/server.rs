@@ -11,11 +11,12 @@ use std::time::{Duration, Instant};
 
 use tracing::{error, info, warn};
 
-use super::links::{ENDED, LinkEvent, Links, SENT_AWAY, THE_END};
+use super::connections::{Cause, Reason};
+use super::links::{ENDED, LEFT, LinkEvent, Links, SENT_AWAY, THE_END};
 use super::member::forward;
 use super::{Connections, DcdWorld, ProcessError, RedbDirectory, WorldConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{Grouping, Peer, Record, Server, ServerConfig, ServerEvent, ServerOutput};
+use crate::cluster::{Farewell, Grouping, Peer, Record, Server, ServerConfig, ServerEvent, ServerOutput};
 use crate::net::{
     Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, Role, check_address,
 };
@@ -218,7 +219,7 @@ impl ServerProcess {
                     (state.failure, state.over) = (Some(ProcessError::Fault), true);
                     drop(state);
                     shared.changed.notify_all();
-                    connections.end(&ProcessError::Fault.to_string());
+                    connections.end(Reason::new(Cause::Failed, ProcessError::Fault.to_string()));
                 }
             })
             .map_err(ProcessError::Thread)?;
@@ -485,13 +486,12 @@ impl Loop {
             let Some(links) = &mut self.links else { return };
             match output {
                 ServerOutput::Send { to, message } => links.send(to, &message),
-                ServerOutput::Close(peer) => {
-                    let ending = self.audited || self.end_by.is_some();
-                    match self.farewells.remove(&peer) {
-                        Some(reason) => links.close(peer, &format!("{SENT_AWAY}: {reason}")),
-                        None => links.close(peer, if ending { ENDED } else { THE_END }),
-                    }
-                }
+                ServerOutput::Close(peer, farewell) => match (self.farewells.remove(&peer), farewell) {
+                    (Some(reason), _) => links.close(peer, &format!("{SENT_AWAY}: {reason}")),
+                    (None, Farewell::Left) => links.close(peer, LEFT),
+                    (None, Farewell::Ended) => links.close(peer, ENDED),
+                    (None, Farewell::SentAway | Farewell::Refused) => links.close(peer, THE_END),
+                },
                 ServerOutput::Store(batch) => {
                     if let Err(error) = self.store(&batch) {
                         error!(%error, "the server cannot go on");
@@ -576,7 +576,7 @@ impl Loop {
         state.over = true;
         drop(state);
         self.shared.changed.notify_all();
-        self.connections.end(ENDED);
+        self.connections.end(Reason::new(Cause::WorldEnded, ENDED));
     }
 }
 

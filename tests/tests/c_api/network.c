@@ -35,6 +35,8 @@ static DcdStatus hear(DcdWorld world, Heard *heard)
             heard->ended = *event;
         }
         HOLDS(event->connection.v != 0 && event->role != DCD_ROLE_LOCAL);
+        bool is_there = event->state == DCD_CONNECTION_CAME || event->state == DCD_CONNECTION_BACK;
+        HOLDS(is_there == (event->cause == DCD_CAUSE_NONE) && is_there == (event->reason[0] == 0));
     }
     for (size_t i = 0; i < events.message_count; i++) {
         const DcdMessage *message = &events.messages[i];
@@ -308,13 +310,14 @@ static void sending_away(void)
     OK(dcd_disconnect(server, to_client, "cheating"));
     HEAR(server, &at_server, at_server.gone == 1);
     HOLDS(at_server.ended.role == DCD_ROLE_CLIENT && at_server.ended.connection.v == to_client.v);
-    HOLDS(strstr(at_server.ended.reason, "cheating") != NULL);
+    HOLDS(strstr(at_server.ended.reason, "cheating") != NULL && at_server.ended.cause == DCD_CAUSE_SENT_AWAY);
     FAILS(dcd_connection_info(server, to_client, &info), DCD_ERR_STALE_ID, "connection");
     FAILS(dcd_send(server, to_client, "x", 1, 0), DCD_ERR_STALE_ID, "connection");
     for (int tries = 0; tries < 30000 && hear(client, &heard) == DCD_OK; tries++) {
     }
     FAILS(dcd_step(client), DCD_ERR_NETWORK, "cheating");
     HOLDS(heard.messages == 1 && memcmp(heard.bytes, "goodbye", 7) == 0 && heard.gone > 0);
+    HOLDS(heard.ended.cause == DCD_CAUSE_SENT_AWAY);
     FAILS(dcd_send(client, to_server, "x", 1, 0), DCD_ERR_STALE_ID, "connection");
     OK(dcd_poll(client, UINT32_MAX));
 
@@ -326,7 +329,7 @@ static void sending_away(void)
     to_node = find(server, DCD_ROLE_NODE);
     OK(dcd_disconnect(server, to_node, NULL));
     HEAR(server, &at_server, at_server.gone == 2);
-    HOLDS(at_server.ended.role == DCD_ROLE_NODE);
+    HOLDS(at_server.ended.role == DCD_ROLE_NODE && at_server.ended.cause == DCD_CAUSE_SENT_AWAY);
     DcdWorld gone = { 0 };
     for (int tries = 0; tries < 30000 && gone.v == 0; tries++) {
         for (int i = 0; i < 2; i++) {
@@ -344,6 +347,27 @@ static void sending_away(void)
     } while (after.tick < before.tick + 10);
 }
 
+/* Who goes by its own wish is told apart from who is sent away, and from who dies. */
+static void leaving(void)
+{
+    DcdClientDef play = DCD_CLIENT_DEF_INIT;
+    DcdWorld passer_by = { 0 };
+    Heard heard = { 0 };
+    play.server = address;
+    play.token = token;
+    mint(DCD_ROLE_CLIENT);
+    OK(dcd_client_connect(&play, &passer_by));
+    OK(dcd_world_destroy(passer_by));
+    HEAR(server, &heard, heard.gone == 1);
+    HOLDS(heard.ended.role == DCD_ROLE_CLIENT && heard.ended.cause == DCD_CAUSE_LEFT);
+    /* One of the two has been sent away. */
+    OK(dcd_world_destroy(nodes[0]));
+    OK(dcd_world_destroy(nodes[1]));
+    HEAR(server, &heard, heard.gone == 2);
+    HOLDS(heard.ended.role == DCD_ROLE_NODE && heard.ended.cause == DCD_CAUSE_LEFT);
+    HOLDS(strcmp(heard.ended.reason, "it has left") == 0 && heard.lost == 0);
+}
+
 int main(int argc, char **argv)
 {
     if (argc != 2)
@@ -354,6 +378,7 @@ int main(int argc, char **argv)
     a_full_queue();
     waiting();
     sending_away();
+    leaving();
 
     /* The end is told last. */
     Heard heard = { 0 };
@@ -363,10 +388,8 @@ int main(int argc, char **argv)
     }
     size_t count = 1;
     OK(dcd_connections(participant, NULL, 0, &count));
-    HOLDS(heard.gone > 0 && count == 0);
+    HOLDS(heard.gone > 0 && count == 0 && heard.ended.cause == DCD_CAUSE_WORLD_ENDED);
     OK(dcd_world_destroy(participant));
-    OK(dcd_world_destroy(nodes[0]));
-    OK(dcd_world_destroy(nodes[1]));
     OK(dcd_world_destroy(local));
     return checked();
 }

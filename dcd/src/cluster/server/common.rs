@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use super::{ServerConfig, ServerOutput};
+use super::{Farewell, ServerConfig, ServerOutput};
 use crate::cluster::Peer;
 use crate::protocol::{Delay, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
 use crate::space::{BodyId, ClientId, GroupId, NodeId};
@@ -99,11 +99,16 @@ impl Common {
         }
     }
 
+    pub(super) fn close(&mut self, peer: Peer, farewell: Farewell) {
+        self.outputs.push_back(ServerOutput::Close(peer, farewell));
+    }
+
     /// A node is told to go, and is no longer known.
-    pub(super) fn dismiss(&mut self, node: NodeId, evicted: bool, reason: String) {
+    pub(super) fn dismiss(&mut self, node: NodeId, farewell: Farewell, reason: String) {
+        let evicted = matches!(farewell, Farewell::SentAway | Farewell::Refused);
         let message = Message::ToNode(ToNode::Shutdown { evicted, reason });
         self.outputs.push_back(ServerOutput::Send { to: Peer::Node(node), message });
-        self.outputs.push_back(ServerOutput::Close(Peer::Node(node)));
+        self.close(Peer::Node(node), farewell);
         self.nodes.remove(&node);
     }
 

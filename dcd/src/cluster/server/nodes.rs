@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::common::{ABSENCE, NodeEntry, RETURN};
 use super::group::Group;
-use super::{Server, ServerOutput};
+use super::{Farewell, Server, ServerOutput};
 use crate::cluster::Peer;
 use crate::protocol::{Member, ToNode, ToServer, ViewNumber};
 use crate::space::{GroupId, NodeId};
@@ -291,7 +291,7 @@ impl Server {
     pub(super) fn send_away(&mut self, node: NodeId, reason: String) {
         match self.common.nodes.get_mut(&node) {
             Some(entry) => (entry.leaving, entry.unwanted) = (true, Some(reason)),
-            None => self.common.outputs.push_back(ServerOutput::Close(Peer::Node(node))),
+            None => self.common.close(Peer::Node(node), Farewell::SentAway),
         }
     }
 
@@ -307,8 +307,10 @@ impl Server {
         if !free.is_empty() {
             for node in free {
                 let unwanted = self.common.nodes.get_mut(&node).and_then(|entry| entry.unwanted.take());
-                let is_unwanted = unwanted.is_some();
-                self.common.dismiss(node, is_unwanted, unwanted.unwrap_or("leave granted".into()));
+                match unwanted {
+                    Some(reason) => self.common.dismiss(node, Farewell::SentAway, reason),
+                    None => self.common.dismiss(node, Farewell::Left, "leave granted".into()),
+                }
             }
             self.common.tell_roster();
         }

@@ -6,7 +6,7 @@ use std::time::SystemTime;
 use super::*;
 use crate::net::{Authority, Identity, Limits, NetConfig, NetEvents, join};
 use crate::protocol::{Chunk, Program};
-use crate::runtime::{ConnectionChange, ConnectionError};
+use crate::runtime::{Cause, ConnectionChange, ConnectionError};
 use crate::sim::{sim_body, sim_world};
 use crate::space::BodyId;
 
@@ -185,7 +185,7 @@ fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
     gone.vanish();
     assert_eq!(pair.hear().len(), 2, "both voices");
     let [ConnectionChange::Lost(reason)] = &pair.changes()[..] else { panic!() };
-    assert!(reason.contains("nothing was heard"), "{reason}");
+    assert!(reason.cause == Cause::Broken && reason.text.contains("nothing was heard"), "{reason:?}");
     assert!(!connections.get(first.id).unwrap().is_up);
     let seen = connections.arrivals();
     assert!(!connections.wait(seen, Duration::ZERO));
@@ -198,7 +198,10 @@ fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
     let former = pair.start_other();
     pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
     pair.hear();
-    assert_eq!(pair.changes(), [ConnectionChange::Lost(SUPERSEDED.into()), ConnectionChange::Back]);
+    assert_eq!(
+        pair.changes(),
+        [ConnectionChange::Lost(Reason::new(Cause::Replaced, SUPERSEDED)), ConnectionChange::Back]
+    );
     drop(former);
 
     pair.links.flush(Instant::now());
@@ -210,7 +213,7 @@ fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
     while connections.get(first.id).is_some() {
         pair.hear();
     }
-    assert_eq!(pair.changes(), [ConnectionChange::Gone("shut down".into())]);
+    assert_eq!(pair.changes(), [ConnectionChange::Gone(Reason::new(Cause::Left, "shut down"))]);
     assert_eq!(connections.list(), []);
 }
 
@@ -222,7 +225,7 @@ fn a_connection_that_does_not_come_back_is_gone_but_for_the_server() {
         panic!()
     };
     other.linked(peer, who, addr);
-    other.lost(peer, "it is dead");
+    other.lost(peer, Reason::new(Cause::Broken, "it is dead"));
     other.refresh(Instant::now() + Duration::from_secs(3_600), |_| None);
     assert_eq!(other.list().len(), 1);
     pair.start_other().vanish();
@@ -230,7 +233,7 @@ fn a_connection_that_does_not_come_back_is_gone_but_for_the_server() {
     pair.links.flush(Instant::now());
     assert_eq!(pair.changes().len(), 2, "came and lost");
     pair.links.flush(Instant::now() + Duration::from_secs(3_600));
-    assert_eq!(pair.changes(), [ConnectionChange::Gone("it did not come back".into())]);
+    assert_eq!(pair.changes(), [ConnectionChange::Gone(Reason::new(Cause::Broken, "it did not come back"))]);
 }
 
 #[test]
@@ -305,7 +308,7 @@ fn messages_outlive_their_link_and_not_without_bound() {
     say(1);
     let id = connections.list()[0].id;
     connections.send(id, b"never sent", Delivery::Message).unwrap();
-    connections.lost(link, "cut");
+    connections.lost(link, Reason::new(Cause::Broken, "cut"));
     assert_eq!(connections.send(id, b"", Delivery::Message), Err(ConnectionError::Lost));
     assert_eq!(connections.take_messages().len(), 1, "it has come");
     connections.linked(link, who, addr);
@@ -313,7 +316,7 @@ fn messages_outlive_their_link_and_not_without_bound() {
     // Links that come and go with messages that nobody takes.
     for _ in 0..60 {
         (0..4).for_each(|_| say(30_000));
-        connections.gone(link, "left");
+        connections.gone(link, Reason::new(Cause::Left, "left"));
         connections.linked(link, who, addr);
     }
     say(2);

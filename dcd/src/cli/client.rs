@@ -135,10 +135,15 @@ impl Client {
             }
         };
         crowd.played().show(json)?;
-        end?;
         if interrupt.asked() {
             common.say("leaving: the avatars wait at the server");
+            // Who wants to go does not mind that the world has ended meanwhile.
+            return match crowd.world.leave() {
+                Ok(_) | Err(ProcessError::ServerGone { .. }) => Ok(interrupt.exit_code()),
+                Err(error) => Err(error.into()),
+            };
         }
+        end?;
         crowd.world.leave()?;
         Ok(interrupt.exit_code())
     }

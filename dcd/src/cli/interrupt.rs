@@ -1,15 +1,20 @@
-//! Ctrl-C and SIGTERM: the first asks a command to end in order, the second ends it at once.
+//! Ctrl-C and SIGTERM: the first asks a command to end in order, a later one ends it at once.
 
 use std::io::Read;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use super::failure::Failure;
 
 /// Exit code of what was ended by Ctrl-C: 128 + SIGINT.
 const EXIT: u8 = 130;
 
+/// One press may be heard twice: from the terminal, and from a parent process that passes on what it hears.
+const ONE_PRESS: Duration = Duration::from_millis(200);
+
+static FIRST: OnceLock<Instant> = OnceLock::new();
 static SIGNALLED: AtomicBool = AtomicBool::new(false);
 static ABANDONED: AtomicBool = AtomicBool::new(false);
 static INSTALLED: OnceLock<Result<(), String>> = OnceLock::new();
@@ -22,7 +27,9 @@ impl Interrupt {
     /// Takes Ctrl-C over for the rest of the process.
     pub(super) fn listen() -> Result<Self, Failure> {
         let handler = || {
-            if SIGNALLED.swap(true, Ordering::SeqCst) {
+            let first = FIRST.get_or_init(Instant::now);
+            SIGNALLED.store(true, Ordering::SeqCst);
+            if first.elapsed() > ONE_PRESS {
                 std::process::exit(EXIT.into());
             }
         };

@@ -11,6 +11,8 @@ mod weather;
 mod witness;
 mod wrong;
 
+use std::time::{Duration, Instant};
+
 use dcd::protocol::WorldPose;
 use dcd::runtime::{ClientWorld, JoinConfig};
 use process::{Process, Server, dcd};
@@ -143,6 +145,44 @@ fn a_hung_node_does_not_keep_a_server_that_is_to_end() {
     let served = server.stop();
     assert_eq!(served["bodies"], 155);
     assert_eq!(node.1.end().code(), Some(0));
+}
+
+#[test]
+fn one_press_that_all_hear_and_some_hear_twice_ends_all_in_order() {
+    let mut server = Server::playground("1");
+    let (_, mut node) = server.node();
+    server.view();
+    let token = server.token("participant");
+    let args = ["client", "--compute", "--server", &server.address, "--token", &token];
+    let mut participant = Process::start(&mut dcd(&args));
+    participant.line("joined as ");
+    server.view();
+    // As a terminal sends it to all, and a parent once more to its child.
+    let [first, second, last] = [node.id(), participant.id(), server.process.id()];
+    let press = format!("kill -INT {first} {second} {last}; sleep 0.003; kill -INT {last}");
+    let pressed = Instant::now();
+    assert!(std::process::Command::new("sh").args(["-c", &press]).status().unwrap().success());
+    let ended = server.process.end();
+    assert_eq!((ended.code(), &ended.json()["lost"]), (Some(130), &0.into()), "{ended:?}");
+    for process in [&mut node, &mut participant] {
+        let ended = process.end_within(process::LIMIT);
+        assert_eq!(ended.code(), Some(130), "{ended:?}");
+    }
+    assert!(pressed.elapsed() < Duration::from_secs(4), "{:?}", pressed.elapsed());
+}
+
+#[test]
+fn a_participant_whose_world_ends_is_told_so() {
+    let mut server = Server::playground("1");
+    let token = server.token("participant");
+    let args = ["client", "--compute", "--server", &server.address, "--token", &token];
+    let mut participant = Process::start(&mut dcd(&args));
+    participant.line("joined as ");
+    server.view();
+    server.stop();
+    let ended = participant.end();
+    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    assert!(ended.errors.contains("the world has ended"), "{ended:?}");
 }
 
 #[test]

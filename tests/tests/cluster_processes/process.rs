@@ -93,6 +93,11 @@ impl Process {
         self.lines.try_iter().collect()
     }
 
+    /// Its number in the system.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// What Ctrl-C does.
     pub(crate) fn interrupt(&self) {
         self.signal("-INT");

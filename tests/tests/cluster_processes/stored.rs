@@ -56,6 +56,22 @@ fn a_server_says_from_which_tick_it_goes_on_and_an_ended_world_is_forgotten() {
 }
 
 #[test]
+fn the_files_that_stay_when_a_world_has_ended_are_those_that_help_names() {
+    let mut server = Server::playground("1");
+    let (_, _node) = server.node();
+    server.view();
+    server.process.interrupt();
+    assert_eq!(server.process.end_within(crate::process::LIMIT).code(), Some(130));
+    let files = std::fs::read_dir(server.data()).unwrap();
+    let mut files: Vec<_> = files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
+    files.retain(|file| !file.ends_with(".lock"));
+    files.sort();
+    assert_eq!(files, ["authority.pem", "joins.log", "world.redb"]);
+    let help = Process::start(&mut dcd(&["serve", "--help"])).end().lines.concat();
+    assert!(files.iter().all(|file| help.contains(file)), "{help}");
+}
+
+#[test]
 fn another_world_than_the_stored_one_is_refused() {
     let server = killed(0.0);
     let scene = playground();

@@ -24,7 +24,7 @@ pub struct DcdClientDef {
     pub timeout_ms: u32,
     /// Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port".
     pub server: *const c_char,
-    /// What `dcd token --role client` printed; joining uses it up.
+    /// What `dcd token --role client` or dcd_token_create gave; joining uses it up.
     pub token: *const c_char,
     /// A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
     /// were left behind. It holds a secret.
@@ -43,7 +43,7 @@ pub struct DcdParticipantDef {
     pub timeout_ms: u32,
     /// As in DcdClientDef.
     pub server: *const c_char,
-    /// What `dcd token --role participant` printed; joining uses it up.
+    /// What `dcd token --role participant` or dcd_token_create gave; joining uses it up.
     pub token: *const c_char,
     /// As in DcdClientDef.
     pub identity_path: *const c_char,
@@ -64,7 +64,8 @@ unsafe impl Sized32 for DcdParticipantDef {
     const NAME: &'static str = "DcdParticipantDef";
 }
 
-/// Joins a world that a server holds and nodes compute, as a client, and waits until the whole world has come.
+/// Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
+/// whole world, as it is on its record. It need not have nodes yet: the world stands still until it has.
 ///
 /// The handle is used like that of a local world; what differs:
 /// - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands

@@ -123,8 +123,8 @@ unsafe impl Sized32 for DcdNodeDef {
 /// It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
 /// for your program: of dcd_events, connections and messages. Of the handle count besides dcd_world_info, dcd_stats,
 /// dcd_address, dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
-/// from the same process. dcd_world_destroy ends the world for all, and nothing of it stays in the folder; a process that ends without it
-/// leaves the world there.
+/// from the same process. dcd_world_destroy ends the world for all. The folder keeps its keys (authority.pem), the list of
+/// used tokens (joins.log), locks, and world.redb, which has no world to go on with; after a process that ends without, it has.
 ///
 /// `def` and what it points to are read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that

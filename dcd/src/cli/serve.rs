@@ -224,8 +224,9 @@ fn after_help() -> String {
          with --ticks only; views and seconds since this start). Exits with 1 when the last look at the world finds bodies\n\
          lost or doubled.\n\n\
          A server that dies is to be started again with the same options: nodes compute on meanwhile, and they and clients dial\n\
-         it again. Nodes may be some seconds ahead of tick N. Ctrl-C ends the world for all, and nothing of it stays in --data,\n\
-         unless nodes do not say what they own, or Ctrl-C is pressed twice.\n\n{}",
+         it again. Nodes may be some seconds ahead of tick N. Ctrl-C ends the world for all. --data keeps the keys\n\
+         (authority.pem), the list of used tokens (joins.log), locks, and world.redb, which has no world to go on with, unless nodes\n\
+         do not say what they own, or Ctrl-C is pressed again.\n\n{}",
         scenes::overview()
     )
 }

@@ -135,16 +135,21 @@ pub enum SendError {
 pub enum TokenError {
     /// Not a token at all.
     #[error(
-        "this is no dcd token: {0}; copy the whole line that `dcd token` printed, which begins with dcd1-"
+        "this is no dcd token: {0}; give the whole text that `dcd token` printed or dcd_token_create wrote, which begins with \
+         dcd1-"
     )]
     Malformed(&'static str),
     /// A token with an error in it.
     #[error(
-        "the token is mistyped or cut off: its checksum is wrong; copy the whole line that `dcd token` printed"
+        "the token is mistyped or cut off: its checksum is wrong; copy the whole line that `dcd token` printed or \
+         dcd_token_create wrote"
     )]
     Mistyped,
     /// A token for something else.
-    #[error("the token is for a {found}, a {wanted} was to join; mint one with `dcd token --role {wanted}`")]
+    #[error(
+        "the token is for a {found}, a {wanted} was to join; mint one with `dcd token --role {wanted}`, or dcd_token_create at \
+         the server"
+    )]
     WrongRole {
         /// What it is for.
         found: Role,
@@ -174,20 +179,23 @@ pub enum JoinRefusal {
     BadToken(TokenError),
     /// Minted elsewhere, or forged.
     #[error(
-        "the token was not minted by this server's authority; mint one with `dcd token` on its data folder"
+        "the token was not minted by this server's authority; mint one with `dcd token` on its data folder, or \
+         dcd_token_create at the server"
     )]
     OtherAuthority,
     /// Too late.
-    #[error("the token has expired; mint a new one with `dcd token`")]
+    #[error("the token has expired; mint a new one with `dcd token`, or dcd_token_create at the server")]
     Expired,
     /// A second time.
     #[error(
-        "the token has been used already, and each lets one process in once; mint a new one with `dcd token`"
+        "the token has been used already, and each lets one process in once; mint a new one with `dcd token`, or \
+         dcd_token_create at the server"
     )]
     Used,
     /// A resume key for something else.
     #[error(
-        "the token is for a {token}, the resume key is of a {resume}; mint a token with `dcd token --role {resume}`"
+        "the token is for a {token}, the resume key is of a {resume}; mint a token with `dcd token --role {resume}`, or \
+         dcd_token_create at the server"
     )]
     WrongRole {
         /// What the token is for.

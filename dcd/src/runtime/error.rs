@@ -109,7 +109,7 @@ pub enum ProcessError {
     },
     /// The world did not come in time.
     #[error(
-        "no world from the server at {server} within {waited:?}: it may be waiting for nodes, or be overloaded"
+        "the server at {server} did not tell the whole world within {waited:?}: it or the link is slow; wait longer"
     )]
     Timeout {
         /// Where it is.

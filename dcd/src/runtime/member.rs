@@ -476,9 +476,6 @@ impl Loop {
             LinkEvent::Disconnected(peer, reason) => {
                 if peer == Peer::Server {
                     let server = self.server;
-                    if reason.contains(ENDED) {
-                        return self.world_ended();
-                    }
                     if reason.contains(SUPERSEDED) {
                         self.end = Some(Err(ProcessError::Superseded { server }));
                         return;
@@ -487,6 +484,9 @@ impl Loop {
                         let reason = reason.trim_start_matches(": ").to_owned();
                         self.end = Some(Err(ProcessError::SentAway { server, reason }));
                         return;
+                    }
+                    if reason.contains(ENDED) {
+                        return self.world_ended();
                     }
                     if reason.contains(THE_END) || !self.joined {
                         self.end = Some(Err(ProcessError::ServerGone { server, reason }));

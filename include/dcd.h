@@ -254,14 +254,27 @@
 // In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
 #define DCD_HIT_INSIDE 1
 
-// The most rays that dcd_rays_submit takes, and the most bodies of its filter.
-#define DCD_MAX_SUBMITTED_RAYS 1024
+// The most that one submission may cost, and the most bodies of its filter. A ray costs 1, a shape that is cast or overlaps
+// DCD_SHAPE_COST, a point or a box 1; overlaps that are submitted together cost DCD_OVERLAPS_COST at least.
+#define DCD_MAX_SUBMITTED_COST 1024
+
+// What a submitted shape costs.
+#define DCD_SHAPE_COST 8
+
+// What submitted overlaps cost at least.
+#define DCD_OVERLAPS_COST 64
 
 // The most queries that a world may have open: submitted, and neither fetched nor cancelled.
 #define DCD_MAX_OPEN_QUERIES 64
 
-// The most rays of all of them.
-#define DCD_MAX_OPEN_RAYS 4096
+// The most that all of them may cost.
+#define DCD_MAX_OPEN_COST 4096
+
+// The most that the overlaps of one submission may find.
+#define DCD_MAX_SUBMITTED_OVERLAPS 4096
+
+// The longest turn of a submitted cast, radians.
+#define DCD_MAX_SUBMITTED_TURN 64.0
 
 // As DcdOwner.node where it is not known or there is none.
 #define DCD_NO_NODE UINT32_MAX
@@ -1190,7 +1203,7 @@ typedef struct DcdBoxQuery {
     uint32_t reserved;
 } DcdBoxQuery;
 
-// Rays that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
+// Rays, casts or overlaps that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
 typedef struct DcdQueryId {
     // Opaque.
     uint64_t v;
@@ -1575,7 +1588,7 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 // - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
 //   your own avatars, if they ask for them.
 // - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, dcd_borders, dcd_state_hash, and
-//   queries but for dcd_rays_submit.
+//   queries but for those that are submitted (dcd_rays_submit, dcd_shape_casts_submit, dcd_overlap_shapes_submit and the like).
 // - dcd_world_destroy leaves in order. Avatars leave with you and come back when you join with the same identity file.
 //
 // `def` and its texts are read during the call. The library keeps threads of its own until the world is destroyed.
@@ -2140,8 +2153,8 @@ DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
 // overlooks them; a null filter overlooks nothing.
 //
 // This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
-// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit
-// asks instead.
+// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit,
+// dcd_shape_casts_submit and dcd_overlap_shapes_submit, _points_ and _boxes_ ask instead.
 //
 // `rays` and `filter` are read during the call; `hits` has `count` entries.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
@@ -2236,8 +2249,9 @@ DcdStatus dcd_overlap_boxes(DcdWorld world,
 // the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
 //
 // `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
-// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_RAYS, DCD_ERR_BUSY with
-// DCD_MAX_OPEN_QUERIES or DCD_MAX_OPEN_RAYS open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_COST, and for what is longer than 64 KiB on its
+// way, shapes and filter included, as so many rays are with as many bodies in the filter; DCD_ERR_BUSY with DCD_MAX_OPEN_QUERIES or
+// DCD_MAX_OPEN_COST open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
 DCD_API
 DcdStatus dcd_rays_submit(DcdWorld world,
                           const DcdRay *rays,
@@ -2249,11 +2263,56 @@ DcdStatus dcd_rays_submit(DcdWorld world,
 // `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
 // fetched the query is closed and its id stale.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_BUSY while the answer is not there: nothing is written,
-// and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the same, and the query stays open),
-// DCD_ERR_NETWORK when the link is gone.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_ARGUMENT for a query that is not of rays, DCD_ERR_BUSY while
+// the answer is not there: nothing is written, and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the
+// same, and the query stays open), DCD_ERR_NETWORK when the link is gone.
 DCD_API
 DcdStatus dcd_query_poll(DcdWorld world,
+// Asks what each of `count` moving shapes meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
+// dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+//
+// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain, a turn longer than
+// DCD_MAX_SUBMITTED_TURN, and a turn with DCD_QUERY_LEAVE.
+DCD_API
+DcdStatus dcd_shape_casts_submit(DcdWorld world,
+                                 const DcdShapeCast *casts,
+                                 size_t count,
+                                 const DcdFilter *filter,
+                                 DcdQueryId *out);
+
+// Asks for every body that each of `count` shapes overlaps; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_shapes,
+// where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+//
+// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+DCD_API
+DcdStatus dcd_overlap_shapes_submit(DcdWorld world,
+                                    const DcdShapeQuery *shapes,
+                                    size_t count,
+                                    const DcdFilter *filter,
+                                    DcdQueryId *out);
+
+// Asks for every body that each of `count` points lies in; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_points,
+// where and when dcd_rays_submit answers.
+//
+// Errors: as dcd_rays_submit.
+DCD_API
+DcdStatus dcd_overlap_points_submit(DcdWorld world,
+                                    const DcdPointQuery *points,
+                                    size_t count,
+                                    const DcdFilter *filter,
+                                    DcdQueryId *out);
+
+// Asks for every body whose own box touches each of `count` boxes; dcd_query_poll_overlaps fetches the answer. As
+// dcd_overlap_boxes, where and when dcd_rays_submit answers.
+//
+// Errors: as dcd_rays_submit; DCD_ERR_ARGUMENT also for a box whose min is above its max.
+DCD_API
+DcdStatus dcd_overlap_boxes_submit(DcdWorld world,
+                                   const DcdBoxQuery *boxes,
+                                   size_t count,
+                                   const DcdFilter *filter,
+                                   DcdQueryId *out);
+
                          DcdQueryId query,
                          DcdRayHit *hits,
                          size_t cap,
@@ -2268,6 +2327,26 @@ DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
 // ask for the number. A server and a node list none: dcd_world_info has their number.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+// Fetches the answer to submitted casts: hits[i] belongs to casts[i]. For the rest as dcd_query_poll.
+DCD_API
+DcdStatus dcd_query_poll_casts(DcdWorld world,
+                               DcdQueryId query,
+                               DcdShapeHit *hits,
+                               size_t cap,
+                               size_t *count);
+
+// Fetches the answer to submitted overlaps: outputs as of dcd_overlap_shapes, `ends` with an entry for each that was submitted.
+// For the rest as dcd_query_poll, with `found` for `hits`, and for `count` `total`.
+//
+// Errors: as dcd_query_poll, and DCD_ERR_LIMIT when more than DCD_MAX_SUBMITTED_OVERLAPS were found; then the query is closed.
+DCD_API
+DcdStatus dcd_query_poll_overlaps(DcdWorld world,
+                                  DcdQueryId query,
+                                  DcdOverlap *found,
+                                  size_t cap,
+                                  size_t *ends,
+                                  size_t *total);
+
 DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
 
 // Lists the borders into `out`, which has `cap` entries, and their number into `count`, in order of (a, b): of each two

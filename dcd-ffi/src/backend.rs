@@ -7,7 +7,7 @@ use std::io::Read;
 
 use dcd::net::PeerStats;
 use dcd::physics::{BorderView, Handover, Queries, Region};
-use dcd::protocol::{Area, BodyRecord, JointRecord, Question, RayAnswer, Velocity, WorldEvents, WorldPose};
+use dcd::protocol::{Area, BodyRecord, Found, JointRecord, Question, Velocity, WorldEvents, WorldPose};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
@@ -540,7 +540,7 @@ impl Backend {
     }
 
     /// What others have answered, once they have.
-    pub(crate) fn answer(&self, number: u64) -> Result<Option<Vec<Option<RayAnswer>>>, Failure> {
+    pub(crate) fn answer(&self, number: u64) -> Result<Option<Found>, Failure> {
         match self {
             Self::Served(world) => world.answer(number),
             Self::Local(_) | Self::Hosted(_) => Ok(None),
@@ -556,7 +556,7 @@ impl Backend {
 
     /// What there is to ask about the bodies computed here.
     pub(crate) fn queries(&self) -> Result<Queries<'_>, Failure> {
-        let instead = "it hears where bodies are and computes nothing; submit rays (dcd_rays_submit), or make an avatar with a sensor";
+        let instead = "it hears where bodies are and computes nothing; submit what you ask (dcd_rays_submit and the like), or make an avatar with a sensor";
         Ok(self.local("ask by rays, shapes and points", instead)?.queries())
     }
 }

@@ -10,7 +10,7 @@ use dcd::cluster::BodyView as Heard;
 use dcd::net::PeerStats;
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{
-    Area, BodyKind, BodyRecord, EnvironmentProperties, Question, RayAnswer, Refusal, Velocity, WorldEvents,
+    Area, BodyKind, BodyRecord, EnvironmentProperties, Found, Question, Refusal, Velocity, WorldEvents,
     WorldPose,
 };
 use dcd::runtime::{ClientWorld, ProcessError, Stats};
@@ -338,7 +338,7 @@ impl Served {
     }
 
     /// The answer, once it has come.
-    pub(crate) fn answer(&self, number: u64) -> Result<Option<Vec<Option<RayAnswer>>>, Failure> {
+    pub(crate) fn answer(&self, number: u64) -> Result<Option<Found>, Failure> {
         match self.world.take_answer(number) {
             None => self.check_link().map(|()| None),
             answer => Ok(answer),

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use super::Peer;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient, Hello,
-    JointRecord, Member, Message, Question, RayAnswer, Refusal, Role, ShapeHash, ShapeRecord, SharedState,
+    Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, Found, FromClient, Hello,
+    JointRecord, Member, Message, Question, Refusal, Role, ShapeHash, ShapeRecord, SharedState,
     ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
@@ -183,7 +183,7 @@ pub struct Client {
     newest: BTreeMap<BodyId, (Drive, Duration)>,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
     asked: BTreeMap<u64, (Question, Duration)>,
-    answers: BTreeMap<u64, Vec<Option<RayAnswer>>>,
+    answers: BTreeMap<u64, Found>,
     /// What it wants to hear of, as said to the leader; `None` is everything.
     area: Option<Area>,
     now: Duration,
@@ -367,8 +367,8 @@ impl Client {
         std::mem::take(&mut self.forces).into_iter()
     }
 
-    /// The answer to a question, if it has come: what each ray met first. It is forgotten with this.
-    pub fn take_answer(&mut self, number: u64) -> Option<Vec<Option<RayAnswer>>> {
+    /// The answer to a question, if it has come. It is forgotten with this.
+    pub fn take_answer(&mut self, number: u64) -> Option<Found> {
         self.answers.remove(&number)
     }
 
@@ -556,9 +556,12 @@ impl Client {
                 keep(&mut self.touches, tick, touches);
                 keep(&mut self.forces, tick, forces);
             }
-            ToClient::Answer { number, hits } => {
-                if self.asked.remove(&number).is_some() {
-                    self.answers.insert(number, hits);
+            ToClient::Answer { number, found } => {
+                let Some((question, _)) = self.asked.get(&number) else { return };
+                let mut answer = question.asked.nothing();
+                if answer.join(found) {
+                    self.asked.remove(&number);
+                    self.answers.insert(number, answer);
                 }
             }
             ToClient::Rejected { body, reason } => {

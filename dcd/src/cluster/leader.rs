@@ -229,7 +229,8 @@ impl Leader {
             self.holders.now_holds(from, holds);
         }
         self.rounds_wanted = self.rounds_wanted.max(done.rounds_wanted);
-        self.messages.extend(self.questions.answered(from, done.answers));
+        self.questions.answered(from, done.answers);
+        self.messages.extend(self.questions.tell());
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
         if self.lag > 0 {
             self.forward_contacts();
@@ -286,6 +287,8 @@ impl Leader {
         ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
         ops.extend(self.corrections());
         ops.extend(self.questions.dispatch(&self.members));
+        self.questions.allow();
+        self.messages.extend(self.questions.tell());
         // Members that are not in step cannot exchange within a tick.
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };

@@ -13,7 +13,7 @@ use crate::cluster::{BodyView, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{
-    Area, ContactForce, EnvironmentProperties, Question, RayAnswer, Refusal, Touch, Velocity, WorldPose,
+    Area, ContactForce, EnvironmentProperties, Found, Question, Refusal, Touch, Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
@@ -209,8 +209,8 @@ impl ClientWorld {
         self.member.wish(ClientEvent::Interest(area))
     }
 
-    /// Asks those who compute the world what rays meet; [`ClientWorld::take_answer`] has the answer once it has come, some ticks
-    /// later. `number` must be unlike those of other questions.
+    /// Asks those who compute the world what rays and shapes meet; [`ClientWorld::take_answer`] has the answer once it has come,
+    /// some ticks later. `number` must be unlike those of other questions.
     pub fn ask(&self, question: Question) -> Result<(), ProcessError> {
         self.member.wish(ClientEvent::Ask(question))
     }
@@ -220,8 +220,8 @@ impl ClientWorld {
         self.member.wish(ClientEvent::Forget(number))
     }
 
-    /// The answer to a question, if it has come: what each ray met first. It is given once.
-    pub fn take_answer(&self, number: u64) -> Option<Vec<Option<RayAnswer>>> {
+    /// The answer to a question, if it has come. It is given once.
+    pub fn take_answer(&self, number: u64) -> Option<Found> {
         self.member.shared.lock().client.as_mut()?.take_answer(number)
     }
 

@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Chunk, EnvironmentProperties, Member, Question, RayAnswer, ViewNumber};
+use super::{Chunk, EnvironmentProperties, Found, Member, Question, ViewNumber};
 use crate::protocol::{BodyRecord, ContactForce, ShapeRecord, SharedState, Touch, Velocity, WorldPose};
 use crate::space::{BodyId, ClientId, GroupId, Tick};
 
@@ -133,8 +133,8 @@ pub enum ToClient {
     Answer {
         /// The question's.
         number: u64,
-        /// By ray; none where it meets nothing.
-        hits: Vec<Option<RayAnswer>>,
+        /// What was found.
+        found: Found,
     },
     /// A wish was refused.
     Rejected {

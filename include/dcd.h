@@ -276,11 +276,15 @@
 // The longest turn of a submitted cast, radians.
 #define DCD_MAX_SUBMITTED_TURN 64.0
 
-// As DcdOwner.node where it is not known or there is none.
+// As the node of a region or an owner where there is none.
 #define DCD_NO_NODE UINT32_MAX
 
 // In DcdOwner.flags: this process computes the region that owns the body.
 #define DCD_OWNER_HERE 1
+
+// In DcdOwner.flags: nobody has told yet who owns the body, which may not have moved since this process joined. The region is
+// the one that it is in: its owner but for moments at borders, and while islands or joints tie it to one in another.
+#define DCD_OWNER_BY_PLACE 4
 
 // In DcdOwner.flags: what this world shows of the body was heard from others, and is some milliseconds old.
 #define DCD_OWNER_HEARD 2
@@ -612,7 +616,7 @@ typedef struct DcdBodyInfo {
     // Kilograms; 0 for a fixed body, and in a served world, where it is not told.
     float mass;
     // The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
-    // not appeared yet. In a served world, the region it is in.
+    // not appeared yet. In a served world as DcdOwner.region.
     uint32_t region;
     // What dcd_body_set_force and dcd_body_add_force made of the force on it, newtons.
     float force[3];
@@ -938,13 +942,16 @@ typedef struct DcdContactForce {
     uint32_t part_b;
 } DcdContactForce;
 
-// A body changed owner in the step. Putting it elsewhere by hand is not told of.
+// A body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of in the step,
+// and another region owned it than when it was heard of before. That is exact for both times, and leaves out what it went
+// through between them; nothing is told of bodies whose owner was not known before (DCD_OWNER_BY_PLACE), of bodies outside the
+// interest, and of regions that another node computes now.
 typedef struct DcdTransfer {
     // Which body.
     DcdBodyId body;
     // Your own.
     uint64_t user_data;
-    // The region that owned it.
+    // The region that owned it, as in DcdRegionInfo.
     uint32_t from;
     // The region that owns it now.
     uint32_t to;
@@ -1013,7 +1020,8 @@ typedef struct DcdEventView {
     const DcdContactForce *forces;
     // How many.
     size_t force_count;
-    // Bodies that changed owner; none in a served world, where owners change unseen.
+    // Bodies that changed owner, or were heard to; in a served world in the order in which that was heard, of more than 4096 the
+    // newest.
     const DcdTransfer *transfers;
     // How many.
     size_t transfer_count;
@@ -1213,12 +1221,13 @@ typedef struct DcdQueryId {
 typedef struct DcdRegionInfo {
     // Its number in the tree of regions; numbers need not be dense.
     uint32_t region;
-    // Bodies that it owns; in a served world, that are in it.
+    // Bodies that it owns; in a served world, of those that are known, by what dcd_body_owner says.
     uint32_t bodies;
     // Bodies of its neighbours that it computes along, since they are near; 0 in a served world.
     uint32_t replicas;
-    // 0.
-    uint32_t reserved;
+    // The node that computes it, as the server numbers nodes from 1, as last told: it may have changed hands some milliseconds
+    // ago. DCD_NO_NODE in a local world, and while nobody computes.
+    uint32_t node;
     // Lowest corner, inside, metres.
     double min[3];
     // Highest corner, outside, metres.
@@ -1248,10 +1257,10 @@ typedef struct DcdOwner {
     // sizeof(DcdOwner).
     uint32_t struct_size;
     // Its region, as in DcdRegionInfo; DCD_NO_REGION for a fixed body, which every region near it has, and for an avatar that
-    // has not appeared yet. In a served world, the region it is in: at a border another may own it for a moment.
+    // has not appeared yet. In a served world, the one that owned the body when it was last heard of: exactly, unless
+    // DCD_OWNER_BY_PLACE is set.
     uint32_t region;
-    // The node that computes the region, as the server numbers nodes from 1; DCD_NO_NODE in a local world and for a client,
-    // which is not told. A participant knows.
+    // The node that computes the region, as DcdRegionInfo.node.
     uint32_t node;
     // Regions that hold the body, its owner included; 0 in a served world, where it is not told.
     uint32_t holders;
@@ -2259,15 +2268,6 @@ DcdStatus dcd_rays_submit(DcdWorld world,
                           const DcdFilter *filter,
                           DcdQueryId *out);
 
-// Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and
-// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
-// fetched the query is closed and its id stale.
-//
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_ARGUMENT for a query that is not of rays, DCD_ERR_BUSY while
-// the answer is not there: nothing is written, and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the
-// same, and the query stays open), DCD_ERR_NETWORK when the link is gone.
-DCD_API
-DcdStatus dcd_query_poll(DcdWorld world,
 // Asks what each of `count` moving shapes meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
 // dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 //
@@ -2313,20 +2313,20 @@ DcdStatus dcd_overlap_boxes_submit(DcdWorld world,
                                    const DcdFilter *filter,
                                    DcdQueryId *out);
 
+// Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and
+// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
+// fetched the query is closed and its id stale.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_ARGUMENT for a query that is not of rays, DCD_ERR_BUSY while
+// the answer is not there: nothing is written, and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the
+// same, and the query stays open), DCD_ERR_NETWORK when the link is gone.
+DCD_API
+DcdStatus dcd_query_poll(DcdWorld world,
                          DcdQueryId query,
                          DcdRayHit *hits,
                          size_t cap,
                          size_t *count);
 
-// Closes a query whose answer is not wanted any more.
-//
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query).
-DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
-
-// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-// ask for the number. A server and a node list none: dcd_world_info has their number.
-//
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 // Fetches the answer to submitted casts: hits[i] belongs to casts[i]. For the rest as dcd_query_poll.
 DCD_API
 DcdStatus dcd_query_poll_casts(DcdWorld world,
@@ -2347,6 +2347,15 @@ DcdStatus dcd_query_poll_overlaps(DcdWorld world,
                                   size_t *ends,
                                   size_t *total);
 
+// Closes a query whose answer is not wanted any more.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query).
+DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
+
+// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
+// ask for the number. A server and a node list none: dcd_world_info has their number. In a served world boxes never change.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
 
 // Lists the borders into `out`, which has `cap` entries, and their number into `count`, in order of (a, b): of each two
@@ -2362,9 +2371,11 @@ DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, si
 DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 
 // Sets what a client or participant wants to hear of from now on: bodies whose origin is within `radius` metres of `centre`
-// (world space), its own avatars, and what is within 8 m of these. It saves bytes and time where the world is large. A radius of
-// 0 or less, or of infinity, is everything, as at first; `centre` may be null then. Call it as often as you like: as long as
-// the centre stays within a twentieth of the radius of where it was said last, nothing is sent.
+// (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is farther off may touch
+// an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such bodies in it. It saves
+// bytes and time where the world is large. A radius of 0 or less, or of infinity, is everything, as at first; `centre` may be
+// null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius of where it was said
+// last, nothing is sent.
 //
 // Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
 // DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What
@@ -2375,7 +2386,10 @@ DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 // A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,
 // DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
-DCD_API DcdStatus dcd_interest_set(DcdWorld world, const double *centre, double radius);
+DCD_API
+DcdStatus dcd_interest_set(DcdWorld world,
+                           const double *centre,
+                           double radius);
 
 // Reads the counters of a world.
 //
@@ -2928,7 +2942,7 @@ DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);
 DCD_ASSERT_(offsetof(DcdRegionInfo, region) == 0);
 DCD_ASSERT_(offsetof(DcdRegionInfo, bodies) == 4);
 DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
-DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
+DCD_ASSERT_(offsetof(DcdRegionInfo, node) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
 DCD_ASSERT_(sizeof(DcdOwner) == 20);

@@ -584,6 +584,7 @@ mod tests {
         let (id, epoch) = (AVATAR, crate::space::Epoch(0));
         let state = SharedState {
             id,
+            owner: RegionId(1),
             epoch,
             pose: WorldPose::default(),
             velocity: Velocity::default(),
@@ -616,7 +617,8 @@ mod tests {
             leader.dispatch(Duration::from_secs(tick)).unwrap();
             let pose = WorldPose::at([x, 0.0, 0.0]);
             let (epoch, velocity) = (crate::space::Epoch(0), Velocity::default());
-            let states = vec![SharedState { id: body, epoch, pose, velocity, sleeping: false }];
+            let states =
+                vec![SharedState { id: body, owner: RegionId(1), epoch, pose, velocity, sleeping: false }];
             leader.report(Report { view: ViewNumber(1), tick: Tick(tick), states });
             leader.take_messages();
             both_done(leader, tick, vec![], vec![]);

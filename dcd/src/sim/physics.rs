@@ -99,7 +99,8 @@ impl Copy {
     }
 
     fn states(&self) -> Vec<SharedState> {
-        self.bodies.values().map(shared).collect()
+        // Who computes it meanwhile owns none of it.
+        self.bodies.values().map(|body| shared(body, RegionId::default())).collect()
     }
 }
 
@@ -305,7 +306,8 @@ impl StandIn {
                     body.epoch = body.epoch.next();
                 }
                 for &kept in holders.intersection(&wanted).filter(|&&kept| !leaves || kept != target) {
-                    to(kept, &mut |message| message.states.push(shared(body)));
+                    let owner = if leaves { target } else { from };
+                    to(kept, &mut |message| message.states.push(shared(body, owner)));
                 }
                 *holders = wanted;
                 if leaves {
@@ -364,12 +366,17 @@ impl StandIn {
             .values()
             .flat_map(|region| region.owned.values().map(|owned| (owned.body.id, &owned.body)))
             .collect();
+        let regions = self.regions.iter();
+        let owners: BTreeMap<_, _> =
+            regions.flat_map(|(&id, region)| region.owned.keys().map(move |&body| (body, id))).collect();
+        let owner_of = |body: BodyId| owners[&body];
         let stats = TickStats {
             bodies: owned.len() as u32,
             replicas: self.regions.values().map(|region| region.replicas.len() as u32).sum(),
             ..TickStats::default()
         };
-        let report = sample(report, &owned, &mut self.reported).map(shared).collect();
+        let report =
+            sample(report, &owned, &mut self.reported).map(|body| shared(body, owner_of(body.id))).collect();
         let checkpoint = sample(checkpoint, &owned, &mut self.checkpointed)
             .map(|body| BodyCheckpoint { id: body.id, epoch: body.epoch, state: body.state })
             .collect();
@@ -412,7 +419,8 @@ fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Qu
 
 fn on_ray(body: &BodyRecord, ray: &RayQuestion) -> Option<RayAnswer> {
     let (body, point) = (body.id, body.state.pose.translation);
-    let distance_m = passed(point, ray.origin, ray.direction).filter(|distance_m| *distance_m <= ray.max_m)?;
+    let distance_m =
+        passed(point, ray.origin, ray.direction).filter(|distance_m| *distance_m <= ray.max_m)?;
     Some(RayAnswer { body, collider: 0, point, normal: [0.0; 3], distance_m, subshape: 0 })
 }
 
@@ -444,9 +452,9 @@ fn passed(place: [f64; 3], origin: [f64; 3], direction: [f32; 3]) -> Option<f64>
     (distance_m >= 0.0 && (from - along * distance_m).norm() < 1.0).then_some(distance_m)
 }
 
-fn shared(body: &BodyRecord) -> SharedState {
+fn shared(body: &BodyRecord, owner: RegionId) -> SharedState {
     let BodyState { pose, velocity, sleeping, .. } = body.state;
-    SharedState { id: body.id, epoch: body.epoch, pose, velocity, sleeping }
+    SharedState { id: body.id, owner, epoch: body.epoch, pose, velocity, sleeping }
 }
 
 fn sample<'a>(

@@ -257,20 +257,37 @@
 // In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
 #define DCD_HIT_INSIDE 1
 
-// The most rays that dcd_rays_submit takes, and the most bodies of its filter.
-#define DCD_MAX_SUBMITTED_RAYS 1024
+// The most that one submission may cost, and the most bodies of its filter. A ray costs 1, a shape that is cast or overlaps
+// DCD_SHAPE_COST, a point or a box 1; overlaps that are submitted together cost DCD_OVERLAPS_COST at least.
+#define DCD_MAX_SUBMITTED_COST 1024
+
+// What a submitted shape costs.
+#define DCD_SHAPE_COST 8
+
+// What submitted overlaps cost at least.
+#define DCD_OVERLAPS_COST 64
 
 // The most queries that a world may have open: submitted, and neither fetched nor cancelled.
 #define DCD_MAX_OPEN_QUERIES 64
 
-// The most rays of all of them.
-#define DCD_MAX_OPEN_RAYS 4096
+// The most that all of them may cost.
+#define DCD_MAX_OPEN_COST 4096
 
-// As DcdOwner.node where it is not known or there is none.
+// The most that the overlaps of one submission may find.
+#define DCD_MAX_SUBMITTED_OVERLAPS 4096
+
+// The longest turn of a submitted cast, radians.
+#define DCD_MAX_SUBMITTED_TURN 64.0
+
+// As the node of a region or an owner where there is none.
 #define DCD_NO_NODE UINT32_MAX
 
 // In DcdOwner.flags: this process computes the region that owns the body.
 #define DCD_OWNER_HERE 1
+
+// In DcdOwner.flags: nobody has told yet who owns the body, which may not have moved since this process joined. The region is
+// the one that it is in: its owner but for moments at borders, and while islands or joints tie it to one in another.
+#define DCD_OWNER_BY_PLACE 4
 
 // In DcdOwner.flags: what this world shows of the body was heard from others, and is some milliseconds old.
 #define DCD_OWNER_HEARD 2
@@ -603,7 +620,7 @@ typedef struct DcdBodyInfo {
     // Kilograms; 0 for a fixed body, and in a served world, where it is not told.
     float mass;
     // The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
-    // not appeared yet. In a served world, the region it is in.
+    // not appeared yet. In a served world as DcdOwner.region.
     uint32_t region;
     // What dcd_body_set_force and dcd_body_add_force made of the force on it, newtons.
     float force[3];
@@ -929,13 +946,16 @@ typedef struct DcdContactForce {
     uint32_t part_b;
 } DcdContactForce;
 
-// A body changed owner in the step. Putting it elsewhere by hand is not told of.
+// A body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of in the step,
+// and another region owned it than when it was heard of before. That is exact for both times, and leaves out what it went
+// through between them; nothing is told of bodies whose owner was not known before (DCD_OWNER_BY_PLACE), of bodies outside the
+// interest, and of regions that another node computes now.
 typedef struct DcdTransfer {
     // Which body.
     DcdBodyId body;
     // Your own.
     uint64_t user_data;
-    // The region that owned it.
+    // The region that owned it, as in DcdRegionInfo.
     uint32_t from;
     // The region that owns it now.
     uint32_t to;
@@ -1011,7 +1031,8 @@ typedef struct DcdEventView {
     const DcdContactForce *forces;
     // How many.
     size_t force_count;
-    // Bodies that changed owner; none in a served world, where owners change unseen.
+    // Bodies that changed owner, or were heard to; in a served world in the order in which that was heard, of more than 4096 the
+    // newest.
     const DcdTransfer *transfers;
     // How many.
     size_t transfer_count;
@@ -1201,7 +1222,7 @@ typedef struct DcdBoxQuery {
     uint32_t reserved;
 } DcdBoxQuery;
 
-// Rays that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
+// Rays, casts or overlaps that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
 typedef struct DcdQueryId {
     // Opaque.
     uint64_t v;
@@ -1211,12 +1232,13 @@ typedef struct DcdQueryId {
 typedef struct DcdRegionInfo {
     // Its number in the tree of regions; numbers need not be dense.
     uint32_t region;
-    // Bodies that it owns; in a served world, that are in it.
+    // Bodies that it owns; in a served world, of those that are known, by what dcd_body_owner says.
     uint32_t bodies;
     // Bodies of its neighbours that it computes along, since they are near; 0 in a served world.
     uint32_t replicas;
-    // 0.
-    uint32_t reserved;
+    // The node that computes it, as the server numbers nodes from 1, as last told: it may have changed hands some milliseconds
+    // ago. DCD_NO_NODE in a local world, and while nobody computes.
+    uint32_t node;
     // Lowest corner, inside, metres.
     double min[3];
     // Highest corner, outside, metres.
@@ -1246,10 +1268,10 @@ typedef struct DcdOwner {
     // sizeof(DcdOwner).
     uint32_t struct_size;
     // Its region, as in DcdRegionInfo; DCD_NO_REGION for a fixed body, which every region near it has, and for an avatar that
-    // has not appeared yet. In a served world, the region it is in: at a border another may own it for a moment.
+    // has not appeared yet. In a served world, the one that owned the body when it was last heard of: exactly, unless
+    // DCD_OWNER_BY_PLACE is set.
     uint32_t region;
-    // The node that computes the region, as the server numbers nodes from 1; DCD_NO_NODE in a local world and for a client,
-    // which is not told. A participant knows.
+    // The node that computes the region, as DcdRegionInfo.node.
     uint32_t node;
     // Regions that hold the body, its owner included; 0 in a served world, where it is not told.
     uint32_t holders;
@@ -1617,7 +1639,7 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 // - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
 //   your own avatars, if they ask for them.
 // - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, dcd_borders, dcd_state_hash, and
-//   queries but for dcd_rays_submit.
+//   queries but for those that are submitted (dcd_rays_submit, dcd_shape_casts_submit, dcd_overlap_shapes_submit and the like).
 // - dcd_world_destroy leaves in order. Avatars leave with you and come back when you join with the same identity file.
 //
 // `def` and its texts are read during the call. The library keeps threads of its own until the world is destroyed.
@@ -2180,8 +2202,8 @@ DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
 // overlooks them; a null filter overlooks nothing.
 //
 // This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
-// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit
-// asks instead.
+// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit,
+// dcd_shape_casts_submit and dcd_overlap_shapes_submit, _points_ and _boxes_ ask instead.
 //
 // `rays` and `filter` are read during the call; `hits` has `count` entries.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
@@ -2276,8 +2298,9 @@ DcdStatus dcd_overlap_boxes(DcdWorld world,
 // the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
 //
 // `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
-// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_RAYS, DCD_ERR_BUSY with
-// DCD_MAX_OPEN_QUERIES or DCD_MAX_OPEN_RAYS open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_COST, and for what is longer than 64 KiB on its
+// way, shapes and filter included, as so many rays are with as many bodies in the filter; DCD_ERR_BUSY with DCD_MAX_OPEN_QUERIES or
+// DCD_MAX_OPEN_COST open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
 DCD_API
 DcdStatus dcd_rays_submit(DcdWorld world,
                           const DcdRay *rays,
@@ -2285,13 +2308,58 @@ DcdStatus dcd_rays_submit(DcdWorld world,
                           const DcdFilter *filter,
                           DcdQueryId *out);
 
+// Asks what each of `count` moving shapes meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
+// dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+//
+// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain, a turn longer than
+// DCD_MAX_SUBMITTED_TURN, and a turn with DCD_QUERY_LEAVE.
+DCD_API
+DcdStatus dcd_shape_casts_submit(DcdWorld world,
+                                 const DcdShapeCast *casts,
+                                 size_t count,
+                                 const DcdFilter *filter,
+                                 DcdQueryId *out);
+
+// Asks for every body that each of `count` shapes overlaps; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_shapes,
+// where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+//
+// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+DCD_API
+DcdStatus dcd_overlap_shapes_submit(DcdWorld world,
+                                    const DcdShapeQuery *shapes,
+                                    size_t count,
+                                    const DcdFilter *filter,
+                                    DcdQueryId *out);
+
+// Asks for every body that each of `count` points lies in; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_points,
+// where and when dcd_rays_submit answers.
+//
+// Errors: as dcd_rays_submit.
+DCD_API
+DcdStatus dcd_overlap_points_submit(DcdWorld world,
+                                    const DcdPointQuery *points,
+                                    size_t count,
+                                    const DcdFilter *filter,
+                                    DcdQueryId *out);
+
+// Asks for every body whose own box touches each of `count` boxes; dcd_query_poll_overlaps fetches the answer. As
+// dcd_overlap_boxes, where and when dcd_rays_submit answers.
+//
+// Errors: as dcd_rays_submit; DCD_ERR_ARGUMENT also for a box whose min is above its max.
+DCD_API
+DcdStatus dcd_overlap_boxes_submit(DcdWorld world,
+                                   const DcdBoxQuery *boxes,
+                                   size_t count,
+                                   const DcdFilter *filter,
+                                   DcdQueryId *out);
+
 // Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and
 // `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
 // fetched the query is closed and its id stale.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_BUSY while the answer is not there: nothing is written,
-// and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the same, and the query stays open),
-// DCD_ERR_NETWORK when the link is gone.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_ARGUMENT for a query that is not of rays, DCD_ERR_BUSY while
+// the answer is not there: nothing is written, and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the
+// same, and the query stays open), DCD_ERR_NETWORK when the link is gone.
 DCD_API
 DcdStatus dcd_query_poll(DcdWorld world,
                          DcdQueryId query,
@@ -2299,13 +2367,33 @@ DcdStatus dcd_query_poll(DcdWorld world,
                          size_t cap,
                          size_t *count);
 
+// Fetches the answer to submitted casts: hits[i] belongs to casts[i]. For the rest as dcd_query_poll.
+DCD_API
+DcdStatus dcd_query_poll_casts(DcdWorld world,
+                               DcdQueryId query,
+                               DcdShapeHit *hits,
+                               size_t cap,
+                               size_t *count);
+
+// Fetches the answer to submitted overlaps: outputs as of dcd_overlap_shapes, `ends` with an entry for each that was submitted.
+// For the rest as dcd_query_poll, with `found` for `hits`, and for `count` `total`.
+//
+// Errors: as dcd_query_poll, and DCD_ERR_LIMIT when more than DCD_MAX_SUBMITTED_OVERLAPS were found; then the query is closed.
+DCD_API
+DcdStatus dcd_query_poll_overlaps(DcdWorld world,
+                                  DcdQueryId query,
+                                  DcdOverlap *found,
+                                  size_t cap,
+                                  size_t *ends,
+                                  size_t *total);
+
 // Closes a query whose answer is not wanted any more.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query).
 DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
 
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-// ask for the number. A server and a node list none: dcd_world_info has their number.
+// ask for the number. A server and a node list none: dcd_world_info has their number. In a served world boxes never change.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
@@ -2323,9 +2411,11 @@ DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, si
 DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 
 // Sets what a client or participant wants to hear of from now on: bodies whose origin is within `radius` metres of `centre`
-// (world space), its own avatars, and what is within 8 m of these. It saves bytes and time where the world is large. A radius of
-// 0 or less, or of infinity, is everything, as at first; `centre` may be null then. Call it as often as you like: as long as
-// the centre stays within a twentieth of the radius of where it was said last, nothing is sent.
+// (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is farther off may touch
+// an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such bodies in it. It saves
+// bytes and time where the world is large. A radius of 0 or less, or of infinity, is everything, as at first; `centre` may be
+// null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius of where it was said
+// last, nothing is sent.
 //
 // Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
 // DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What
@@ -2336,7 +2426,10 @@ DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 // A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,
 // DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
-DCD_API DcdStatus dcd_interest_set(DcdWorld world, const double *centre, double radius);
+DCD_API
+DcdStatus dcd_interest_set(DcdWorld world,
+                           const double *centre,
+                           double radius);
 
 // Reads the counters of a world.
 //
@@ -2891,7 +2984,7 @@ DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);
 DCD_ASSERT_(offsetof(DcdRegionInfo, region) == 0);
 DCD_ASSERT_(offsetof(DcdRegionInfo, bodies) == 4);
 DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
-DCD_ASSERT_(offsetof(DcdRegionInfo, reserved) == 12);
+DCD_ASSERT_(offsetof(DcdRegionInfo, node) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
 DCD_ASSERT_(sizeof(DcdOwner) == 20);

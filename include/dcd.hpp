@@ -696,19 +696,47 @@ public:
     /* Nothing while the answer is not there. */
     Result<std::optional<std::vector<RayHit>>> query_poll(QueryId query)
     {
-        std::vector<RayHit> hits;
-        std::size_t count = 0;
-        DcdStatus code = dcd_query_poll(world_, query, nullptr, 0, &count);
-        if (code == DCD_ERR_SMALL_BUFFER) {
-            hits.resize(count);
-            code = dcd_query_poll(world_, query, hits.data(), hits.size(), &count);
-        }
-        if (code == DCD_ERR_BUSY) {
-            return { Status(DCD_OK), std::nullopt };
-        }
-        return { Status(code), std::move(hits) };
+        return polled<RayHit>(query, dcd_query_poll);
     }
     Status query_cancel(QueryId query) { return Status(dcd_query_cancel(world_, query)); }
+    Result<QueryId> shape_casts_submit(Span<const ShapeCast> casts, const Filter &filter = {})
+    {
+        return got<QueryId>(
+            [&](QueryId *out) { return dcd_shape_casts_submit(world_, casts.data(), casts.size(), &filter, out); });
+    }
+    Result<QueryId> overlap_shapes_submit(Span<const ShapeQuery> shapes, const Filter &filter = {})
+    {
+        return got<QueryId>(
+            [&](QueryId *out) { return dcd_overlap_shapes_submit(world_, shapes.data(), shapes.size(), &filter, out); });
+    }
+    Result<QueryId> overlap_points_submit(Span<const PointQuery> points, const Filter &filter = {})
+    {
+        return got<QueryId>(
+            [&](QueryId *out) { return dcd_overlap_points_submit(world_, points.data(), points.size(), &filter, out); });
+    }
+    Result<QueryId> overlap_boxes_submit(Span<const BoxQuery> boxes, const Filter &filter = {})
+    {
+        return got<QueryId>(
+            [&](QueryId *out) { return dcd_overlap_boxes_submit(world_, boxes.data(), boxes.size(), &filter, out); });
+    }
+    Result<std::optional<std::vector<ShapeHit>>> query_poll_casts(QueryId query)
+    {
+        return polled<ShapeHit>(query, dcd_query_poll_casts);
+    }
+    /* `asked` is how many were submitted. */
+    Result<std::optional<Found<Overlap>>> query_poll_overlaps(QueryId query, std::size_t asked)
+    {
+        Found<Overlap> all;
+        all.ends.resize(asked);
+        auto items = polled<Overlap>(query, [&](DcdWorld world, QueryId id, Overlap *out, std::size_t cap, std::size_t *count) {
+            return dcd_query_poll_overlaps(world, id, out, cap, all.ends.data(), count);
+        });
+        if (!items || !*items) {
+            return { items.status(), std::nullopt };
+        }
+        all.items = std::move(**items);
+        return { items.status(), std::move(all) };
+    }
     Result<Found<RayHit>> cast_rays_all(Span<const Ray> rays, const Filter &filter = {}) const
     {
         return found<RayHit>(rays, filter, dcd_cast_rays_all);
@@ -752,6 +780,21 @@ private:
         T value{};
         Status status(call(&value));
         return { status, value };
+    }
+    /* The answer to a query, or nothing while it is not there. */
+    template <class T, class Call> Result<std::optional<std::vector<T>>> polled(QueryId query, Call call)
+    {
+        std::vector<T> items;
+        std::size_t count = 0;
+        DcdStatus code = call(world_, query, nullptr, 0, &count);
+        if (code == DCD_ERR_SMALL_BUFFER) {
+            items.resize(count);
+            code = call(world_, query, items.data(), items.size(), &count);
+        }
+        if (code == DCD_ERR_BUSY) {
+            return { Status(DCD_OK), std::nullopt };
+        }
+        return { Status(code), std::move(items) };
     }
     /* Asks for the number, then for the items; again, when there are more by then. */
     template <class T, class Call> static Result<std::vector<T>> listed(Call call)

@@ -6,8 +6,10 @@
 use std::io::Read;
 
 use dcd::net::PeerStats;
-use dcd::physics::{BorderView, Handover, Queries, Region};
-use dcd::protocol::{Area, BodyRecord, JointRecord, Question, RayAnswer, Velocity, WorldEvents, WorldPose};
+use dcd::physics::{BorderView, Queries, Region};
+use dcd::protocol::{
+    Area, BodyRecord, Found, Handover, JointRecord, Question, Velocity, WorldEvents, WorldPose,
+};
 use dcd::runtime::{DcdWorld, Stats};
 use dcd::space::{BodyId, JointId};
 use rapier3d::prelude::*;
@@ -424,11 +426,12 @@ impl Backend {
         }
     }
 
-    /// Bodies that changed owner in the last step, as far as known here.
+    /// Bodies that changed owner in the last step, or were heard to in it.
     pub(crate) fn handovers(&self) -> &[Handover] {
         match self {
             Self::Local(world) => world.handovers(),
-            Self::Served(_) | Self::Hosted(_) => &[],
+            Self::Served(world) => world.handovers(),
+            Self::Hosted(_) => &[],
         }
     }
 
@@ -487,6 +490,7 @@ impl Backend {
             Self::Local(world) => {
                 let view = |region: &Region| RegionView {
                     id: region.id(),
+                    node: None,
                     owned: region.owned_count(),
                     replicas: region.replica_count(),
                     min: region.cell().min,
@@ -518,7 +522,8 @@ impl Backend {
 
     /// Who has authority over a body that is there.
     pub(crate) fn owner(&self, id: BodyId) -> OwnerView {
-        let unknown = OwnerView { region: None, node: None, holders: 0, here: false, heard: false };
+        let unknown =
+            OwnerView { region: None, node: None, by_place: false, holders: 0, here: false, heard: false };
         match self {
             Self::Local(world) => {
                 let region = world.owner_of(id);
@@ -538,7 +543,7 @@ impl Backend {
     }
 
     /// What others have answered, once they have.
-    pub(crate) fn answer(&self, number: u64) -> Result<Option<Vec<Option<RayAnswer>>>, Failure> {
+    pub(crate) fn answer(&self, number: u64) -> Result<Option<Found>, Failure> {
         match self {
             Self::Served(world) => world.answer(number),
             Self::Local(_) | Self::Hosted(_) => Ok(None),
@@ -554,7 +559,7 @@ impl Backend {
 
     /// What there is to ask about the bodies computed here.
     pub(crate) fn queries(&self) -> Result<Queries<'_>, Failure> {
-        let instead = "it hears where bodies are and computes nothing; submit rays (dcd_rays_submit), or make an avatar with a sensor";
+        let instead = "it hears where bodies are and computes nothing; submit what you ask (dcd_rays_submit and the like)";
         Ok(self.local("ask by rays, shapes and points", instead)?.queries())
     }
 }

@@ -76,7 +76,10 @@ pub struct DcdContactForce {
     pub part_b: u32,
 }
 
-/// A body changed owner in the step. Putting it elsewhere by hand is not told of.
+/// A body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of in the step,
+/// and another region owned it than when it was heard of before. That is exact for both times, and leaves out what it went
+/// through between them; nothing is told of bodies whose owner was not known before (DCD_OWNER_BY_PLACE), of bodies outside the
+/// interest, and of regions that another node computes now.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdTransfer {
@@ -84,7 +87,7 @@ pub struct DcdTransfer {
     pub body: DcdBodyId,
     /// Your own.
     pub user_data: u64,
-    /// The region that owned it.
+    /// The region that owned it, as in DcdRegionInfo.
     pub from: u32,
     /// The region that owns it now.
     pub to: u32,
@@ -151,7 +154,8 @@ pub struct DcdEventView {
     pub forces: *const DcdContactForce,
     /// How many.
     pub force_count: usize,
-    /// Bodies that changed owner; none in a served world, where owners change unseen.
+    /// Bodies that changed owner, or were heard to; in a served world in the order in which that was heard, of more than 4096 the
+    /// newest.
     pub transfers: *const DcdTransfer,
     /// How many.
     pub transfer_count: usize,

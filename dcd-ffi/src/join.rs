@@ -80,7 +80,7 @@ unsafe impl Sized32 for DcdParticipantDef {
 /// - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
 ///   your own avatars, if they ask for them.
 /// - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, dcd_borders, dcd_state_hash, and
-///   queries but for dcd_rays_submit.
+///   queries but for those that are submitted (dcd_rays_submit, dcd_shape_casts_submit, dcd_overlap_shapes_submit and the like).
 /// - dcd_world_destroy leaves in order. Avatars leave with you and come back when you join with the same identity file.
 ///
 /// `def` and its texts are read during the call. The library keeps threads of its own until the world is destroyed.

@@ -27,7 +27,7 @@ pub struct DcdBodyInfo {
     /// Kilograms; 0 for a fixed body, and in a served world, where it is not told.
     pub mass: f32,
     /// The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
-    /// not appeared yet. In a served world, the region it is in.
+    /// not appeared yet. In a served world as DcdOwner.region.
     pub region: u32,
     /// What dcd_body_set_force and dcd_body_add_force made of the force on it, newtons.
     pub force: [f32; 3],

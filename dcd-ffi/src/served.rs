@@ -10,8 +10,8 @@ use dcd::cluster::BodyView as Heard;
 use dcd::net::PeerStats;
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{
-    Area, BodyKind, BodyRecord, EnvironmentProperties, Question, RayAnswer, Refusal, Velocity, WorldEvents,
-    WorldPose,
+    Area, BodyKind, BodyRecord, EnvironmentProperties, Found, Handover, Question, Refusal, Velocity,
+    WorldEvents, WorldPose,
 };
 use dcd::runtime::{ClientWorld, ProcessError, Stats};
 use dcd::space::{BodyId, RegionId};
@@ -40,6 +40,7 @@ pub(crate) struct Served {
     /// User data of bodies that went: contacts that end name them.
     departed: BTreeMap<BodyId, u64>,
     events: WorldEvents,
+    handovers: Vec<Handover>,
     changes: Vec<Change>,
     /// How many were asked.
     questions: u64,
@@ -76,6 +77,7 @@ impl Served {
             leaving: BTreeMap::new(),
             departed: BTreeMap::new(),
             events: WorldEvents::default(),
+            handovers: Vec::new(),
             changes: Vec::new(),
             questions: 0,
             tick: 0,
@@ -161,6 +163,7 @@ impl Served {
         self.events.touches.extend(heard.touches.into_iter().map(|(_, touch)| touch));
         self.events.forces.clear();
         self.events.forces.extend(heard.forces.into_iter().map(|(_, force)| force));
+        self.handovers = heard.handovers;
         self.changes.clear();
         self.changes.extend(heard.appeared.into_iter().map(Change::Appeared));
         self.changes.extend(heard.disappeared.into_iter().map(Change::Removed));
@@ -288,7 +291,7 @@ impl Served {
             sleeping: state.sleeping,
             mass_kg: 0.0,
             user_data: traits.user_data as u64,
-            owner: owner.then(|| self.region_at(&state.pose)),
+            owner: self.heard(id).filter(|_| owner).map(|heard| self.owner_of(heard)),
             outside: self.heard(id).is_some_and(|heard| heard.outside),
         })
     }
@@ -297,7 +300,8 @@ impl Served {
         let region = self.body(id).and_then(|body| body.owner);
         let node = region.and_then(|region| self.world.computed_by(region));
         let here = node.is_some() && node == self.world.node();
-        OwnerView { region, node, holders: 0, here, heard: true }
+        let by_place = region.is_some() && self.heard(id).is_some_and(|heard| heard.owner.is_none());
+        OwnerView { region, node, by_place, holders: 0, here, heard: true }
     }
 
     pub(crate) fn user_data(&self, id: BodyId) -> Option<u64> {
@@ -305,10 +309,9 @@ impl Served {
         known.or_else(|| self.departed.get(&id).copied())
     }
 
-    /// Owners are not told; a body belongs to the region it is in but for a moment at borders, or while joints tie it to
-    /// one in another region.
-    fn region_at(&self, pose: &WorldPose) -> RegionId {
-        self.environment.tree.leaf_at(pose.translation)
+    /// Until its owner is told, a body is taken for one of the region that it is in.
+    fn owner_of(&self, heard: &Heard) -> RegionId {
+        heard.owner.unwrap_or_else(|| self.environment.tree.leaf_at(heard.body.state.pose.translation))
     }
 
     fn movable_bodies(&self) -> impl Iterator<Item = &Heard> {
@@ -320,14 +323,14 @@ impl Served {
     }
 
     pub(crate) fn states(&self) -> impl Iterator<Item = StateRow> {
-        self.movable_bodies().map(|Heard { body, outside, .. }| StateRow {
-            id: body.id,
-            region: self.region_at(&body.state.pose),
-            pose: body.state.pose,
-            velocity: body.state.velocity,
-            user_data: body.traits.user_data as u64,
-            sleeping: body.state.sleeping,
-            outside: *outside,
+        self.movable_bodies().map(|heard| StateRow {
+            id: heard.body.id,
+            region: self.owner_of(heard),
+            pose: heard.body.state.pose,
+            velocity: heard.body.state.velocity,
+            user_data: heard.body.traits.user_data as u64,
+            sleeping: heard.body.state.sleeping,
+            outside: heard.outside,
         })
     }
 
@@ -340,7 +343,7 @@ impl Served {
     }
 
     /// The answer, once it has come.
-    pub(crate) fn answer(&self, number: u64) -> Result<Option<Vec<Option<RayAnswer>>>, Failure> {
+    pub(crate) fn answer(&self, number: u64) -> Result<Option<Found>, Failure> {
         match self.world.take_answer(number) {
             None => self.check_link().map(|()| None),
             answer => Ok(answer),
@@ -370,6 +373,10 @@ impl Served {
         &self.events
     }
 
+    pub(crate) fn handovers(&self) -> &[Handover] {
+        &self.handovers
+    }
+
     pub(crate) fn changes(&self) -> &[Change] {
         &self.changes
     }
@@ -389,14 +396,15 @@ impl Served {
     pub(crate) fn regions(&self) -> Vec<RegionView> {
         let mut owned = BTreeMap::<RegionId, usize>::new();
         for body in self.movable_bodies() {
-            *owned.entry(self.region_at(&body.body.state.pose)).or_default() += 1;
+            *owned.entry(self.owner_of(body)).or_default() += 1;
         }
         let tree = &self.environment.tree;
         tree.leaves()
             .map(|id| {
                 let cell = tree.cell(id);
                 let owned = owned.get(&id).copied().unwrap_or(0);
-                RegionView { id, owned, replicas: 0, min: cell.min, max: cell.max }
+                let node = self.world.computed_by(id);
+                RegionView { id, node, owned, replicas: 0, min: cell.min, max: cell.max }
             })
             .collect()
     }

@@ -15,23 +15,27 @@ use crate::world::{DcdWorld, with};
 pub struct DcdRegionInfo {
     /// Its number in the tree of regions; numbers need not be dense.
     pub region: u32,
-    /// Bodies that it owns; in a served world, that are in it.
+    /// Bodies that it owns; in a served world, of those that are known, by what dcd_body_owner says.
     pub bodies: u32,
     /// Bodies of its neighbours that it computes along, since they are near; 0 in a served world.
     pub replicas: u32,
-    /// 0.
-    pub reserved: u32,
+    /// The node that computes it, as the server numbers nodes from 1, as last told: it may have changed hands some milliseconds
+    /// ago. DCD_NO_NODE in a local world, and while nobody computes.
+    pub node: u32,
     /// Lowest corner, inside, metres.
     pub min: [f64; 3],
     /// Highest corner, outside, metres.
     pub max: [f64; 3],
 }
 
-/// As DcdOwner.node where it is not known or there is none.
+/// As the node of a region or an owner where there is none.
 pub const DCD_NO_NODE: u32 = u32::MAX;
 
 /// In DcdOwner.flags: this process computes the region that owns the body.
 pub const DCD_OWNER_HERE: u32 = 1;
+/// In DcdOwner.flags: nobody has told yet who owns the body, which may not have moved since this process joined. The region is
+/// the one that it is in: its owner but for moments at borders, and while islands or joints tie it to one in another.
+pub const DCD_OWNER_BY_PLACE: u32 = 4;
 /// In DcdOwner.flags: what this world shows of the body was heard from others, and is some milliseconds old.
 pub const DCD_OWNER_HEARD: u32 = 2;
 
@@ -42,10 +46,10 @@ pub struct DcdOwner {
     /// sizeof(DcdOwner).
     pub struct_size: u32,
     /// Its region, as in DcdRegionInfo; DCD_NO_REGION for a fixed body, which every region near it has, and for an avatar that
-    /// has not appeared yet. In a served world, the region it is in: at a border another may own it for a moment.
+    /// has not appeared yet. In a served world, the one that owned the body when it was last heard of: exactly, unless
+    /// DCD_OWNER_BY_PLACE is set.
     pub region: u32,
-    /// The node that computes the region, as the server numbers nodes from 1; DCD_NO_NODE in a local world and for a client,
-    /// which is not told. A participant knows.
+    /// The node that computes the region, as DcdRegionInfo.node.
     pub node: u32,
     /// Regions that hold the body, its owner included; 0 in a served world, where it is not told.
     pub holders: u32,
@@ -79,7 +83,7 @@ pub struct DcdBorderInfo {
 }
 
 /// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-/// ask for the number. A server and a node list none: dcd_world_info has their number.
+/// ask for the number. A server and a node list none: dcd_world_info has their number. In a served world boxes never change.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 #[unsafe(no_mangle)]
@@ -97,7 +101,7 @@ pub unsafe extern "C" fn dcd_regions(
                 region: region.id.0,
                 bodies: region.owned as u32,
                 replicas: region.replicas as u32,
-                reserved: 0,
+                node: region.node.map_or(DCD_NO_NODE, |node| node.0),
                 min: region.min,
                 max: region.max,
             }))
@@ -152,7 +156,9 @@ pub unsafe extern "C" fn dcd_body_owner(world: DcdWorld, body: DcdBodyId, out: *
                 region: owner.region.map_or(DCD_NO_REGION, |region| region.0),
                 node: owner.node.map_or(DCD_NO_NODE, |node| node.0),
                 holders: owner.holders as u32,
-                flags: flag(owner.here, DCD_OWNER_HERE) | flag(owner.heard, DCD_OWNER_HEARD),
+                flags: flag(owner.here, DCD_OWNER_HERE)
+                    | flag(owner.heard, DCD_OWNER_HEARD)
+                    | flag(owner.by_place, DCD_OWNER_BY_PLACE),
             });
             Ok(())
         })

@@ -38,6 +38,8 @@ pub(crate) struct OwnerView {
     pub region: Option<RegionId>,
     /// As far as known.
     pub node: Option<NodeId>,
+    /// Whether nobody has told yet who owns it: then the region is the one that it is in.
+    pub by_place: bool,
     /// How many regions hold it; 0 where that is not known.
     pub holders: usize,
     /// Whether this process computes the region.
@@ -49,6 +51,8 @@ pub(crate) struct OwnerView {
 /// A region of the world.
 pub(crate) struct RegionView {
     pub id: RegionId,
+    /// `None` where one process computes all, and where it is not known.
+    pub node: Option<NodeId>,
     pub owned: usize,
     pub replicas: usize,
     pub min: [f64; 3],

@@ -126,7 +126,7 @@ fn layouts() -> Vec<Layout> {
         DcdBoxQuery { min, max, exclude, mask, reserved }
         DcdOverlap { body, user_data, part, reserved }
         DcdQueryId { v }
-        DcdRegionInfo { region, bodies, replicas, reserved, min, max }
+        DcdRegionInfo { region, bodies, replicas, node, min, max }
         DcdOwner { struct_size, region, node, holders, flags }
         DcdBorderInfo { a, b, bodies, exchanges, depth, disagreement }
         DcdStats {

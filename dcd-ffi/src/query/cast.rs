@@ -1,11 +1,9 @@
 //! Shapes that move.
 
-use dcd::physics::{ShapeHit, WorldMotion};
-use dcd::protocol::Velocity;
-use rapier3d::parry::query::{ShapeCastOptions, ShapeCastStatus};
+use dcd::protocol::{CastAnswer, CastQuestion, ShapeHash};
 use rapier3d::prelude::SharedShape;
 
-use super::{Asked, Batch, DCD_HIT_INSIDE, DCD_QUERY_LEAVE, DcdFilter, NOBODY, user_data};
+use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_LEAVE, DcdFilter, NOBODY, meets, refused, user_data};
 use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
 use crate::motion::check_pose;
@@ -85,8 +83,10 @@ pub unsafe extern "C" fn dcd_cast_shapes(
         // SAFETY: as above.
         unsafe {
             batch.each(world, hits, |asked, cast| {
-                let hit = cast_shape(asked, cast)?;
-                Ok(hit.map_or(NO_SHAPE_HIT, |hit| shape_hit(asked.world, &hit)))
+                let shape = solid(asked.world, cast.shape)?;
+                let cast = question(asked.world, asked.mask, cast)?;
+                let hit = asked.queries.ask_cast(&asked.overlooks, &*shape.0, &cast).map_err(refused)?;
+                Ok(shape_hit(asked.world, hit.as_ref().map(CastAnswer::from)))
             })
         }
     })
@@ -115,50 +115,40 @@ pub(super) fn solid(world: &World, shape: DcdShapeId) -> Result<&SharedShape, Fa
     Ok(shape)
 }
 
-fn cast_shape(asked: &Asked<'_>, cast: &DcdShapeCast) -> Result<Option<ShapeHit>, Failure> {
+/// The cast, of a call whose queries all meet these groups; its shape has no name yet.
+pub(super) fn question(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQuestion, Failure> {
     check_pose(&cast.pose)?;
     check_numbers(&cast.motion, "motion")?;
     check_numbers(&cast.turn, "turn")?;
     check_not_negative(cast.margin, "margin")?;
     check_bits(cast.flags, DCD_QUERY_LEAVE, "flags")?;
-    let shape = solid(asked.world, cast.shape)?;
-    let (start, stops) = (cast.pose.into(), cast.flags & DCD_QUERY_LEAVE == 0);
-    if cast.turn == [0.0; 3] {
-        let options = ShapeCastOptions {
-            target_distance: cast.margin,
-            stop_at_penetration: stops,
-            compute_impact_geometry_on_penetration: true,
-            ..ShapeCastOptions::with_max_time_of_impact(1.0)
-        };
-        return asked.with_filter(cast.exclude, cast.mask, |queries, f| {
-            queries.cast_shape(&*shape.0, &start, cast.motion, options, f)
-        });
-    }
-    if cast.margin != 0.0 {
+    if cast.turn != [0.0; 3] && cast.margin != 0.0 {
         return Err(Failure::argument(format!("margin is {}; give 0 where turn is given", cast.margin)));
     }
-    let velocity = Velocity { linear: cast.motion, angular: cast.turn };
-    let motion = WorldMotion { start, local_centre: [0.0; 3], velocity };
-    asked.with_filter(cast.exclude, cast.mask, |queries, f| {
-        queries.cast_shape_nonlinear(&*shape.0, &motion, 0.0..1.0, stops, f)
+    Ok(CastQuestion {
+        shape: ShapeHash::default(),
+        pose: cast.pose.into(),
+        motion: cast.motion,
+        turn: cast.turn,
+        margin_m: cast.margin,
+        leaves: cast.flags & DCD_QUERY_LEAVE != 0,
+        meets: meets(world, mask, cast.mask, cast.exclude)?,
     })
 }
 
-fn shape_hit(world: &World, hit: &ShapeHit) -> DcdShapeHit {
+pub(super) fn shape_hit(world: &World, hit: Option<CastAnswer>) -> DcdShapeHit {
+    let Some(hit) = hit else { return NO_SHAPE_HIT };
     DcdShapeHit {
         body: world.mark.body(hit.body),
         user_data: user_data(world, hit.body),
         point: hit.point,
         normal: hit.normal,
-        fraction: hit.time_of_impact,
+        fraction: hit.fraction,
         point_on_shape: hit.point_on_shape,
         normal_on_shape: hit.normal_on_shape,
-        part: hit.collider as u32,
+        part: hit.collider,
         subshape: hit.subshape,
-        flags: match hit.status {
-            ShapeCastStatus::PenetratingOrWithinTargetDist => DCD_HIT_INSIDE,
-            _ => 0,
-        },
+        flags: if hit.inside { DCD_HIT_INSIDE } else { 0 },
         reserved: 0,
     }
 }

@@ -1,8 +1,9 @@
 //! Rays, shapes that move, overlaps, nearest points: many questions a call, of the state as it is now.
 
-use dcd::physics::{BodyFilter, Queries, QueryError};
+use dcd::physics::{Queries, QueryError};
+use dcd::protocol::{Meets, Overlooks};
 use dcd::space::BodyId;
-use rapier3d::prelude::*;
+use rapier3d::prelude::QueryFilterFlags;
 
 use crate::body::{self, DcdBodyId, check_bits};
 use crate::pointer::{self, Room, Sized32};
@@ -81,11 +82,8 @@ struct Batch<'a, Q> {
 struct Asked<'a> {
     world: &'a World,
     queries: Queries<'a>,
-    flags: QueryFilterFlags,
-    groups: Group,
-    mask: Group,
-    /// In order.
-    exclude: Vec<BodyId>,
+    overlooks: Overlooks,
+    mask: u32,
 }
 
 impl<'a, Q> Batch<'a, Q> {
@@ -111,22 +109,22 @@ impl<'a, Q> Batch<'a, Q> {
 
     fn ask<'w>(&self, world: &'w World) -> Result<Asked<'w>, Failure> {
         let queries = world.backend.queries()?;
-        let (flags, groups, mask) =
-            self.filter.map_or((0, 0, u32::MAX), |filter| (filter.flags, filter.groups, filter.mask));
-        check_bits(flags, QueryFilterFlags::all().bits(), "filter->flags")?;
-        let exclude = self.excluded(world)?;
-        let (groups, mask) = (Group::from_bits_retain(groups), Group::from_bits_retain(mask));
-        Ok(Asked {
-            world,
-            queries,
-            flags: QueryFilterFlags::from_bits_truncate(flags),
-            groups,
-            mask,
-            exclude,
-        })
+        Ok(Asked { world, queries, overlooks: self.overlooks(world)?, mask: self.mask() })
     }
 
-    /// What all queries overlook, in order.
+    /// What all queries overlook.
+    fn overlooks(&self, world: &World) -> Result<Overlooks, Failure> {
+        let (flags, groups) = self.filter.map_or((0, 0), |filter| (filter.flags, filter.groups));
+        check_bits(flags, QueryFilterFlags::all().bits(), "filter->flags")?;
+        Ok(Overlooks { flags, groups, exclude: self.excluded(world)? })
+    }
+
+    /// Groups that all queries meet.
+    fn mask(&self) -> u32 {
+        self.filter.map_or(u32::MAX, |filter| filter.mask)
+    }
+
+    /// Bodies that all queries overlook, in order.
     fn excluded(&self, world: &World) -> Result<Vec<BodyId>, Failure> {
         let found = self.exclude.iter().map(|&body| body::find(world, body));
         let mut exclude = found.collect::<Result<Vec<_>, _>>()?;
@@ -144,7 +142,7 @@ impl<'a, Q> Batch<'a, Q> {
         self.numbered(|query| answer(asked, query))
     }
 
-    fn numbered<R>(&self, look: impl Fn(&Q) -> Result<R, Failure>) -> Result<Vec<R>, Failure> {
+    fn numbered<R>(&self, mut look: impl FnMut(&Q) -> Result<R, Failure>) -> Result<Vec<R>, Failure> {
         let name = self.name;
         let wrong =
             |i, failure: Failure| Failure::new(failure.status, format!("{name}[{i}]: {}", failure.message));
@@ -193,38 +191,34 @@ impl<'a, Q> Batch<'a, Q> {
             let answers = self.answers(&self.ask(world)?, answer)?;
             let lengths: Vec<usize> = answers.iter().map(Vec::len).collect();
             room.fill(answers.into_iter().flatten().collect::<Vec<_>>().into_iter())?;
-            let mut end = 0;
-            for (i, length) in lengths.into_iter().enumerate() {
-                end += length;
-                // SAFETY: not null, aligned, and the caller vouches for the entries.
-                unsafe { ends.add(i).write(end) };
-            }
+            // SAFETY: not null, aligned, and the caller vouches for the entries.
+            unsafe { write_ends(lengths.into_iter(), ends) };
             Ok(())
         })
     }
 }
 
-impl Asked<'_> {
-    /// Asks with what this one query overlooks besides.
-    fn with_filter<R>(
-        &self,
-        exclude: DcdBodyId,
-        mask: u32,
-        ask: impl FnOnce(&Queries<'_>, &BodyFilter<'_>) -> Result<R, QueryError>,
-    ) -> Result<R, Failure> {
-        let own = if exclude.v == 0 { None } else { Some(body::find(self.world, exclude)?) };
-        let mask = self.mask & Group::from_bits_retain(mask);
-        // A query belongs to no group unless it says so, and then only memberships count.
-        let lets = |id: BodyId, collider: &Collider| {
-            let groups = collider.collision_groups();
-            groups.memberships.intersects(mask)
-                && (self.groups.is_empty() || groups.filter.intersects(self.groups))
-                && own != Some(id)
-                && self.exclude.binary_search(&id).is_err()
-        };
-        let filter = BodyFilter { flags: self.flags, predicate: Some(&lets), ..BodyFilter::default() };
-        ask(&self.queries, &filter).map_err(|error| Failure::argument(error.to_string()))
+/// Where each of several lists of these lengths ends, one behind the other.
+///
+/// # Safety
+/// `ends` is valid for writing an entry for each list.
+unsafe fn write_ends(lengths: impl Iterator<Item = usize>, ends: *mut usize) {
+    let mut end = 0;
+    for (i, length) in lengths.enumerate() {
+        end += length;
+        // SAFETY: the caller vouches for the entries.
+        unsafe { ends.add(i).write(end) };
     }
+}
+
+/// Whom a single query meets.
+fn meets(world: &World, all: u32, mask: u32, exclude: DcdBodyId) -> Result<Meets, Failure> {
+    let but = if exclude.v == 0 { None } else { Some(body::find(world, exclude)?) };
+    Ok(Meets { mask: all & mask, but })
+}
+
+fn refused(error: QueryError) -> Failure {
+    Failure::argument(error.to_string())
 }
 
 fn user_data(world: &World, id: BodyId) -> u64 {

@@ -1,16 +1,18 @@
 //! What overlaps shapes, points and boxes.
 
-use dcd::physics::ColliderId;
+use dcd::physics::QueryError;
+use dcd::protocol::{Overlap, OverlapQuestion, Place, ShapeHash};
 use dcd::space::Bounds;
+use rapier3d::prelude::SharedShape;
 
 use super::cast::solid;
-use super::{Batch, DcdFilter, DcdPointQuery, user_data};
+use super::{Batch, DcdFilter, DcdPointQuery, meets, refused, user_data};
 use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
 use crate::motion::check_pose;
 use crate::pointer::{Room, check_point};
 use crate::shape::DcdShapeId;
-use crate::status::DcdStatus;
+use crate::status::{DcdStatus, Failure};
 use crate::types::DcdPose;
 use crate::world::{DcdWorld, World};
 
@@ -74,22 +76,9 @@ pub unsafe extern "C" fn dcd_overlap_shapes(
     ends: *mut usize,
     total: *mut usize,
 ) -> DcdStatus {
-    guard("dcd_overlap_shapes", || {
-        // SAFETY: the caller vouches for `count` shapes and ends, `cap` overlaps, `total` and the filter.
-        let (batch, room) = unsafe {
-            (Batch::new(shapes, count, "shapes", filter)?, Room::new(found, cap, total, ["found", "total"])?)
-        };
-        // SAFETY: as above.
-        unsafe {
-            batch.lists(world, room, ends, |asked, query| {
-                check_pose(&query.pose)?;
-                let shape = solid(asked.world, query.shape)?;
-                let found = asked.with_filter(query.exclude, query.mask, |queries, f| {
-                    queries.intersect_shape(&*shape.0, &query.pose.into(), f)
-                })?;
-                Ok(overlaps(asked.world, &found))
-            })
-        }
+    // SAFETY: the caller vouches for `count` shapes and ends, `cap` overlaps, `total` and the filter.
+    guard("dcd_overlap_shapes", || unsafe {
+        overlaps(world, shapes, count, filter, (found, cap), (ends, total))
     })
 }
 
@@ -107,22 +96,9 @@ pub unsafe extern "C" fn dcd_overlap_points(
     ends: *mut usize,
     total: *mut usize,
 ) -> DcdStatus {
-    guard("dcd_overlap_points", || {
-        // SAFETY: the caller vouches for `count` points and ends, `cap` overlaps, `total` and the filter.
-        let (batch, room) = unsafe {
-            (Batch::new(points, count, "points", filter)?, Room::new(found, cap, total, ["found", "total"])?)
-        };
-        // SAFETY: as above.
-        unsafe {
-            batch.lists(world, room, ends, |asked, query| {
-                check_point(&query.point, "point")?;
-                check_bits(query.flags, 0, "flags")?;
-                let found = asked.with_filter(query.exclude, query.mask, |queries, f| {
-                    queries.intersect_point(query.point, f)
-                })?;
-                Ok(overlaps(asked.world, &found))
-            })
-        }
+    // SAFETY: the caller vouches for `count` points and ends, `cap` overlaps, `total` and the filter.
+    guard("dcd_overlap_points", || unsafe {
+        overlaps(world, points, count, filter, (found, cap), (ends, total))
     })
 }
 
@@ -141,30 +117,115 @@ pub unsafe extern "C" fn dcd_overlap_boxes(
     ends: *mut usize,
     total: *mut usize,
 ) -> DcdStatus {
-    guard("dcd_overlap_boxes", || {
-        // SAFETY: the caller vouches for `count` boxes and ends, `cap` overlaps, `total` and the filter.
-        let (batch, room) = unsafe {
-            (Batch::new(boxes, count, "boxes", filter)?, Room::new(found, cap, total, ["found", "total"])?)
-        };
-        // SAFETY: as above.
-        unsafe {
-            batch.lists(world, room, ends, |asked, query| {
-                let bounds = Bounds { min: query.min, max: query.max };
-                let found = asked.with_filter(query.exclude, query.mask, |queries, f| {
-                    queries.intersect_aabb_conservative(&bounds, f)
-                })?;
-                Ok(overlaps(asked.world, &found))
-            })
-        }
+    // SAFETY: the caller vouches for `count` boxes and ends, `cap` overlaps, `total` and the filter.
+    guard("dcd_overlap_boxes", || unsafe {
+        overlaps(world, boxes, count, filter, (found, cap), (ends, total))
     })
 }
 
-fn overlaps(world: &World, found: &[ColliderId]) -> Vec<DcdOverlap> {
-    let overlap = |id: &ColliderId| DcdOverlap {
-        body: world.mark.body(id.body),
-        user_data: user_data(world, id.body),
-        part: id.index as u32,
+/// Whatever says of a place.
+pub(super) trait Somewhere {
+    /// What an array of them is called.
+    const NAME: &'static str;
+
+    /// The place; its shape has no name yet.
+    fn place(&self) -> Result<Place, Failure>;
+
+    /// The shape there, if it has one.
+    fn shape<'a>(&self, world: &'a World) -> Result<Option<&'a SharedShape>, Failure>;
+
+    /// Groups that it meets, and who is overlooked.
+    fn whom(&self) -> (u32, DcdBodyId);
+}
+
+impl Somewhere for DcdShapeQuery {
+    const NAME: &'static str = "shapes";
+
+    fn place(&self) -> Result<Place, Failure> {
+        check_pose(&self.pose)?;
+        Ok(Place::Shape(ShapeHash::default(), self.pose.into()))
+    }
+
+    fn shape<'a>(&self, world: &'a World) -> Result<Option<&'a SharedShape>, Failure> {
+        solid(world, self.shape).map(Some)
+    }
+
+    fn whom(&self) -> (u32, DcdBodyId) {
+        (self.mask, self.exclude)
+    }
+}
+
+impl Somewhere for DcdPointQuery {
+    const NAME: &'static str = "points";
+
+    fn place(&self) -> Result<Place, Failure> {
+        check_point(&self.point, "point")?;
+        check_bits(self.flags, 0, "flags")?;
+        Ok(Place::Point(self.point))
+    }
+
+    fn shape<'a>(&self, _: &'a World) -> Result<Option<&'a SharedShape>, Failure> {
+        Ok(None)
+    }
+
+    fn whom(&self) -> (u32, DcdBodyId) {
+        (self.mask, self.exclude)
+    }
+}
+
+impl Somewhere for DcdBoxQuery {
+    const NAME: &'static str = "boxes";
+
+    fn place(&self) -> Result<Place, Failure> {
+        if (0..3).all(|i| self.min[i] <= self.max[i]) {
+            return Ok(Place::Box(Bounds { min: self.min, max: self.max }));
+        }
+        Err(refused(QueryError::Box))
+    }
+
+    fn shape<'a>(&self, _: &'a World) -> Result<Option<&'a SharedShape>, Failure> {
+        Ok(None)
+    }
+
+    fn whom(&self) -> (u32, DcdBodyId) {
+        (self.mask, self.exclude)
+    }
+}
+
+/// The place and whom to look for there, of a call whose queries all meet these groups.
+pub(super) fn question(world: &World, mask: u32, query: &impl Somewhere) -> Result<OverlapQuestion, Failure> {
+    let (place, (own, exclude)) = (query.place()?, query.whom());
+    Ok(OverlapQuestion { place, meets: meets(world, mask, own, exclude)? })
+}
+
+/// # Safety
+/// As [`Batch::new`], [`Room::new`] and [`Batch::lists`].
+unsafe fn overlaps<Q: Somewhere>(
+    world: DcdWorld,
+    queries: *const Q,
+    count: usize,
+    filter: *const DcdFilter,
+    (found, cap): (*mut DcdOverlap, usize),
+    (ends, total): (*mut usize, *mut usize),
+) -> Result<(), Failure> {
+    // SAFETY: passed on.
+    unsafe {
+        let batch = Batch::new(queries, count, Q::NAME, filter)?;
+        let room = Room::new(found, cap, total, ["found", "total"])?;
+        batch.lists(world, room, ends, |asked, query| {
+            let shape = query.shape(asked.world)?;
+            let question = question(asked.world, asked.mask, query)?;
+            let found = asked.queries.ask_overlap(&asked.overlooks, |_| shape.cloned(), &question);
+            Ok(found.map_err(refused)?.iter().map(|id| overlap(asked.world, &id.into())).collect())
+        })
+    }
+}
+
+pub(super) fn overlap(world: &World, found: &Overlap) -> DcdOverlap {
+    DcdOverlap {
+        body: world.mark.body(found.body),
+        user_data: user_data(world, found.body),
+        part: found.collider,
         reserved: 0,
-    };
-    found.iter().map(overlap).collect()
+    }
 }

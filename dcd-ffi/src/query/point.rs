@@ -1,6 +1,6 @@
 //! The places of bodies that are nearest to points.
 
-use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, user_data};
+use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, meets, refused, user_data};
 use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
 use crate::pointer::check_point;
@@ -66,10 +66,9 @@ pub unsafe extern "C" fn dcd_project_points(
                 check_point(&query.point, "point")?;
                 check_bits(query.flags, DCD_QUERY_HOLLOW, "flags")?;
                 let (max_m, solid) = (f64::from(query.max_distance), query.flags & DCD_QUERY_HOLLOW == 0);
-                let hit = asked.with_filter(query.exclude, query.mask, |queries, f| {
-                    queries.project_point(query.point, max_m, solid, f)
-                })?;
-                Ok(hit.map_or(NO_POINT_HIT, |hit| DcdPointHit {
+                let meets = meets(asked.world, asked.mask, query.mask, query.exclude)?;
+                let hit = asked.queries.ask_nearest(&asked.overlooks, query.point, max_m, solid, &meets);
+                Ok(hit.map_err(refused)?.map_or(NO_POINT_HIT, |hit| DcdPointHit {
                     body: asked.world.mark.body(hit.body),
                     user_data: user_data(asked.world, hit.body),
                     point: hit.point,

@@ -1,9 +1,9 @@
 //! Rays.
 
-use dcd::physics::{RayHit, WorldRay};
+use dcd::protocol::{RayAnswer, RayQuestion};
 use rapier3d::prelude::Vector;
 
-use super::{Asked, Batch, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, user_data};
+use super::{Batch, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, meets, refused, user_data};
 use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
 use crate::pointer::{Room, check_numbers, check_point};
@@ -52,8 +52,8 @@ pub struct DcdRayHit {
 /// overlooks them; a null filter overlooks nothing.
 ///
 /// This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
-/// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit
-/// asks instead.
+/// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit,
+/// dcd_shape_casts_submit and dcd_overlap_shapes_submit, _points_ and _boxes_ ask instead.
 ///
 /// `rays` and `filter` are read during the call; `hits` has `count` entries.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
@@ -71,7 +71,13 @@ pub unsafe extern "C" fn dcd_cast_rays(
         // SAFETY: the caller vouches for `count` rays and hits, and for the filter.
         let batch = unsafe { Batch::new(rays, count, "rays", filter)? };
         // SAFETY: as above.
-        unsafe { batch.each(world, hits, cast) }
+        unsafe {
+            batch.each(world, hits, |asked, ray| {
+                let ray = question(asked.world, asked.mask, ray)?;
+                let hit = asked.queries.ask_ray(&asked.overlooks, &ray).map_err(refused)?;
+                Ok(ray_hit(asked.world, hit.as_ref().map(RayAnswer::from)))
+            })
+        }
     })
 }
 
@@ -99,16 +105,15 @@ pub unsafe extern "C" fn dcd_cast_rays_all(
         // SAFETY: as above.
         unsafe {
             batch.lists(world, room, ends, |asked, ray| {
-                let straight = straight(ray)?;
-                let hits = asked
-                    .with_filter(ray.exclude, ray.mask, |queries, f| queries.intersect_ray(&straight, f))?;
-                Ok(hits.iter().map(|hit| ray_hit(asked.world, hit)).collect())
+                let ray = question(asked.world, asked.mask, ray)?;
+                let hits = asked.queries.ask_ray_through(&asked.overlooks, &ray).map_err(refused)?;
+                Ok(hits.iter().map(|hit| ray_hit(asked.world, Some(hit.into()))).collect())
             })
         }
     })
 }
 
-pub(super) const NO_RAY_HIT: DcdRayHit = DcdRayHit {
+const NO_RAY_HIT: DcdRayHit = DcdRayHit {
     body: NOBODY,
     user_data: 0,
     point: [0.0; 3],
@@ -118,14 +123,8 @@ pub(super) const NO_RAY_HIT: DcdRayHit = DcdRayHit {
     subshape: 0,
 };
 
-/// What a ray meets first of the bodies that are computed here.
-pub(super) fn cast(asked: &Asked<'_>, ray: &DcdRay) -> Result<DcdRayHit, Failure> {
-    let straight = straight(ray)?;
-    let hit = asked.with_filter(ray.exclude, ray.mask, |queries, f| queries.cast_ray(&straight, f))?;
-    Ok(hit.map_or(NO_RAY_HIT, |hit| ray_hit(asked.world, &hit)))
-}
-
-pub(super) fn straight(ray: &DcdRay) -> Result<WorldRay, Failure> {
+/// The ray, of a call whose queries all meet these groups.
+pub(super) fn question(world: &World, mask: u32, ray: &DcdRay) -> Result<RayQuestion, Failure> {
     check_point(&ray.origin, "origin")?;
     check_numbers(&ray.direction, "direction")?;
     check_bits(ray.flags, DCD_QUERY_HOLLOW, "flags")?;
@@ -139,18 +138,24 @@ pub(super) fn straight(ray: &DcdRay) -> Result<WorldRay, Failure> {
             ray.max_distance
         )));
     }
-    let straight = WorldRay::new(ray.origin, ray.direction).up_to(f64::from(ray.max_distance));
-    Ok(WorldRay { solid: ray.flags & DCD_QUERY_HOLLOW == 0, ..straight })
+    Ok(RayQuestion {
+        origin: ray.origin,
+        direction: ray.direction,
+        max_m: f64::from(ray.max_distance),
+        solid: ray.flags & DCD_QUERY_HOLLOW == 0,
+        meets: meets(world, mask, ray.mask, ray.exclude)?,
+    })
 }
 
-fn ray_hit(world: &World, hit: &RayHit) -> DcdRayHit {
+pub(super) fn ray_hit(world: &World, hit: Option<RayAnswer>) -> DcdRayHit {
+    let Some(hit) = hit else { return NO_RAY_HIT };
     DcdRayHit {
         body: world.mark.body(hit.body),
         user_data: user_data(world, hit.body),
         point: hit.point,
         normal: hit.normal,
         distance: hit.distance_m as f32,
-        part: hit.collider as u32,
+        part: hit.collider,
         subshape: hit.subshape,
     }
 }

@@ -1,19 +1,26 @@
-//! Rays whose answers come later: in a served world they are with the nodes that own the bodies.
+//! Questions whose answers come later: in a served world they are with the nodes that own the bodies.
 
-use dcd::protocol::{MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Question, RayAnswer, RayQuestion};
-use rapier3d::prelude::{Group, QueryFilterFlags};
+use dcd::physics::ShapeLibrary;
+use dcd::protocol::{
+    Asked, CastQuestion, Check, Found, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS,
+    MAX_QUESTION_BYTES, MAX_TURN, OVERLAPS_COST, OverlapQuestion, Place, Question, SHAPE_COST,
+};
 
-use super::ray::{NO_RAY_HIT, cast, straight};
-use super::{Batch, DcdFilter, DcdRay, DcdRayHit, user_data};
+use super::cast::{self, shape_hit, solid};
+use super::overlap::{self, Somewhere};
+use super::ray::{self, ray_hit};
+use super::{
+    Batch, DCD_QUERY_LEAVE, DcdBoxQuery, DcdFilter, DcdOverlap, DcdPointQuery, DcdRay, DcdRayHit,
+    DcdShapeCast, DcdShapeHit, DcdShapeQuery,
+};
 use crate::backend::Backend;
-use crate::body::{self, check_bits};
 use crate::guard::guard;
 use crate::handle::{Slots, stale};
-use crate::pointer::{Out, Room};
-use crate::status::{DCD_ERR_BUSY, DcdStatus, Failure};
+use crate::pointer::{self, Out, Room};
+use crate::status::{DCD_ERR_BUSY, DCD_ERR_LIMIT, DcdStatus, Failure};
 use crate::world::{DcdWorld, World, with};
 
-/// Rays that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
+/// Rays, casts or overlaps that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcdQueryId {
@@ -21,37 +28,62 @@ pub struct DcdQueryId {
     pub v: u64,
 }
 
-/// The most rays that dcd_rays_submit takes, and the most bodies of its filter.
-pub const DCD_MAX_SUBMITTED_RAYS: usize = 1024;
+/// The most that one submission may cost, and the most bodies of its filter. A ray costs 1, a shape that is cast or overlaps
+/// DCD_SHAPE_COST, a point or a box 1; overlaps that are submitted together cost DCD_OVERLAPS_COST at least.
+pub const DCD_MAX_SUBMITTED_COST: usize = 1024;
+/// What a submitted shape costs.
+pub const DCD_SHAPE_COST: usize = 8;
+/// What submitted overlaps cost at least.
+pub const DCD_OVERLAPS_COST: usize = 64;
 /// The most queries that a world may have open: submitted, and neither fetched nor cancelled.
 pub const DCD_MAX_OPEN_QUERIES: usize = 64;
-/// The most rays of all of them.
-pub const DCD_MAX_OPEN_RAYS: usize = 4096;
+/// The most that all of them may cost.
+pub const DCD_MAX_OPEN_COST: usize = 4096;
+/// The most that the overlaps of one submission may find.
+pub const DCD_MAX_SUBMITTED_OVERLAPS: usize = 4096;
+/// The longest turn of a submitted cast, radians.
+pub const DCD_MAX_SUBMITTED_TURN: f32 = 64.0;
 
 const _: () = assert!(
-    DCD_MAX_SUBMITTED_RAYS == MAX_RAYS
+    DCD_MAX_SUBMITTED_COST == MAX_COST
+        && DCD_SHAPE_COST == SHAPE_COST
+        && DCD_OVERLAPS_COST == OVERLAPS_COST
         && DCD_MAX_OPEN_QUERIES == MAX_OPEN_QUESTIONS
-        && DCD_MAX_OPEN_RAYS == MAX_OPEN_RAYS
+        && DCD_MAX_OPEN_COST == MAX_OPEN_COST
+        && DCD_MAX_SUBMITTED_OVERLAPS == MAX_FOUND
+        && DCD_MAX_SUBMITTED_TURN == MAX_TURN
 );
 
 /// The open queries of a world.
 pub(crate) struct OpenQueries {
-    /// With how many rays each has.
-    slots: Slots<(usize, Submitted)>,
+    slots: Slots<Submitted>,
     count: usize,
-    rays: usize,
+    cost: usize,
 }
 
 impl OpenQueries {
     pub(crate) const fn new() -> Self {
-        Self { slots: Slots::new(), count: 0, rays: 0 }
+        Self { slots: Slots::new(), count: 0, cost: 0 }
     }
 }
 
-enum Submitted {
+struct Submitted {
+    kind: Kind,
+    cost: usize,
+    answer: Answer,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Rays,
+    Casts,
+    Overlaps,
+}
+
+enum Answer {
     /// By those who compute the world, under this number.
-    Asked(u64),
-    Answered(Vec<DcdRayHit>),
+    Awaited(u64),
+    Here(Found),
 }
 
 /// Asks what each of `count` rays meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
@@ -59,8 +91,9 @@ enum Submitted {
 /// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
 ///
 /// `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
-/// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_RAYS, DCD_ERR_BUSY with
-/// DCD_MAX_OPEN_QUERIES or DCD_MAX_OPEN_RAYS open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+/// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_COST, and for what is longer than 64 KiB on its
+/// way, shapes and filter included, as so many rays are with as many bodies in the filter; DCD_ERR_BUSY with DCD_MAX_OPEN_QUERIES or
+/// DCD_MAX_OPEN_COST open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_rays_submit(
     world: DcdWorld,
@@ -72,35 +105,118 @@ pub unsafe extern "C" fn dcd_rays_submit(
     guard("dcd_rays_submit", || {
         // SAFETY: the caller vouches for `count` rays, the filter and `out`.
         let (batch, out) = unsafe { (Batch::new(rays, count, "rays", filter)?, Out::new(out, "out")?) };
-        if count.max(batch.exclude.len()) > DCD_MAX_SUBMITTED_RAYS {
-            return Err(Failure::argument(format!(
-                "{count} rays, or the filter's {} bodies, are more than DCD_MAX_SUBMITTED_RAYS \
-                 ({DCD_MAX_SUBMITTED_RAYS}); submit them in parts",
-                batch.exclude.len()
-            )));
-        }
-        with(world, |world| {
-            let open = &world.queries;
-            if open.count >= DCD_MAX_OPEN_QUERIES || open.rays + count > DCD_MAX_OPEN_RAYS {
-                let why = format!(
-                    "{} queries with {} rays are open; fetch or cancel some first",
-                    open.count, open.rays
-                );
-                return Err(Failure::new(DCD_ERR_BUSY, why));
-            }
-            let submitted = match &world.backend {
-                Backend::Served(_) => {
-                    let question = batch.question(world)?;
-                    Submitted::Asked(world.backend.submit(question)?)
-                }
-                _ => Submitted::Answered(batch.answers(&batch.ask(world)?, cast)?),
-            };
-            let open = &mut world.queries;
-            (open.count, open.rays) = (open.count + 1, open.rays + count);
-            let slot = open.slots.insert((count, submitted));
-            out.write(world.mark.query(slot));
-            Ok(())
+        submit(world, &batch, Kind::Rays, out, |world, _| {
+            Ok(Asked::Rays(batch.numbered(|ray| ray::question(world, batch.mask(), ray))?))
         })
+    })
+}
+
+/// Asks what each of `count` moving shapes meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
+/// dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+///
+/// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain, a turn longer than
+/// DCD_MAX_SUBMITTED_TURN, and a turn with DCD_QUERY_LEAVE.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_casts_submit(
+    world: DcdWorld,
+    casts: *const DcdShapeCast,
+    count: usize,
+    filter: *const DcdFilter,
+    out: *mut DcdQueryId,
+) -> DcdStatus {
+    guard("dcd_shape_casts_submit", || {
+        // SAFETY: the caller vouches for `count` casts, the filter and `out`.
+        let (batch, out) = unsafe { (Batch::new(casts, count, "casts", filter)?, Out::new(out, "out")?) };
+        submit(world, &batch, Kind::Casts, out, |world, shapes| {
+            let named = |cast: &DcdShapeCast| {
+                let shape = shapes.intern(solid(world, cast.shape)?)?;
+                Ok(CastQuestion { shape, ..submitted_cast(world, batch.mask(), cast)? })
+            };
+            Ok(Asked::Casts(batch.numbered(named)?))
+        })
+    })
+}
+
+fn submitted_cast(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQuestion, Failure> {
+    let [x, y, z] = cast.turn;
+    if x * x + y * y + z * z > MAX_TURN * MAX_TURN {
+        return Err(Failure::argument("turn is longer than DCD_MAX_SUBMITTED_TURN; submit it in parts"));
+    }
+    if cast.turn != [0.0; 3] && cast.flags & DCD_QUERY_LEAVE != 0 {
+        return Err(Failure::argument("flags has DCD_QUERY_LEAVE; what is submitted turns without it"));
+    }
+    cast::question(world, mask, cast)
+}
+
+/// Asks for every body that each of `count` shapes overlaps; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_shapes,
+/// where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+///
+/// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_overlap_shapes_submit(
+    world: DcdWorld,
+    shapes: *const DcdShapeQuery,
+    count: usize,
+    filter: *const DcdFilter,
+    out: *mut DcdQueryId,
+) -> DcdStatus {
+    // SAFETY: the caller vouches for `count` shapes, the filter and `out`.
+    guard("dcd_overlap_shapes_submit", || unsafe { submit_overlaps(world, shapes, count, filter, out) })
+}
+
+/// Asks for every body that each of `count` points lies in; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_points,
+/// where and when dcd_rays_submit answers.
+///
+/// Errors: as dcd_rays_submit.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_overlap_points_submit(
+    world: DcdWorld,
+    points: *const DcdPointQuery,
+    count: usize,
+    filter: *const DcdFilter,
+    out: *mut DcdQueryId,
+) -> DcdStatus {
+    // SAFETY: the caller vouches for `count` points, the filter and `out`.
+    guard("dcd_overlap_points_submit", || unsafe { submit_overlaps(world, points, count, filter, out) })
+}
+
+/// Asks for every body whose own box touches each of `count` boxes; dcd_query_poll_overlaps fetches the answer. As
+/// dcd_overlap_boxes, where and when dcd_rays_submit answers.
+///
+/// Errors: as dcd_rays_submit; DCD_ERR_ARGUMENT also for a box whose min is above its max.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_overlap_boxes_submit(
+    world: DcdWorld,
+    boxes: *const DcdBoxQuery,
+    count: usize,
+    filter: *const DcdFilter,
+    out: *mut DcdQueryId,
+) -> DcdStatus {
+    // SAFETY: the caller vouches for `count` boxes, the filter and `out`.
+    guard("dcd_overlap_boxes_submit", || unsafe { submit_overlaps(world, boxes, count, filter, out) })
+}
+
+/// # Safety
+/// As [`Batch::new`] and [`Out::new`].
+unsafe fn submit_overlaps<Q: Somewhere>(
+    world: DcdWorld,
+    queries: *const Q,
+    count: usize,
+    filter: *const DcdFilter,
+    out: *mut DcdQueryId,
+) -> Result<(), Failure> {
+    // SAFETY: passed on.
+    let (batch, out) = unsafe { (Batch::new(queries, count, Q::NAME, filter)?, Out::new(out, "out")?) };
+    submit(world, &batch, Kind::Overlaps, out, |world, shapes| {
+        let named = |query: &Q| {
+            let OverlapQuestion { place, meets } = overlap::question(world, batch.mask(), query)?;
+            let place = match (place, query.shape(world)?) {
+                (Place::Shape(_, pose), Some(shape)) => Place::Shape(shapes.intern(shape)?, pose),
+                (place, _) => place,
+            };
+            Ok(OverlapQuestion { place, meets })
+        };
+        Ok(Asked::Overlaps(batch.numbered(named)?))
     })
 }
 
@@ -108,9 +224,9 @@ pub unsafe extern "C" fn dcd_rays_submit(
 /// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
 /// fetched the query is closed and its id stale.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_BUSY while the answer is not there: nothing is written,
-/// and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the same, and the query stays open),
-/// DCD_ERR_NETWORK when the link is gone.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_ARGUMENT for a query that is not of rays, DCD_ERR_BUSY while
+/// the answer is not there: nothing is written, and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the
+/// same, and the query stays open), DCD_ERR_NETWORK when the link is gone.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_query_poll(
     world: DcdWorld,
@@ -122,21 +238,57 @@ pub unsafe extern "C" fn dcd_query_poll(
     guard("dcd_query_poll", || {
         // SAFETY: the caller vouches for `cap` hits and for `count`.
         let room = unsafe { Room::new(hits, cap, count, ["hits", "count"])? };
-        with(world, |world| {
-            let slot = slot(world, query)?;
-            if let Some(&(rays, Submitted::Asked(number))) = world.queries.slots.get(slot) {
-                let Some(answers) = world.backend.answer(number)? else {
-                    let why = "the answer is not there yet; go on stepping, and poll again";
-                    return Err(Failure::new(DCD_ERR_BUSY, why));
-                };
-                let hits = answers.into_iter().map(|hit| hit.map_or(NO_RAY_HIT, |hit| told(world, &hit)));
-                let hits = Submitted::Answered(hits.collect());
-                *world.queries.slots.get_mut(slot).expect("looked at above") = (rays, hits);
+        fetch(world, query, Kind::Rays, |world, found| match found {
+            Found::Rays(hits) => room.fill(hits.iter().map(|&hit| ray_hit(world, hit))),
+            _ => Err(too_much()),
+        })
+    })
+}
+
+/// Fetches the answer to submitted casts: hits[i] belongs to casts[i]. For the rest as dcd_query_poll.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_query_poll_casts(
+    world: DcdWorld,
+    query: DcdQueryId,
+    hits: *mut DcdShapeHit,
+    cap: usize,
+    count: *mut usize,
+) -> DcdStatus {
+    guard("dcd_query_poll_casts", || {
+        // SAFETY: the caller vouches for `cap` hits and for `count`.
+        let room = unsafe { Room::new(hits, cap, count, ["hits", "count"])? };
+        fetch(world, query, Kind::Casts, |world, found| match found {
+            Found::Casts(hits) => room.fill(hits.iter().map(|&hit| shape_hit(world, hit))),
+            _ => Err(too_much()),
+        })
+    })
+}
+
+/// Fetches the answer to submitted overlaps: outputs as of dcd_overlap_shapes, `ends` with an entry for each that was submitted.
+/// For the rest as dcd_query_poll, with `found` for `hits`, and for `count` `total`.
+///
+/// Errors: as dcd_query_poll, and DCD_ERR_LIMIT when more than DCD_MAX_SUBMITTED_OVERLAPS were found; then the query is closed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_query_poll_overlaps(
+    world: DcdWorld,
+    query: DcdQueryId,
+    found: *mut DcdOverlap,
+    cap: usize,
+    ends: *mut usize,
+    total: *mut usize,
+) -> DcdStatus {
+    guard("dcd_query_poll_overlaps", || {
+        // SAFETY: the caller vouches for `cap` overlaps and for `total`.
+        let room = unsafe { Room::new(found, cap, total, ["found", "total"])? };
+        fetch(world, query, Kind::Overlaps, |world, found| {
+            let Found::Overlaps(lists) = found else { return Err(too_much()) };
+            if !lists.is_empty() {
+                pointer::check(ends, "ends")?;
             }
-            if let Some((_, Submitted::Answered(hits))) = world.queries.slots.get(slot) {
-                room.fill(hits.iter().copied())?;
-            }
-            close(world, slot);
+            let told = lists.iter().flatten().map(|found| overlap::overlap(world, found));
+            room.fill(told.collect::<Vec<_>>().into_iter())?;
+            // SAFETY: checked above; the caller vouches for as many entries as were submitted.
+            unsafe { super::write_ends(lists.iter().map(Vec::len), ends) };
             Ok(())
         })
     })
@@ -150,12 +302,124 @@ pub extern "C" fn dcd_query_cancel(world: DcdWorld, query: DcdQueryId) -> DcdSta
     guard("dcd_query_cancel", || {
         with(world, |world| {
             let slot = slot(world, query)?;
-            if let Some(Submitted::Asked(number)) = close(world, slot) {
+            if let Some(Answer::Awaited(number)) = close(world, slot) {
                 world.backend.forget(number);
             }
             Ok(())
         })
     })
+}
+
+/// Opens a query, and asks or answers it.
+fn submit<Q>(
+    world: DcdWorld,
+    batch: &Batch<'_, Q>,
+    kind: Kind,
+    out: Out<DcdQueryId>,
+    ask: impl FnOnce(&World, &mut ShapeLibrary) -> Result<Asked, Failure>,
+) -> Result<(), Failure> {
+    let (items, bodies) = (batch.queries.len(), batch.exclude.len());
+    if items.max(bodies) > DCD_MAX_SUBMITTED_COST {
+        return Err(too_dear(&format!("{items} {}, or {bodies} bodies to overlook,", batch.name)));
+    }
+    with(world, |world| {
+        if !matches!(world.backend, Backend::Served(_)) {
+            world.backend.queries()?;
+        }
+        let mut shapes = ShapeLibrary::default();
+        let (overlooks, asked) = (batch.overlooks(world)?, ask(world, &mut shapes)?);
+        // Its number is the client's to give.
+        let question = Question { number: 0, overlooks, shapes: shapes.records(), asked };
+        check(&question)?;
+        let (cost, open) = (question.cost(), &world.queries);
+        if open.count >= DCD_MAX_OPEN_QUERIES || open.cost + cost > DCD_MAX_OPEN_COST {
+            let why = format!(
+                "{} queries that cost {} are open; fetch or cancel some first",
+                open.count, open.cost
+            );
+            return Err(Failure::new(DCD_ERR_BUSY, why));
+        }
+        let answer = match &world.backend {
+            Backend::Served(_) => Answer::Awaited(world.backend.submit(question)?),
+            _ => Answer::Here(world.backend.queries()?.answer(&question)),
+        };
+        let open = &mut world.queries;
+        (open.count, open.cost) = (open.count + 1, open.cost + cost);
+        let slot = open.slots.insert(Submitted { kind, cost, answer });
+        out.write(world.mark.query(slot));
+        Ok(())
+    })
+}
+
+fn check(question: &Question) -> Result<(), Failure> {
+    let cost = question.cost();
+    if cost > DCD_MAX_SUBMITTED_COST {
+        return Err(too_dear(&format!("a cost of {cost}")));
+    }
+    if !question.fits() {
+        return Err(Failure::argument(format!(
+            "what is submitted is longer than {MAX_QUESTION_BYTES} bytes on its way; submit it in parts, or \
+             simpler shapes"
+        )));
+    }
+    question.check().map_err(|error| Failure::argument(format!("{error}; submit something else")))
+}
+
+fn too_dear(what: &str) -> Failure {
+    Failure::argument(format!(
+        "{what} is more than DCD_MAX_SUBMITTED_COST ({DCD_MAX_SUBMITTED_COST}); submit it in parts"
+    ))
+}
+
+fn too_much() -> Failure {
+    Failure::new(
+        DCD_ERR_LIMIT,
+        format!(
+            "more than DCD_MAX_SUBMITTED_OVERLAPS ({DCD_MAX_SUBMITTED_OVERLAPS}) were found; submit less at a \
+             time, or smaller places"
+        ),
+    )
+}
+
+/// Gives the answer away, and closes the query.
+fn fetch(
+    world: DcdWorld,
+    query: DcdQueryId,
+    kind: Kind,
+    give: impl FnOnce(&World, &Found) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    with(world, |world| {
+        let slot = slot(world, query)?;
+        let here = world.queries.slots.get(slot).expect("looked at above");
+        if here.kind != kind {
+            return Err(Failure::argument(format!("the query is not of these; {}", here.kind.remedy())));
+        }
+        if let Answer::Awaited(number) = here.answer {
+            let Some(found) = world.backend.answer(number)? else {
+                let why = "the answer is not there yet; go on stepping, and poll again";
+                return Err(Failure::new(DCD_ERR_BUSY, why));
+            };
+            let here = world.queries.slots.get_mut(slot).expect("looked at above");
+            here.answer = Answer::Here(found);
+        }
+        let here = world.queries.slots.get(slot).expect("looked at above");
+        let Answer::Here(found) = &here.answer else { unreachable!("it is here by now") };
+        let (is_lost, given) = (*found == Found::TooMuch, give(world, found));
+        if is_lost || given.is_ok() {
+            close(world, slot);
+        }
+        given
+    })
+}
+
+impl Kind {
+    fn remedy(self) -> &'static str {
+        match self {
+            Self::Rays => "fetch it by dcd_query_poll",
+            Self::Casts => "fetch it by dcd_query_poll_casts",
+            Self::Overlaps => "fetch it by dcd_query_poll_overlaps",
+        }
+    }
 }
 
 /// The place of an open query.
@@ -164,45 +428,9 @@ fn slot(world: &World, query: DcdQueryId) -> Result<u64, Failure> {
     world.queries.slots.get(slot).map(|_| slot).ok_or_else(|| stale("query", query.v))
 }
 
-fn close(world: &mut World, slot: u64) -> Option<Submitted> {
+fn close(world: &mut World, slot: u64) -> Option<Answer> {
     let open = &mut world.queries;
-    let (rays, submitted) = open.slots.remove(slot)?;
-    (open.count, open.rays) = (open.count - 1, open.rays - rays);
-    Some(submitted)
-}
-
-impl Batch<'_, DcdRay> {
-    /// The rays as others are asked, and what all of them overlook.
-    fn question(&self, world: &World) -> Result<Question, Failure> {
-        let (flags, groups, mask) =
-            self.filter.map_or((0, 0, u32::MAX), |filter| (filter.flags, filter.groups, filter.mask));
-        check_bits(flags, QueryFilterFlags::all().bits(), "filter->flags")?;
-        let exclude = self.excluded(world)?;
-        let ray = |ray: &DcdRay| {
-            let line = straight(ray)?;
-            let own = if ray.exclude.v == 0 { None } else { Some(body::find(world, ray.exclude)?) };
-            Ok(RayQuestion {
-                origin: line.origin,
-                direction: line.direction,
-                max_m: line.max_m,
-                solid: line.solid,
-                mask: (Group::from_bits_retain(mask) & Group::from_bits_retain(ray.mask)).bits(),
-                exclude: own,
-            })
-        };
-        // Its number is the client's to give.
-        Ok(Question { number: 0, flags, groups, exclude, rays: self.numbered(ray)? })
-    }
-}
-
-fn told(world: &World, hit: &RayAnswer) -> DcdRayHit {
-    DcdRayHit {
-        body: world.mark.body(hit.body),
-        user_data: user_data(world, hit.body),
-        point: hit.point,
-        normal: hit.normal,
-        distance: hit.distance_m as f32,
-        part: hit.collider,
-        subshape: hit.subshape,
-    }
+    let Submitted { cost, answer, .. } = open.slots.remove(slot)?;
+    (open.count, open.cost) = (open.count - 1, open.cost - cost);
+    Some(answer)
 }

@@ -8,14 +8,14 @@ use std::time::Duration;
 
 use super::Peer;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient, Hello,
-    JointRecord, Member, Message, Question, RayAnswer, Refusal, Role, ShapeHash, ShapeRecord, SharedState,
-    ToClient, Touch, VERSION, Velocity, WorldPose,
+    Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, Found, FromClient,
+    Handover, Hello, JointRecord, Member, Message, Question, Refusal, Role, ShapeHash, ShapeRecord,
+    SharedState, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
-use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
+use crate::space::{Allocation, BodyId, ClientId, Epoch, GroupId, NodeId, RegionId, Tick};
 
-/// Contacts kept for a user who does not ask; the oldest go first.
-const MAX_CONTACTS: usize = 4_096;
+/// Contacts, and transfers, kept for a user who does not ask; the oldest go first.
+const MAX_EVENTS: usize = 4_096;
 
 /// Between attempts to dial the server, or a leader that cannot be reached.
 const AGAIN: Duration = Duration::from_millis(250);
@@ -116,17 +116,26 @@ pub struct BodyView {
     pub provisional: bool,
     /// Whether the client's interest did not reach it when it was last heard of, or has left it since: it may be elsewhere.
     pub outside: bool,
+    /// The region that owned it when it was last heard of; `None` until its owner is told. No guess counts.
+    pub owner: Option<RegionId>,
     /// Epoch and tick of the newest state that is no guess.
     settled: (Epoch, Tick),
 }
 
 impl BodyView {
     fn new(body: BodyRecord) -> Self {
-        Self { settled: (body.epoch, Tick(0)), body, tick: Tick(0), provisional: false, outside: false }
+        let settled = (body.epoch, Tick(0));
+        Self { settled, body, tick: Tick(0), provisional: false, outside: false, owner: None }
     }
 
     /// Takes a state in, unless something newer is known. A guess never counts against what is none.
-    fn learn(&mut self, state: &SharedState, tick: Tick, provisional: bool, outside: bool) {
+    fn learn(
+        &mut self,
+        state: &SharedState,
+        tick: Tick,
+        provisional: bool,
+        outside: bool,
+    ) -> Option<Handover> {
         let is_news = match provisional {
             false => self.settled <= (state.epoch, tick),
             true => {
@@ -146,6 +155,10 @@ impl BodyView {
             self.body.state.sleeping = state.sleeping;
             self.outside = outside;
         }
+        // Who computes while others are waited for owns nothing of theirs.
+        let from = if is_news && !provisional { self.owner.replace(state.owner) } else { None };
+        let from = from.filter(|from| *from != state.owner);
+        from.map(|from| Handover { body: state.id, from, to: state.owner })
     }
 
     /// After which tick the newest state was that is no guess.
@@ -176,6 +189,8 @@ pub struct Client {
     joints: Vec<JointRecord>,
     group: Option<GroupId>,
     leader: Option<Member>,
+    /// Which node computes each region, as far as known.
+    allocation: Allocation,
     linked: bool,
     server_linked: bool,
     dial_server_at: Option<Duration>,
@@ -185,7 +200,7 @@ pub struct Client {
     newest: BTreeMap<BodyId, (Drive, Duration)>,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
     asked: BTreeMap<u64, (Question, Duration)>,
-    answers: BTreeMap<u64, Vec<Option<RayAnswer>>>,
+    answers: BTreeMap<u64, Found>,
     /// What it wants to hear of, as said to the leader; `None` is everything.
     area: Option<Area>,
     now: Duration,
@@ -193,6 +208,7 @@ pub struct Client {
     unanswered: Vec<FromClient>,
     touches: VecDeque<(Tick, Touch)>,
     forces: VecDeque<(Tick, ContactForce)>,
+    handovers: VecDeque<Handover>,
     outputs: VecDeque<ClientOutput>,
 }
 
@@ -212,6 +228,7 @@ impl Client {
             joints: Vec::new(),
             group: None,
             leader: None,
+            allocation: Allocation::new(),
             linked: false,
             server_linked: false,
             dial_server_at: None,
@@ -225,6 +242,7 @@ impl Client {
             unanswered: Vec::new(),
             touches: VecDeque::new(),
             forces: VecDeque::new(),
+            handovers: VecDeque::new(),
             outputs: VecDeque::new(),
         }
     }
@@ -331,6 +349,11 @@ impl Client {
         self.leader.as_ref().map(|member| member.node)
     }
 
+    /// The node that computes a region, as far as known.
+    pub fn computed_by(&self, region: RegionId) -> Option<NodeId> {
+        self.allocation.get(&region).copied()
+    }
+
     /// The group that it plays with, as far as known: epochs and ticks of unlike groups do not compare.
     pub fn group(&self) -> Option<GroupId> {
         self.group
@@ -371,8 +394,14 @@ impl Client {
         std::mem::take(&mut self.forces).into_iter()
     }
 
-    /// The answer to a question, if it has come: what each ray met first. It is forgotten with this.
-    pub fn take_answer(&mut self, number: u64) -> Option<Vec<Option<RayAnswer>>> {
+    /// Bodies that were heard to have another owner than before since the last call, in the order in which that was heard. What
+    /// they went through between two times that they were heard of is not told.
+    pub fn take_handovers(&mut self) -> impl Iterator<Item = Handover> {
+        std::mem::take(&mut self.handovers).into_iter()
+    }
+
+    /// The answer to a question, if it has come. It is forgotten with this.
+    pub fn take_answer(&mut self, number: u64) -> Option<Found> {
         self.answers.remove(&number)
     }
 
@@ -519,11 +548,14 @@ impl Client {
                 self.say_again();
                 self.outputs.push_back(ClientOutput::Joined);
             }
-            ToClient::LeaderIs { group, leader, .. } => {
+            ToClient::LeaderIs { group, leader, allocation, .. } => {
+                self.allocation = allocation;
                 if self.group.replace(group) != Some(group) {
-                    // Another lineage of epochs: whatever it says first counts.
+                    // Another lineage of epochs and owners: whatever it says first counts.
                     self.tick = Tick(0);
-                    self.bodies.values_mut().for_each(|view| view.settled = Default::default());
+                    for view in self.bodies.values_mut() {
+                        (view.settled, view.owner) = Default::default();
+                    }
                 }
                 self.follow(leader);
                 // What the last leader had taken in and not passed on is gone with it.
@@ -563,7 +595,8 @@ impl Client {
                         continue;
                     }
                     if let Some(view) = self.bodies.get_mut(&state.id) {
-                        view.learn(&state, stamp.tick, stamp.provisional, outside);
+                        let handover = view.learn(&state, stamp.tick, stamp.provisional, outside);
+                        keep_newest(&mut self.handovers, handover);
                     }
                 }
             }
@@ -573,9 +606,12 @@ impl Client {
                 keep(&mut self.touches, tick, touches);
                 keep(&mut self.forces, tick, forces);
             }
-            ToClient::Answer { number, hits } => {
-                if self.asked.remove(&number).is_some() {
-                    self.answers.insert(number, hits);
+            ToClient::Answer { number, found } => {
+                let Some((question, _)) = self.asked.get(&number) else { return };
+                let mut answer = question.asked.nothing();
+                if answer.join(found) {
+                    self.asked.remove(&number);
+                    self.answers.insert(number, answer);
                 }
             }
             ToClient::Rejected { body, reason } => {
@@ -633,7 +669,11 @@ impl Hearing {
 }
 
 fn keep<T>(queue: &mut VecDeque<(Tick, T)>, tick: Tick, items: Vec<T>) {
-    queue.extend(items.into_iter().map(|item| (tick, item)));
-    let excess = queue.len().saturating_sub(MAX_CONTACTS);
+    keep_newest(queue, items.into_iter().map(|item| (tick, item)));
+}
+
+fn keep_newest<T>(queue: &mut VecDeque<T>, items: impl IntoIterator<Item = T>) {
+    queue.extend(items);
+    let excess = queue.len().saturating_sub(MAX_EVENTS);
     queue.drain(..excess);
 }

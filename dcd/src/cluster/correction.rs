@@ -43,12 +43,19 @@ fn limited(velocity: Vector3<f64>) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::space::{BodyId, Epoch};
+    use crate::space::{BodyId, Epoch, RegionId};
 
     fn target() -> SharedState {
         let velocity = Velocity { linear: [2.0, 0.0, 0.0], angular: [0.0, 0.0, 1.0] };
         let (id, epoch) = (BodyId::persistent(1), Epoch(0));
-        SharedState { id, epoch, pose: WorldPose::at([1.0, 2.0, 3.0]), velocity, sleeping: false }
+        SharedState {
+            id,
+            owner: RegionId(1),
+            epoch,
+            pose: WorldPose::at([1.0, 2.0, 3.0]),
+            velocity,
+            sleeping: false,
+        }
     }
 
     #[test]

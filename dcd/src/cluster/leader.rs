@@ -236,7 +236,8 @@ impl Leader {
             self.holders.now_holds(from, holds);
         }
         self.rounds_wanted = self.rounds_wanted.max(done.rounds_wanted);
-        self.messages.extend(self.questions.answered(from, done.answers));
+        self.questions.answered(from, done.answers);
+        self.messages.extend(self.questions.tell());
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
         if self.lag > 0 {
             self.forward_contacts();
@@ -293,6 +294,8 @@ impl Leader {
         ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
         ops.extend(self.corrections());
         ops.extend(self.questions.dispatch(&self.members));
+        self.questions.allow();
+        self.messages.extend(self.questions.tell());
         // Members that are not in step cannot exchange within a tick.
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };
@@ -606,6 +609,7 @@ mod tests {
         let (id, epoch) = (AVATAR, crate::space::Epoch(0));
         let state = SharedState {
             id,
+            owner: RegionId(1),
             epoch,
             pose: WorldPose::default(),
             velocity: Velocity::default(),
@@ -638,7 +642,8 @@ mod tests {
             leader.dispatch(Duration::from_secs(tick)).unwrap();
             let pose = WorldPose::at([x, 0.0, 0.0]);
             let (epoch, velocity) = (crate::space::Epoch(0), Velocity::default());
-            let states = vec![SharedState { id: body, epoch, pose, velocity, sleeping: false }];
+            let states =
+                vec![SharedState { id: body, owner: RegionId(1), epoch, pose, velocity, sleeping: false }];
             leader.report(Report { view: ViewNumber(1), tick: Tick(tick), states });
             leader.take_messages();
             both_done(leader, tick, vec![], vec![]);

@@ -5,18 +5,7 @@ use std::collections::BTreeMap;
 use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
 
-use crate::space::{BodyId, RegionId};
-
-/// A body changed owner.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Handover {
-    /// Which body.
-    pub body: BodyId,
-    /// The region that owned it.
-    pub from: RegionId,
-    /// The region that owns it now.
-    pub to: RegionId,
-}
+use crate::space::BodyId;
 
 /// Rank of the region and Rapier's handle there.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -25,6 +25,7 @@ mod statics;
 mod ties;
 mod watch;
 
+pub use crate::protocol::Handover;
 pub use articulation::LinkSettings;
 #[cfg(feature = "models")]
 pub(crate) use articulation::link_fault;
@@ -32,7 +33,6 @@ pub(crate) use articulation::{equip_link, insert_link, motion_between};
 pub use choice::{CouplingChoice, Method};
 pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
 pub use coupling::Coupling;
-pub use directory::Handover;
 pub use hooks::{ContactHooks, HookedPair};
 pub use host::{BorderView, HostError, Preset, RegionHost, StepSettings};
 pub use joints::joint_record;

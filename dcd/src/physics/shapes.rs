@@ -74,6 +74,16 @@ impl ShapeLibrary {
         self.shapes.get(&hash).map(|(_, shape)| shape.clone()).ok_or(ShapeError::Unknown(hash))
     }
 
+    /// A shape that a compound may be made of; Parry stops at others.
+    fn part(&self, hash: ShapeHash) -> Result<SharedShape, ShapeError> {
+        let part = self.shape(hash)?;
+        if part.as_composite_shape().is_some() {
+            let cause = "a part of it is made of parts itself".into();
+            return Err(ShapeError::Broken { what: "compound", cause });
+        }
+        Ok(part)
+    }
+
     /// The record of this name, to send it on.
     pub fn record_of(&self, hash: ShapeHash) -> Option<&ShapeRecord> {
         self.shapes.get(&hash).map(|(record, _)| record)
@@ -224,7 +234,7 @@ impl ShapeLibrary {
             ShapeRecord::Compound(parts) => SharedShape::compound(
                 parts
                     .iter()
-                    .map(|&(pose, hash)| Ok((convert::pose(pose), self.shape(hash)?)))
+                    .map(|&(pose, hash)| Ok((convert::pose(pose), self.part(hash)?)))
                     .collect::<Result<_, ShapeError>>()?,
             ),
         })
@@ -371,6 +381,16 @@ mod tests {
             there.add(record).unwrap();
         }
         (hash, there.intern(&there.shape(hash).unwrap()).unwrap())
+    }
+
+    #[test]
+    fn a_compound_of_compounds_is_refused() {
+        let mut library = ShapeLibrary::default();
+        let ball = library.add(ShapeRecord::Ball(1.0)).unwrap();
+        let mut of =
+            |part| library.add(ShapeRecord::Compound(vec![(convert::pose_record(&Pose::IDENTITY), part)]));
+        let inner = of(ball).unwrap();
+        assert!(matches!(of(inner), Err(ShapeError::Broken { what: "compound", .. })));
     }
 
     #[test]

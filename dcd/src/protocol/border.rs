@@ -12,7 +12,9 @@ use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 pub struct SharedState {
     /// Which body.
     pub id: BodyId,
-    /// Of its present owner.
+    /// Its present owner.
+    pub owner: RegionId,
+    /// How often it has changed hands.
     pub epoch: Epoch,
     /// Where it is.
     pub pose: WorldPose,
@@ -100,6 +102,17 @@ pub struct Transfer {
     pub holders: RegionSet,
     /// Whether its island moves whole.
     pub whole: bool,
+}
+
+/// A body changed owner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Handover {
+    /// Which body.
+    pub body: BodyId,
+    /// The region that owned it.
+    pub from: RegionId,
+    /// The region that owns it now.
+    pub to: RegionId,
 }
 
 /// Everything that one region has to say to another after a step; each list in id order.

@@ -19,7 +19,7 @@ use crate::protocol::SharedState;
 use crate::space::ClientId;
 
 /// Grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 
 /// The largest message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -171,11 +171,12 @@ mod tests {
         Border, Dispatch, FromClient, PROGRAM_DATAGRAM_BYTES, PROGRAM_MESSAGE_BYTES, Ping, Program, ToNode,
         Velocity, ViewNumber, WorldOp, WorldPose,
     };
-    use crate::space::{BodyId, Epoch, Tick};
+    use crate::space::{BodyId, Epoch, RegionId, Tick};
 
     fn state(index: u32) -> SharedState {
         SharedState {
             id: BodyId::avatar(ClientId(7), index),
+            owner: RegionId(u32::MAX),
             epoch: Epoch(u64::MAX),
             pose: WorldPose::at([1e6, -2.0, 0.125]),
             velocity: Velocity { linear: [1.0, f32::MIN_POSITIVE, -0.0], angular: [0.0; 3] },

@@ -19,7 +19,11 @@ pub use group::{
     ToServer, WorldOp,
 };
 pub use program::Program;
-pub use question::{Answer, MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Question, RayAnswer, RayQuestion};
+pub use question::{
+    Answer, Asked, CastAnswer, CastQuestion, Found, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS,
+    MAX_QUESTION_BYTES, MAX_TURN, Meets, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Place, Question,
+    RayAnswer, RayQuestion, SHAPE_COST,
+};
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]

@@ -16,8 +16,8 @@ pub use body::{
     Groups, MassRecord, Pose, Velocity, WorldPose,
 };
 pub use border::{
-    BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Membership, RegionEvents, SharedState,
-    Sight, Sighting, Touch, Transfer,
+    BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Handover, Membership, RegionEvents,
+    SharedState, Sight, Sighting, Touch, Transfer,
 };
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, datagrams, decode,
@@ -29,11 +29,12 @@ pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
-    Answer, Area, BodyCheckpoint, Border, Chunk, Claim, Delay, DelayThresholds, Dispatch, Done, Drive,
-    EnvironmentProperties, FromClient, Hello, Lane, MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Member,
-    Message, Motion, Pace, Ping, Placed, Pong, Program, Question, RayAnswer, RayQuestion, Refusal, Report,
-    Role, Stamp, Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber,
-    WorldOp,
+    Answer, Area, Asked, BodyCheckpoint, Border, CastAnswer, CastQuestion, Chunk, Claim, Delay,
+    DelayThresholds, Dispatch, Done, Drive, EnvironmentProperties, Found, FromClient, Hello, Lane, MAX_COST,
+    MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN, Meets, Member, Message,
+    Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace, Ping, Place, Placed, Pong, Program,
+    Question, RayAnswer, RayQuestion, Refusal, Report, Role, SHAPE_COST, Stamp, Stance, SyncProtocol,
+    Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

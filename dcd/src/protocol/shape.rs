@@ -97,6 +97,11 @@ impl ShapeRecord {
         matches!(self, Self::Compound(_))
     }
 
+    /// Whether it is more than a surface.
+    pub fn has_inside(&self) -> bool {
+        !matches!(self, Self::TriMesh(..) | Self::Polyline(..) | Self::HeightField(..))
+    }
+
     /// The shapes that this one is made of.
     pub fn parts(&self) -> impl Iterator<Item = ShapeHash> {
         let parts: &[(Pose, ShapeHash)] = match self {

@@ -420,10 +420,21 @@ impl Check for WorldOp {
 
 impl Check for Question {
     fn check(&self) -> Result<(), Invalid> {
-        must(self.rays.len() <= MAX_RAYS, "question.rays", "at most 1024")?;
-        must(self.exclude.len() <= MAX_RAYS, "question.exclude", "at most 1024")?;
-        ascending(&self.exclude, |&body| body, "question.exclude")?;
-        all(&self.rays)
+        must(self.cost() <= MAX_COST, "question", "of 1024 rays, or what costs as much")?;
+        must(self.fits(), "question", "short enough for a client's frame")?;
+        must(self.overlooks.exclude.len() <= MAX_COST, "question.exclude", "at most 1024")?;
+        ascending(&self.overlooks.exclude, |&body| body, "question.exclude")?;
+        must(
+            self.shapes.iter().all(ShapeRecord::has_inside),
+            "question.shapes",
+            "neither meshes nor terrain",
+        )?;
+        all(&self.shapes)?;
+        match &self.asked {
+            Asked::Rays(rays) => all(rays),
+            Asked::Casts(casts) => all(casts),
+            Asked::Overlaps(overlaps) => all(overlaps),
+        }
     }
 }
 
@@ -436,6 +447,31 @@ impl Check for RayQuestion {
     }
 }
 
+impl Check for CastQuestion {
+    fn check(&self) -> Result<(), Invalid> {
+        self.pose.check()?;
+        finite(&self.motion, "cast.motion")?;
+        let turn2: f32 = self.turn.iter().map(|v| v * v).sum();
+        must(turn2 <= MAX_TURN * MAX_TURN, "cast.turn", "at most 64 radians")?;
+        not_negative(&[self.margin_m], "cast.margin_m")?;
+        let is_plain = self.margin_m == 0.0 && !self.leaves;
+        must(turn2 == 0.0 || is_plain, "cast.turn", "0 with a margin, or if it leaves what it starts in")
+    }
+}
+
+impl Check for OverlapQuestion {
+    fn check(&self) -> Result<(), Invalid> {
+        match &self.place {
+            Place::Shape(_, pose) => pose.check(),
+            Place::Point(point) => must(point.iter().all(|v| v.is_finite()), "overlap.point", "finite"),
+            Place::Box(bounds) => {
+                let in_order = (0..3).all(|i| bounds.min[i] <= bounds.max[i]);
+                must(in_order, "overlap.box", "of corners in order")
+            }
+        }
+    }
+}
+
 impl Check for RayAnswer {
     fn check(&self) -> Result<(), Invalid> {
         must(self.point.iter().all(|v| v.is_finite()), "answer.point", "finite")?;
@@ -444,9 +480,36 @@ impl Check for RayAnswer {
     }
 }
 
-fn all_hits(hits: &[Option<RayAnswer>]) -> Result<(), Invalid> {
-    must(hits.len() <= MAX_RAYS, "answer.hits", "at most 1024")?;
-    hits.iter().flatten().try_for_each(Check::check)
+impl Check for CastAnswer {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.point.iter().all(|v| v.is_finite()), "answer.point", "finite")?;
+        finite(&self.normal, "answer.normal")?;
+        finite(&self.point_on_shape, "answer.point_on_shape")?;
+        finite(&self.normal_on_shape, "answer.normal_on_shape")?;
+        must((0.0..=1.0).contains(&self.fraction), "answer.fraction", "from 0 to 1")
+    }
+}
+
+impl Check for Found {
+    fn check(&self) -> Result<(), Invalid> {
+        let few = |count| must(count <= MAX_COST, "answer", "to at most 1024");
+        match self {
+            Self::Rays(hits) => {
+                few(hits.len())?;
+                hits.iter().flatten().try_for_each(Check::check)
+            }
+            Self::Casts(hits) => {
+                few(hits.len())?;
+                hits.iter().flatten().try_for_each(Check::check)
+            }
+            Self::Overlaps(lists) => {
+                few(lists.len())?;
+                must(lists.iter().map(Vec::len).sum::<usize>() <= MAX_FOUND, "answer", "of at most 4096")?;
+                lists.iter().try_for_each(|list| ascending(list, |&found| found, "answer"))
+            }
+            Self::TooMuch => Ok(()),
+        }
+    }
 }
 
 impl Check for Dispatch {
@@ -460,7 +523,7 @@ impl Check for Done {
     fn check(&self) -> Result<(), Invalid> {
         must((1..=MAX_ROUNDS).contains(&self.rounds_wanted), "done.rounds_wanted", "1 to 64")?;
         not_negative(&[self.stats.disagreement_m_s], "done.disagreement_m_s")?;
-        self.answers.iter().try_for_each(|answer| all_hits(&answer.hits))?;
+        self.answers.iter().try_for_each(|answer| answer.found.check())?;
         all(&self.events)
     }
 }
@@ -538,7 +601,7 @@ impl Check for ToClient {
                 all(shapes)
             }
             Self::States { states, .. } => all(states),
-            Self::Answer { hits, .. } => all_hits(hits),
+            Self::Answer { found, .. } => found.check(),
             Self::Contacts { touches, forces, .. } => {
                 all(touches)?;
                 all(forces)

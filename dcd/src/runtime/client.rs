@@ -13,7 +13,7 @@ use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{
-    Area, ContactForce, EnvironmentProperties, Question, RayAnswer, Refusal, Touch, Velocity, WorldPose,
+    Area, ContactForce, EnvironmentProperties, Found, Handover, Question, Refusal, Touch, Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
@@ -77,6 +77,8 @@ pub struct ClientEvents {
     pub touches: Vec<(Tick, Touch)>,
     /// Forces on own avatars above their thresholds.
     pub forces: Vec<(Tick, ContactForce)>,
+    /// Bodies that were heard to have another owner than before.
+    pub handovers: Vec<Handover>,
     /// Bodies that appeared.
     pub appeared: Vec<BodyId>,
     /// Bodies that disappeared.
@@ -139,9 +141,9 @@ impl ClientWorld {
         self.member.who.node()
     }
 
-    /// The node that computes a region, as far as known: by a participant, whose node is told.
+    /// The node that computes a region, as far as known: as the server or the leader last said.
     pub fn computed_by(&self, region: RegionId) -> Option<NodeId> {
-        self.member.shared.lock().allocation.get(&region).copied()
+        self.member.shared.lock().client.as_ref()?.computed_by(region)
     }
 
     /// Where our node listens, for a participant.
@@ -215,8 +217,8 @@ impl ClientWorld {
         self.member.wish(ClientEvent::Interest(area))
     }
 
-    /// Asks those who compute the world what rays meet; [`ClientWorld::take_answer`] has the answer once it has come, some ticks
-    /// later. `number` must be unlike those of other questions.
+    /// Asks those who compute the world what rays and shapes meet; [`ClientWorld::take_answer`] has the answer once it has come,
+    /// some ticks later. `number` must be unlike those of other questions.
     pub fn ask(&self, question: Question) -> Result<(), ProcessError> {
         self.member.wish(ClientEvent::Ask(question))
     }
@@ -226,8 +228,8 @@ impl ClientWorld {
         self.member.wish(ClientEvent::Forget(number))
     }
 
-    /// The answer to a question, if it has come: what each ray met first. It is given once.
-    pub fn take_answer(&self, number: u64) -> Option<Vec<Option<RayAnswer>>> {
+    /// The answer to a question, if it has come. It is given once.
+    pub fn take_answer(&self, number: u64) -> Option<Found> {
         self.member.shared.lock().client.as_mut()?.take_answer(number)
     }
 
@@ -250,13 +252,18 @@ impl ClientWorld {
     /// What happened since the last call.
     pub fn take_events(&self) -> ClientEvents {
         let mut state = self.member.shared.lock();
-        let (touches, forces) = match &mut state.client {
-            Some(client) => (client.take_touches().collect(), client.take_forces().collect()),
+        let (touches, forces, handovers) = match &mut state.client {
+            Some(client) => (
+                client.take_touches().collect(),
+                client.take_forces().collect(),
+                client.take_handovers().collect(),
+            ),
             None => Default::default(),
         };
         ClientEvents {
             touches,
             forces,
+            handovers,
             appeared: std::mem::take(&mut state.appeared),
             disappeared: std::mem::take(&mut state.disappeared),
             refusals: std::mem::take(&mut state.refusals),

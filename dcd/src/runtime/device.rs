@@ -6,11 +6,10 @@ use std::time::Instant;
 use rapier3d::prelude::*;
 use tracing::warn;
 
-use super::answer::answer;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
 use crate::physics::{Coupling, HostError, Partition, RegionHost, StepSettings};
 use crate::protocol::{
-    BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties,
+    Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties,
     Question, SharedState, StateHasher, TickStats, WorldOp,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
@@ -297,7 +296,12 @@ impl PhysicsDevice {
         let holds = self.holds();
         let host = self.host.as_ref().expect("a world comes before commands");
         let questions = std::mem::take(&mut self.questions);
-        let answers = questions.iter().map(|(client, question)| answer(host, *client, question)).collect();
+        let answer = |(client, question): (ClientId, Question)| Answer {
+            client,
+            number: question.number,
+            found: host.queries().answer(&question),
+        };
+        let answers = questions.into_iter().map(answer).collect();
         PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint }
     }
 

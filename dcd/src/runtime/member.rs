@@ -1,7 +1,6 @@
 //! The loop of a process that is a node, a client, or both (a participant, the thesis's normal case): one thread that
 //! feeds links, physics and the user's wishes to the state machines and does what they ask for.
 
-use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
@@ -19,8 +18,8 @@ use crate::cluster::{
     PhysicsEvent, WORLD_ENDS,
 };
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
-use crate::protocol::{Message, Refusal, ViewNumber};
-use crate::space::{BodyId, NodeId, RegionId, Tick};
+use crate::protocol::{Message, Refusal};
+use crate::space::{BodyId, NodeId, Tick};
 
 /// How often what could not be sent at once is tried again.
 const RETRY: Duration = Duration::from_millis(2);
@@ -128,9 +127,6 @@ pub(super) struct State {
     pub disappeared: Vec<BodyId>,
     pub updates: u64,
     pub traffic: PeerStats,
-    /// Who computes what, in the view of this number: as told to the node.
-    pub view: ViewNumber,
-    pub allocation: BTreeMap<RegionId, NodeId>,
     pub summary: NodeSummary,
     pub end: Option<Result<(), ProcessError>>,
 }
@@ -191,8 +187,6 @@ impl Member {
             disappeared: Vec::new(),
             updates: 0,
             traffic: PeerStats::default(),
-            view: ViewNumber::default(),
-            allocation: BTreeMap::new(),
             summary,
             end: None,
         };
@@ -563,11 +557,6 @@ impl Loop {
                 state.summary.tick = tick;
                 state.summary.bytes = bytes.bytes_in + bytes.bytes_out;
                 state.summary.seconds = self.start.elapsed().as_secs_f64();
-                if let Some(view) = self.node.as_ref().and_then(Node::view)
-                    && view.number != state.view
-                {
-                    (state.view, state.allocation) = (view.number, view.allocation.clone());
-                }
                 drop(state);
                 self.shared.changed.notify_all();
             }

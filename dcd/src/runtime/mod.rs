@@ -1,6 +1,5 @@
 //! Joins the parts into things that run: a local world; with `net`, a server, a node, a client and a participant.
 
-mod answer;
 #[cfg(feature = "net")]
 mod client;
 #[cfg(feature = "net")]

@@ -6,9 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Engine;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
 use crate::protocol::{
-    Answer, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, Claim, ContactKey,
-    EnvironmentProperties, Placed, Question, RayAnswer, RayQuestion, RegionEvents, SharedState, TickStats,
-    Touch, Transfer, WorldOp, WorldPose,
+    Answer, Asked, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, CastAnswer, CastQuestion,
+    Claim, ContactKey, EnvironmentProperties, Found, Overlap, OverlapQuestion, Place, Placed, Question,
+    RayAnswer, RayQuestion, RegionEvents, SharedState, TickStats, Touch, Transfer, WorldOp, WorldPose,
 };
 use crate::space::{BodyId, Bounds, ClientId, Epoch, RegionId, RegionSet, Tick};
 
@@ -99,7 +99,8 @@ impl Copy {
     }
 
     fn states(&self) -> Vec<SharedState> {
-        self.bodies.values().map(shared).collect()
+        // Who computes it meanwhile owns none of it.
+        self.bodies.values().map(|body| shared(body, RegionId::default())).collect()
     }
 }
 
@@ -305,7 +306,8 @@ impl StandIn {
                     body.epoch = body.epoch.next();
                 }
                 for &kept in holders.intersection(&wanted).filter(|&&kept| !leaves || kept != target) {
-                    to(kept, &mut |message| message.states.push(shared(body)));
+                    let owner = if leaves { target } else { from };
+                    to(kept, &mut |message| message.states.push(shared(body, owner)));
                 }
                 *holders = wanted;
                 if leaves {
@@ -364,12 +366,17 @@ impl StandIn {
             .values()
             .flat_map(|region| region.owned.values().map(|owned| (owned.body.id, &owned.body)))
             .collect();
+        let regions = self.regions.iter();
+        let owners: BTreeMap<_, _> =
+            regions.flat_map(|(&id, region)| region.owned.keys().map(move |&body| (body, id))).collect();
+        let owner_of = |body: BodyId| owners[&body];
         let stats = TickStats {
             bodies: owned.len() as u32,
             replicas: self.regions.values().map(|region| region.replicas.len() as u32).sum(),
             ..TickStats::default()
         };
-        let report = sample(report, &owned, &mut self.reported).map(shared).collect();
+        let report =
+            sample(report, &owned, &mut self.reported).map(|body| shared(body, owner_of(body.id))).collect();
         let checkpoint = sample(checkpoint, &owned, &mut self.checkpointed)
             .map(|body| BodyCheckpoint { id: body.id, epoch: body.epoch, state: body.state })
             .collect();
@@ -385,26 +392,69 @@ impl StandIn {
     }
 }
 
-/// Which body each ray passes first, among those whose place is within a metre of it.
+/// Bodies are balls of a metre, shapes are points, and nothing is overlooked.
 fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Question) -> Answer {
-    let cast = |ray: &RayQuestion| {
-        let along = nalgebra::Vector3::from(ray.direction.map(f64::from)).normalize();
-        owned.values().fold(None, |best, body| {
-            let point = body.state.pose.translation;
-            let from = nalgebra::Vector3::from(point) - nalgebra::Vector3::from(ray.origin);
-            let distance_m = from.dot(&along);
-            let meets = (0.0..=ray.max_m).contains(&distance_m) && (from - along * distance_m).norm() < 1.0;
-            let hit =
-                RayAnswer { body: body.id, collider: 0, point, normal: [0.0; 3], distance_m, subshape: 0 };
-            RayAnswer::nearer(best, meets.then_some(hit))
-        })
-    };
-    Answer { client, number: question.number, hits: question.rays.iter().map(cast).collect() }
+    let mut found = question.asked.nothing();
+    for body in owned.values() {
+        let at = body.state.pose.translation;
+        let near = |place: [f64; 3]| (0..3).map(|i| (at[i] - place[i]).powi(2)).sum::<f64>() < 1.0;
+        let is_at = |place: &Place| match place {
+            Place::Shape(_, pose) => near(pose.translation),
+            Place::Point(point) => near(*point),
+            Place::Box(bounds) => bounds.contains(&Bounds::new(at, at)),
+        };
+        let met = match &question.asked {
+            Asked::Rays(rays) => Found::Rays(rays.iter().map(|ray| on_ray(body, ray)).collect()),
+            Asked::Casts(casts) => Found::Casts(casts.iter().map(|cast| on_way(body, cast)).collect()),
+            Asked::Overlaps(overlaps) => {
+                let overlap = Overlap { body: body.id, collider: 0 };
+                let there = |asked: &OverlapQuestion| is_at(&asked.place).then_some(overlap);
+                Found::Overlaps(overlaps.iter().map(|asked| there(asked).into_iter().collect()).collect())
+            }
+        };
+        found.join(met);
+    }
+    Answer { client, number: question.number, found }
 }
 
-fn shared(body: &BodyRecord) -> SharedState {
+fn on_ray(body: &BodyRecord, ray: &RayQuestion) -> Option<RayAnswer> {
+    let (body, point) = (body.id, body.state.pose.translation);
+    let distance_m =
+        passed(point, ray.origin, ray.direction).filter(|distance_m| *distance_m <= ray.max_m)?;
+    Some(RayAnswer { body, collider: 0, point, normal: [0.0; 3], distance_m, subshape: 0 })
+}
+
+fn on_way(body: &BodyRecord, cast: &CastQuestion) -> Option<CastAnswer> {
+    let (body, point) = (body.id, body.state.pose.translation);
+    let length = cast.motion.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
+    let fraction = (passed(point, cast.pose.translation, cast.motion)? / length) as f32;
+    let [normal, point_on_shape, normal_on_shape] = [[0.0; 3]; 3];
+    let (collider, subshape, inside) = (0, 0, fraction == 0.0);
+    let hit = CastAnswer {
+        body,
+        collider,
+        fraction,
+        point,
+        normal,
+        point_on_shape,
+        normal_on_shape,
+        subshape,
+        inside,
+    };
+    (fraction <= 1.0).then_some(hit)
+}
+
+/// How far a way has come when it passes a place within a metre.
+fn passed(place: [f64; 3], origin: [f64; 3], direction: [f32; 3]) -> Option<f64> {
+    let along = nalgebra::Vector3::from(direction.map(f64::from)).normalize();
+    let from = nalgebra::Vector3::from(place) - nalgebra::Vector3::from(origin);
+    let distance_m = from.dot(&along);
+    (distance_m >= 0.0 && (from - along * distance_m).norm() < 1.0).then_some(distance_m)
+}
+
+fn shared(body: &BodyRecord, owner: RegionId) -> SharedState {
     let BodyState { pose, velocity, sleeping, .. } = body.state;
-    SharedState { id: body.id, epoch: body.epoch, pose, velocity, sleeping }
+    SharedState { id: body.id, owner, epoch: body.epoch, pose, velocity, sleeping }
 }
 
 fn sample<'a>(

@@ -11,6 +11,7 @@ use crate::protocol::{Refusal, Velocity};
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
 mod interest;
+mod owners;
 mod questions;
 
 fn config(seed: u64, nodes: u32) -> SimConfig {

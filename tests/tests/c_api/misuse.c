@@ -689,11 +689,11 @@ static void submitted(void)
     ray.origin[0] = NAN;
     EXPECT(dcd_rays_submit(world, &ray, 1, NULL, &query), DCD_ERR_ARGUMENT);
     HOLDS(query.v == 7);
-    static DcdRay crowd[DCD_MAX_SUBMITTED_RAYS + 1];
-    for (size_t i = 0; i <= DCD_MAX_SUBMITTED_RAYS; i++)
+    static DcdRay crowd[DCD_MAX_SUBMITTED_COST + 1];
+    for (size_t i = 0; i <= DCD_MAX_SUBMITTED_COST; i++)
         crowd[i] = rays[0];
-    EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_RAYS + 1, NULL, &query), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_RAYS, NULL, &query), DCD_OK);
+    EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST + 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST, NULL, &query), DCD_OK);
     EXPECT(dcd_query_cancel(world, query), DCD_OK);
     EXPECT(dcd_query_cancel(world, query), DCD_ERR_STALE_ID);
 
@@ -711,10 +711,10 @@ static void submitted(void)
     EXPECT(dcd_query_poll(world, query, hits, 2, &count), DCD_ERR_STALE_ID);
     EXPECT(dcd_query_cancel(world, query), DCD_ERR_STALE_ID);
 
-    for (size_t i = 0; i < DCD_MAX_OPEN_RAYS / DCD_MAX_SUBMITTED_RAYS; i++)
-        EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_RAYS, NULL, &many[i]), DCD_OK);
+    for (size_t i = 0; i < DCD_MAX_OPEN_COST / DCD_MAX_SUBMITTED_COST; i++)
+        EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST, NULL, &many[i]), DCD_OK);
     EXPECT(dcd_rays_submit(world, rays, 1, NULL, &query), DCD_ERR_BUSY);
-    for (size_t i = 0; i < DCD_MAX_OPEN_RAYS / DCD_MAX_SUBMITTED_RAYS; i++)
+    for (size_t i = 0; i < DCD_MAX_OPEN_COST / DCD_MAX_SUBMITTED_COST; i++)
         EXPECT(dcd_query_cancel(world, many[i]), DCD_OK);
     for (size_t i = 0; i < DCD_MAX_OPEN_QUERIES; i++)
         EXPECT(dcd_rays_submit(world, rays, 1, NULL, &many[i]), DCD_OK);
@@ -726,6 +726,63 @@ static void submitted(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
     EXPECT(dcd_world_destroy(other), DCD_OK);
     EXPECT(dcd_query_poll(world, many[0], hits, 2, &count), DCD_ERR_STALE_ID);
+}
+
+/* Submitted casts and overlaps: null, no world, too many, not numbers. */
+static void submitted_shapes(void)
+{
+    DcdWorld world = make_world(2), none = { 0 };
+    DcdShapeId box = make_box(world);
+    DcdShapeCast cast = DCD_SHAPE_CAST_INIT;
+    DcdShapeQuery shape = DCD_SHAPE_QUERY_INIT;
+    DcdPointQuery point = DCD_POINT_QUERY_INIT;
+    DcdBoxQuery around = DCD_BOX_QUERY_INIT;
+    DcdShapeHit hit;
+    DcdOverlap found;
+    DcdQueryId query = { 7 };
+    size_t count = 9, end;
+    cast.shape = shape.shape = box;
+    EXPECT(dcd_shape_casts_submit(world, NULL, 1, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_shape_casts_submit(none, &cast, 1, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_shape_casts_submit(world, &cast, SIZE_MAX, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_overlap_shapes_submit(world, NULL, 1, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_overlap_points_submit(world, &point, 1, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_overlap_boxes_submit(none, &around, 1, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_overlap_points_submit(world, &point, SIZE_MAX, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_overlap_points_submit(world, &point, DCD_MAX_SUBMITTED_COST + 1, NULL, &query), DCD_ERR_ARGUMENT);
+    cast.motion[1] = NAN;
+    shape.pose.q[3] = 2.0f;
+    point.point[0] = INFINITY;
+    around.min[2] = NAN;
+    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_overlap_shapes_submit(world, &shape, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_overlap_points_submit(world, &point, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_overlap_boxes_submit(world, &around, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    cast.motion[1] = 1.0f;
+    cast.turn[0] = NAN;
+    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    cast.turn[0] = 0.0f;
+    EXPECT(dcd_shape_destroy(world, box), DCD_OK);
+    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_ERR_STALE_ID);
+    HOLDS(query.v == 7);
+
+    /* What is submitted keeps its shape. */
+    cast.shape = shape.shape = make_box(world);
+    shape.pose.q[3] = 1.0f;
+    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_OK);
+    EXPECT(dcd_shape_destroy(world, cast.shape), DCD_OK);
+    EXPECT(dcd_query_poll_casts(none, query, &hit, 1, &count), DCD_ERR_NULL);
+    EXPECT(dcd_query_poll_casts(world, query, NULL, 1, &count), DCD_ERR_NULL);
+    EXPECT(dcd_query_poll_casts(world, query, &hit, 1, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_query_poll_casts(world, query, &hit, 1, &count), DCD_OK);
+    HOLDS(count == 1 && hit.body.v == 0);
+    EXPECT(dcd_overlap_boxes_submit(world, &around, 0, NULL, &query), DCD_OK);
+    EXPECT(dcd_query_poll_overlaps(world, query, NULL, 1, &end, &count), DCD_ERR_NULL);
+    EXPECT(dcd_query_poll_overlaps(world, query, &found, 1, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_query_poll_overlaps(world, query, &found, 1, NULL, &count), DCD_OK);
+    HOLDS(count == 0);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
 static void queries(void)
@@ -1030,6 +1087,7 @@ int main(void)
     bulk();
     queries();
     submitted();
+    submitted_shapes();
     network();
     snapshots();
     logging();

@@ -151,6 +151,12 @@ static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
         cast.turn[dice(3)] = dice(2) ? number() : 0.0f;
         cast.margin = dice(3) == 0 ? number() : 0.0f;
         cast.flags = dice(4);
+        if (dice(3) == 0) {
+            DcdQueryId *query = &queries[dice(KEPT)];
+            query->v = handle(query->v);
+            return dice(2) ? dcd_shape_casts_submit(world, &cast, 1, given, query)
+                           : dcd_query_poll_casts(world, *query, &hit, 1, &total);
+        }
         status = dcd_cast_shapes(world, &cast, 1, given, &hit);
         sum = status == DCD_OK ? hit.point[0] + (double)hit.fraction + (double)hit.normal[1] : 0.0;
         break;
@@ -174,6 +180,12 @@ static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
         DcdOverlap found[4];
         query.shape.v = handle(shape.v);
         query.pose = some_pose();
+        if (dice(3) == 0) {
+            DcdQueryId *asked = &queries[dice(KEPT)];
+            asked->v = handle(asked->v);
+            return dice(2) ? dcd_overlap_shapes_submit(world, &query, 1, given, asked)
+                           : dcd_query_poll_overlaps(world, *asked, found, dice(5), ends, &total);
+        }
         status = dcd_overlap_shapes(world, &query, 1, given, found, dice(5), ends, &total);
         break;
     }

@@ -316,6 +316,16 @@ fn one_program_serves_computes_and_sees_a_world() {
 }
 
 #[test]
+fn what_is_submitted_is_answered_by_all_nodes_as_by_a_world_of_ones_own() {
+    run_alone("asking.c");
+}
+
+#[test]
+fn clients_see_who_computes_what_and_bodies_change_hands() {
+    run_alone("topology.c");
+}
+
+#[test]
 fn programs_see_their_connections_and_speak_over_them() {
     run_alone("network.c");
 }

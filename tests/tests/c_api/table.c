@@ -264,6 +264,50 @@ CALL(dcd_overlap_boxes) {
     return dcd_overlap_boxes(s->world, &box, 1, NULL, found, 64, &end, &count);
 }
 CALL(dcd_rays_submit) { DcdQueryId id; return dcd_rays_submit(s->world, &RAY, 1, NULL, &id); }
+static DcdStatus casts(Scene *s, DcdQueryId *id)
+{
+    DcdShapeCast cast = DCD_SHAPE_CAST_INIT;
+    cast.shape = s->shape;
+    cast.motion[1] = -1.0f;
+    return dcd_shape_casts_submit(s->world, &cast, 1, NULL, id);
+}
+
+static DcdStatus points(Scene *s, DcdQueryId *id)
+{
+    DcdPointQuery point = DCD_POINT_QUERY_INIT;
+    return dcd_overlap_points_submit(s->world, &point, 1, NULL, id);
+}
+
+CALL(dcd_shape_casts_submit) { DcdQueryId id; return casts(s, &id); }
+CALL(dcd_overlap_shapes_submit) {
+    DcdShapeQuery query = DCD_SHAPE_QUERY_INIT;
+    DcdQueryId id;
+    query.shape = s->shape;
+    return dcd_overlap_shapes_submit(s->world, &query, 1, NULL, &id);
+}
+CALL(dcd_overlap_points_submit) { DcdQueryId id; return points(s, &id); }
+CALL(dcd_overlap_boxes_submit) {
+    DcdBoxQuery box = DCD_BOX_QUERY_INIT;
+    DcdQueryId id;
+    return dcd_overlap_boxes_submit(s->world, &box, 1, NULL, &id);
+}
+CALL(dcd_query_poll_casts) {
+    DcdQueryId id;
+    DcdShapeHit hit;
+    DcdStatus status = casts(s, &id);
+    if (status == DCD_OK)
+        status = dcd_query_poll_casts(s->world, id, &hit, 1, &count);
+    return status == DCD_ERR_BUSY ? DCD_OK : status;
+}
+CALL(dcd_query_poll_overlaps) {
+    DcdQueryId id;
+    DcdOverlap found[64];
+    size_t end;
+    DcdStatus status = points(s, &id);
+    if (status == DCD_OK)
+        status = dcd_query_poll_overlaps(s->world, id, found, 64, &end, &count);
+    return status == DCD_ERR_BUSY ? DCD_OK : status;
+}
 CALL(dcd_query_poll) {
     DcdQueryId id;
     DcdRayHit hit;
@@ -325,6 +369,8 @@ CALL(dcd_world_destroy) {
     of(dcd_connections) of(dcd_connection_info) of(dcd_send) of(dcd_disconnect) of(dcd_poll) of(dcd_cast_rays) \
     of(dcd_cast_rays_all) of(dcd_cast_shapes) of(dcd_project_points) of(dcd_overlap_shapes) of(dcd_overlap_points) \
     of(dcd_overlap_boxes) of(dcd_rays_submit) of(dcd_query_poll) of(dcd_query_cancel) of(dcd_regions) \
+    of(dcd_shape_casts_submit) of(dcd_overlap_shapes_submit) of(dcd_overlap_points_submit) \
+    of(dcd_overlap_boxes_submit) of(dcd_query_poll_casts) of(dcd_query_poll_overlaps) \
     of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_stats) of(dcd_stats_text) of(dcd_state_hash) \
     of(dcd_snapshot_save) of(dcd_snapshot_load) of(dcd_snapshot_save_file) of(dcd_snapshot_load_file) \
     of(dcd_world_destroy)

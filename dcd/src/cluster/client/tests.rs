@@ -1,7 +1,7 @@
 //! What a client says, and what it believes.
 
 use super::*;
-use crate::protocol::Stamp;
+use crate::protocol::{Asked, Found, Stamp};
 use crate::sim::sim_body;
 
 #[test]
@@ -19,7 +19,8 @@ fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
     };
     assert_eq!(tell(returned(1)), Some((Epoch(1), Tick(0))));
     let (pose, velocity) = (body.state.pose, body.state.velocity);
-    let state = SharedState { id: body.id, epoch: Epoch(3), pose, velocity, sleeping: false };
+    let state =
+        SharedState { id: body.id, owner: RegionId(1), epoch: Epoch(3), pose, velocity, sleeping: false };
     let stamp = Stamp { group: GroupId(1), tick: Tick(7), provisional: false };
     assert_eq!(tell(ToClient::States { stamp, states: vec![state] }), Some((Epoch(3), Tick(7))));
     assert_eq!(tell(returned(2)), Some((Epoch(3), Tick(7))), "it comes over another link");
@@ -45,7 +46,8 @@ fn tell(client: &mut Client, message: ToClient) {
 fn follow(client: &mut Client, node: u32) {
     let leader = Member { node: NodeId(node), address: ([127, 0, 0, 1], 1).into(), client: None };
     let view = crate::protocol::ViewNumber(node.into());
-    tell(client, ToClient::LeaderIs { group: GroupId(1), view, leader: Some(leader) });
+    let allocation = [(RegionId(1), NodeId(node))].into();
+    tell(client, ToClient::LeaderIs { group: GroupId(1), view, leader: Some(leader), allocation });
     client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Node(NodeId(node))));
 }
 
@@ -93,7 +95,14 @@ fn what_is_near_an_avatar_of_ones_own_is_not_outside() {
     let stamp = Stamp { group: GroupId(1), tick: Tick(1), provisional: false };
     let hear = |client: &mut Client, x: f64| {
         let (pose, velocity) = (at(x), Velocity::default());
-        let state = SharedState { id: stone.id, epoch: Epoch(0), pose, velocity, sleeping: false };
+        let state = SharedState {
+            id: stone.id,
+            owner: RegionId(1),
+            epoch: Epoch(0),
+            pose,
+            velocity,
+            sleeping: false,
+        };
         tell(client, ToClient::States { stamp, states: vec![state] });
     };
     hear(&mut client, 60.0);
@@ -112,8 +121,14 @@ fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
     };
     let hear = |client: &mut Client, id: u32, x: f64, provisional: bool| {
         let (pose, velocity) = (WorldPose::at([x, 0.0, 0.0]), Velocity::default());
-        let state =
-            SharedState { id: BodyId::persistent(id), epoch: Epoch(0), pose, velocity, sleeping: false };
+        let state = SharedState {
+            id: BodyId::persistent(id),
+            owner: RegionId(1),
+            epoch: Epoch(0),
+            pose,
+            velocity,
+            sleeping: false,
+        };
         let stamp = Stamp { group: GroupId(1), tick: Tick(1), provisional };
         tell(client, ToClient::States { stamp, states: vec![state] });
     };
@@ -136,7 +151,8 @@ fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
 #[test]
 fn a_question_asked_before_there_is_a_leader_is_asked_as_soon_as_there_is_and_not_again_at_once() {
     let mut client = Client::new(ClientId(1), None);
-    let question = Question { number: 7, flags: 0, groups: 0, exclude: Vec::new(), rays: Vec::new() };
+    let (overlooks, asked) = (Default::default(), Asked::Rays(Vec::new()));
+    let question = Question { number: 7, overlooks, shapes: Vec::new(), asked };
     client.handle(Duration::ZERO, ClientEvent::Ask(question.clone()));
     let asked = |client: &mut Client| {
         let asks = |output: &ClientOutput| match output {
@@ -151,7 +167,7 @@ fn a_question_asked_before_there_is_a_leader_is_asked_as_soon_as_there_is_and_no
     assert_eq!(client.poll_timeout(), Some(ASK_AGAIN));
     follow(&mut client, 2);
     assert_eq!(asked(&mut client), [Peer::Node(NodeId(2))], "what the last leader was asked is gone with it");
-    let message = Message::ToClient(ClientId(1), ToClient::Answer { number: 7, hits: Vec::new() });
+    let message = Message::ToClient(ClientId(1), ToClient::Answer { number: 7, found: Found::Rays(Vec::new()) });
     client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Node(NodeId(2)), message });
     assert_eq!(client.poll_timeout(), None);
     follow(&mut client, 3);
@@ -168,4 +184,31 @@ fn time_goes_on_for_a_client_though_it_is_told_of_no_body() {
     };
     assert_eq!([hear(1, 30, false), hear(1, 29, false), hear(1, 33, true)], [30, 30, 33]);
     assert_eq!(hear(2, 90, false), 33, "another group's time is another");
+}
+
+#[test]
+fn a_body_that_another_region_owns_than_before_is_a_transfer() {
+    let mut client = linked();
+    let id = BodyId::persistent(50);
+    let hear = |client: &mut Client, group: u32, tick: u64, owner: u32, provisional: bool| {
+        let (epoch, pose, velocity) = (Epoch(tick), WorldPose::at([50.0, 0.0, 0.0]), Velocity::default());
+        let state = SharedState { id, owner: RegionId(owner), epoch, pose, velocity, sleeping: false };
+        let stamp = Stamp { group: GroupId(group), tick: Tick(tick), provisional };
+        tell(client, ToClient::States { stamp, states: vec![state] });
+        let heard: Vec<_> = client.take_handovers().map(|it| (it.body, it.from.0, it.to.0)).collect();
+        (client.body(id).unwrap().owner.map(|owner| owner.0), heard)
+    };
+    assert_eq!(client.body(id).unwrap().owner, None);
+    assert_eq!(hear(&mut client, 1, 2, 1, false), (Some(1), vec![]), "nobody was told before");
+    assert_eq!(hear(&mut client, 1, 3, 0, true), (Some(1), vec![]), "a guess");
+    assert_eq!(hear(&mut client, 1, 4, 2, false), (Some(2), vec![(id, 1, 2)]));
+    assert_eq!(hear(&mut client, 1, 3, 1, false), (Some(2), vec![]), "it comes late");
+    assert_eq!(hear(&mut client, 1, 5, 2, false), (Some(2), vec![]));
+    // Another group has owners of its own.
+    assert_eq!(client.computed_by(RegionId(1)), Some(NodeId(1)));
+    let (view, allocation) = (crate::protocol::ViewNumber(9), [(RegionId(1), NodeId(7))].into());
+    tell(&mut client, ToClient::LeaderIs { group: GroupId(2), view, leader: None, allocation });
+    assert_eq!((client.computed_by(RegionId(1)), client.computed_by(RegionId(2))), (Some(NodeId(7)), None));
+    assert_eq!(client.body(id).unwrap().owner, None);
+    assert_eq!(hear(&mut client, 2, 1, 1, false), (Some(1), vec![]));
 }

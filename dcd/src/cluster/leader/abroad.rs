@@ -270,7 +270,7 @@ mod tests {
     use super::*;
     use crate::protocol::{Dispatch, Done, Member, Report, TickStats, Velocity, View, ViewNumber, WorldPose};
     use crate::sim::sim_world;
-    use crate::space::{Epoch, GroupId, NodeId};
+    use crate::space::{Epoch, GroupId, NodeId, RegionId};
 
     const BODY: BodyId = BodyId::persistent(1);
 
@@ -278,6 +278,7 @@ mod tests {
         let velocity = Velocity { linear: [speed, 0.0, 0.0], angular: [0.0; 3] };
         SharedState {
             id: BODY,
+            owner: RegionId(1),
             epoch: Epoch(0),
             pose: WorldPose::at([x, 4.0, 4.0]),
             velocity,

@@ -197,7 +197,7 @@ mod tests {
     use super::*;
     use crate::protocol::{Velocity, WorldPose};
     use crate::sim::Random;
-    use crate::space::Epoch;
+    use crate::space::{Epoch, RegionId};
 
     const CLIENT: ClientId = ClientId(4);
     const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
@@ -217,7 +217,14 @@ mod tests {
 
     fn state(id: BodyId, x: f64) -> SharedState {
         let pose = WorldPose::at([x, 0.0, 0.0]);
-        SharedState { id, epoch: Epoch(0), pose, velocity: Velocity::default(), sleeping: false }
+        SharedState {
+            id,
+            owner: RegionId(1),
+            epoch: Epoch(0),
+            pose,
+            velocity: Velocity::default(),
+            sleeping: false,
+        }
     }
 
     impl Stage {

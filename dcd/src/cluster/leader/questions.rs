@@ -4,73 +4,116 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::protocol::{
-    Answer, MAX_OPEN_QUESTIONS, MAX_OPEN_RAYS, MAX_RAYS, Question, RayAnswer, ToClient, WorldOp,
+    Answer, Found, MAX_COST, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, Question, ToClient, WorldOp, encoded_len,
 };
 use crate::space::{ClientId, NodeId};
+
+/// What a client may be told of answers in a tick before the rest waits: a client that reads too slowly loses its link, and
+/// several long answers at once are more than may wait for it.
+const ANSWER_BYTES: usize = 8 << 10;
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Questions {
     waiting: VecDeque<(ClientId, Question)>,
     open: BTreeMap<(ClientId, u64), Open>,
+    /// Whole answers that are not told yet.
+    ready: VecDeque<Ready>,
+    /// What each client was told, less its allowance of every tick since.
+    told: BTreeMap<ClientId, usize>,
 }
 
 /// A question under way.
 #[derive(Clone, Debug)]
 struct Open {
     missing: BTreeSet<NodeId>,
-    hits: Vec<Option<RayAnswer>>,
+    cost: usize,
+    found: Found,
+}
+
+#[derive(Clone, Debug)]
+struct Ready {
+    client: ClientId,
+    number: u64,
+    cost: usize,
+    found: Found,
 }
 
 impl Questions {
     /// A client asks, perhaps once more. What is beyond its bounds it asks again later.
     pub(super) fn ask(&mut self, client: ClientId, question: Question) {
-        let waiting = self.waiting.iter().filter(|(of, _)| *of == client);
-        let waiting = waiting.map(|(_, known)| (known.number, known.rays.len()));
-        let under_way = self.open.range((client, 0)..=(client, u64::MAX));
-        let under_way = under_way.map(|(&(_, number), open)| (number, open.hits.len()));
-        let (mut count, mut rays) = (1, question.rays.len());
-        for (number, more) in waiting.chain(under_way) {
+        let (mut count, mut cost) = (1, question.cost());
+        for (number, more) in self.unanswered(client) {
             if number == question.number {
                 return;
             }
-            (count, rays) = (count + 1, rays + more);
+            (count, cost) = (count + 1, cost + more);
         }
-        if count <= MAX_OPEN_QUESTIONS && rays <= MAX_OPEN_RAYS {
+        if count <= MAX_OPEN_QUESTIONS && cost <= MAX_OPEN_COST {
             self.waiting.push_back((client, question));
         }
     }
 
-    /// What goes with the next tick: as many rays as one question may have; the rest waits.
+    /// By number, with what each costs.
+    fn unanswered(&self, client: ClientId) -> impl Iterator<Item = (u64, usize)> {
+        let waiting = self.waiting.iter().filter(move |(of, _)| *of == client);
+        let waiting = waiting.map(|(_, question)| (question.number, question.cost()));
+        let under_way = self.open.range((client, 0)..=(client, u64::MAX));
+        let under_way = under_way.map(|(&(_, number), open)| (number, open.cost));
+        let ready = self.ready.iter().filter(move |ready| ready.client == client);
+        waiting.chain(under_way).chain(ready.map(|ready| (ready.number, ready.cost)))
+    }
+
+    /// What goes with the next tick: as much as one question may cost; the rest waits.
     pub(super) fn dispatch(&mut self, members: &BTreeSet<NodeId>) -> Vec<WorldOp> {
-        let (mut ops, mut rays) = (Vec::new(), 0);
+        let (mut ops, mut cost) = (Vec::new(), 0);
         while let Some((client, question)) = self.waiting.pop_front() {
-            rays += question.rays.len();
-            if rays > MAX_RAYS {
+            let own = question.cost();
+            cost += own;
+            if cost > MAX_COST {
                 self.waiting.push_front((client, question));
                 break;
             }
-            let open = Open { missing: members.clone(), hits: vec![None; question.rays.len()] };
+            let open = Open { missing: members.clone(), cost: own, found: question.asked.nothing() };
             self.open.insert((client, question.number), open);
             ops.push(WorldOp::Ask { client, question });
         }
         ops
     }
 
-    /// What a member's bodies answer; what follows for clients.
-    pub(super) fn answered(&mut self, node: NodeId, answers: Vec<Answer>) -> Vec<(ClientId, ToClient)> {
-        let mut messages = Vec::new();
-        for Answer { client, number, hits } in answers {
+    /// What a member's bodies answer.
+    pub(super) fn answered(&mut self, node: NodeId, answers: Vec<Answer>) {
+        for Answer { client, number, found } in answers {
             let Some(open) = self.open.get_mut(&(client, number)) else { continue };
-            if hits.len() == open.hits.len() && open.missing.remove(&node) {
-                for (best, hit) in open.hits.iter_mut().zip(hits) {
-                    *best = RayAnswer::nearer(*best, hit);
-                }
+            if open.missing.contains(&node) && open.found.join(found) {
+                open.missing.remove(&node);
             }
             if open.missing.is_empty()
-                && let Some(Open { hits, .. }) = self.open.remove(&(client, number))
+                && let Some(Open { cost, found, .. }) = self.open.remove(&(client, number))
             {
-                messages.push((client, ToClient::Answer { number, hits }));
+                self.ready.push_back(Ready { client, number, cost, found });
             }
+        }
+    }
+
+    /// A tick begins.
+    pub(super) fn allow(&mut self) {
+        self.told.retain(|_, bytes| {
+            *bytes = bytes.saturating_sub(ANSWER_BYTES);
+            *bytes > 0
+        });
+    }
+
+    /// Whole answers, for clients that have not been told too much.
+    pub(super) fn tell(&mut self) -> Vec<(ClientId, ToClient)> {
+        let mut messages = Vec::new();
+        for ready in std::mem::take(&mut self.ready) {
+            let told = self.told.entry(ready.client).or_default();
+            if *told >= ANSWER_BYTES {
+                self.ready.push_back(ready);
+                continue;
+            }
+            *told += encoded_len(&ready.found);
+            messages.push((ready.client, ToClient::Answer { number: ready.number, found: ready.found }));
         }
         messages
     }
@@ -79,13 +122,15 @@ impl Questions {
     pub(super) fn forget(&mut self, client: ClientId) {
         self.waiting.retain(|(of, _)| *of != client);
         self.open.retain(|&(of, _), _| of != client);
+        self.ready.retain(|ready| ready.client != client);
+        self.told.remove(&client);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::RayQuestion;
+    use crate::protocol::{Asked, Meets, Overlooks, RayAnswer, RayQuestion};
     use crate::space::BodyId;
 
     const CLIENT: ClientId = ClientId(4);
@@ -97,10 +142,10 @@ mod tests {
             direction: [1.0, 0.0, 0.0],
             max_m: 9.0,
             solid: true,
-            mask: u32::MAX,
-            exclude: None,
+            meets: Meets::default(),
         };
-        Question { number, flags: 0, groups: 0, exclude: Vec::new(), rays: vec![ray; rays] }
+        let (overlooks, shapes) = (Overlooks::default(), Vec::new());
+        Question { number, overlooks, shapes, asked: Asked::Rays(vec![ray; rays]) }
     }
 
     fn hit(body: u32, distance_m: f64) -> Option<RayAnswer> {
@@ -109,7 +154,7 @@ mod tests {
     }
 
     fn answer(number: u64, hits: Vec<Option<RayAnswer>>) -> Vec<Answer> {
-        vec![Answer { client: CLIENT, number, hits }]
+        vec![Answer { client: CLIENT, number, found: Found::Rays(hits) }]
     }
 
     #[test]
@@ -118,14 +163,22 @@ mod tests {
         questions.ask(CLIENT, question(7, 3));
         assert_eq!(questions.dispatch(&members).len(), 1);
         let [one, two] = MEMBERS;
-        assert_eq!(questions.answered(one, answer(7, vec![hit(1, 5.0), hit(2, 2.0), None])), []);
-        assert_eq!(questions.answered(one, answer(7, vec![None; 3])), [], "said again");
-        assert_eq!(questions.answered(two, answer(7, vec![None; 2])), [], "to something else");
-        assert_eq!(questions.answered(two, answer(8, vec![None; 3])), []);
-        let told = questions.answered(two, answer(7, vec![hit(3, 4.0), hit(1, 2.0), None]));
-        let hits = vec![hit(3, 4.0), hit(1, 2.0), None];
-        assert_eq!(told, [(CLIENT, ToClient::Answer { number: 7, hits })]);
-        assert_eq!(questions.answered(two, answer(7, vec![None; 3])), []);
+        for (node, answer) in [
+            (one, answer(7, vec![hit(1, 5.0), hit(2, 2.0), None])),
+            // Said again; to something else; of another kind; of no question.
+            (one, answer(7, vec![None; 3])),
+            (two, answer(7, vec![None; 2])),
+            (two, vec![Answer { client: CLIENT, number: 7, found: Found::TooMuch }]),
+            (two, answer(8, vec![None; 3])),
+        ] {
+            questions.answered(node, answer);
+            assert_eq!(questions.tell(), []);
+        }
+        questions.answered(two, answer(7, vec![hit(3, 4.0), hit(1, 2.0), None]));
+        let found = Found::Rays(vec![hit(3, 4.0), hit(1, 2.0), None]);
+        assert_eq!(questions.tell(), [(CLIENT, ToClient::Answer { number: 7, found })]);
+        questions.answered(two, answer(7, vec![None; 3]));
+        assert_eq!(questions.tell(), []);
     }
 
     #[test]
@@ -146,17 +199,49 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_takes_so_many_rays_and_the_rest_waits() {
+    fn a_tick_takes_so_much_and_the_rest_waits() {
         let (mut questions, members) = (Questions::default(), MEMBERS.into());
         for number in 0..5 {
-            questions.ask(CLIENT, question(number, MAX_RAYS / 2));
+            questions.ask(CLIENT, question(number, MAX_COST / 2));
         }
         let counts: Vec<_> = (0..4).map(|_| questions.dispatch(&members).len()).collect();
         assert_eq!(counts, [2, 2, 1, 0]);
         for number in 5..20 {
-            questions.ask(CLIENT, question(number, MAX_RAYS / 2));
+            questions.ask(CLIENT, question(number, MAX_COST / 2));
         }
-        let waiting: usize = questions.waiting.iter().map(|(_, question)| question.rays.len()).sum();
-        assert_eq!(waiting + 5 * MAX_RAYS / 2, MAX_OPEN_RAYS, "those under way count too");
+        let waiting: usize = questions.waiting.iter().map(|(_, question)| question.cost()).sum();
+        assert_eq!(waiting + 5 * MAX_COST / 2, MAX_OPEN_COST, "those under way count too");
+    }
+
+    #[test]
+    fn long_answers_are_told_one_after_the_other_and_count_until_they_are() {
+        let (mut questions, members) = (Questions::default(), [MEMBERS[0]].into());
+        for number in 0..4 {
+            questions.ask(CLIENT, question(number, MAX_COST));
+            questions.dispatch(&members);
+            questions.answered(MEMBERS[0], answer(number, vec![hit(1, 1.0); MAX_COST]));
+        }
+        questions.ask(CLIENT, question(9, 1));
+        assert_eq!(questions.waiting.len(), 0);
+        let mut times = Vec::new();
+        for tick in 0..100 {
+            let told = questions.tell();
+            assert!(told.len() <= 1);
+            times.extend(told.iter().map(|_| tick));
+            questions.allow();
+        }
+        assert_eq!(times.len(), 4);
+        assert!(times[0] == 0 && times[3] > 12, "{times:?}");
+        // Short ones are told at once.
+        for number in 9..20 {
+            questions.ask(CLIENT, question(number, 1));
+        }
+        questions.dispatch(&members);
+        for number in 9..20 {
+            questions.answered(MEMBERS[0], answer(number, vec![hit(1, 1.0)]));
+        }
+        assert_eq!(questions.tell().len(), 11);
+        questions.forget(CLIENT);
+        assert!(questions.told.is_empty());
     }
 }

@@ -81,8 +81,8 @@ impl Node {
     /// what it wishes.
     pub(super) fn tell_own_client(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
-        let leader = view.led_by().cloned();
-        let message = ToClient::LeaderIs { group: view.group, view: view.number, leader };
+        let (leader, allocation) = (view.led_by().cloned(), view.allocation.clone());
+        let message = ToClient::LeaderIs { group: view.group, view: view.number, leader, allocation };
         self.outputs.push_back(NodeOutput::Client(message));
     }
 

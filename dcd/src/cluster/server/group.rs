@@ -92,8 +92,10 @@ impl Group {
 
     pub(super) fn leader_is(&self) -> ToClient {
         let number = self.view.as_ref().map_or_else(Default::default, |view| view.number);
-        let leader = self.view.as_ref().filter(|_| !self.held).and_then(View::led_by).cloned();
-        ToClient::LeaderIs { group: self.id, view: number, leader }
+        let view = self.view.as_ref().filter(|_| !self.held);
+        let leader = view.and_then(View::led_by).cloned();
+        let allocation = view.map(|view| view.allocation.clone()).unwrap_or_default();
+        ToClient::LeaderIs { group: self.id, view: number, leader, allocation }
     }
 
     /// Tells the leader what to do to the world; while membership changes, `Adopt` takes care of it.

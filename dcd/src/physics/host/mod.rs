@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use super::convert;
 use super::coupling::{Coupling, Ground, Moment};
-use super::directory::{Directory, Handover, Home};
+use super::directory::{Directory, Home};
 use super::follow;
 use super::hooks::ContactHooks;
 use super::outbox::Outbox;
@@ -27,7 +27,7 @@ use super::partition::Partition;
 use super::region::{Region, Role};
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
-use crate::protocol::{BodyRecord, BorderMessage, JointRecord, RegionEvents, Velocity, WorldPose};
+use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, Tick};
 
 /// How a world is stepped.

@@ -54,6 +54,7 @@ impl Region {
         let (slot, body) = (self.slot(handle), &self.world.bodies[handle]);
         SharedState {
             id: slot.id,
+            owner: self.id,
             epoch: slot.epoch,
             pose: convert::world_from_region(self.anchor, body.position()),
             velocity: convert::velocity_of(body),

@@ -2,9 +2,9 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Chunk, EnvironmentProperties, Member, Question, RayAnswer, ViewNumber};
+use super::{Chunk, EnvironmentProperties, Found, Member, Question, ViewNumber};
 use crate::protocol::{BodyRecord, ContactForce, ShapeRecord, SharedState, Touch, Velocity, WorldPose};
-use crate::space::{BodyId, ClientId, GroupId, Tick};
+use crate::space::{Allocation, BodyId, ClientId, GroupId, Tick};
 
 /// Client to leader, or to the server when there is none.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -39,7 +39,8 @@ pub struct Area {
 }
 
 impl Area {
-    /// What a client is told of around an avatar of its own, wherever its area is: what may touch it.
+    /// What a client is told of around an avatar of its own, wherever its area is: what may touch it, unless it is long. Bodies
+    /// count by their origins, since leaders are not told of their sizes.
     pub const fn around_avatar(centre: [f64; 3]) -> Self {
         Self { centre, radius_m: 8.0 }
     }
@@ -103,6 +104,8 @@ pub enum ToClient {
         view: ViewNumber,
         /// Whom to connect to.
         leader: Option<Member>,
+        /// Which member computes each region; none while nobody does.
+        allocation: Allocation,
     },
     /// A body appeared after the client joined.
     Inserted {
@@ -133,8 +136,8 @@ pub enum ToClient {
     Answer {
         /// The question's.
         number: u64,
-        /// By ray; none where it meets nothing.
-        hits: Vec<Option<RayAnswer>>,
+        /// What was found.
+        found: Found,
     },
     /// A wish was refused.
     Rejected {

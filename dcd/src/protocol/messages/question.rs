@@ -2,28 +2,59 @@
 
 use bincode::{Decode, Encode};
 
-use crate::space::{BodyId, ClientId};
+use crate::protocol::{ShapeHash, ShapeRecord, WorldPose, encoded_len, link};
+use crate::space::{BodyId, Bounds, ClientId};
 
-/// Most rays of one question, and most bodies that it leaves out.
-pub const MAX_RAYS: usize = 1_024;
-/// Most rays of all questions of one client that are not answered.
-pub const MAX_OPEN_RAYS: usize = 4 * MAX_RAYS;
+/// The most that one question may cost, see [`Question::cost`], and the most bodies that it leaves out.
+pub const MAX_COST: usize = 1_024;
+/// The most that all questions of one client that are not answered may cost.
+pub const MAX_OPEN_COST: usize = 4 * MAX_COST;
 /// Most questions of one client that are not answered.
 pub const MAX_OPEN_QUESTIONS: usize = 64;
+/// What a shape costs that moves or overlaps, beside a ray, a point or a box.
+pub const SHAPE_COST: usize = 8;
+/// The least that a question for overlaps costs: its answer may be long.
+pub const OVERLAPS_COST: usize = 64;
+/// Most colliders that one question for overlaps may find.
+pub const MAX_FOUND: usize = 4_096;
+/// The longest question: with its envelope it fits a client's frame.
+pub const MAX_QUESTION_BYTES: usize = link::CLIENT_FRAME_BYTES - 64;
+/// By how much a shape may turn on its way, radians: each turn is looked at in many steps.
+pub const MAX_TURN: f32 = 64.0;
 
-/// Rays through the world, and what all of them overlook.
+/// Rays, casts or overlaps, and what all of them overlook.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Question {
     /// The client's own, unlike those of its other questions.
     pub number: u64,
-    /// Kinds that are left out, as bits of Rapier's `QueryFilterFlags`.
+    /// What all of it overlooks.
+    pub overlooks: Overlooks,
+    /// The shapes that it names, parts before the compounds made of them. They have an inside: no meshes, no terrain.
+    pub shapes: Vec<ShapeRecord>,
+    /// What is asked.
+    pub asked: Asked,
+}
+
+/// What is overlooked, as if it were not there.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct Overlooks {
+    /// Kinds, as bits of Rapier's `QueryFilterFlags`.
     pub flags: u32,
-    /// Groups that the rays belong to: who meets none of them is left out. 0 asks nobody.
+    /// Groups that the questions belong to: who meets none of them is left out. 0 asks nobody.
     pub groups: u32,
-    /// Bodies that are left out, in id order; at most [`MAX_RAYS`].
+    /// Bodies in id order; at most [`MAX_COST`].
     pub exclude: Vec<BodyId>,
-    /// At most [`MAX_RAYS`].
-    pub rays: Vec<RayQuestion>,
+}
+
+/// What is asked, all of it about the world after the same tick.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub enum Asked {
+    /// What each ray meets first.
+    Rays(Vec<RayQuestion>),
+    /// What each moving shape meets first.
+    Casts(Vec<CastQuestion>),
+    /// All that is somewhere.
+    Overlaps(Vec<OverlapQuestion>),
 }
 
 /// One ray.
@@ -37,10 +68,92 @@ pub struct RayQuestion {
     pub max_m: f64,
     /// Whether a body that it starts in is met there at once.
     pub solid: bool,
-    /// Groups that it meets.
+    /// Whom it meets.
+    pub meets: Meets,
+}
+
+/// One shape that moves straight, and may turn on the way.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct CastQuestion {
+    /// Which.
+    pub shape: ShapeHash,
+    /// Where it starts.
+    pub pose: WorldPose,
+    /// How far its origin moves, metres.
+    pub motion: [f32; 3],
+    /// By how much it turns on the way: about this axis of the world, by its length in radians, at most [`MAX_TURN`].
+    pub turn: [f32; 3],
+    /// Metres from a body at which it counts as there; 0 if it turns.
+    pub margin_m: f32,
+    /// Whether what it overlaps at the start stops it only if it moves farther in; not if it turns, which may take for ever.
+    pub leaves: bool,
+    /// Whom it meets.
+    pub meets: Meets,
+}
+
+/// One place.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct OverlapQuestion {
+    /// Where.
+    pub place: Place,
+    /// Whom it meets.
+    pub meets: Meets,
+}
+
+/// Where something may be.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub enum Place {
+    /// In a shape.
+    Shape(ShapeHash, WorldPose),
+    /// Around a point of world space, metres.
+    Point([f64; 3]),
+    /// With its own box at this one, which may be infinite.
+    Box(Bounds),
+}
+
+/// Whom a single one of the questions meets.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Meets {
+    /// Of these groups.
     pub mask: u32,
-    /// A body that is left out.
-    pub exclude: Option<BodyId>,
+    /// But for this body.
+    pub but: Option<BodyId>,
+}
+
+impl Default for Meets {
+    fn default() -> Self {
+        Self { mask: u32::MAX, but: None }
+    }
+}
+
+impl Question {
+    /// What answering it costs, in rays.
+    pub fn cost(&self) -> usize {
+        let of = |place: &Place| if matches!(place, Place::Shape(..)) { SHAPE_COST } else { 1 };
+        match &self.asked {
+            Asked::Rays(rays) => rays.len(),
+            Asked::Casts(casts) => SHAPE_COST * casts.len(),
+            Asked::Overlaps(overlaps) => {
+                overlaps.iter().map(|overlap| of(&overlap.place)).sum::<usize>().max(OVERLAPS_COST)
+            }
+        }
+    }
+
+    /// Whether it is short enough to travel.
+    pub fn fits(&self) -> bool {
+        encoded_len(self) <= MAX_QUESTION_BYTES
+    }
+}
+
+impl Asked {
+    /// The answer of a world without bodies.
+    pub fn nothing(&self) -> Found {
+        match self {
+            Self::Rays(rays) => Found::Rays(vec![None; rays.len()]),
+            Self::Casts(casts) => Found::Casts(vec![None; casts.len()]),
+            Self::Overlaps(overlaps) => Found::Overlaps(vec![Vec::new(); overlaps.len()]),
+        }
+    }
 }
 
 /// What a ray met.
@@ -60,16 +173,91 @@ pub struct RayAnswer {
     pub subshape: u32,
 }
 
-impl RayAnswer {
-    /// The nearer of two; of equally near ones, that of the lower id.
-    pub fn nearer(a: Option<Self>, b: Option<Self>) -> Option<Self> {
-        let key = |hit: &Self| (hit.body, hit.collider);
-        match (a, b) {
-            (Some(a), Some(b)) => {
-                let order = a.distance_m.total_cmp(&b.distance_m).then(key(&a).cmp(&key(&b)));
-                Some(if order.is_le() { a } else { b })
+/// What a moving shape met.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct CastAnswer {
+    /// Which body.
+    pub body: BodyId,
+    /// Which of its colliders.
+    pub collider: u32,
+    /// How much of its way the shape came, 0 to 1.
+    pub fraction: f32,
+    /// Where on the body, in world space, metres.
+    pub point: [f64; 3],
+    /// Outward unit normal of the body there.
+    pub normal: [f32; 3],
+    /// Where on the shape, in its own space, metres.
+    pub point_on_shape: [f32; 3],
+    /// Outward unit normal of the shape there, in its own space.
+    pub normal_on_shape: [f32; 3],
+    /// Part of a compound, triangle of a mesh.
+    pub subshape: u32,
+    /// Whether it overlapped the body at the start.
+    pub inside: bool,
+}
+
+/// What is somewhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
+pub struct Overlap {
+    /// Which body.
+    pub body: BodyId,
+    /// Which of its colliders.
+    pub collider: u32,
+}
+
+/// What was found, in the order of the questions.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub enum Found {
+    /// None where the ray met nothing.
+    Rays(Vec<Option<RayAnswer>>),
+    /// None where the shape met nothing.
+    Casts(Vec<Option<CastAnswer>>),
+    /// By body and collider; at most [`MAX_FOUND`] in all.
+    Overlaps(Vec<Vec<Overlap>>),
+    /// More overlaps than that.
+    TooMuch,
+}
+
+impl Found {
+    /// Adds what others found of the same questions; of what was met, the nearest counts, and of equally near ones that of the
+    /// lowest id. Says whether it was an answer to the same.
+    pub fn join(&mut self, other: Self) -> bool {
+        match (&mut *self, other) {
+            (Self::Rays(ours), Self::Rays(theirs)) if ours.len() == theirs.len() => {
+                keep_first(ours, theirs, |hit| (hit.distance_m, hit.body, hit.collider));
             }
-            (a, b) => a.or(b),
+            (Self::Casts(ours), Self::Casts(theirs)) if ours.len() == theirs.len() => {
+                keep_first(ours, theirs, |hit| (f64::from(hit.fraction), hit.body, hit.collider));
+            }
+            (Self::Overlaps(ours), Self::Overlaps(theirs)) if ours.len() == theirs.len() => {
+                for (ours, theirs) in ours.iter_mut().zip(theirs) {
+                    ours.extend(theirs);
+                    // Ground is several members'.
+                    ours.sort_unstable();
+                    ours.dedup();
+                }
+                if ours.iter().map(Vec::len).sum::<usize>() > MAX_FOUND {
+                    *self = Self::TooMuch;
+                }
+            }
+            (Self::Overlaps(_), Self::TooMuch) => *self = Self::TooMuch,
+            (Self::TooMuch, Self::Overlaps(_) | Self::TooMuch) => {}
+            _ => return false,
+        }
+        true
+    }
+}
+
+fn keep_first<T>(ours: &mut [Option<T>], theirs: Vec<Option<T>>, when: impl Fn(&T) -> (f64, BodyId, u32)) {
+    let is_before = |a: &T, b: &T| {
+        let (a, b) = (when(a), when(b));
+        a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))).is_lt()
+    };
+    for (ours, theirs) in ours.iter_mut().zip(theirs) {
+        if let Some(theirs) = theirs
+            && ours.as_ref().is_none_or(|ours| is_before(&theirs, ours))
+        {
+            *ours = Some(theirs);
         }
     }
 }
@@ -81,40 +269,168 @@ pub struct Answer {
     pub client: ClientId,
     /// Which.
     pub number: u64,
-    /// By ray; none where it meets none of them.
-    pub hits: Vec<Option<RayAnswer>>,
+    /// What it found.
+    pub found: Found,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::{Check, FromClient};
+    use crate::protocol::{Check, FromClient, Message, encode};
+
+    const RAY: RayQuestion = RayQuestion {
+        origin: [1.0, 2.0, 3.0],
+        direction: [0.0, -1.0, 0.0],
+        max_m: f64::INFINITY,
+        solid: true,
+        meets: Meets { mask: u32::MAX, but: None },
+    };
+
+    fn question(asked: Asked) -> Question {
+        Question { number: 1, overlooks: Overlooks::default(), shapes: Vec::new(), asked }
+    }
+
+    fn is_right(question: Question) -> bool {
+        FromClient::Ask(question).check().is_ok()
+    }
+
+    fn cast() -> CastQuestion {
+        CastQuestion {
+            shape: ShapeRecord::Ball(0.5).hash(),
+            pose: WorldPose::default(),
+            motion: [1.0, 0.0, 0.0],
+            turn: [0.0; 3],
+            margin_m: 0.1,
+            leaves: true,
+            meets: Meets::default(),
+        }
+    }
 
     #[test]
-    fn questions_are_of_finite_rays_that_go_somewhere() {
-        let ray = RayQuestion {
-            origin: [1.0, 2.0, 3.0],
-            direction: [0.0, -1.0, 0.0],
-            max_m: f64::INFINITY,
-            solid: true,
-            mask: u32::MAX,
-            exclude: None,
-        };
-        let check = |ray: RayQuestion, count: usize| {
-            let exclude = (0..count as u32).map(BodyId::persistent).collect();
-            FromClient::Ask(Question { number: 1, flags: 0, groups: 0, exclude, rays: vec![ray; count] })
-                .check()
-        };
-        assert_eq!(check(ray, MAX_RAYS), Ok(()));
-        assert!(check(ray, MAX_RAYS + 1).is_err());
+    fn rays_are_finite_and_go_somewhere() {
+        let right = |ray: RayQuestion| is_right(question(Asked::Rays(vec![ray])));
+        assert!(right(RAY));
         for wrong in [
-            RayQuestion { origin: [f64::NAN; 3], ..ray },
-            RayQuestion { direction: [0.0; 3], ..ray },
-            RayQuestion { direction: [f32::INFINITY; 3], ..ray },
-            RayQuestion { max_m: f64::NAN, ..ray },
-            RayQuestion { max_m: -1.0, ..ray },
+            RayQuestion { origin: [f64::NAN; 3], ..RAY },
+            RayQuestion { direction: [0.0; 3], ..RAY },
+            RayQuestion { direction: [f32::INFINITY; 3], ..RAY },
+            RayQuestion { max_m: f64::NAN, ..RAY },
+            RayQuestion { max_m: -1.0, ..RAY },
         ] {
-            assert!(check(wrong, 1).is_err(), "{wrong:?}");
+            assert!(!right(wrong), "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn shapes_that_move_are_whole_and_do_not_turn_for_ever() {
+        let right = |cast: CastQuestion| is_right(question(Asked::Casts(vec![cast])));
+        let turns = CastQuestion { turn: [0.0, 60.0, 0.0], margin_m: 0.0, leaves: false, ..cast() };
+        assert!(right(cast()) && right(turns));
+        for wrong in [
+            CastQuestion { pose: WorldPose::at([f64::NAN; 3]), ..cast() },
+            CastQuestion { motion: [f32::INFINITY; 3], ..cast() },
+            CastQuestion { margin_m: -0.1, ..cast() },
+            CastQuestion { turn: [60.0; 3], ..turns },
+            CastQuestion { turn: [f32::NAN; 3], ..turns },
+            CastQuestion { margin_m: 0.1, ..turns },
+            CastQuestion { leaves: true, ..turns },
+        ] {
+            assert!(!right(wrong), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_asked_with_has_an_inside() {
+        let with = |shapes| is_right(Question { shapes, ..question(Asked::Casts(vec![cast()])) });
+        let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let faces = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        assert!(with(vec![
+            ShapeRecord::Ball(0.5),
+            ShapeRecord::ConvexPolyhedron(corners.clone(), faces.clone())
+        ]));
+        assert!(!with(vec![ShapeRecord::Ball(f32::NAN)]));
+        assert!(!with(vec![ShapeRecord::TriMesh(corners, faces, 0)]));
+    }
+
+    #[test]
+    fn places_are_finite_and_boxes_have_their_corners_in_order() {
+        let right = |place| {
+            is_right(question(Asked::Overlaps(vec![OverlapQuestion { place, meets: Meets::default() }])))
+        };
+        let corner = |min, max| Place::Box(Bounds { min: [min; 3], max: [max; 3] });
+        assert!(right(Place::Point([1.0; 3])) && right(corner(f64::NEG_INFINITY, f64::INFINITY)));
+        assert!(!right(Place::Point([f64::INFINITY; 3])));
+        assert!(!right(corner(1.0, 0.0)) && !right(corner(f64::NAN, 0.0)));
+        let shape = ShapeRecord::Ball(0.5).hash();
+        assert!(right(Place::Shape(shape, WorldPose::default())));
+        assert!(!right(Place::Shape(shape, WorldPose::at([f64::INFINITY; 3]))));
+    }
+
+    #[test]
+    fn a_question_costs_so_much_at_most_and_fits_a_frame_of_a_client() {
+        let place = |place| OverlapQuestion { place, meets: Meets::default() };
+        let shape = Place::Shape(cast().shape, WorldPose::default());
+        let cost = |asked| question(asked).cost();
+        assert_eq!(cost(Asked::Casts(vec![cast(); 3])), 3 * SHAPE_COST);
+        assert_eq!(cost(Asked::Overlaps(vec![place(Place::Point([0.0; 3]))])), OVERLAPS_COST);
+        assert_eq!(cost(Asked::Overlaps(vec![place(shape); 100])), 100 * SHAPE_COST);
+        let rays = |count| question(Asked::Rays(vec![RAY; count]));
+        assert!(is_right(rays(MAX_COST)) && !is_right(rays(MAX_COST + 1)));
+        let overlooking = |count: usize| {
+            let exclude = (0..count as u32).map(BodyId::persistent).collect();
+            Question { overlooks: Overlooks { exclude, ..Overlooks::default() }, ..rays(1) }
+        };
+        assert!(is_right(overlooking(MAX_COST)) && !is_right(overlooking(MAX_COST + 1)));
+        // Those with most to overlook are too long for one.
+        let body = |index| BodyId::avatar(ClientId(u32::MAX), index);
+        let ray = RayQuestion { meets: Meets { but: Some(body(0)), ..RAY.meets }, ..RAY };
+        let long = |count: usize| {
+            let exclude = (0..count as u32).map(body).collect();
+            let asked = Asked::Rays(vec![ray; MAX_COST]);
+            Question { overlooks: Overlooks { exclude, ..Overlooks::default() }, ..question(asked) }
+        };
+        let most = (0..=MAX_COST).rev().find(|&count| long(count).fits()).unwrap();
+        assert!(most > 300 && most < MAX_COST && is_right(long(most)) && !is_right(long(most + 1)));
+        let message = Message::FromClient(ClientId(u32::MAX), FromClient::Ask(long(most)));
+        assert!(encode(&message).len() <= link::CLIENT_FRAME_BYTES);
+    }
+
+    #[test]
+    fn what_several_found_is_joined() {
+        let hit = |body: u32, fraction| {
+            let body = BodyId::persistent(body);
+            let [normal, point_on_shape, normal_on_shape] = [[0.0; 3]; 3];
+            let (collider, point, subshape, inside) = (0, [0.0; 3], 0, false);
+            Some(CastAnswer {
+                body,
+                collider,
+                fraction,
+                point,
+                normal,
+                point_on_shape,
+                normal_on_shape,
+                subshape,
+                inside,
+            })
+        };
+        let mut found = Found::Casts(vec![hit(1, 0.5), hit(2, 0.25), None, hit(4, 0.5)]);
+        assert!(!found.join(Found::Casts(vec![None; 3])) && !found.join(Found::Rays(vec![None; 4])));
+        assert!(found.join(Found::Casts(vec![hit(9, 0.25), hit(9, 0.5), hit(9, 1.0), hit(3, 0.5)])));
+        assert_eq!(found, Found::Casts(vec![hit(9, 0.25), hit(2, 0.25), hit(9, 1.0), hit(3, 0.5)]));
+
+        let some = |bodies: std::ops::Range<u32>| {
+            bodies.map(|i| Overlap { body: BodyId::persistent(i), collider: 0 }).collect::<Vec<_>>()
+        };
+        let mut found = Found::Overlaps(vec![some(3..6), some(0..0)]);
+        assert!(found.join(Found::Overlaps(vec![some(0..4), some(7..8)])));
+        assert_eq!(found, Found::Overlaps(vec![some(0..6), some(7..8)]));
+        assert!(!found.join(Found::Overlaps(vec![some(0..4)])) && !found.join(Found::Casts(vec![None; 2])));
+        let many = MAX_FOUND as u32;
+        assert!(found.join(Found::Overlaps(vec![some(0..many - 1), some(7..8)])));
+        assert!(matches!(found, Found::Overlaps(_)));
+        assert!(found.join(Found::Overlaps(vec![some(0..0), some(0..1)])));
+        assert_eq!(found, Found::TooMuch);
+        assert!(found.join(Found::Overlaps(vec![some(0..4)])) && !found.join(Found::Rays(vec![])));
+        assert_eq!(found, Found::TooMuch);
     }
 }

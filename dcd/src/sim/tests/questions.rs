@@ -1,19 +1,31 @@
 //! Clients that ask those who own the bodies.
 
 use super::*;
-use crate::protocol::{Question, RayAnswer, RayQuestion};
+use crate::protocol::{
+    Asked, CastQuestion, Found, Meets, OverlapQuestion, Overlooks, Place, Question, RayQuestion, ShapeRecord,
+    WorldPose,
+};
+use crate::space::Bounds;
 
-fn ray(origin: [f64; 3], direction: [f32; 3]) -> RayQuestion {
-    RayQuestion { origin, direction, max_m: f64::INFINITY, solid: true, mask: u32::MAX, exclude: None }
+fn asking_for(number: u64, asked: Asked) -> Question {
+    let shapes = vec![ShapeRecord::Ball(0.5)];
+    Question { number, overlooks: Overlooks::default(), shapes, asked }
 }
 
 /// Through the middle of the world along x, across all its regions, and out of it.
 fn question(number: u64) -> Question {
+    let ray = |origin: [f64; 3], direction: [f32; 3]| RayQuestion {
+        origin,
+        direction,
+        max_m: f64::INFINITY,
+        solid: true,
+        meets: Meets::default(),
+    };
     let rays = vec![ray([-1.0, 4.0, 4.0], [1.0, 0.0, 0.0]), ray([-5.0, 4.0, 4.0], [-1.0, 0.0, 0.0])];
-    Question { number, flags: 0, groups: 0, exclude: Vec::new(), rays }
+    asking_for(number, Asked::Rays(rays))
 }
 
-fn answer(sim: &mut Sim, client: ClientId, number: u64) -> Vec<Option<RayAnswer>> {
+fn answer(sim: &mut Sim, client: ClientId, number: u64) -> Found {
     let mut answer = None;
     for _ in 0..1_000 {
         answer = sim.clients.get_mut(&client).unwrap().take_answer(number);
@@ -23,6 +35,13 @@ fn answer(sim: &mut Sim, client: ClientId, number: u64) -> Vec<Option<RayAnswer>
         sim.run_for(Duration::from_millis(10)).unwrap();
     }
     answer.expect("an answer within ten seconds")
+}
+
+/// Whom the first of two rays met, and how far away; the second meets nothing.
+fn met(found: Found) -> Option<(BodyId, f64)> {
+    let Found::Rays(hits) = found else { panic!("{found:?}") };
+    assert_eq!((hits.len(), hits[1]), (2, None), "nothing is out there");
+    hits[0].map(|hit| (hit.body, hit.distance_m))
 }
 
 /// A client or participant that has joined, and a body at rest on the way of the first ray.
@@ -44,10 +63,7 @@ fn the_nearest_of_all_regions_bodies_answers() {
     for seed in 0..6 {
         let (mut sim, client, body) = asking(seed, seed % 2 == 1);
         sim.wish(client, ClientEvent::Ask(question(1)));
-        let hits = answer(&mut sim, client, 1);
-        assert_eq!(hits.len(), 2);
-        assert_eq!(hits[0].map(|hit| (hit.body, hit.distance_m)), Some((body, 7.5)), "seed {seed}");
-        assert_eq!(hits[1], None, "nothing is out there");
+        assert_eq!(met(answer(&mut sim, client, 1)), Some((body, 7.5)), "seed {seed}");
         sim.run_for(Duration::from_secs(1)).unwrap();
         assert_eq!(sim.clients.get_mut(&client).unwrap().take_answer(1), None, "it is given once");
     }
@@ -72,8 +88,42 @@ fn a_question_outlives_leaders_links_and_servers() {
         }
         sim.wish(client, ClientEvent::Ask(question(2)));
         for number in [1, 2] {
-            let hits = answer(&mut sim, client, number);
-            assert_eq!(hits[0].map(|hit| hit.body), Some(body), "seed {seed}");
+            let met = met(answer(&mut sim, client, number));
+            assert_eq!(met.map(|(body, _)| body), Some(body), "seed {seed}");
         }
+    }
+}
+
+#[test]
+fn shapes_on_their_way_and_places_are_asked_about_in_all_regions() {
+    for seed in 0..6 {
+        let (mut sim, client, near) = asking(seed, seed % 2 == 1);
+        let (far, meets) = (BodyId::avatar(client, 0), Meets::default());
+        let shape = ShapeRecord::Ball(0.5).hash();
+        let cast = |x: f64, motion: f32| CastQuestion {
+            shape,
+            pose: WorldPose::at([x, 4.0, 4.0]),
+            motion: [motion, 0.0, 0.0],
+            turn: [0.0; 3],
+            margin_m: 0.0,
+            leaves: false,
+            meets,
+        };
+        let casts = vec![cast(2.5, 8.0), cast(10.5, 8.0), cast(2.5, 1.0)];
+        let all = Bounds { min: [f64::NEG_INFINITY; 3], max: [f64::INFINITY; 3] };
+        let places =
+            [Place::Box(all), Place::Point([6.5, 4.0, 4.5]), Place::Shape(shape, WorldPose::default())];
+        let overlaps = places.map(|place| OverlapQuestion { place, meets }).to_vec();
+        sim.wish(client, ClientEvent::Ask(asking_for(1, Asked::Casts(casts))));
+        sim.wish(client, ClientEvent::Ask(asking_for(2, Asked::Overlaps(overlaps))));
+
+        let Found::Casts(hits) = answer(&mut sim, client, 1) else { panic!() };
+        let hits: Vec<_> = hits.iter().map(|hit| hit.map(|hit| (hit.body, hit.fraction))).collect();
+        assert_eq!(hits, [Some((near, 0.5)), Some((far, 0.25)), None], "seed {seed}");
+        let Found::Overlaps(lists) = answer(&mut sim, client, 2) else { panic!() };
+        let bodies =
+            |list: &[crate::protocol::Overlap]| list.iter().map(|found| found.body).collect::<Vec<_>>();
+        let lists: Vec<_> = lists.iter().map(|list| bodies(list)).collect();
+        assert_eq!(lists, [vec![far, near], vec![near], vec![]], "seed {seed}");
     }
 }

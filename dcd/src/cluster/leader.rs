@@ -685,7 +685,7 @@ mod tests {
             // Of what moves it is told in place of that.
             let (id, epoch) = (AVATAR, crate::space::Epoch(0));
             let (pose, velocity) = (WorldPose::default(), Velocity::default());
-            let states = vec![SharedState { id, epoch, pose, velocity, sleeping: false }];
+            let states = vec![SharedState { id, owner: RegionId(0), epoch, pose, velocity, sleeping: false }];
             if tick == 40 {
                 leader.report(Report { view: ViewNumber(1), tick: Tick(tick), states });
             }

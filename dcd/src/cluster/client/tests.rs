@@ -167,7 +167,8 @@ fn a_question_asked_before_there_is_a_leader_is_asked_as_soon_as_there_is_and_no
     assert_eq!(client.poll_timeout(), Some(ASK_AGAIN));
     follow(&mut client, 2);
     assert_eq!(asked(&mut client), [Peer::Node(NodeId(2))], "what the last leader was asked is gone with it");
-    let message = Message::ToClient(ClientId(1), ToClient::Answer { number: 7, found: Found::Rays(Vec::new()) });
+    let message =
+        Message::ToClient(ClientId(1), ToClient::Answer { number: 7, found: Found::Rays(Vec::new()) });
     client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Node(NodeId(2)), message });
     assert_eq!(client.poll_timeout(), None);
     follow(&mut client, 3);

@@ -16,8 +16,8 @@ use self::drift::Drift;
 use self::links::Links;
 use super::{DelayWatch, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
 use crate::protocol::{
-    Border, BorderMessage, Dispatch, Done, EnvironmentProperties, FromClient, JointRecord, Member, Message,
-    Placed, ToClient, ToServer, View, ViewNumber,
+    Border, BorderMessage, Dispatch, Done, EnvironmentProperties, Farewell, FromClient, JointRecord, Member,
+    Message, Placed, ToClient, ToServer, View, ViewNumber,
 };
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
@@ -87,9 +87,9 @@ pub enum NodeOutput {
     Settled(Tick),
     /// The end.
     Stopped {
-        /// Neither asked for nor the end of the world.
-        evicted: bool,
-        /// For people.
+        /// Why.
+        farewell: Farewell,
+        /// The same for people.
         reason: String,
     },
 }
@@ -382,10 +382,10 @@ impl Node {
         }
     }
 
-    fn stop(&mut self, evicted: bool, reason: String) {
+    fn stop(&mut self, farewell: Farewell, reason: String) {
         self.stopped = true;
         self.leader = None;
-        self.outputs.push_back(NodeOutput::Stopped { evicted, reason });
+        self.outputs.push_back(NodeOutput::Stopped { farewell, reason });
     }
 
     fn message(&mut self, now: Duration, from: Peer, message: Message) {

@@ -20,8 +20,8 @@ use self::group::Group;
 use self::nodes::Resumption;
 use super::{Batch, Life, Peer, Pinger, Polls, Record};
 use crate::protocol::{
-    Chunk, EnvironmentProperties, Hello, Member, Message, Refusal, Role, ToClient, VERSION, View, ViewNumber,
-    chunks,
+    Chunk, EnvironmentProperties, Farewell, Hello, Member, Message, Refusal, Role, ToClient, VERSION, View,
+    ViewNumber, chunks,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
@@ -33,8 +33,8 @@ pub use self::stored::RestoreError;
 const BEAT: Duration = Duration::from_millis(250);
 /// When it could not for so long, it was stopped.
 const STOPPED: Duration = BEAT.saturating_mul(2);
-/// With this reason a node is told to stop when the world ends.
-pub const WORLD_ENDS: &str = "the server ends the world";
+/// What all are told when the world ends.
+pub const WORLD_ENDED: &str = "the world has ended";
 /// How often it is written down where bodies are.
 const STORE_EVERY: Duration = Duration::from_secs(2);
 
@@ -89,7 +89,14 @@ pub enum ServerOutput {
         message: Message,
     },
     /// Close the link once all is sent; no [`ServerEvent::Disconnected`] is needed.
-    Close(Peer, Farewell),
+    Close {
+        /// Whose.
+        peer: Peer,
+        /// Why.
+        farewell: Farewell,
+        /// The same for people.
+        reason: String,
+    },
     /// A view begins.
     Began {
         /// Of which group.
@@ -111,19 +118,6 @@ pub enum ServerOutput {
         doubled: Vec<BodyId>,
     },
     /// The world has ended and all have been told; what is stored of it is of no use any more.
-    Ended,
-}
-
-/// Why the server closes a link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Farewell {
-    /// A node goes by its own wish, and has handed its share over.
-    Left,
-    /// The server's user does not want it any more.
-    SentAway,
-    /// It is of another version, or not what it says that it is.
-    Refused,
-    /// The world ends.
     Ended,
 }
 
@@ -222,7 +216,7 @@ impl Server {
                 match (node, client) {
                     (Some(node), _) => self.send_away(node, reason),
                     (None, Some(client)) => {
-                        self.common.close(Peer::Client(client), Farewell::SentAway);
+                        self.common.close(Peer::Client(client), Farewell::SentAway, reason);
                     }
                     (None, None) => {}
                 }
@@ -400,8 +394,9 @@ impl Server {
                 self.common.dismiss(node, Farewell::Refused, refusal.to_string());
             }
             (Peer::Client(client), _) if hello.version != VERSION => {
+                let reason = refusal.to_string();
                 self.common.send_client(client, ToClient::Rejected { body: None, reason: refusal });
-                self.common.close(from, Farewell::Refused);
+                self.common.close(from, Farewell::Refused, reason);
             }
             (Peer::Node(node), Role::Node { address, client, resume }) => {
                 let member = Member { node, address, client };
@@ -419,7 +414,10 @@ impl Server {
                 }
             }
             (Peer::Client(client), Role::Client) => self.welcome_client(client),
-            _ => self.common.close(from, Farewell::Refused),
+            _ => {
+                let reason = "its certificate is for another role than the one it wants to play".to_owned();
+                self.common.close(from, Farewell::Refused, reason);
+            }
         }
     }
 
@@ -463,10 +461,10 @@ impl Server {
             self.common.outputs.push_back(ServerOutput::Audited { lost, doubled });
         }
         for node in self.common.nodes.keys().copied().collect::<Vec<_>>() {
-            self.common.dismiss(node, Farewell::Ended, WORLD_ENDS.into());
+            self.common.dismiss(node, Farewell::Ended, WORLD_ENDED.into());
         }
         for client in std::mem::take(&mut self.common.clients).into_keys() {
-            self.common.close(Peer::Client(client), Farewell::Ended);
+            self.common.close(Peer::Client(client), Farewell::Ended, WORLD_ENDED.into());
         }
         for group in self.groups.values_mut() {
             (group.view, group.change) = (None, None);

@@ -10,9 +10,11 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::events::Delivery;
 use super::join::{answer, explain};
-use super::peer::{CODE_REFUSED, GreetError, Lanes, Peer, greet};
+use super::peer::{GreetError, Lanes, Peer, greet};
 use super::verify::names_of_peer;
-use super::{Authority, CloseCause, Limits, NetError, NetEvent, NetTotals, PeerKey, PeerName, PeerStats};
+use super::{
+    Authority, CloseCause, CloseCode, Limits, NetError, NetEvent, NetTotals, PeerKey, PeerName, PeerStats,
+};
 
 /// What callers and tasks share.
 pub(super) struct Shared {
@@ -106,7 +108,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
     };
     let Ok(slot) = shared.connection_slots.clone().try_acquire_owned() else {
         shared.totals().handshakes_refused += 1;
-        connection.close(CODE_REFUSED, b"there is no room for more peers; try again later");
+        connection.close(CloseCode::REFUSED.into(), b"there is no room for more peers; try again later");
         return;
     };
     match tokio::time::timeout(timeout, greet(&connection)).await {
@@ -117,7 +119,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
         Ok(Err(_)) | Err(_) => {
             tracing::debug!(%addr, %who, "no greeting");
             shared.totals().handshakes_refused += 1;
-            connection.close(CODE_REFUSED, b"no greeting in time");
+            connection.close(CloseCode::REFUSED.into(), b"no greeting in time");
         }
     }
 }
@@ -151,13 +153,13 @@ async fn call(
         .map_err(failed)?;
     let who = names_of_peer(connection.peer_identity()).filter(|who| who.answers_to(expected));
     let Some(who) = who else {
-        connection.close(CODE_REFUSED, b"your certificate has another name");
+        connection.close(CloseCode::REFUSED.into(), b"your certificate has another name");
         return Err(NetError::WrongPeer { addr, expected, detail: "its names are others".to_owned() });
     };
     match greet(&connection).await {
         Ok(lanes) => Ok((who, connection, lanes)),
         Err(GreetError::Lost(error)) => Err(failed(error)),
-        Err(GreetError::Refused(reason)) => Err(NetError::Refused { addr, reason }),
+        Err(GreetError::Refused(reason)) => Err(NetError::Refused { addr, code: CloseCode::REFUSED, reason }),
     }
 }
 

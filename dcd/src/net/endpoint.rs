@@ -13,11 +13,10 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 
 use super::calls::{Shared, accept, dial};
-use super::peer::CODE_DONE;
 use super::verify::{answering, dialling};
 use super::{
-    Authority, Identity, Lane, Limits, NetError, NetEvents, NetTotals, PeerKey, PeerName, PeerStats,
-    SendError,
+    Authority, CloseCode, Identity, Lane, Limits, NetError, NetEvents, NetTotals, PeerKey, PeerName,
+    PeerStats, SendError,
 };
 
 /// What a process needs to take part.
@@ -127,12 +126,13 @@ impl Net {
         self.shared.peer(peer).map_or(0, |peer| peer.datagrams_waiting())
     }
 
-    /// Closes a connection after what was sent has arrived or [`Limits::linger`] has passed. `reason` reaches the peer.
-    pub fn close(&self, peer: PeerKey, reason: &str) {
+    /// Closes a connection after what was sent has arrived or [`Limits::linger`] has passed. `code` and
+    /// `reason` reach the peer.
+    pub fn close(&self, peer: PeerKey, code: CloseCode, reason: &str) {
         let peer = self.shared.peers_mut().remove(&peer);
         if let (Some(runtime), Some(peer)) = (&self.runtime, peer) {
             let (shared, reason) = (self.shared.clone(), reason.to_owned());
-            let task = runtime.spawn(async move { peer.close(&reason, &shared.limits).await });
+            let task = runtime.spawn(async move { peer.close(code, &reason, &shared.limits).await });
             let mut closing = self.closing.lock().unwrap_or_else(PoisonError::into_inner);
             closing.retain(|task| !task.is_finished());
             closing.push(task);
@@ -169,13 +169,13 @@ impl Net {
             let mut closing = tokio::task::JoinSet::new();
             for peer in peers.into_values() {
                 let shared = shared.clone();
-                closing.spawn(async move { peer.close("shut down", &shared.limits).await });
+                closing.spawn(async move { peer.close(CloseCode::DONE, "shut down", &shared.limits).await });
             }
             while closing.join_next().await.is_some() {}
             for task in begun {
                 let _ = task.await;
             }
-            shared.endpoint.close(CODE_DONE, b"shut down");
+            shared.endpoint.close(CloseCode::DONE.into(), b"shut down");
             let _ = tokio::time::timeout(shared.limits.linger, shared.endpoint.wait_idle()).await;
         });
         // Waiting from a plain thread, which a caller inside another runtime need not be.

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::{MAX_DATAGRAM_BYTES, PeerName, Role};
+use super::{CloseCode, MAX_DATAGRAM_BYTES, PeerName, Role};
 
 /// Why an authority, an identity, a join or a connection is not to be had.
 #[derive(Debug, thiserror::Error)]
@@ -74,6 +74,8 @@ pub enum NetError {
     Refused {
         /// Who was called.
         addr: SocketAddr,
+        /// Why, for programs.
+        code: CloseCode,
         /// Its words, with cause and remedy.
         reason: String,
     },

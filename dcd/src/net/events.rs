@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::sync::mpsc;
 use std::time::Duration;
 
+use quinn::{ApplicationClose, VarInt};
 use tokio::sync::OwnedSemaphorePermit;
 
 use super::{Lane, NetError, PeerName};
@@ -66,12 +67,40 @@ pub enum NetEvent {
 pub enum CloseCause {
     /// We closed it.
     ByUs,
-    /// The peer closed it.
-    ByPeer,
+    /// The peer closed it, and why.
+    ByPeer(CloseCode),
+    /// The peer does not know the connection any more: it was killed, and something new is in its place.
+    Forgotten,
     /// Nothing was heard of the peer for the idle time-out: killed, stopped, or cut off.
     TimedOut,
     /// The peer broke a rule, and we closed.
     Violation,
+}
+
+/// Why a connection is closed, for programs; words for people go beside it. Who closes connections by
+/// [`Net::close`](super::Net::close) gives codes of its own, from [`CloseCode::FIRST_FREE`] on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CloseCode(pub u32);
+
+impl CloseCode {
+    /// In good order: what was to be done is done, or the process ends.
+    pub const DONE: Self = Self(0);
+    /// The peer broke a rule.
+    pub const VIOLATION: Self = Self(1);
+    /// The peers do not fit together, or there is no room; the reason says which.
+    pub const REFUSED: Self = Self(2);
+    /// The first that this module gives no meaning to.
+    pub const FIRST_FREE: u32 = 16;
+
+    pub(super) fn of(close: &ApplicationClose) -> Self {
+        Self(u32::try_from(close.error_code.into_inner()).unwrap_or(u32::MAX))
+    }
+}
+
+impl From<CloseCode> for VarInt {
+    fn from(code: CloseCode) -> Self {
+        Self::from_u32(code.0)
+    }
 }
 
 /// The receiving end of a [`Net`](super::Net)'s events. What one peer has in it is bounded: beyond that its connection is

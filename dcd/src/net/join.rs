@@ -10,10 +10,10 @@ use rustls::pki_types::CertificateDer;
 
 use super::fields::{Fields, put_counted};
 use super::key::{Key, PublicKey};
-use super::peer::{CODE_DONE, CODE_VIOLATION};
 use super::verify::joining;
 use super::{
-    Authority, Identity, JoinRefusal, Limits, NetError, PROTOCOL_VERSION, PeerName, ResumeKey, Role, Token,
+    Authority, CloseCode, Identity, JoinRefusal, Limits, NetError, PROTOCOL_VERSION, PeerName, ResumeKey,
+    Role, Token,
 };
 use crate::space::{ClientId, NodeId};
 
@@ -41,7 +41,7 @@ pub fn join(
     let broken = |detail: &str| NetError::Broken { addr: server, detail: detail.to_owned() };
     let admission = match decode_reply(&reply).ok_or_else(|| broken("its answer cannot be read"))? {
         Ok(admission) => admission,
-        Err(reason) => return Err(NetError::Refused { addr: server, reason }),
+        Err(reason) => return Err(NetError::Refused { addr: server, code: CloseCode::REFUSED, reason }),
     };
     Ok(Identity {
         who: admission.who,
@@ -176,7 +176,7 @@ async fn say_goodbye(connection: &Connection) {
     }
     let sent = || connection.stats().udp_tx.datagrams;
     let before = sent();
-    connection.close(CODE_DONE, b"joined");
+    connection.close(CloseCode::DONE.into(), b"joined");
     let on_its_way = async {
         while sent() == before {
             tokio::task::yield_now().await;
@@ -213,7 +213,7 @@ async fn ask(connection: &Connection, request: &[u8]) -> Result<Vec<u8>, Connect
     match receive.read_to_end(MESSAGE_LIMIT_BYTES).await {
         Ok(answer) if sent => Ok(answer),
         _ => {
-            connection.close(CODE_VIOLATION, b"no answer to a join request");
+            connection.close(CloseCode::VIOLATION.into(), b"no answer to a join request");
             Err(connection.closed().await)
         }
     }
@@ -241,7 +241,7 @@ pub(super) async fn answer(
     };
     let Ok(Some((mut send, request))) = tokio::time::timeout_at(deadline, request).await else {
         connection.close(
-            CODE_VIOLATION,
+            CloseCode::VIOLATION.into(),
             b"a peer without a certificate may only ask to join, with `dcd token`'s text",
         );
         return decided(false);
@@ -260,7 +260,7 @@ pub(super) async fn answer(
         // The joiner closes when it has read the answer.
         let _ = tokio::time::timeout_at(deadline, connection.closed()).await;
     }
-    connection.close(CODE_DONE, b"answered");
+    connection.close(CloseCode::DONE.into(), b"answered");
 }
 
 /// Why a connection that we dialled came to nothing.
@@ -278,6 +278,7 @@ pub(super) fn explain(
         }
         ConnectionError::ConnectionClosed(close) if is_tls(close.error_code) => NetError::Refused {
             addr,
+            code: CloseCode::REFUSED,
             reason: format!(
                 "it does not accept our certificate ({}); join anew with a fresh token of its server",
                 close.error_code
@@ -288,11 +289,13 @@ pub(super) fn explain(
         {
             NetError::Refused {
                 addr,
+                code: CloseCode::REFUSED,
                 reason: "it has no room for more connections; try again later".to_owned(),
             }
         }
         ConnectionError::ApplicationClosed(close) => {
-            NetError::Refused { addr, reason: String::from_utf8_lossy(&close.reason).into_owned() }
+            let reason = String::from_utf8_lossy(&close.reason).into_owned();
+            NetError::Refused { addr, code: CloseCode::of(&close), reason }
         }
         error => NetError::Broken { addr, detail: error.to_string() },
     }

@@ -32,7 +32,7 @@ pub use authority::Authority;
 pub(crate) use endpoint::check_address;
 pub use endpoint::{Net, NetConfig};
 pub use error::{JoinRefusal, NetError, SendError, TokenError};
-pub use events::{CloseCause, NetEvent, NetEvents, PeerKey};
+pub use events::{CloseCause, CloseCode, NetEvent, NetEvents, PeerKey};
 #[cfg(feature = "physics")]
 pub(crate) use files::open_private;
 pub use identity::Identity;
@@ -44,4 +44,4 @@ pub use stats::{NetTotals, PeerStats};
 pub use token::{ResumeKey, Token};
 
 /// The version of everything that dcd processes say to one another. Processes of unlike versions refuse each other.
-pub const PROTOCOL_VERSION: u32 = 3;
+pub const PROTOCOL_VERSION: u32 = 4;

@@ -4,7 +4,7 @@ use std::future::poll_fn;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
-use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
+use quinn::{Connection, ConnectionError, RecvStream, SendStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::JoinSet;
 
@@ -12,17 +12,10 @@ use super::events::Delivery;
 use super::lanes::{FrameStart, LANES, LaneError, LaneSender, SendFailure, read_body, read_length};
 use super::stats::{Counters, count};
 use super::{
-    CloseCause, Lane, Limits, MAX_DATAGRAM_BYTES, NetEvent, PROTOCOL_VERSION, PeerKey, PeerName, PeerStats,
-    SendError,
+    CloseCause, CloseCode, Lane, Limits, MAX_DATAGRAM_BYTES, NetEvent, PROTOCOL_VERSION, PeerKey, PeerName,
+    PeerStats, SendError,
 };
 use crate::protocol::link;
-
-/// The connection was closed in good order.
-pub(super) const CODE_DONE: VarInt = VarInt::from_u32(0);
-/// The peer broke a rule.
-pub(super) const CODE_VIOLATION: VarInt = VarInt::from_u32(1);
-/// The peers do not fit together, or there is no room; the reason says which.
-pub(super) const CODE_REFUSED: VarInt = VarInt::from_u32(2);
 
 /// What callers and tasks share of a connection.
 pub(super) struct Peer {
@@ -101,12 +94,12 @@ pub(super) async fn greet(connection: &Connection) -> Result<Lanes, GreetError> 
                 let reason = format!(
                     "this side speaks protocol version {PROTOCOL_VERSION}, the other {version}; run the same dcd version on both"
                 );
-                connection.close(CODE_REFUSED, reason.as_bytes());
+                connection.close(CloseCode::REFUSED.into(), reason.as_bytes());
                 return Err(GreetError::Refused(reason));
             }
             _ => {
                 let reason = "a lane does not begin with a greeting; run the same dcd version on both";
-                connection.close(CODE_VIOLATION, reason.as_bytes());
+                connection.close(CloseCode::VIOLATION.into(), reason.as_bytes());
                 return Err(GreetError::Refused(reason.to_owned()));
             }
         }
@@ -189,7 +182,7 @@ impl Peer {
     }
 
     /// Sends what waits, waits until the peer has it, and closes; after `limits.linger` without that.
-    pub(super) async fn close(&self, reason: &str, limits: &Limits) {
+    pub(super) async fn close(&self, code: CloseCode, reason: &str, limits: &Limits) {
         let all_sent = async {
             for lane in Lane::ALL {
                 let arrived =
@@ -202,7 +195,7 @@ impl Peer {
         if tokio::time::timeout(limits.linger, all_sent).await.is_err() {
             tracing::debug!(peer = self.key.0, "closed before the peer had read everything");
         }
-        self.connection.close(CODE_DONE, reason.as_bytes());
+        self.connection.close(code.into(), reason.as_bytes());
     }
 
     /// Carries the connection until it ends; then all that arrived has been delivered. Returns how it ended.
@@ -282,7 +275,7 @@ impl Peer {
 
     fn violated(&self, rule: String) {
         tracing::warn!(peer = self.key.0, who = %self.who, "closed: {rule}");
-        self.connection.close(CODE_VIOLATION, rule.as_bytes());
+        self.connection.close(CloseCode::VIOLATION.into(), rule.as_bytes());
         self.violation.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(rule);
     }
 
@@ -292,11 +285,12 @@ impl Peer {
             (Some(rule), _) => (CloseCause::Violation, rule),
             (None, ConnectionError::LocallyClosed) => (CloseCause::ByUs, "closed by this side".to_owned()),
             (None, ConnectionError::ApplicationClosed(close)) => {
-                (CloseCause::ByPeer, String::from_utf8_lossy(&close.reason).into_owned())
+                let code = CloseCode::of(&close);
+                (CloseCause::ByPeer(code), String::from_utf8_lossy(&close.reason).into_owned())
             }
             (None, ConnectionError::TimedOut) => (CloseCause::TimedOut, "nothing was heard of it".to_owned()),
             (None, error @ ConnectionError::TransportError(_)) => (CloseCause::Violation, error.to_string()),
-            (None, error) => (CloseCause::ByPeer, error.to_string()),
+            (None, error) => (CloseCause::Forgotten, error.to_string()),
         }
     }
 

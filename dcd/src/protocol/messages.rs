@@ -15,8 +15,8 @@ use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, Regi
 
 pub use client::{Area, Drive, FromClient, Refusal, Stamp, ToClient};
 pub use group::{
-    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Motion, Report, Stance, TickStats, ToNode,
-    ToServer, WorldOp,
+    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, Motion, Report, Stance, TickStats,
+    ToNode, ToServer, WorldOp,
 };
 pub use program::Program;
 pub use question::{

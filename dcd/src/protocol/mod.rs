@@ -30,11 +30,11 @@ pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     Answer, Area, Asked, BodyCheckpoint, Border, CastAnswer, CastQuestion, Chunk, Claim, Delay,
-    DelayThresholds, Dispatch, Done, Drive, EnvironmentProperties, Found, FromClient, Hello, Lane, MAX_COST,
-    MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN, Meets, Member, Message,
-    Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace, Ping, Place, Placed, Pong, Program,
-    Question, RayAnswer, RayQuestion, Refusal, Report, Role, SHAPE_COST, Stamp, Stance, SyncProtocol,
-    Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
+    DelayThresholds, Dispatch, Done, Drive, EnvironmentProperties, Farewell, Found, FromClient, Hello, Lane,
+    MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN, Meets, Member,
+    Message, Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace, Ping, Place, Placed, Pong,
+    Program, Question, RayAnswer, RayQuestion, Refusal, Report, Role, SHAPE_COST, Stamp, Stance,
+    SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

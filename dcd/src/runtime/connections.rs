@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use self::mail::Mail;
 pub(super) use self::mail::Sent;
 use super::ProcessError;
-use super::links::{ENDED, SUPERSEDED};
+use super::links::Ending;
 use super::member::GIVE_UP;
 use crate::net::{PeerKey, PeerName, PeerStats};
 use crate::protocol::Program;
@@ -117,7 +117,6 @@ impl Reason {
     pub(super) fn of_end(end: &Result<(), ProcessError>) -> Self {
         let cause = match end {
             Ok(()) => return Self::new(Cause::Left, "this process has left"),
-            Err(ProcessError::ServerGone { reason, .. }) if reason.contains(ENDED) => Cause::WorldEnded,
             Err(ProcessError::ServerGone { .. }) => Cause::Refused,
             Err(ProcessError::GivenUp { .. }) => Cause::Broken,
             Err(ProcessError::Superseded { .. }) => Cause::Replaced,
@@ -345,7 +344,7 @@ impl Connections {
         match state.of_peer.get(&who).copied() {
             Some(id) => {
                 if let Some(former) = state.entries.get(&id).and_then(|entry| entry.link.ok()) {
-                    state.unlink(former, Reason::new(Cause::Replaced, SUPERSEDED));
+                    state.unlink(former, Ending::Superseded.reason());
                 }
                 let Some(entry) = state.entries.get_mut(&id) else { return };
                 let traffic = std::mem::take(&mut entry.traffic);

@@ -8,15 +8,18 @@
 //!
 //! States, which go in datagrams, never wait: the oldest are dropped.
 
+mod ending;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
 
+pub(super) use self::ending::Ending;
 use super::connections::{Cause, Connections, Delivery, Reason, Sent};
 use crate::cluster::Peer;
-use crate::net::{CloseCause, Net, NetEvent, NetTotals, PeerKey, PeerName, SendError};
+use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, Lane, Message, Role, ToClient};
 use crate::space::{ClientId, NodeId};
 
@@ -31,31 +34,8 @@ const PROGRAM_DATAGRAMS_WAITING: usize = 8 << 10;
 /// How often the user is told what has passed.
 const COUNT: Duration = Duration::from_millis(100);
 
-/// Why the link of such a peer ends.
-const TOO_SLOW: &str = "the peer reads too slowly; call again";
-
 /// Bytes of states that may wait on a link that a guess is to be sent over.
 const GUESSES_WAITING: usize = 8 << 10;
-
-/// Why a link ends when its peer calls again: it came back before the former link was found dead, or is there twice.
-pub(super) const SUPERSEDED: &str = "a newer link of the same peer took its place";
-
-/// Why a link ends when the world does.
-pub(super) const ENDED: &str = "the world has ended";
-
-/// Why the link of a node ends that goes by its own wish.
-pub(super) const LEFT: &str = "it has left";
-
-/// Why links end that a process's part in the world does not ask for any more.
-pub(super) const NOT_A_MEMBER: &str = "no longer a member";
-/// The same.
-pub(super) const NOT_THE_LEADER: &str = "no longer the leader";
-
-/// Why a link ends that the server does not want any more.
-pub(super) const THE_END: &str = "the server ends the link";
-
-/// Why a link ends of whom the server's user sends away; the user's reason follows.
-pub(super) const SENT_AWAY: &str = "the server sent this process away";
 
 /// What happens on links, in the cluster's words.
 #[derive(Debug)]
@@ -63,8 +43,15 @@ pub(super) const SENT_AWAY: &str = "the server sent this process away";
 pub(super) enum LinkEvent {
     /// A link is up.
     Connected(Peer),
-    /// A link is gone, or could not be made; why.
-    Disconnected(Peer, String),
+    /// A link is gone, or could not be made.
+    Disconnected {
+        /// To whom.
+        peer: Peer,
+        /// Why this process or the other ended it, if one did.
+        ending: Option<Ending>,
+        /// What is known of it, for people.
+        text: String,
+    },
     /// A message that could be read and is allowed to be.
     Message { from: Peer, message: Message },
 }
@@ -92,24 +79,6 @@ struct Waiting {
     bytes: usize,
     /// When something was last taken in, or began to wait for a link that is up.
     since: Option<Instant>,
-}
-
-/// What the way in which a link ended, and what was said of it, mean to the user.
-fn why(cause: CloseCause, said: &str) -> Reason {
-    let cause = match said {
-        ENDED => Cause::WorldEnded,
-        SUPERSEDED => Cause::Replaced,
-        TOO_SLOW => Cause::Slow,
-        // The second is what a process says that ends.
-        LEFT | "shut down" => Cause::Left,
-        NOT_A_MEMBER | NOT_THE_LEADER => Cause::Unneeded,
-        said if said.starts_with(SENT_AWAY) => Cause::SentAway,
-        // What quinn says when the other end has forgotten the link.
-        said if cause == CloseCause::ByPeer && said.contains("by peer") => Cause::Broken,
-        _ if cause == CloseCause::TimedOut => Cause::Broken,
-        _ => Cause::Refused,
-    };
-    Reason::new(cause, said)
 }
 
 impl Links {
@@ -254,7 +223,7 @@ impl Links {
     pub(super) fn take_given_up(&mut self) -> Vec<LinkEvent> {
         let given_up = std::mem::take(&mut self.given_up);
         for event in &given_up {
-            if let LinkEvent::Disconnected(peer, _) = event {
+            if let LinkEvent::Disconnected { peer, .. } = event {
                 // Said before we knew.
                 self.waiting.remove(peer);
             }
@@ -267,9 +236,9 @@ impl Links {
         let who = self.keys.get(&peer).and_then(|key| self.names.get(key));
         let peers = who.map_or_else(|| vec![peer], |&who| self.peers_of(who));
         for &peer in &peers {
-            self.close(peer, TOO_SLOW);
+            self.end(peer, Ending::TooSlow);
         }
-        let gone = self.gone(peers, TOO_SLOW);
+        let gone = gone(peers, Some(Ending::TooSlow), Ending::TooSlow.words());
         self.given_up.extend(gone);
     }
 
@@ -281,18 +250,24 @@ impl Links {
     }
 
     /// Ends a link after what was sent has arrived.
-    pub(super) fn close(&mut self, peer: Peer, reason: &str) {
+    pub(super) fn end(&mut self, peer: Peer, ending: Ending) {
+        self.close(peer, ending, ending.words());
+    }
+
+    /// The same in other words.
+    pub(super) fn close(&mut self, peer: Peer, ending: Ending, words: &str) {
         self.waiting.remove(&peer);
         self.told.remove(&peer);
         if let Some(key) = self.keys.remove(&peer) {
             self.names.remove(&key);
             self.keys.retain(|_, other| *other != key);
             self.send_programs();
-            match reason {
-                TOO_SLOW => self.connections.lost(key, why(CloseCause::ByUs, reason)),
-                _ => self.connections.gone(key, why(CloseCause::ByUs, reason)),
+            let reason = Reason::new(ending.cause(), words);
+            match ending {
+                Ending::TooSlow => self.connections.lost(key, reason),
+                _ => self.connections.gone(key, reason),
             }
-            self.net.close(key, reason);
+            self.net.close(key, ending.code(), words);
         }
     }
 
@@ -320,7 +295,7 @@ impl Links {
                 for &peer in &peers {
                     if let Some(former) = self.keys.insert(peer, key) {
                         self.names.remove(&former);
-                        self.net.close(former, SUPERSEDED);
+                        self.net.close(former, Ending::Superseded.code(), Ending::Superseded.words());
                     }
                 }
                 self.flush(Instant::now());
@@ -329,7 +304,11 @@ impl Links {
             NetEvent::ConnectFailed { peer: key, error } => {
                 let Some(peer) = self.dialled.remove(&key) else { return Vec::new() };
                 self.waiting.remove(&peer);
-                vec![LinkEvent::Disconnected(peer, error.to_string())]
+                let ending = match error {
+                    NetError::Refused { code, .. } => Ending::of(code),
+                    _ => None,
+                };
+                gone(vec![peer], ending, &error.to_string())
             }
             NetEvent::Frame { peer: key, bytes, .. } | NetEvent::Datagram { peer: key, bytes } => {
                 let Some(&who) = self.names.get(&key) else { return Vec::new() };
@@ -347,9 +326,9 @@ impl Links {
                         warn!(?who, error, "a peer sent what it may not and is disconnected");
                         let peers = self.peers_of(who);
                         for &peer in &peers {
-                            self.close(peer, &error);
+                            self.close(peer, Ending::BrokeRule, &error);
                         }
-                        self.gone(peers, &error)
+                        gone(peers, Some(Ending::BrokeRule), &error)
                     }
                 }
             }
@@ -357,10 +336,23 @@ impl Links {
                 if self.names.remove(&key).is_none() {
                     return Vec::new();
                 }
-                // Our server is dialled until it is given up.
-                match cause == CloseCause::TimedOut || reason == TOO_SLOW || who == PeerName::Server {
-                    true => self.connections.lost(key, why(cause, &reason)),
-                    false => self.connections.gone(key, why(cause, &reason)),
+                let (ending, meant) = match cause {
+                    CloseCause::ByPeer(CloseCode::DONE) => (None, Cause::Left),
+                    CloseCause::ByPeer(code) => {
+                        let ending = Ending::of(code);
+                        (ending, ending.map_or(Cause::Refused, Ending::cause))
+                    }
+                    CloseCause::Forgotten | CloseCause::TimedOut => (None, Cause::Broken),
+                    CloseCause::ByUs | CloseCause::Violation => (None, Cause::Refused),
+                };
+                let meant = Reason::new(meant, reason.clone());
+                // Who is called again comes back; our server is, until it is given up.
+                match cause == CloseCause::TimedOut
+                    || ending == Some(Ending::TooSlow)
+                    || who == PeerName::Server
+                {
+                    true => self.connections.lost(key, meant),
+                    false => self.connections.gone(key, meant),
                 }
                 let mut peers = self.peers_of(who);
                 peers.retain(|peer| self.keys.get(peer) == Some(&key));
@@ -369,13 +361,9 @@ impl Links {
                     self.waiting.remove(peer);
                     self.told.remove(peer);
                 }
-                self.gone(peers, &reason)
+                gone(peers, ending, &reason)
             }
         }
-    }
-
-    fn gone(&self, peers: Vec<Peer>, reason: &str) -> Vec<LinkEvent> {
-        peers.into_iter().map(|peer| LinkEvent::Disconnected(peer, reason.to_owned())).collect()
     }
 
     fn send_frame(&mut self, to: Peer, lane: crate::net::Lane, bytes: Vec<u8>) {
@@ -430,6 +418,12 @@ impl Links {
             PeerName::Participant(id, _) => node(id),
         }
     }
+}
+
+/// What the end of a link means to those behind it.
+fn gone(peers: Vec<Peer>, ending: Option<Ending>, text: &str) -> Vec<LinkEvent> {
+    let event = |peer| LinkEvent::Disconnected { peer, ending, text: text.to_owned() };
+    peers.into_iter().map(event).collect()
 }
 
 #[cfg(test)]

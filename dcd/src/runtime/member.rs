@@ -11,14 +11,14 @@ use std::time::{Duration, Instant};
 use tracing::{debug, info, warn};
 
 use super::connections::{Cause, Reason};
-use super::links::{ENDED, LinkEvent, Links, NOT_A_MEMBER, NOT_THE_LEADER, SENT_AWAY, SUPERSEDED, THE_END};
+use super::links::{Ending, LinkEvent, Links};
 use super::{Connections, PhysicsDevice, ProcessError};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand,
-    PhysicsEvent, WORLD_ENDS,
+    PhysicsEvent, WORLD_ENDED,
 };
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
-use crate::protocol::{Message, Refusal};
+use crate::protocol::{Farewell, Message, Refusal};
 use crate::space::{BodyId, NodeId, Tick};
 
 /// How often what could not be sent at once is tried again.
@@ -467,23 +467,25 @@ impl Loop {
                     self.client(ClientEvent::Connected(peer));
                 }
             }
-            LinkEvent::Disconnected(peer, reason) => {
+            LinkEvent::Disconnected { peer, ending, text: reason } => {
                 if peer == Peer::Server {
                     let server = self.server;
-                    if reason.contains(SUPERSEDED) {
-                        self.end = Some(Err(ProcessError::Superseded { server }));
-                        return;
-                    }
-                    if let Some((_, reason)) = reason.split_once(SENT_AWAY) {
-                        let reason = reason.trim_start_matches(": ").to_owned();
-                        self.end = Some(Err(ProcessError::SentAway { server, reason }));
-                        return;
-                    }
-                    if reason.contains(ENDED) {
-                        return self.world_ended();
-                    }
-                    if reason.contains(THE_END) || !self.joined {
-                        self.end = Some(Err(ProcessError::ServerGone { server, reason }));
+                    let end = match ending {
+                        Some(Ending::Superseded) => Some(ProcessError::Superseded { server }),
+                        Some(Ending::SentAway) => {
+                            Some(ProcessError::SentAway { server, reason: reason.clone() })
+                        }
+                        Some(Ending::WorldEnded) => return self.world_ended(),
+                        Some(Ending::Refused) => {
+                            Some(ProcessError::ServerGone { server, reason: reason.clone() })
+                        }
+                        _ if !self.joined => {
+                            Some(ProcessError::ServerGone { server, reason: reason.clone() })
+                        }
+                        _ => None,
+                    };
+                    if let Some(end) = end {
+                        self.end = Some(Err(end));
                         return;
                     }
                     let since = self.lost.as_ref().map(|(since, _)| *since);
@@ -548,7 +550,7 @@ impl Loop {
             NodeOutput::Send { to, message } => self.links.send(to, &message),
             NodeOutput::Redial => self.redial(),
             NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
-            NodeOutput::Disconnect(node) => self.links.close(Peer::Node(node), NOT_A_MEMBER),
+            NodeOutput::Disconnect(node) => self.links.end(Peer::Node(node), Ending::NotAMember),
             NodeOutput::Physics(command) => self.compute(command),
             NodeOutput::Client(message) => self.client(ClientEvent::Node(message)),
             NodeOutput::Settled(tick) => {
@@ -560,12 +562,15 @@ impl Loop {
                 drop(state);
                 self.shared.changed.notify_all();
             }
-            NodeOutput::Stopped { evicted, reason } => {
+            NodeOutput::Stopped { farewell, reason } => {
                 info!(reason, "the node stops");
-                match evicted {
-                    true => self.end = Some(Err(ProcessError::Evicted { server: self.server, reason })),
-                    false if reason == WORLD_ENDS => self.world_ended(),
-                    false => self.end = Some(Ok(())),
+                let server = self.server;
+                match farewell {
+                    Farewell::SentAway | Farewell::Refused => {
+                        self.end = Some(Err(ProcessError::Evicted { server, reason }));
+                    }
+                    Farewell::Ended => self.world_ended(),
+                    Farewell::Left => self.end = Some(Ok(())),
                 }
             }
         }
@@ -573,10 +578,10 @@ impl Loop {
 
     /// In order, for all: no failure of who only computes; who plays in it must know.
     fn world_ended(&mut self) {
-        let (server, reason) = (self.server, ENDED.to_owned());
+        let (server, reason) = (self.server, WORLD_ENDED.to_owned());
         let plays = self.shared.lock().client.is_some();
         self.end = Some(if plays { Err(ProcessError::ServerGone { server, reason }) } else { Ok(()) });
-        self.reason = Some(Reason::new(Cause::WorldEnded, ENDED));
+        self.reason = Some(Reason::new(Cause::WorldEnded, WORLD_ENDED));
     }
 
     fn redial(&mut self) {
@@ -625,7 +630,7 @@ impl Loop {
                 self.redial();
             }
             ClientOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
-            ClientOutput::Disconnect(node) => self.links.close(Peer::Node(node), NOT_THE_LEADER),
+            ClientOutput::Disconnect(node) => self.links.end(Peer::Node(node), Ending::NotTheLeader),
             ClientOutput::Node(message) => {
                 drop(state);
                 if let Some(node) = &mut self.node {

@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 use tracing::{error, info, warn};
 
 use super::connections::{Cause, Reason};
-use super::links::{ENDED, LEFT, LinkEvent, Links, SENT_AWAY, THE_END};
+use super::links::{LinkEvent, Links};
 use super::member::forward;
 use super::{Connections, DcdWorld, ProcessError, RedbDirectory, WorldConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{Farewell, Grouping, Peer, Record, Server, ServerConfig, ServerEvent, ServerOutput};
+use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::{
     Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, Role, check_address,
 };
@@ -199,7 +199,6 @@ impl ServerProcess {
         let running = Loop {
             links: Some(Links::new(net, connections.clone())),
             connections: connections.clone(),
-            farewells: BTreeMap::new(),
             directory,
             stored,
             start: Instant::now(),
@@ -399,8 +398,6 @@ fn forget(directory: &mut RedbDirectory, entries: &[Entry]) -> Result<(), Direct
 struct Loop {
     links: Option<Links>,
     connections: Connections,
-    /// What those who are sent away are to hear.
-    farewells: BTreeMap<Peer, String>,
     directory: RedbDirectory,
     /// The revision at which we wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
@@ -460,8 +457,8 @@ impl Loop {
     fn hear(&mut self, now: Duration, event: LinkEvent) {
         match event {
             LinkEvent::Connected(_) => {}
-            LinkEvent::Disconnected(peer, reason) => {
-                info!(?peer, reason, "a link is gone");
+            LinkEvent::Disconnected { peer, text, .. } => {
+                info!(?peer, text, "a link is gone");
                 self.server.handle(now, ServerEvent::Disconnected(peer));
             }
             LinkEvent::Message { from, message } => {
@@ -475,8 +472,6 @@ impl Loop {
         for (who, reason) in self.connections.take_sent_away() {
             info!(%who, reason, "sent away");
             let (node, client) = (who.node(), who.client());
-            let last = node.map(Peer::Node).or(client.map(Peer::Client));
-            self.farewells.extend(last.map(|peer| (peer, reason.clone())));
             self.server.handle(now, ServerEvent::SendAway { node, client, reason });
         }
     }
@@ -486,12 +481,7 @@ impl Loop {
             let Some(links) = &mut self.links else { return };
             match output {
                 ServerOutput::Send { to, message } => links.send(to, &message),
-                ServerOutput::Close(peer, farewell) => match (self.farewells.remove(&peer), farewell) {
-                    (Some(reason), _) => links.close(peer, &format!("{SENT_AWAY}: {reason}")),
-                    (None, Farewell::Left) => links.close(peer, LEFT),
-                    (None, Farewell::Ended) => links.close(peer, ENDED),
-                    (None, Farewell::SentAway | Farewell::Refused) => links.close(peer, THE_END),
-                },
+                ServerOutput::Close { peer, farewell, reason } => links.close(peer, farewell.into(), &reason),
                 ServerOutput::Store(batch) => {
                     if let Err(error) = self.store(&batch) {
                         error!(%error, "the server cannot go on");
@@ -576,7 +566,7 @@ impl Loop {
         state.over = true;
         drop(state);
         self.shared.changed.notify_all();
-        self.connections.end(Reason::new(Cause::WorldEnded, ENDED));
+        self.connections.end(Reason::new(Cause::WorldEnded, WORLD_ENDED));
     }
 }
 

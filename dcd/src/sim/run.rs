@@ -263,7 +263,7 @@ impl Sim {
                     self.disk.commit(&batch, &[]).expect("memory can be written");
                 }
                 ServerOutput::Send { to, message } => self.send(Peer::Server, to, message),
-                ServerOutput::Close(peer, _) => self.network.close(self.now, Peer::Server, peer),
+                ServerOutput::Close { peer, .. } => self.network.close(self.now, Peer::Server, peer),
                 ServerOutput::Began { group, view } => self.began(group, &view),
                 ServerOutput::Held(tick) => self.note(|| format!("the record holds the world after {tick}")),
                 ServerOutput::Dissolved(group) => {

@@ -90,7 +90,7 @@ impl Node {
                 Some(leader) if leader.view() == view => leader.authority(alone, by_default, stances),
                 _ => self.counters.stale += 1,
             },
-            ToNode::Shutdown { evicted, reason } => self.stop(evicted, reason),
+            ToNode::Shutdown { farewell, reason } => self.stop(farewell, reason),
         }
     }
 

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use super::{Farewell, ServerConfig, ServerOutput};
+use super::{ServerConfig, ServerOutput};
 use crate::cluster::Peer;
-use crate::protocol::{Delay, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
+use crate::protocol::{Delay, Farewell, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
 use crate::space::{BodyId, ClientId, GroupId, NodeId};
 
 /// How long a node or client may be without a link before the world goes on without it, if others can.
@@ -99,16 +99,15 @@ impl Common {
         }
     }
 
-    pub(super) fn close(&mut self, peer: Peer, farewell: Farewell) {
-        self.outputs.push_back(ServerOutput::Close(peer, farewell));
+    pub(super) fn close(&mut self, peer: Peer, farewell: Farewell, reason: String) {
+        self.outputs.push_back(ServerOutput::Close { peer, farewell, reason });
     }
 
     /// A node is told to go, and is no longer known.
     pub(super) fn dismiss(&mut self, node: NodeId, farewell: Farewell, reason: String) {
-        let evicted = matches!(farewell, Farewell::SentAway | Farewell::Refused);
-        let message = Message::ToNode(ToNode::Shutdown { evicted, reason });
+        let message = Message::ToNode(ToNode::Shutdown { farewell, reason: reason.clone() });
         self.outputs.push_back(ServerOutput::Send { to: Peer::Node(node), message });
-        self.close(Peer::Node(node), farewell);
+        self.close(Peer::Node(node), farewell, reason);
         self.nodes.remove(&node);
     }
 

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use super::common::{ABSENCE, NodeEntry, RETURN};
 use super::group::Group;
-use super::{Farewell, Server, ServerOutput};
+use super::{Server, ServerOutput};
 use crate::cluster::Peer;
-use crate::protocol::{Member, ToNode, ToServer, ViewNumber};
+use crate::protocol::{Farewell, Member, ToNode, ToServer, ViewNumber};
 use crate::space::{GroupId, NodeId};
 
 /// How long a group whose members are all out of reach is left alone before others take over.
@@ -291,7 +291,7 @@ impl Server {
     pub(super) fn send_away(&mut self, node: NodeId, reason: String) {
         match self.common.nodes.get_mut(&node) {
             Some(entry) => (entry.leaving, entry.unwanted) = (true, Some(reason)),
-            None => self.common.close(Peer::Node(node), Farewell::SentAway),
+            None => self.common.close(Peer::Node(node), Farewell::SentAway, reason),
         }
     }
 
@@ -309,7 +309,7 @@ impl Server {
                 let unwanted = self.common.nodes.get_mut(&node).and_then(|entry| entry.unwanted.take());
                 match unwanted {
                     Some(reason) => self.common.dismiss(node, Farewell::SentAway, reason),
-                    None => self.common.dismiss(node, Farewell::Left, "leave granted".into()),
+                    None => self.common.dismiss(node, Farewell::Left, "it has left".into()),
                 }
             }
             self.common.tell_roster();

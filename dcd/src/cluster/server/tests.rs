@@ -30,8 +30,11 @@ fn tell(server: &mut Server, node: u32, message: Message) -> Vec<ServerOutput> {
 fn a_node_of_another_version_is_told_so_and_let_go() {
     let outputs = hello(&mut server(), 1, VERSION + 1);
     let [
-        ServerOutput::Send { message: Message::ToNode(ToNode::Shutdown { evicted: true, reason }), .. },
-        ServerOutput::Close(..),
+        ServerOutput::Send {
+            message: Message::ToNode(ToNode::Shutdown { farewell: Farewell::Refused, reason }),
+            ..
+        },
+        ServerOutput::Close { .. },
     ] = &outputs[..]
     else {
         panic!("{outputs:?}")
@@ -428,20 +431,19 @@ fn who_is_sent_away_goes_in_order_and_is_told_why() {
     let outputs = hello(&mut server, 1, VERSION);
     obey(&mut server, 1, outputs);
     let outputs = send_away(&mut server, None, Some(5));
-    assert_eq!(outputs, [ServerOutput::Close(Peer::Client(ClientId(5)), Farewell::SentAway)]);
+    let close =
+        |peer| ServerOutput::Close { peer, farewell: Farewell::SentAway, reason: "cheating".to_owned() };
+    assert_eq!(outputs, [close(Peer::Client(ClientId(5)))]);
     let outputs = send_away(&mut server, Some(9), None);
-    assert_eq!(
-        outputs,
-        [ServerOutput::Close(Peer::Node(NodeId(9)), Farewell::SentAway)],
-        "one that has not said hello"
-    );
+    assert_eq!(outputs, [close(Peer::Node(NodeId(9)))], "one that has not said hello");
     let outputs = send_away(&mut server, Some(1), None);
-    let is_closed = |output: &ServerOutput| matches!(output, ServerOutput::Close(..));
+    let is_closed = |output: &ServerOutput| matches!(output, ServerOutput::Close { .. });
     assert!(!outputs.iter().any(is_closed), "it has regions to hand over: {outputs:?}");
     let wanted = obey(&mut server, 1, outputs);
     let farewell = wanted.iter().find_map(|output| match output {
         ServerOutput::Send {
-            message: Message::ToNode(ToNode::Shutdown { evicted: true, reason }), ..
+            message: Message::ToNode(ToNode::Shutdown { farewell: Farewell::SentAway, reason }),
+            ..
         } => Some(reason),
         _ => None,
     });

@@ -46,7 +46,7 @@ fn a_frame_longer_than_the_role_may_send_closes_the_connection() {
     assert_eq!(cause, CloseCause::Violation);
     assert!(reason.contains("a frame of 65537 bytes on the client lane"), "{reason}");
     let (cause, told) = client.closed();
-    assert_eq!((cause, told), (CloseCause::ByPeer, reason));
+    assert_eq!((cause, told), (CloseCause::ByPeer(CloseCode::VIOLATION), reason));
     assert_eq!(server.process.net.totals().violations, 1);
 }
 

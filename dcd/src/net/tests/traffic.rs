@@ -4,6 +4,9 @@ use std::time::Instant;
 
 use super::*;
 
+/// A code of ours.
+const LEAVING: CloseCode = CloseCode(CloseCode::FIRST_FREE + 1);
+
 #[test]
 fn frames_arrive_in_order_on_every_lane_and_in_both_directions() {
     let server = Server::start();
@@ -79,12 +82,12 @@ fn closing_delivers_what_was_sent_before() {
     for _ in 0..20 {
         node.net.send(here, Lane::Object, vec![1; 100_000]).unwrap();
     }
-    node.net.close(here, "leaving");
+    node.net.close(here, LEAVING, "leaving");
     assert_eq!(node.net.send(here, Lane::Object, [0]), Err(SendError::NotConnected));
     for _ in 0..20 {
         assert_eq!(server.process.frame().1.len(), 100_000);
     }
-    assert_eq!(server.process.closed(), (CloseCause::ByPeer, "leaving".to_owned()));
+    assert_eq!(server.process.closed(), (CloseCause::ByPeer(LEAVING), "leaving".to_owned()));
     assert_eq!(node.closed().0, CloseCause::ByUs);
     assert_eq!(server.process.net.totals().traffic.frames_in, 20, "counters outlive connections");
     assert_eq!(server.process.net.totals().peers, 0);
@@ -100,12 +103,12 @@ fn what_arrived_before_the_end_is_delivered_to_a_slow_reader_too() {
     for _ in 0..2 {
         node.net.send(here, Lane::Object, vec![1; 1 << 20]).unwrap();
     }
-    node.net.close(here, "leaving");
+    node.net.close(here, LEAVING, "leaving");
     assert_eq!(node.closed().0, CloseCause::ByUs);
     for _ in 0..2 {
         assert_eq!(server.process.frame().1.len(), 1 << 20);
     }
-    assert_eq!(server.process.closed().0, CloseCause::ByPeer);
+    assert_eq!(server.process.closed().0, CloseCause::ByPeer(LEAVING));
 }
 
 #[test]
@@ -115,7 +118,7 @@ fn shutting_down_tells_peers_and_ends_the_events() {
     node.connect_to(&server.process);
     let Process { net, events } = node;
     net.shutdown();
-    assert_eq!(server.process.closed(), (CloseCause::ByPeer, "shut down".to_owned()));
+    assert_eq!(server.process.closed(), (CloseCause::ByPeer(CloseCode::DONE), "shut down".to_owned()));
     assert!(matches!(events.recv_timeout(PATIENCE), Ok(NetEvent::Closed { cause: CloseCause::ByUs, .. })));
     assert!(events.recv_timeout(PATIENCE).is_err());
 }

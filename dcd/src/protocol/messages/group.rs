@@ -88,13 +88,26 @@ pub enum ToNode {
         /// What is new, in id order.
         stances: Vec<Stance>,
     },
-    /// Stop: the world ends, the node's leave is granted, or it was evicted.
+    /// Stop.
     Shutdown {
-        /// Neither asked for nor the end of the world.
-        evicted: bool,
-        /// For people.
+        /// Why.
+        farewell: Farewell,
+        /// The same for people.
         reason: String,
     },
+}
+
+/// Why the server does not want a process in its world any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub enum Farewell {
+    /// A node goes by its own wish, and has handed its share over.
+    Left,
+    /// The server's user does not want it any more.
+    SentAway,
+    /// It is of another version, or not what it says that it is.
+    Refused,
+    /// The world ends.
+    Ended,
 }
 
 /// Node to server.

@@ -96,7 +96,7 @@ impl Pair {
         let events = self.links.take_given_up().into_iter();
         events
             .map(|event| match event {
-                LinkEvent::Disconnected(peer, reason) if reason == TOO_SLOW => peer,
+                LinkEvent::Disconnected { peer, ending: Some(Ending::TooSlow), .. } => peer,
                 other => panic!("{other:?}"),
             })
             .collect()
@@ -124,8 +124,8 @@ fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
     let closed = pair.events.recv_timeout(PATIENCE).unwrap();
     assert!(pair.links.translate(closed).is_empty(), "once");
     while let Ok(event) = pair.other_events.recv_timeout(PATIENCE) {
-        if let NetEvent::Closed { reason, .. } = event {
-            assert_eq!(reason, TOO_SLOW);
+        if let NetEvent::Closed { cause, .. } = event {
+            assert_eq!(cause, CloseCause::ByPeer(Ending::TooSlow.code()));
             return pair.other.shutdown();
         }
     }
@@ -198,10 +198,7 @@ fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
     let former = pair.start_other();
     pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
     pair.hear();
-    assert_eq!(
-        pair.changes(),
-        [ConnectionChange::Lost(Reason::new(Cause::Replaced, SUPERSEDED)), ConnectionChange::Back]
-    );
+    assert_eq!(pair.changes(), [ConnectionChange::Lost(Ending::Superseded.reason()), ConnectionChange::Back]);
     drop(former);
 
     pair.links.flush(Instant::now());
@@ -282,7 +279,9 @@ fn who_writes_more_than_there_is_room_for_or_to_the_wrong_program_is_disconnecte
         pair.other.send(server, crate::net::Lane::Program, frame(30_000)).unwrap();
     }
     let closed: Vec<_> = (0..5).flat_map(|_| pair.hear()).collect();
-    let [LinkEvent::Disconnected(_, reason)] = &closed[..] else { panic!("{closed:?}") };
+    let [LinkEvent::Disconnected { ending: Some(Ending::BrokeRule), text: reason, .. }] = &closed[..] else {
+        panic!("{closed:?}")
+    };
     assert!(reason.contains("than there was room for"), "{reason}");
     let connections = &pair.links.connections;
     assert_eq!(connections.take_messages().len(), 4);

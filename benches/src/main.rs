@@ -6,6 +6,7 @@ mod c_api;
 mod chart;
 mod consistency;
 mod draw;
+mod faults;
 mod machine;
 mod maps;
 mod page;
@@ -34,6 +35,8 @@ enum Suite {
     Chart(chart::Chart),
     /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
     Consistency(consistency::Consistency),
+    /// Whole clusters in virtual time under every kind of fault, a thousand seeds each.
+    Faults(faults::Faults),
     /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
     #[command(alias = "scaling")]
     Speed(speed::Speed),
@@ -50,6 +53,7 @@ fn main() -> ExitCode {
         Suite::CApi(c_api) => c_api.run(),
         Suite::Chart(chart) => chart.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
+        Suite::Faults(faults) => faults.run(),
         Suite::Speed(speed) => speed.run().map(done),
         Suite::Maps(maps) => maps.run().map(done),
         Suite::SpeedWorker(worker) => worker.run().map(done),

@@ -5,6 +5,7 @@ mod abroad;
 mod holders;
 mod interest;
 mod questions;
+mod telling;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -14,20 +15,14 @@ pub use self::abroad::Deviations;
 use self::holders::Holders;
 use self::interest::{Audience, Latest, Moved};
 use self::questions::Questions;
+pub(super) use self::telling::TELL_TICK;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
-    Area, ContactForce, ContactKey, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, FromClient,
-    Pace, Question, Refusal, RegionEvents, Report, SharedState, Stamp, Thresholds, TickStats, ToClient,
-    Touch, View, ViewNumber, WorldEvents, WorldOp,
+    Area, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, FromClient, Pace, Question, Refusal,
+    RegionEvents, Report, Thresholds, TickStats, ToClient, View, ViewNumber, WorldOp,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
-
-/// Resting bodies told again with each batch of states, so that a client that missed their last move hears of it.
-const REMINDERS: usize = 16;
-
-/// So often at least, in ticks, clients and the server hear that time goes on though nothing moves.
-pub(super) const TELL_TICK: u64 = 30;
 
 /// How long a wish waits for its avatar to appear, in ticks.
 const EARLY_TICKS: u64 = 60;
@@ -364,106 +359,6 @@ impl Leader {
         self.forget_abroad(id);
     }
 
-    /// A pair that two regions hold is seen by both: it begins with the first and ends with the last of them.
-    fn forward_contacts(&mut self) {
-        let mut seen = WorldEvents::default();
-        self.contacts.merge(std::mem::take(&mut self.events).values(), &mut seen);
-        self.claim(&seen.touches);
-        let mut touches: BTreeMap<ClientId, Vec<Touch>> = BTreeMap::new();
-        let mut forces: BTreeMap<ClientId, Vec<ContactForce>> = BTreeMap::new();
-        for touch in seen.touches {
-            for client in hosts(touch.key) {
-                touches.entry(client).or_default().push(touch);
-            }
-        }
-        for force in seen.forces {
-            for client in hosts(force.key) {
-                forces.entry(client).or_default().push(force);
-            }
-        }
-        let concerned: BTreeSet<_> = touches.keys().chain(forces.keys()).copied().collect();
-        for client in concerned.into_iter().filter(|client| self.clients.contains_key(client)) {
-            let message = ToClient::Contacts {
-                tick: self.tick,
-                touches: touches.remove(&client).unwrap_or_default(),
-                forces: forces.remove(&client).unwrap_or_default(),
-            };
-            self.messages.push((client, message));
-        }
-    }
-
-    fn forward_states(&mut self) {
-        let moved = std::mem::take(&mut self.moved);
-        if self.clients.is_empty() {
-            return;
-        }
-        self.turn_audiences();
-        for (client, mut audience) in std::mem::take(&mut self.audiences) {
-            let states = audience.batch(&moved, &self.latest);
-            self.audiences.insert(client, audience);
-            if !states.is_empty() {
-                self.tell(client, self.tick, false, states);
-            }
-        }
-        if !moved.is_empty() {
-            self.tell_moved(moved);
-        }
-        self.tell_tick();
-    }
-
-    /// Tells all who want to hear of everything of what has moved, and of some that have not.
-    fn tell_moved(&mut self, moved: Moved) {
-        let reminders: Vec<_> = self
-            .latest
-            .range(self.reminded..)
-            .skip(1)
-            .map(|(&id, _)| id)
-            .filter(|id| !moved.contains_key(id))
-            .take(REMINDERS)
-            .collect();
-        self.reminded = reminders.last().copied().unwrap_or_default();
-        let told: BTreeSet<_> = moved.into_keys().chain(reminders).collect();
-        let states: Vec<_> = told.iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
-        self.tell_all(self.tick, false, &states);
-    }
-
-    /// Tells those who have not heard of anything for long that time goes on.
-    fn tell_tick(&mut self) {
-        let is_due = |client: &ClientId| {
-            self.told.get(client).is_none_or(|&Tick(told)| told + TELL_TICK <= self.tick.0)
-        };
-        for client in self.clients.keys().copied().filter(is_due).collect::<Vec<_>>() {
-            self.tell(client, self.tick, false, Vec::new());
-        }
-    }
-
-    /// Tells all who want to hear of everything.
-    fn tell_all(&mut self, tick: Tick, provisional: bool, states: &[SharedState]) {
-        let all = self.clients.keys().filter(|client| !self.audiences.contains_key(client));
-        for client in all.copied().collect::<Vec<_>>() {
-            self.tell(client, tick, provisional, states.to_vec());
-        }
-    }
-
-    fn tell(&mut self, client: ClientId, tick: Tick, provisional: bool, states: Vec<SharedState>) {
-        if !provisional {
-            self.told.insert(client, tick);
-        }
-        let stamp = Stamp { group: self.group, tick, provisional };
-        self.messages.push((client, ToClient::States { stamp, states }));
-    }
-
-    /// What was computed without the others, for clients only.
-    pub fn tell_provisional(&mut self, tick: Tick, states: &[SharedState]) {
-        let of =
-            |audience: &Audience| states.iter().filter(|state| audience.reaches(state)).copied().collect();
-        let parts: Vec<(_, Vec<_>)> = self.audiences.iter().map(|(&client, all)| (client, of(all))).collect();
-        for (client, states) in parts {
-            self.tell(client, tick, true, states);
-        }
-        self.tell_all(tick, true, states);
-    }
-
     /// Where clients want their avatars to go, for what is computed before the next tick.
     pub fn wishes(&self) -> impl Iterator<Item = Drive> {
         self.drives.values().copied()
@@ -492,15 +387,10 @@ impl Leader {
     }
 }
 
-/// The clients whose avatars touch, each once.
-fn hosts(key: ContactKey) -> BTreeSet<ClientId> {
-    key.a.client().into_iter().chain(key.b.client()).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::{Member, Velocity, WorldPose};
+    use crate::protocol::{ContactKey, Member, SharedState, Touch, Velocity, WorldPose};
     use crate::sim::{sim_body, sim_world};
 
     const CLIENT: ClientId = ClientId(4);

@@ -80,7 +80,8 @@ fn peers_of_another_version_are_told_both() {
     let server = Server::start();
     let identity = server.join(Role::Node);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-    for (greeting, reason) in [([0, 77, 0, 0, 0], "version 3, the other 77"), ([9, 1, 0, 0, 0], "greeting")] {
+    let versions = format!("version {PROTOCOL_VERSION}, the other 77");
+    for (greeting, reason) in [([0, 77, 0, 0, 0], versions.as_str()), ([9, 1, 0, 0, 0], "greeting")] {
         let closed = runtime.block_on(async {
             let endpoint = quinn::Endpoint::client(anywhere()).unwrap();
             let crypto = crate::net::verify::dialling(&identity).unwrap();

@@ -1,0 +1,146 @@
+//! The fault table: every row of faults, many seeds each, whole clusters in virtual time. What it says is the same on every
+//! machine; how long it takes is not.
+
+use std::error::Error;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::thread::available_parallelism;
+
+use clap::Args;
+use dcd::sim::{self, FaultProfile, TrialConfig, simulate};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
+
+use crate::machine::Machine;
+use crate::page;
+use crate::results::{self, Measured};
+
+const FILE: &str = "faults.csv";
+
+/// How many seeds are run.
+#[derive(Args)]
+pub(crate) struct Faults {
+    /// Two seeds a row instead of a thousand.
+    #[arg(long)]
+    quick: bool,
+    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Draws the table from the file, without measuring.
+    #[arg(long)]
+    draw: bool,
+}
+
+/// All seeds under one kind of faults.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    faults: String,
+    seeds: u64,
+    violations: u64,
+    worst_recovery_ms: u64,
+    worst_pause_ms: u64,
+    worst_rewind_ms: u64,
+    p99_stale_ms: Option<u32>,
+    transfers: u64,
+    evictions: u64,
+    elections: u64,
+    messages: u64,
+    mb: u64,
+}
+
+impl Faults {
+    pub(crate) fn run(self) -> Result<ExitCode, Box<dyn Error>> {
+        let folder = results::folder(self.out.as_deref(), self.quick)?;
+        if !self.draw {
+            self.measure(&folder)?;
+        }
+        let rows = results::read_csv(&folder.join(FILE))?;
+        let table = table(&rows);
+        println!("{table}");
+        page::put(&folder, "faults", &table)?;
+        let holds = rows.iter().all(|row| row.row.violations == 0);
+        Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    }
+
+    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
+        let machine = Machine::here();
+        let seeds = 0..if self.quick { 2 } else { 1_000 };
+        let bar = ProgressBar::new(seeds.end * FaultProfile::TABLE.len() as u64)
+            .with_style(ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} runs, {eta}")?);
+        // A machine that panics is a violation, which is reported with its seed.
+        std::panic::set_hook(Box::new(|_| {}));
+        let mut rows = Vec::new();
+        for profile in FaultProfile::TABLE {
+            bar.set_message(profile.name());
+            let row = measure(profile, seeds.clone(), &bar);
+            rows.push(Measured { row, machine: machine.clone() });
+        }
+        drop(std::panic::take_hook());
+        bar.finish_and_clear();
+        results::write_csv(&folder.join(FILE), &rows)
+    }
+}
+
+fn measure(profile: FaultProfile, seeds: Range<u64>, bar: &ProgressBar) -> Row {
+    let threads = available_parallelism().map_or(1, usize::from);
+    let goes_on = || {
+        bar.inc(1);
+        true
+    };
+    let row = simulate(&TrialConfig::default(), profile, seeds, threads, &goes_on);
+    for failure in &row.failures {
+        bar.suspend(|| eprintln!("{} fails, {failure}", profile.name()));
+    }
+    Row::of(&row)
+}
+
+impl Row {
+    fn of(row: &sim::Row) -> Self {
+        Self {
+            faults: row.profile.name().to_owned(),
+            seeds: row.seeds,
+            violations: row.violations,
+            worst_recovery_ms: row.worst_recovery.as_millis() as u64,
+            worst_pause_ms: row.worst_pause.as_millis() as u64,
+            worst_rewind_ms: row.worst_rewind.as_millis() as u64,
+            p99_stale_ms: row.staleness_ms,
+            transfers: row.tally.transfers,
+            evictions: row.tally.evictions,
+            elections: row.tally.elections,
+            messages: row.traffic.messages,
+            mb: row.traffic.bytes / 1_000_000,
+        }
+    }
+}
+
+fn table(rows: &[Measured<Row>]) -> String {
+    let head = [
+        "faults",
+        "seeds",
+        "violations",
+        "worst recovery, s",
+        "worst pause, s",
+        "worst rewind, s",
+        "staleness, p99 ms",
+        "transfers",
+        "evictions",
+        "elections",
+    ];
+    let seconds = |ms: u64| format!("{:.1}", ms as f64 / 1_000.0);
+    let cells = |Measured { row, .. }: &Measured<Row>| {
+        vec![
+            row.faults.clone(),
+            row.seeds.to_string(),
+            row.violations.to_string(),
+            seconds(row.worst_recovery_ms),
+            seconds(row.worst_pause_ms),
+            seconds(row.worst_rewind_ms),
+            row.p99_stale_ms.map_or("–".to_owned(), |ms| ms.to_string()),
+            row.transfers.to_string(),
+            row.evictions.to_string(),
+            row.elections.to_string(),
+        ]
+    };
+    page::table(&head, rows.iter().map(cells))
+}

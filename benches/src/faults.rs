@@ -75,10 +75,12 @@ impl Faults {
             bar.set_message(profile.name());
             let row = measure(profile, seeds.clone(), &bar);
             rows.push(Measured { row, machine: machine.clone() });
+            // Whoever stops it keeps the rows that are done.
+            results::write_csv(&folder.join(FILE), &rows)?;
         }
         drop(std::panic::take_hook());
         bar.finish_and_clear();
-        results::write_csv(&folder.join(FILE), &rows)
+        Ok(())
     }
 }
 

@@ -1,6 +1,7 @@
 //! Shapes: made once, used by any number of bodies.
 
 use dcd::physics::ShapeLibrary;
+use dcd::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M};
 use rapier3d::parry::utils::Array2;
 use rapier3d::prelude::{SharedShape, Vector};
 
@@ -22,6 +23,8 @@ pub struct DcdShapeId {
 
 /// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
 pub const DCD_MIN_SIZE: f32 = 1.0e-4;
+
+const _: () = assert!(DCD_MIN_SIZE == SHAPE_LEAST_M && DCD_MAX_NUMBER == SHAPE_REACH_M);
 
 fn add(world: DcdWorld, shape: SharedShape, out: Out<DcdShapeId>) -> Result<(), Failure> {
     let shape = checked(&shape)?;

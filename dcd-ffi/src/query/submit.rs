@@ -3,7 +3,7 @@
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{
     Asked, CastQuestion, Check, Found, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS,
-    MAX_QUESTION_BYTES, MAX_TURN, OVERLAPS_COST, OverlapQuestion, Place, Question, SHAPE_COST,
+    MAX_QUESTION_BYTES, MAX_TURN, MAX_TURNING_M, OVERLAPS_COST, OverlapQuestion, Place, Question, SHAPE_COST,
 };
 
 use super::cast::{self, shape_hit, solid};
@@ -44,6 +44,9 @@ pub const DCD_MAX_SUBMITTED_OVERLAPS: usize = 4096;
 /// The longest turn of a submitted cast, radians.
 pub const DCD_MAX_SUBMITTED_TURN: f32 = 64.0;
 
+/// The largest size of a shape that a submitted cast turns, and the farthest point of it from its origin, metres.
+pub const DCD_MAX_TURNING_SIZE: f32 = 100.0;
+
 const _: () = assert!(
     DCD_MAX_SUBMITTED_COST == MAX_COST
         && DCD_SHAPE_COST == SHAPE_COST
@@ -52,6 +55,7 @@ const _: () = assert!(
         && DCD_MAX_OPEN_COST == MAX_OPEN_COST
         && DCD_MAX_SUBMITTED_OVERLAPS == MAX_FOUND
         && DCD_MAX_SUBMITTED_TURN == MAX_TURN
+        && DCD_MAX_TURNING_SIZE == MAX_TURNING_M
 );
 
 /// The open queries of a world.
@@ -115,7 +119,7 @@ pub unsafe extern "C" fn dcd_rays_submit(
 /// dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 ///
 /// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain, a turn longer than
-/// DCD_MAX_SUBMITTED_TURN, and a turn with DCD_QUERY_LEAVE.
+/// DCD_MAX_SUBMITTED_TURN, of a shape larger than DCD_MAX_TURNING_SIZE, and a turn with DCD_QUERY_LEAVE.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_casts_submit(
     world: DcdWorld,

@@ -1,6 +1,6 @@
 //! Shapes by content: two equal shapes are one object in memory, in every region of the process (thesis 4.3.2.5).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use parry3d::shape::{
     ConvexPolyhedron, HeightField, HeightFieldCellStatus, HeightFieldFlags, RoundShape, Shape, SharedShape,
@@ -12,7 +12,7 @@ use rapier3d::prelude::Vector;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::convert;
-use crate::protocol::{ShapeHash, ShapeRecord, voxels_fit};
+use crate::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M, ShapeHash, ShapeRecord, voxels_fit};
 
 /// Why a shape cannot be held.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -30,8 +30,10 @@ pub enum ShapeError {
         /// Parry's reason.
         cause: String,
     },
-    /// A number is NaN or infinite, or a size is not positive.
-    #[error("a {0} has a size that is not a positive finite number")]
+    /// A number is NaN, infinite or beyond what Parry computes with.
+    #[error(
+        "a {0} has a size that is not from 1e-4 to 1e6 m, or a point that is farther than that from its origin"
+    )]
     Size(&'static str),
     /// A triangle without area, or a hull in a plane: it has no normal, or no mass.
     #[error("a {0} is flat: give it an area if it is a triangle, a volume if it is a hull")]
@@ -259,11 +261,24 @@ impl<'de> Deserialize<'de> for ShapeLibrary {
 }
 
 fn hull(vertices: Vec<Vector>, triangles: &[[u32; 3]]) -> Result<ConvexPolyhedron, ShapeError> {
-    let hull = ConvexPolyhedron::from_convex_mesh(vertices, triangles).ok_or_else(|| {
-        let cause = "its triangles do not close a convex surface".into();
+    let open = || {
+        let cause =
+            "its triangles do not close a convex surface, seen from outside all in the same sense".into();
         ShapeError::Broken { what: "convex polyhedron", cause }
-    })?;
+    };
+    if !is_closed(triangles) {
+        return Err(open());
+    }
+    let hull = ConvexPolyhedron::from_convex_mesh(vertices, triangles).ok_or_else(open)?;
     if has_volume(&hull) { Ok(hull) } else { Err(ShapeError::Flat("convex polyhedron")) }
+}
+
+/// Whether every edge belongs to two triangles that pass it in opposite senses. Parry follows contours from triangle to triangle
+/// without looking, and stops, or never does, where they are not so.
+fn is_closed(triangles: &[[u32; 3]]) -> bool {
+    let edges = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+    let mut seen = BTreeSet::new();
+    edges().all(|edge| seen.insert(edge)) && edges().all(|(a, b)| a != b && seen.contains(&(b, a)))
 }
 
 fn voxels_of(size: Vector, voxels: &[[i32; 3]]) -> Voxels {
@@ -272,11 +287,11 @@ fn voxels_of(size: Vector, voxels: &[[i32; 3]]) -> Voxels {
 
 fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
     let positive = |what, sizes: &[f32]| {
-        let good = sizes.iter().all(|size| size.is_finite() && *size > 0.0);
+        let good = sizes.iter().all(|size| (SHAPE_LEAST_M..=SHAPE_REACH_M).contains(size));
         if good { Ok(()) } else { Err(ShapeError::Size(what)) }
     };
     let finite = |what, points: &[[f32; 3]]| {
-        let good = points.iter().flatten().all(|v| v.is_finite());
+        let good = points.iter().flatten().all(|v| v.abs() <= SHAPE_REACH_M);
         if good { Ok(()) } else { Err(ShapeError::Size(what)) }
     };
     let indexed = |what, vertices: usize, mut indices: std::slice::Iter<'_, u32>, count: usize| {
@@ -333,7 +348,7 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
                 || *columns < 2
                 || corners != Some(heights.len())
                 || !(cells.is_empty() || cells.len() == (*rows as usize - 1) * (*columns as usize - 1))
-                || heights.iter().any(|h| !h.is_finite())
+                || !heights.iter().all(|h| h.abs() <= SHAPE_REACH_M)
             {
                 return Err(ShapeError::Size("height field"));
             }
@@ -391,6 +406,34 @@ mod tests {
             |part| library.add(ShapeRecord::Compound(vec![(convert::pose_record(&Pose::IDENTITY), part)]));
         let inner = of(ball).unwrap();
         assert!(matches!(of(inner), Err(ShapeError::Broken { what: "compound", .. })));
+    }
+
+    #[test]
+    fn a_hull_of_triangles_that_do_not_close_is_refused() {
+        let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let closed = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        let built = |triangles: &[[u32; 3]]| {
+            ShapeLibrary::default().add(ShapeRecord::ConvexPolyhedron(corners.clone(), triangles.to_vec()))
+        };
+        assert!(built(&closed).is_ok());
+        let mut turned = closed.clone();
+        turned[3].swap(0, 1);
+        for broken in [&closed[..3], &turned, &[&closed[..], &closed[..]].concat(), &[[0, 0, 0]]] {
+            assert!(matches!(built(broken), Err(ShapeError::Broken { .. })), "{broken:?}");
+        }
+    }
+
+    #[test]
+    fn a_shape_out_of_the_range_of_parry_is_refused() {
+        let built = |record| ShapeLibrary::default().add(record);
+        for size in [SHAPE_LEAST_M, SHAPE_REACH_M] {
+            assert!(built(ShapeRecord::Ball(size)).is_ok());
+        }
+        for size in [0.0, SHAPE_LEAST_M / 2.0, SHAPE_REACH_M * 2.0, f32::INFINITY] {
+            assert_eq!(built(ShapeRecord::Ball(size)), Err(ShapeError::Size("ball")));
+        }
+        let far = [SHAPE_REACH_M * 2.0, 0.0, 0.0];
+        assert_eq!(built(ShapeRecord::Segment([[0.0; 3], far])), Err(ShapeError::Size("segment")));
     }
 
     #[test]

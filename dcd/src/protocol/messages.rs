@@ -21,8 +21,8 @@ pub use group::{
 pub use program::Program;
 pub use question::{
     Answer, Asked, CastAnswer, CastQuestion, Found, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS,
-    MAX_QUESTION_BYTES, MAX_TURN, Meets, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Place, Question,
-    RayAnswer, RayQuestion, SHAPE_COST,
+    MAX_QUESTION_BYTES, MAX_TURN, MAX_TURNING_M, Meets, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks,
+    Place, Question, RayAnswer, RayQuestion, SHAPE_COST,
 };
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.

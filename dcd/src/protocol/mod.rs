@@ -31,15 +31,15 @@ pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     Answer, Area, Asked, BodyCheckpoint, Border, CastAnswer, CastQuestion, Chunk, Claim, Delay,
     DelayThresholds, Dispatch, Done, Drive, EnvironmentProperties, Farewell, Found, FromClient, Hello, Lane,
-    MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN, Meets, Member,
-    Message, Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace, Ping, Place, Placed, Pong,
-    Program, Question, RayAnswer, RayQuestion, Refusal, Report, Role, SHAPE_COST, Stamp, Stance,
-    SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
+    MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN, MAX_TURNING_M,
+    Meets, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace, Ping, Place,
+    Placed, Pong, Program, Question, RayAnswer, RayQuestion, Refusal, Report, Role, SHAPE_COST, Stamp,
+    Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;
 pub use shape::{ShapeHash, ShapeRecord};
 pub use validate::{
     Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, PROGRAM_DATAGRAM_BYTES,
-    PROGRAM_MESSAGE_BYTES, WORLD_REACH_M,
+    PROGRAM_MESSAGE_BYTES, SHAPE_LEAST_M, SHAPE_REACH_M, WORLD_REACH_M,
 };

@@ -97,9 +97,45 @@ impl ShapeRecord {
         matches!(self, Self::Compound(_))
     }
 
-    /// Whether it is more than a surface.
-    pub fn has_inside(&self) -> bool {
-        !matches!(self, Self::TriMesh(..) | Self::Polyline(..) | Self::HeightField(..))
+    /// Whether it can be moved through a world to ask what it meets: it is more than a surface, and ends somewhere. Nor may it be
+    /// of voxels: Parry goes along with them cell by cell, however small they are.
+    pub fn can_be_cast(&self) -> bool {
+        !matches!(
+            self,
+            Self::TriMesh(..)
+                | Self::Polyline(..)
+                | Self::HeightField(..)
+                | Self::HalfSpace(..)
+                | Self::Voxels(..)
+        )
+    }
+
+    /// Its largest number of those in metres; of a shape that cannot be cast, infinity. Parts of a compound have their own.
+    pub fn largest_m(&self) -> f32 {
+        let of = |points: &[[f32; 3]], more: &[f32]| {
+            points.as_flattened().iter().chain(more).fold(0.0f32, |most, v| most.max(v.abs()))
+        };
+        match self {
+            Self::Ball(radius) => *radius,
+            Self::Cuboid(half) => of(&[*half], &[]),
+            Self::Capsule(a, b, radius) => of(&[*a, *b], &[*radius]),
+            Self::Cylinder(a, b) | Self::Cone(a, b) => of(&[], &[*a, *b]),
+            Self::Segment(ends) => of(ends, &[]),
+            Self::Triangle(corners) => of(corners, &[]),
+            Self::ConvexPolyhedron(vertices, _) => of(vertices, &[]),
+            Self::RoundCuboid(half, border) => of(&[*half], &[*border]),
+            Self::RoundCylinder(a, b, border) | Self::RoundCone(a, b, border) => of(&[], &[*a, *b, *border]),
+            Self::RoundTriangle(corners, border) => of(corners, &[*border]),
+            Self::RoundConvexPolyhedron(vertices, _, border) => of(vertices, &[*border]),
+            Self::Compound(parts) => {
+                parts.iter().map(|(pose, _)| of(&[pose.translation], &[])).fold(0.0, f32::max)
+            }
+            Self::HalfSpace(..)
+            | Self::TriMesh(..)
+            | Self::Polyline(..)
+            | Self::HeightField(..)
+            | Self::Voxels(..) => f32::INFINITY,
+        }
     }
 
     /// The shapes that this one is made of.

@@ -7,6 +7,13 @@ use crate::space::Bounds;
 /// Farther out than this nothing of a world can be, in metres.
 pub const WORLD_REACH_M: f64 = 1e9;
 
+/// No shape, and no way that a client asks about, is longer than this, in metres: with larger numbers Parry's searches do not end, or
+/// stop the process.
+pub const SHAPE_REACH_M: f32 = 1e6;
+
+/// No shape is thinner than this, in metres, for the same reason.
+pub const SHAPE_LEAST_M: f32 = 1e-4;
+
 /// Most rounds of a tick.
 pub const MAX_ROUNDS: u32 = 64;
 
@@ -53,6 +60,14 @@ fn not_negative(values: &[f32], field: &'static str) -> Result<(), Invalid> {
     must(values.iter().all(|v| v.is_finite() && *v >= 0.0), field, "finite and not negative")
 }
 
+fn within_reach(values: &[f32], field: &'static str) -> Result<(), Invalid> {
+    must(values.iter().all(|v| v.abs() <= SHAPE_REACH_M), field, "finite and within 1e6 m")
+}
+
+fn size(values: &[f32], field: &'static str) -> Result<(), Invalid> {
+    must(values.iter().all(|v| (SHAPE_LEAST_M..=SHAPE_REACH_M).contains(v)), field, "from 1e-4 to 1e6 m")
+}
+
 /// Limits may be infinite, but never NaN.
 fn numbers(values: &[f32], field: &'static str) -> Result<(), Invalid> {
     must(values.iter().all(|v| !v.is_nan()), field, "numbers")
@@ -84,7 +99,7 @@ impl Check for WorldPose {
 
 impl Check for Pose {
     fn check(&self) -> Result<(), Invalid> {
-        finite(&self.translation, "local pose.translation")?;
+        within_reach(&self.translation, "local pose.translation")?;
         unit(&self.rotation, "local pose.rotation")
     }
 }
@@ -208,18 +223,18 @@ impl Check for JointRecord {
 
 impl Check for ShapeRecord {
     fn check(&self) -> Result<(), Invalid> {
-        let points = |points: &[[f32; 3]], field| finite(points.as_flattened(), field);
+        let points = |points: &[[f32; 3]], field| within_reach(points.as_flattened(), field);
         let indices = |ids: &[u32], len: usize, field| {
             must(ids.iter().all(|&i| (i as usize) < len), field, "indices of the shape's own vertices")
         };
         match self {
-            Self::Ball(radius) => not_negative(&[*radius], "ball"),
-            Self::Cuboid(half) => not_negative(half, "cuboid"),
+            Self::Ball(radius) => size(&[*radius], "ball"),
+            Self::Cuboid(half) => size(half, "cuboid"),
             Self::Capsule(a, b, radius) => {
                 points(&[*a, *b], "capsule")?;
-                not_negative(&[*radius], "capsule")
+                size(&[*radius], "capsule")
             }
-            Self::Cylinder(a, b) | Self::Cone(a, b) => not_negative(&[*a, *b], "cylinder or cone"),
+            Self::Cylinder(a, b) | Self::Cone(a, b) => size(&[*a, *b], "cylinder or cone"),
             Self::Segment(ends) => points(ends, "segment"),
             Self::Triangle(corners) => points(corners, "triangle"),
             Self::HalfSpace(normal) => {
@@ -237,8 +252,8 @@ impl Check for ShapeRecord {
                 indices(edges.as_flattened(), vertices.len(), "polyline.edges")
             }
             Self::HeightField(heights, rows, columns, scale, _, cells) => {
-                finite(heights, "height field.heights")?;
-                finite(scale, "height field.scale")?;
+                within_reach(heights, "height field.heights")?;
+                size(scale, "height field.scale")?;
                 must(*rows >= 2 && *columns >= 2, "height field", "at least 2 × 2")?;
                 let count = u64::from(*rows) * u64::from(*columns);
                 must(heights.len() as u64 == count, "height field.heights", "rows × columns")?;
@@ -247,24 +262,24 @@ impl Check for ShapeRecord {
                 must(fits, "height field.cells", "none or (rows - 1) × (columns - 1)")
             }
             Self::RoundCuboid(half, border) => {
-                not_negative(half, "round cuboid")?;
-                not_negative(&[*border], "round cuboid")
+                size(half, "round cuboid")?;
+                size(&[*border], "round cuboid")
             }
             Self::RoundCylinder(a, b, border) | Self::RoundCone(a, b, border) => {
-                not_negative(&[*a, *b, *border], "round cylinder or cone")
+                size(&[*a, *b, *border], "round cylinder or cone")
             }
             Self::RoundTriangle(corners, border) => {
                 points(corners, "round triangle")?;
-                not_negative(&[*border], "round triangle")
+                size(&[*border], "round triangle")
             }
             Self::RoundConvexPolyhedron(vertices, triangles, border) => {
                 must(!vertices.is_empty() && !triangles.is_empty(), "round hull", "not empty")?;
                 points(vertices, "round hull.vertices")?;
                 indices(triangles.as_flattened(), vertices.len(), "round hull.triangles")?;
-                not_negative(&[*border], "round hull")
+                size(&[*border], "round hull")
             }
-            Self::Voxels(size, voxels) => {
-                not_negative(size, "voxels.size")?;
+            Self::Voxels(edges, voxels) => {
+                size(edges, "voxels.size")?;
                 must(
                     shape::voxels_fit(voxels),
                     "voxels",
@@ -425,14 +440,19 @@ impl Check for Question {
         must(self.overlooks.exclude.len() <= MAX_COST, "question.exclude", "at most 1024")?;
         ascending(&self.overlooks.exclude, |&body| body, "question.exclude")?;
         must(
-            self.shapes.iter().all(ShapeRecord::has_inside),
+            self.shapes.iter().all(ShapeRecord::can_be_cast),
             "question.shapes",
-            "neither meshes nor terrain",
+            "neither meshes, terrain, voxels nor half-spaces",
         )?;
         all(&self.shapes)?;
         match &self.asked {
             Asked::Rays(rays) => all(rays),
-            Asked::Casts(casts) => all(casts),
+            Asked::Casts(casts) => {
+                let turns = casts.iter().any(|cast| cast.turn != [0.0; 3]);
+                let small = self.shapes.iter().all(|shape| shape.largest_m() <= MAX_TURNING_M);
+                must(!turns || small, "question.shapes", "within 100 m of their origins where one turns")?;
+                all(casts)
+            }
             Asked::Overlaps(overlaps) => all(overlaps),
         }
     }
@@ -450,10 +470,10 @@ impl Check for RayQuestion {
 impl Check for CastQuestion {
     fn check(&self) -> Result<(), Invalid> {
         self.pose.check()?;
-        finite(&self.motion, "cast.motion")?;
+        within_reach(&self.motion, "cast.motion")?;
         let turn2: f32 = self.turn.iter().map(|v| v * v).sum();
         must(turn2 <= MAX_TURN * MAX_TURN, "cast.turn", "at most 64 radians")?;
-        not_negative(&[self.margin_m], "cast.margin_m")?;
+        must((0.0..=SHAPE_REACH_M).contains(&self.margin_m), "cast.margin_m", "from 0 to 1e6 m")?;
         let is_plain = self.margin_m == 0.0 && !self.leaves;
         must(turn2 == 0.0 || is_plain, "cast.turn", "0 with a margin, or if it leaves what it starts in")
     }

@@ -2,6 +2,7 @@
 //! the same comes of it.
 
 mod asking;
+mod hostile;
 mod operations;
 mod property;
 mod queries;

@@ -19,6 +19,8 @@ pub const OVERLAPS_COST: usize = 64;
 pub const MAX_FOUND: usize = 4_096;
 /// The longest question: with its envelope it fits a client's frame.
 pub const MAX_QUESTION_BYTES: usize = link::CLIENT_FRAME_BYTES - 64;
+/// How large a shape may be that turns on its way, metres: the farther out, the finer the steps in which it is looked at.
+pub const MAX_TURNING_M: f32 = 100.0;
 /// By how much a shape may turn on its way, radians: each turn is looked at in many steps.
 pub const MAX_TURN: f32 = 64.0;
 
@@ -29,7 +31,7 @@ pub struct Question {
     pub number: u64,
     /// What all of it overlooks.
     pub overlooks: Overlooks,
-    /// The shapes that it names, parts before the compounds made of them. They have an inside: no meshes, no terrain.
+    /// The shapes that it names, parts before the compounds made of them. Each [can be cast](ShapeRecord::can_be_cast).
     pub shapes: Vec<ShapeRecord>,
     /// What is asked.
     pub asked: Asked,

@@ -279,6 +279,9 @@
 // The longest turn of a submitted cast, radians.
 #define DCD_MAX_SUBMITTED_TURN 64.0
 
+// The largest size of a shape that a submitted cast turns, and the farthest point of it from its origin, metres.
+#define DCD_MAX_TURNING_SIZE 100.0
+
 // As the node of a region or an owner where there is none.
 #define DCD_NO_NODE UINT32_MAX
 
@@ -2312,7 +2315,7 @@ DcdStatus dcd_rays_submit(DcdWorld world,
 // dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 //
 // Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain, a turn longer than
-// DCD_MAX_SUBMITTED_TURN, and a turn with DCD_QUERY_LEAVE.
+// DCD_MAX_SUBMITTED_TURN, of a shape larger than DCD_MAX_TURNING_SIZE, and a turn with DCD_QUERY_LEAVE.
 DCD_API
 DcdStatus dcd_shape_casts_submit(DcdWorld world,
                                  const DcdShapeCast *casts,

@@ -113,7 +113,7 @@ pub const DCD_REFUSED_EXISTS: u32 = 4;
 pub const DCD_REFUSED_TOO_FAST: u32 = 5;
 /// In DcdBodyChange.reason: a newer wish was there before.
 pub const DCD_REFUSED_LATE: u32 = 6;
-/// In DcdBodyChange.reason: the shape did not arrive with the avatar.
+/// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's.
 pub const DCD_REFUSED_SHAPE: u32 = 7;
 /// In DcdBodyChange.reason: too many avatars, or too much asked of them at a time.
 pub const DCD_REFUSED_TOO_MANY: u32 = 8;

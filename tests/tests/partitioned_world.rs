@@ -487,7 +487,7 @@ fn bad_input_is_refused_with_cause_and_remedy() {
     let error = world.insert_at(nan, body.clone(), vec![collider.clone()]).unwrap_err().to_string();
     assert!(error.contains("not finite") && error.contains("check"), "{error}");
     let error = world.insert(body, ColliderBuilder::ball(-1.0)).unwrap_err().to_string();
-    assert!(error.contains("ball") && error.contains("positive"), "{error}");
+    assert!(error.contains("ball") && error.contains("from 1e-4"), "{error}");
     let ghost = BodyId::persistent(77);
     assert!(matches!(world.remove(ghost), Err(WorldError::NoBody(id)) if id == ghost));
     assert!(world.set_pose(ghost, WorldPose::default()).is_err());

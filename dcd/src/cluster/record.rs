@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use bincode::{Decode, Encode};
 
-use super::Key;
+use super::{CanBuild, Key};
 use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, Check, Chunk, Invalid, JointRecord, Placed, ShapeHash, ShapeRecord,
     ViewNumber, chunks, encode_value,
@@ -192,13 +192,11 @@ impl Record {
         new
     }
 
-    /// Whether every shape that the body's colliders name is on record or among these.
-    pub(super) fn knows_shapes_of(&self, body: &BodyRecord, others: &[ShapeRecord]) -> bool {
-        let others: BTreeSet<_> = others.iter().map(ShapeRecord::hash).collect();
-        body.traits
-            .colliders
-            .iter()
-            .all(|collider| self.shapes.contains_key(&collider.shape) || others.contains(&collider.shape))
+    /// Whether a body can be an avatar with its shapes, of which these came along, and whether these can be built.
+    pub(super) fn admits(&self, avatar: &BodyRecord, brought: &[ShapeRecord], can_build: CanBuild) -> bool {
+        let with: BTreeMap<_, _> = brought.iter().map(|shape| (shape.hash(), shape)).collect();
+        let find = |hash| with.get(&hash).copied().or_else(|| self.shapes.get(&hash));
+        avatar.suits_clients(find) && can_build(&self.shapes, brought)
     }
 
     /// A body as last known.

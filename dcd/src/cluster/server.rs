@@ -20,8 +20,8 @@ use self::group::Group;
 use self::nodes::Resumption;
 use super::{Batch, Life, Peer, Pinger, Polls, Record};
 use crate::protocol::{
-    Chunk, EnvironmentProperties, Farewell, Hello, Member, Message, Refusal, Role, ToClient, VERSION, View,
-    ViewNumber, chunks,
+    Chunk, EnvironmentProperties, Farewell, Hello, Member, Message, Refusal, Role, ShapeHash, ShapeRecord,
+    ToClient, VERSION, View, ViewNumber, chunks,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
@@ -47,7 +47,12 @@ pub struct ServerConfig {
     pub min_nodes: usize,
     /// Who may share a group, beside the thresholds of delay that the world has.
     pub grouping: Grouping,
+    /// Whether nodes can build the shapes of an avatar: one that they cannot, once on record, would stop all that join later.
+    pub can_build: CanBuild,
 }
+
+/// Whether shapes, each after its parts, can be built where others are on record already.
+pub type CanBuild = fn(&BTreeMap<ShapeHash, ShapeRecord>, &[ShapeRecord]) -> bool;
 
 /// What happens to a server.
 #[derive(Clone, Debug, PartialEq)]

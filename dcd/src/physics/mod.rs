@@ -42,4 +42,6 @@ pub use query::{
     BodyFilter, ColliderId, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay,
 };
 pub use region::{Region, Role};
+#[cfg(feature = "net")]
+pub(crate) use shapes::can_build;
 pub use shapes::{ShapeError, ShapeLibrary};

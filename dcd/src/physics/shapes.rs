@@ -43,6 +43,11 @@ pub enum ShapeError {
         "a shape of voxels is empty, reaches farther than 2^20 voxels from its origin, or lies in more than 65,536 blocks of 8 × 8 × 8; cut it into several"
     )]
     Voxels,
+    /// A client's body cannot have it.
+    #[error(
+        "an avatar cannot be a mesh, terrain, voxels or a half-space; take a hull, a box, or a compound of such"
+    )]
+    Avatar,
     /// A record refers to a shape that is not here.
     #[error("shape {0} is not known here; it must be sent before the bodies that use it")]
     Unknown(ShapeHash),
@@ -243,6 +248,16 @@ impl ShapeLibrary {
     }
 }
 
+/// Whether these shapes can be built, each after its parts, where others are known already.
+#[cfg(feature = "net")]
+pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[ShapeRecord]) -> bool {
+    let mut library = ShapeLibrary::default();
+    shapes.iter().all(|shape| {
+        let mut parts = shape.parts().filter_map(|part| known.get(&part));
+        parts.all(|part| library.add(part.clone()).is_ok()) && library.add(shape.clone()).is_ok()
+    })
+}
+
 /// By its records, as it travels: whoever reads them builds the shapes anew.
 impl Serialize for ShapeLibrary {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -421,6 +436,21 @@ mod tests {
         for broken in [&closed[..3], &turned, &[&closed[..], &closed[..]].concat(), &[[0, 0, 0]]] {
             assert!(matches!(built(broken), Err(ShapeError::Broken { .. })), "{broken:?}");
         }
+    }
+
+    #[cfg(feature = "net")]
+    #[test]
+    fn what_can_be_built_depends_on_what_is_known() {
+        let ball = ShapeRecord::Ball(1.0);
+        let pose = convert::pose_record(&Pose::IDENTITY);
+        let pair = ShapeRecord::Compound(vec![(pose, ball.hash()), (pose, ball.hash())]);
+        let known = BTreeMap::from([(ball.hash(), ball.clone())]);
+        assert!(can_build(&known, std::slice::from_ref(&pair)));
+        assert!(!can_build(&BTreeMap::new(), std::slice::from_ref(&pair)));
+        assert!(can_build(&BTreeMap::new(), &[ball.clone(), pair.clone()]));
+        assert!(!can_build(&known, &[pair, ShapeRecord::Ball(f32::NAN)]));
+        let flat = ShapeRecord::Triangle([[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);
+        assert!(!can_build(&known, &[flat]));
     }
 
     #[test]

@@ -6,7 +6,7 @@ use bincode::{Decode, Encode};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-use super::ShapeHash;
+use super::{ShapeHash, ShapeRecord};
 use crate::space::{BodyId, Epoch};
 
 /// A pose in world space: position in metres (f64, so that worlds of 100 km keep millimetres), rotation as a unit
@@ -281,6 +281,16 @@ pub struct BodyRecord {
     pub state: BodyState,
     /// What a step does not change; shared within a process.
     pub traits: Arc<BodyTraits>,
+}
+
+impl BodyRecord {
+    /// Whether a client may have it as an avatar: all shapes that it names are found, and suit clients.
+    pub fn suits_clients<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> bool {
+        let suits = |hash| find(hash).filter(|shape| shape.suits_clients());
+        self.traits.colliders.iter().all(|collider| {
+            suits(collider.shape).is_some_and(|shape| shape.parts().all(|part| suits(part).is_some()))
+        })
+    }
 }
 
 #[cfg(test)]

@@ -97,9 +97,9 @@ impl ShapeRecord {
         matches!(self, Self::Compound(_))
     }
 
-    /// Whether it can be moved through a world to ask what it meets: it is more than a surface, and ends somewhere. Nor may it be
-    /// of voxels: Parry goes along with them cell by cell, however small they are.
-    pub fn can_be_cast(&self) -> bool {
+    /// Whether clients may ask with it and have it as an avatar: it is no mesh, and ends somewhere. Nor is it of voxels: Parry stops
+    /// the process where they meet a half-space, and a cast goes along with them cell by cell, however small they are.
+    pub fn suits_clients(&self) -> bool {
         !matches!(
             self,
             Self::TriMesh(..)
@@ -110,7 +110,7 @@ impl ShapeRecord {
         )
     }
 
-    /// Its largest number of those in metres; of a shape that cannot be cast, infinity. Parts of a compound have their own.
+    /// Its largest number of those in metres; infinity unless it suits clients. Parts of a compound have their own.
     pub fn largest_m(&self) -> f32 {
         let of = |points: &[[f32; 3]], more: &[f32]| {
             points.as_flattened().iter().chain(more).fold(0.0f32, |most, v| most.max(v.abs()))

@@ -440,7 +440,7 @@ impl Check for Question {
         must(self.overlooks.exclude.len() <= MAX_COST, "question.exclude", "at most 1024")?;
         ascending(&self.overlooks.exclude, |&body| body, "question.exclude")?;
         must(
-            self.shapes.iter().all(ShapeRecord::can_be_cast),
+            self.shapes.iter().all(ShapeRecord::suits_clients),
             "question.shapes",
             "neither meshes, terrain, voxels nor half-spaces",
         )?;

@@ -11,7 +11,7 @@ use super::member::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};
-use crate::physics::ShapeLibrary;
+use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{
     Area, ContactForce, EnvironmentProperties, Found, Handover, Question, Refusal, Touch, Velocity, WorldPose,
 };
@@ -191,6 +191,9 @@ impl ClientWorld {
         self.next_avatar = self.next_avatar.max(after);
         let id = BodyId::avatar(self.client, self.next_avatar);
         let body = self.shapes.describe(id, pose, body, colliders)?;
+        if !body.suits_clients(|hash| self.shapes.record_of(hash)) {
+            return Err(ShapeError::Avatar.into());
+        }
         self.member.wish(ClientEvent::Spawn { body, shapes: self.shapes.records() })?;
         self.next_avatar += 1;
         Ok(id)

@@ -20,7 +20,7 @@ use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, Server
 use crate::net::{
     Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, Role, check_address,
 };
-use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
+use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings, can_build};
 use crate::protocol::{
     BodyKind, BodyRecord, EnvironmentProperties, JointRecord, Pace, ShapeRecord, StateHasher, SyncProtocol,
     Thresholds, View,
@@ -183,6 +183,7 @@ impl ServerProcess {
             world: environment,
             min_nodes: config.nodes.max(1),
             grouping: config.groups.grouping,
+            can_build,
         };
         let (mut stored, mut resumed) = (None, None);
         let server = if config.fresh {

@@ -196,6 +196,7 @@ impl Sim {
             world,
             min_nodes: config.nodes.max(1) as usize,
             grouping: config.grouping.clone(),
+            can_build: |_, _| true,
         };
         let server = Server::new(server_config.clone(), record);
         let network = Network::new(config.network.clone(), config.bounds, random.bits());

@@ -169,6 +169,11 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_body_set_velocity(world, other, &velocity), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_destroy(world, other), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
+    DcdBodyDef net = avatar_def(world);
+    const float corners[] = { 0, 0, 0, 1, 0, 0, 0, 1, 0 };
+    const uint32_t face[] = { 0, 1, 2 };
+    OK(dcd_shape_mesh(world, corners, 3, face, 1, &net.shape));
+    FAILS(dcd_body_create(world, &net, &body), DCD_ERR_ARGUMENT, "an avatar cannot be a mesh");
     fixed.body_type = DCD_KINEMATIC_POSE;
     FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
     fixed.body_type = DCD_KINEMATIC;

@@ -3,13 +3,14 @@
 
 use std::ops::Range;
 
-use dcd::physics::Coupling;
+use dcd::physics::{Coupling, ShapeLibrary};
 use dcd::protocol::{
     Asked, CastQuestion, Check, FromClient, Meets, OverlapQuestion, Overlooks, Place, Pose, Question,
     RayQuestion, ShapeRecord, WorldPose,
 };
 use dcd::space::Bounds;
 use proptest::prelude::*;
+use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
 
 use super::scenery::{place, scene, things, world};
 
@@ -137,5 +138,27 @@ proptest! {
                 prop_assert!(told.is_ok(), "{told:?}: {question:?} is answered by {found:?}");
             }
         }
+    }
+
+    #[test]
+    fn whatever_shape_an_avatar_has_the_world_goes_on(
+        things in things(),
+        shapes in shapes(),
+        at in place(),
+        speed in prop::array::uniform3(-20.0f32..20.0),
+    ) {
+        let mut library = ShapeLibrary::default();
+        for shape in &shapes {
+            prop_assume!(shape.suits_clients() && shape.check().is_ok() && library.add(shape.clone()).is_ok());
+        }
+        let shape = library.shape(shapes.last().expect("there is one").hash()).expect("it was added");
+        let mut world = world(&scene(&things), 2, Coupling::Proxy);
+        let avatar = RigidBodyBuilder::dynamic().translation(at.into()).linvel(speed.into());
+        let avatar = world.insert(avatar, ColliderBuilder::new(shape)).unwrap();
+        for _ in 0..10 {
+            world.step().unwrap();
+        }
+        let pose = world.pose(avatar).unwrap();
+        prop_assert!(pose.check().is_ok(), "{pose:?}");
     }
 }

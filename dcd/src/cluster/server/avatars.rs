@@ -30,7 +30,7 @@ impl Server {
                     Some(Refusal::Exists)
                 } else if record.avatars(client).len() >= MAX_AVATARS {
                     Some(Refusal::TooMany)
-                } else if !record.knows_shapes_of(&body, &shapes) {
+                } else if !record.admits(&body, &shapes, self.common.config.can_build) {
                     Some(Refusal::Shape)
                 } else {
                     None

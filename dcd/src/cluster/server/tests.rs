@@ -1,17 +1,26 @@
 //! Rules of the server that a calm simulation does not show.
 
+use std::sync::Arc;
+
 use super::*;
 use crate::protocol::{Claim, Delay, DelayThresholds, Stance};
-use crate::protocol::{ToNode, ToServer};
+use crate::protocol::{
+    ColliderMass, ColliderRecord, CombineRule, FromClient, Groups, Pose, ShapeRecord, ToNode, ToServer,
+};
 use crate::sim::{sim_body, sim_world};
 use crate::space::Epoch;
 
 const NOW: Duration = Duration::ZERO;
 
+/// For worlds in which cones cannot be built.
+fn config(min_nodes: usize) -> ServerConfig {
+    let can_build = |_: &_, shapes: &[_]| !shapes.iter().any(|shape| matches!(shape, ShapeRecord::Cone(..)));
+    ServerConfig { world: sim_world(2), min_nodes, grouping: Default::default(), can_build }
+}
+
 fn server() -> Server {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
-    let config = ServerConfig { world: sim_world(2), min_nodes: 1, grouping: Default::default() };
-    Server::new(config, Record::new(bodies, Vec::new(), Vec::new()))
+    Server::new(config(1), Record::new(bodies, Vec::new(), Vec::new()))
 }
 
 fn hello(server: &mut Server, node: u32, version: u32) -> Vec<ServerOutput> {
@@ -241,8 +250,7 @@ fn strangers_and_earlier_views_are_counted_and_change_nothing() {
 #[test]
 fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
-    let config = ServerConfig { world: sim_world(2), min_nodes: 2, grouping: Default::default() };
-    let mut server = Server::new(config, Record::new(bodies, Vec::new(), Vec::new()));
+    let mut server = Server::new(config(2), Record::new(bodies, Vec::new(), Vec::new()));
     for node in [1, 2] {
         hello(&mut server, node, VERSION);
         tell(&mut server, node, Message::ToServer(ToServer::Loaded));
@@ -448,4 +456,63 @@ fn who_is_sent_away_goes_in_order_and_is_told_why() {
         _ => None,
     });
     assert_eq!(farewell.map(String::as_str), Some("cheating"), "{wanted:?}");
+}
+
+fn collider(shape: &ShapeRecord) -> ColliderRecord {
+    let all = Groups { memberships: u32::MAX, filter: u32::MAX, any: false };
+    ColliderRecord {
+        shape: shape.hash(),
+        pose: Pose { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] },
+        mass: ColliderMass::Density(1.0),
+        friction: 0.5,
+        friction_rule: CombineRule::Average,
+        restitution: 0.0,
+        restitution_rule: CombineRule::Average,
+        sensor: false,
+        enabled: true,
+        collision_groups: all,
+        solver_groups: all,
+        collision_types: 0,
+        events: 0,
+        hooks: 0,
+        force_event_threshold_n: 0.0,
+        contact_skin_m: 0.0,
+        user_data: 0,
+    }
+}
+
+#[test]
+fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
+    let mut server = server();
+    let client = ClientId(7);
+    let hello = Message::Hello(Hello { version: VERSION, role: Role::Client });
+    server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
+    let spawned = |server: &mut Server, index, of: &ShapeRecord, shapes: Vec<ShapeRecord>| {
+        let mut body = sim_body(BodyId::avatar(client, index), [1.0; 3]);
+        Arc::make_mut(&mut body.traits).colliders.push(collider(of));
+        let message = Message::FromClient(client, FromClient::Spawn { body, shapes });
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message });
+        let refused = |output: ServerOutput| {
+            let ServerOutput::Send { message: Message::ToClient(_, message), .. } = output else {
+                return false;
+            };
+            matches!(message, ToClient::Rejected { reason: Refusal::Shape, .. })
+        };
+        let refused = std::iter::from_fn(|| server.poll_output()).any(refused);
+        assert_ne!(refused, server.record().body(BodyId::avatar(client, index)).is_some());
+        !refused
+    };
+    let [ball, cone] = [ShapeRecord::Ball(0.5), ShapeRecord::Cone(0.5, 0.5)];
+    let voxels = ShapeRecord::Voxels([1.0; 3], vec![[0; 3]]);
+    let compound = |part: &ShapeRecord| ShapeRecord::Compound(vec![(collider(part).pose, part.hash())]);
+    assert!(!spawned(&mut server, 0, &ball, vec![]), "nobody has sent it");
+    assert!(spawned(&mut server, 0, &ball, vec![ball.clone()]));
+    assert!(spawned(&mut server, 1, &ball, vec![]), "it is on record");
+    assert!(spawned(&mut server, 2, &compound(&ball), vec![compound(&ball)]), "and so is its part");
+    assert!(!spawned(&mut server, 3, &cone, vec![cone.clone()]), "it cannot be built");
+    assert!(!spawned(&mut server, 3, &ball, vec![cone.clone()]), "nor what else comes along");
+    assert!(!spawned(&mut server, 3, &cone, vec![]), "it was not kept");
+    assert!(!spawned(&mut server, 3, &voxels, vec![voxels.clone()]), "an avatar cannot be of voxels");
+    let hidden = vec![voxels.clone(), compound(&voxels)];
+    assert!(!spawned(&mut server, 3, &compound(&voxels), hidden), "nor a part of it");
 }

@@ -185,8 +185,10 @@ pub enum Refusal {
     /// A wish with a newer logical time was there before.
     #[error("older than the last update of this avatar: let the logical time grow")]
     Late,
-    /// A collider names a shape that the world does not know.
-    #[error("a collider names an unknown shape: send the shape with the body")]
+    /// A collider names a shape that the world does not know, that cannot be built, or that an avatar cannot have.
+    #[error(
+        "a shape is unknown, cannot be built, or is not for avatars: send it with the body, a hull, box, ball or compound of them"
+    )]
     Shape,
     /// Too many bodies or updates at once.
     #[error("too many avatars or updates: fewer, or less often")]

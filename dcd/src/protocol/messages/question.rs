@@ -31,7 +31,7 @@ pub struct Question {
     pub number: u64,
     /// What all of it overlooks.
     pub overlooks: Overlooks,
-    /// The shapes that it names, parts before the compounds made of them. Each [can be cast](ShapeRecord::can_be_cast).
+    /// The shapes that it names, parts before the compounds made of them. Each [suits clients](ShapeRecord::suits_clients).
     pub shapes: Vec<ShapeRecord>,
     /// What is asked.
     pub asked: Asked,

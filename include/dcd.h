@@ -223,7 +223,7 @@
 // In DcdBodyChange.reason: a newer wish was there before.
 #define DCD_REFUSED_LATE 6
 
-// In DcdBodyChange.reason: the shape did not arrive with the avatar.
+// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's.
 #define DCD_REFUSED_SHAPE 7
 
 // In DcdBodyChange.reason: too many avatars, or too much asked of them at a time.
@@ -1788,10 +1788,14 @@ DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBody
 // moves them. In a served world they are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
 //
 // `defs` is read during the call.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
-// more than DCD_MAX_ITEMS bodies, DCD_ERR_LIMIT when the world has given 4,294,967,295 ids, DCD_ERR_UNSUPPORTED
-// in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when its link is gone.
-DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
+// than DCD_MAX_ITEMS bodies, and in a served world for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+// ids, DCD_ERR_UNSUPPORTED in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when its link is gone.
+DCD_API
+DcdStatus dcd_bodies_create(DcdWorld world,
+                            const DcdBodyDef *defs,
+                            size_t count,
+                            DcdBodyId *out);
 
 // Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
 //

@@ -190,8 +190,7 @@ impl Leader {
         if drive.body.client() != Some(client) {
             return Err(Refusal::NotYours);
         }
-        let speed2: f32 = drive.velocity.linear.iter().map(|v| v * v).sum();
-        if speed2 > self.speed_limit * self.speed_limit {
+        if !drive.velocity.is_within(self.speed_limit) {
             return Err(Refusal::TooFast);
         }
         let Some(last) = self.avatars.get_mut(&drive.body) else {

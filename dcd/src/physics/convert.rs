@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use crate::protocol::{self, Velocity, WorldPose};
+use crate::protocol::{self, Velocity, WORLD_REACH_M, WorldPose};
 
 /// Anchors lie on a grid this coarse, so that worlds within ±256 m have one anchor and all their regions agree bit for bit.
 pub(crate) const ANCHOR_GRID_M: f64 = 512.0;
@@ -32,8 +32,10 @@ pub(crate) fn region_from_world(anchor: [f64; 3], pose: &WorldPose) -> Pose {
     Pose::from_parts(region_point(anchor, pose.translation), rotation(pose.rotation))
 }
 
+/// What has left the world is told at its edge: farther out no message may have it.
 pub(crate) fn world_from_region(anchor: [f64; 3], pose: &Pose) -> WorldPose {
-    WorldPose { translation: world_point(anchor, pose.translation), rotation: pose.rotation.to_array() }
+    let translation = world_point(anchor, pose.translation).map(|v| v.clamp(-WORLD_REACH_M, WORLD_REACH_M));
+    WorldPose { translation, rotation: pose.rotation.to_array() }
 }
 
 pub(crate) fn region_point(anchor: [f64; 3], point: [f64; 3]) -> Vector {
@@ -45,8 +47,10 @@ pub(crate) fn world_point(anchor: [f64; 3], point: Vector) -> [f64; 3] {
     std::array::from_fn(|i| f64::from(point[i]) + anchor[i])
 }
 
+/// A body that follows poses keeps what a contact with a broken one has made of its velocity; it is told as at rest.
 pub(crate) fn velocity_of(body: &RigidBody) -> Velocity {
-    Velocity { linear: body.linvel().to_array(), angular: body.angvel().to_array() }
+    let velocity = Velocity { linear: body.linvel().to_array(), angular: body.angvel().to_array() };
+    if velocity.is_finite() { velocity } else { Velocity::default() }
 }
 
 #[cfg(test)]

@@ -322,6 +322,7 @@ impl Region {
         }
         let heard = self.events.forces.len();
         self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
+        self.events.make_tellable();
         self.answer_for_forces(heard);
         for handle in self.world.quarantine().bodies().to_vec() {
             self.set_aside(handle);

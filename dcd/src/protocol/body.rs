@@ -94,6 +94,11 @@ impl Velocity {
     pub fn is_finite(&self) -> bool {
         self.linear.iter().chain(&self.angular).all(|v| v.is_finite())
     }
+
+    /// Whether it moves no faster than this, m/s.
+    pub fn is_within(&self, speed_m_s: f32) -> bool {
+        self.linear.iter().map(|v| v * v).sum::<f32>() <= speed_m_s * speed_m_s
+    }
 }
 
 /// How a body moves.

@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{BodyRecord, Drive, JointRecord, Velocity, WorldPose};
+use super::{BodyRecord, Check, Drive, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
 /// The owner's word on a body that the receiver holds a replica of.
@@ -279,4 +279,16 @@ pub struct RegionEvents {
     pub touches: Vec<Touch>,
     /// In order of appearance.
     pub forces: Vec<ContactForce>,
+}
+
+impl RegionEvents {
+    /// Leaves numbers out that may not travel: those of contacts with a body that is no longer finite.
+    pub fn make_tellable(&mut self) {
+        for touch in &mut self.touches {
+            if touch.check().is_err() {
+                (touch.point, touch.normal, touch.speed) = ([0.0; 3], [0.0; 3], 0.0);
+            }
+        }
+        self.forces.retain(|force| force.check().is_ok());
+    }
 }

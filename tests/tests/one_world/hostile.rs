@@ -10,7 +10,7 @@ use dcd::protocol::{
 };
 use dcd::space::Bounds;
 use proptest::prelude::*;
-use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
+use rapier3d::prelude::{ActiveEvents, ColliderBuilder, RigidBodyBuilder};
 
 use super::scenery::{place, scene, things, world};
 
@@ -141,24 +141,34 @@ proptest! {
     }
 
     #[test]
-    fn whatever_shape_an_avatar_has_the_world_goes_on(
+    fn whatever_an_avatar_is_the_world_goes_on_and_may_be_told(
         things in things(),
         shapes in shapes(),
-        at in place(),
-        speed in prop::array::uniform3(-20.0f32..20.0),
+        pose in pose(),
+        (speed, spin) in (vector(), vector()),
+        (density, damping, gravity) in (number(), number(), number()),
     ) {
         let mut library = ShapeLibrary::default();
         for shape in &shapes {
             prop_assume!(shape.suits_clients() && shape.check().is_ok() && library.add(shape.clone()).is_ok());
         }
         let shape = library.shape(shapes.last().expect("there is one").hash()).expect("it was added");
+        let collider = ColliderBuilder::new(shape).density(density.abs()).active_events(ActiveEvents::all());
+        let mut avatar = RigidBodyBuilder::dynamic().linvel(speed.into()).angvel(spin.into());
+        avatar = avatar.linear_damping(damping.abs()).gravity_scale(gravity);
+        prop_assume!(pose.check().is_ok());
         let mut world = world(&scene(&things), 2, Coupling::Proxy);
-        let avatar = RigidBodyBuilder::dynamic().translation(at.into()).linvel(speed.into());
-        let avatar = world.insert(avatar, ColliderBuilder::new(shape)).unwrap();
+        world.insert_at(pose, avatar, vec![collider]).unwrap();
         for _ in 0..10 {
             world.step().unwrap();
+            for (id, _, pose, velocity) in world.states() {
+                let told = pose.check().and(velocity.check());
+                prop_assert!(told.is_ok(), "{told:?}: {id} is at {pose:?} and moves by {velocity:?}");
+            }
+            let events = world.events();
+            for told in events.touches.iter().map(Check::check).chain(events.forces.iter().map(Check::check)) {
+                prop_assert!(told.is_ok(), "{told:?}: {events:?}");
+            }
         }
-        let pose = world.pose(avatar).unwrap();
-        prop_assert!(pose.check().is_ok(), "{pose:?}");
     }
 }

@@ -5,7 +5,9 @@ use super::common::Common;
 use super::group::Group;
 use super::{Server, ServerOutput};
 use crate::cluster::{Life, Peer};
-use crate::protocol::{BodyRecord, Drive, FromClient, Message, Refusal, ShapeRecord, ToClient, WorldOp};
+use crate::protocol::{
+    BodyRecord, BodyState, Drive, FromClient, Message, Refusal, ShapeRecord, ToClient, WorldOp,
+};
 use crate::space::{BodyId, ClientId, Epoch, Tick};
 
 /// The most avatars of one client.
@@ -30,6 +32,8 @@ impl Server {
                     Some(Refusal::Exists)
                 } else if record.avatars(client).len() >= MAX_AVATARS {
                     Some(Refusal::TooMany)
+                } else if !body.state.velocity.is_within(self.common.config.world.avatar_speed_limit) {
+                    Some(Refusal::TooFast)
                 } else if !record.admits(&body, &shapes, self.common.config.can_build) {
                     Some(Refusal::Shape)
                 } else {
@@ -38,8 +42,9 @@ impl Server {
                 if refusal.is_none() {
                     for group in self.groups.values_mut() {
                         let shapes = group.record.learn(shapes.clone());
-                        // A stranger's epoch counts for nothing: epochs are ours to give.
-                        group.record.insert(BodyRecord { epoch: Epoch(0), ..body.clone() });
+                        // Epochs are ours to give, and clients push nothing.
+                        let state = BodyState { force: [0.0; 3], torque: [0.0; 3], ..body.state };
+                        group.record.insert(BodyRecord { epoch: Epoch(0), state, ..body.clone() });
                         group.introduce(&mut self.common, id, shapes);
                     }
                 }

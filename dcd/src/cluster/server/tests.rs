@@ -516,3 +516,22 @@ fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
     let hidden = vec![voxels.clone(), compound(&voxels)];
     assert!(!spawned(&mut server, 3, &compound(&voxels), hidden), "nor a part of it");
 }
+
+#[test]
+fn an_avatar_comes_no_faster_than_the_world_allows_and_nothing_pushes_it() {
+    let mut server = server();
+    let client = ClientId(7);
+    let hello = Message::Hello(Hello { version: VERSION, role: Role::Client });
+    server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
+    let limit = sim_world(2).avatar_speed_limit;
+    for (index, speed) in [(0, 0.99 * limit), (1, 1.01 * limit)] {
+        let mut body = sim_body(BodyId::avatar(client, index), [1.0; 3]);
+        body.state.velocity.linear[2] = -speed;
+        (body.state.force, body.state.torque) = ([1e9; 3], [1e9; 3]);
+        let spawn = Message::FromClient(client, FromClient::Spawn { body, shapes: Vec::new() });
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: spawn });
+    }
+    let state = server.record().body(BodyId::avatar(client, 0)).unwrap().state;
+    assert_eq!((state.velocity.linear[2], state.force, state.torque), (-0.99 * limit, [0.0; 3], [0.0; 3]));
+    assert!(server.record().body(BodyId::avatar(client, 1)).is_none());
+}

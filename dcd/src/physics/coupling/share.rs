@@ -9,7 +9,7 @@ use crate::physics::convert;
 use crate::physics::record;
 use crate::physics::region::{Link, Region};
 use crate::physics::renumber::Renumbering;
-use crate::protocol::{BodyKind, BodyTraits, ColliderMass, CopyState, ExtraMass, MassRecord};
+use crate::protocol::{BodyKind, BodyTraits, Check, ColliderMass, CopyState, ExtraMass, MassRecord};
 use crate::space::RegionSet;
 
 /// What a region knows of a body that it shares with others.
@@ -117,7 +117,7 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared
         return;
     }
     let (force, torque) = strain(body, region.physics().gravity, shared);
-    shared.own = CopyState {
+    let own = CopyState {
         id: slot.id,
         pose: convert::world_from_region(region.anchor(), body.position()),
         velocity: convert::velocity_of(body),
@@ -128,6 +128,9 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared
         partners: if body.is_dynamic() { partners(region, handle) } else { 0 },
         island,
     };
+    // What cannot be told says nothing, as a copy that Rapier has set aside.
+    let unsound = CopyState { id: slot.id, island, ..CopyState::default() };
+    shared.own = if own.check().is_ok() { own } else { unsound };
 }
 
 /// Rapier has set every copy aside: so is the body, until its user enables it.

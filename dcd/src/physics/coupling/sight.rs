@@ -256,7 +256,7 @@ fn near(region: &Region, link: Link, tick_s: f32) -> Near {
     let ahead_s = AHEAD_TICKS * tick_s;
     let turn_m = (body.angvel().length() * ahead_s).min(1.0) * region.slot(link.handle).reach_m;
     let bounds = region.world_bounds(link.handle).grown(MARGIN_M + f64::from(turn_m));
-    let velocity = body.linvel();
+    let velocity = Vector::from_array(convert::velocity_of(body).linear);
     let swept = swept(&bounds, velocity.to_array(), f64::from(ahead_s));
     Near { link, bounds, velocity, swept, awake: true, island: 1, free: false }
 }

@@ -125,7 +125,7 @@ pub struct Region {
     step_us: f64,
     #[serde(skip)]
     mean_step_us: f64,
-    /// Bodies that became this region's own in the last exchange.
+    /// Bodies that became this region's own in the exchange under way.
     pub(super) arrived: Vec<Link>,
     /// By Rapier's body index: the tick at which the coupling must look at the body again. Kept apart from the slots, so
     /// that passing over a body far from any border touches four bytes.

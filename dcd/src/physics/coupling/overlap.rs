@@ -38,7 +38,6 @@ pub(super) fn apply<'a>(
     ground: Ground<'_>,
     moment: Moment<'_>,
 ) -> Result<(), ShapeError> {
-    region.arrived.clear();
     held::cover_hubs(region, ground)?;
     cover_far(region, ground)?;
     for message in inbox.clone() {

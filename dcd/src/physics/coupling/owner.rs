@@ -33,7 +33,6 @@ pub(super) fn apply<'a>(
     inbox: impl Iterator<Item = &'a BorderMessage>,
     ground: Ground<'_>,
 ) -> Result<(), ShapeError> {
-    region.arrived.clear();
     held::cover_hubs(region, ground)?;
     for message in inbox {
         let sender = ground.partition.rank_of(message.from).expect("messages come from regions of this tree");

@@ -568,10 +568,12 @@ impl RegionHost {
                 self.handovers.push(Handover { body: transfer.body.id, from: message.from, to: message.to });
             }
         }
-        for region in &self.regions {
+        for region in &mut self.regions {
+            let rank = region.rank();
             self.transfers += region.arrived.len() as u64;
-            for link in &region.arrived {
-                self.directory.set(link.id, Home { rank: region.rank(), handle: link.handle });
+            // Once: what arrived may be gone when the region, at rest, has not looked at its letters since.
+            for link in region.arrived.drain(..) {
+                self.directory.set(link.id, Home { rank, handle: link.handle });
             }
         }
     }

@@ -232,6 +232,7 @@ impl RegionHost {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::region::Link;
     use crate::physics::{Coupling, Partition, StepSettings};
     use crate::space::{Axis, Bounds, DistributionTree};
 
@@ -261,6 +262,21 @@ mod tests {
             host.step().unwrap();
         }
         host
+    }
+
+    #[test]
+    fn what_arrived_and_was_removed_does_not_come_back() {
+        let mut host = pair();
+        let id = BodyId::persistent(1);
+        let (region, handle) = host.owned(id).unwrap();
+        let (rank, transfers) = (region.rank(), host.transfers());
+        host.regions[rank].arrived.push(Link { id, handle });
+        host.note_arrivals();
+        assert_eq!(host.owned(id).map(|(region, _)| region.rank()), Some(rank));
+        host.remove(id);
+        // An exchange that is not this region's.
+        host.note_arrivals();
+        assert!(host.owned(id).is_none() && host.transfers() == transfers + 1);
     }
 
     #[test]

@@ -170,7 +170,7 @@ impl Backend {
 
     pub(crate) fn contains(&self, id: BodyId) -> bool {
         match self {
-            Self::Local(world) => world.body(id).is_some(),
+            Self::Local(world) => world.contains(id),
             Self::Served(world) => world.contains(id),
             Self::Hosted(_) => false,
         }
@@ -382,19 +382,20 @@ impl Backend {
     pub(crate) fn each_state(&self, most: usize, look: impl FnMut(StateRow)) {
         match self {
             Self::Local(world) => {
-                let row = |(id, region, pose, velocity)| {
-                    let body = world.body(id);
+                let row = |(id, region, handle): (_, &Region, _)| {
+                    let (pose, velocity) = region.motion(handle);
+                    let body = &region.physics().bodies[handle];
                     StateRow {
                         id,
-                        region,
+                        region: region.id(),
                         pose,
                         velocity,
-                        user_data: body.map_or(0, |body| body.user_data as u64),
-                        sleeping: body.is_some_and(RigidBody::is_sleeping),
+                        user_data: body.user_data as u64,
+                        sleeping: body.is_sleeping(),
                         outside: false,
                     }
                 };
-                world.states().map(row).take(most).for_each(look);
+                world.host().owned_bodies().map(row).take(most).for_each(look);
             }
             Self::Served(world) => world.states().take(most).for_each(look),
             Self::Hosted(_) => {}

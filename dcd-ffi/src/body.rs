@@ -394,6 +394,7 @@ pub(crate) fn find(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
 }
 
 /// Why a handle names no body: its world shows none, or it is stale.
+#[cold]
 pub(crate) fn missing(world: &World, body: DcdBodyId) -> Failure {
     world.backend.check_sees().err().unwrap_or_else(|| stale("body", body.v))
 }

@@ -50,10 +50,7 @@ impl Cell {
         }
         match self.world.lock() {
             Ok(mut world) => Some(work(world.as_mut()?)),
-            Err(_) => Some(Err(Failure::new(
-                DCD_ERR_PANIC,
-                "a bug in dcd stopped an earlier call on this world; destroy it",
-            ))),
+            Err(_) => Some(Err(poisoned())),
         }
     }
 
@@ -127,6 +124,7 @@ impl Cell {
     }
 
     /// Waits until no step runs in the background.
+    #[cold]
     fn settled(&self) -> MutexGuard<'_, Background> {
         let stepping = |_: &mut Background| self.stepping.load(Ordering::Acquire);
         self.done.wait_while(self.background(), stepping).unwrap_or_else(PoisonError::into_inner)
@@ -147,6 +145,11 @@ impl Cell {
             self.done.notify_all();
         }
     }
+}
+
+#[cold]
+fn poisoned() -> Failure {
+    Failure::new(DCD_ERR_PANIC, "a bug in dcd stopped an earlier call on this world; destroy it")
 }
 
 fn panicked() -> Failure {

@@ -9,17 +9,24 @@ use crate::status::{DCD_ERR_PANIC, DCD_OK, DcdStatus, Failure, remember};
 ///
 /// Unwind safety: state that a panic could leave half changed lies in a world, whose lock is poisoned by it.
 pub(crate) fn guard(function: &'static str, body: impl FnOnce() -> Result<(), Failure>) -> DcdStatus {
-    let failure = match catch_unwind(AssertUnwindSafe(body)) {
-        Ok(Ok(())) => return DCD_OK,
-        Ok(Err(failure)) => failure,
-        Err(payload) => Failure::new(
-            DCD_ERR_PANIC,
-            format!("a bug in dcd ({}); destroy the world, and report this", panic_message(&*payload)),
-        ),
-    };
+    match catch_unwind(AssertUnwindSafe(body)) {
+        Ok(Ok(())) => DCD_OK,
+        Ok(Err(failure)) => fail(function, failure),
+        Err(payload) => fail(function, panicked(payload)),
+    }
+}
+
+#[cold]
+fn fail(function: &'static str, failure: Failure) -> DcdStatus {
     remember(function, &failure);
     tracing::debug!(status = failure.status, "{function}: {}", failure.message);
     failure.status
+}
+
+#[cold]
+fn panicked(payload: Box<dyn Any + Send>) -> Failure {
+    let message = panic_message(&*payload);
+    Failure::new(DCD_ERR_PANIC, format!("a bug in dcd ({message}); destroy the world, and report this"))
 }
 
 /// The same for the few functions that return something else; `fallback` stands for failure.

@@ -133,12 +133,15 @@ impl Mark {
 }
 
 pub(crate) fn not_null(v: u64, what: &str) -> Result<u64, Failure> {
-    if v == 0 {
-        return Err(Failure::new(DCD_ERR_NULL, format!("the {what} is null (v is 0); create one first")));
-    }
-    Ok(v)
+    if v == 0 { Err(null(what)) } else { Ok(v) }
 }
 
+#[cold]
+fn null(what: &str) -> Failure {
+    Failure::new(DCD_ERR_NULL, format!("the {what} is null (v is 0); create one first"))
+}
+
+#[cold]
 pub(crate) fn stale(what: &str, v: u64) -> Failure {
     Failure::new(
         DCD_ERR_STALE_ID,

@@ -41,10 +41,12 @@ pub(crate) fn inside() -> bool {
 
 /// Fails when called from the user's function.
 pub(crate) fn check_outside() -> Result<(), Failure> {
-    if !inside() {
-        return Ok(());
-    }
-    Err(Failure::new(DCD_ERR_BUSY, "called from within the log callback; note it there and call later"))
+    if inside() { Err(busy()) } else { Ok(()) }
+}
+
+#[cold]
+fn busy() -> Failure {
+    Failure::new(DCD_ERR_BUSY, "called from within the log callback; note it there and call later")
 }
 
 /// Replaces the user's function; when this returns, the old one neither runs nor will.

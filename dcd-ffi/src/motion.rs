@@ -99,13 +99,17 @@ pub unsafe extern "C" fn dcd_body_get(
             )
         };
         with(world, |world| {
-            let motion = world.backend.motion(world.mark.body_id(body)?);
-            let (now, moves) = motion.ok_or_else(|| missing(world, body))?;
-            if let Some(out) = pose {
-                out.write(now.into());
-            }
-            if let Some(out) = velocity {
-                out.write(moves.into());
+            let id = world.mark.body_id(body)?;
+            let missing = || missing(world, body);
+            match (pose, velocity) {
+                (Some(pose), None) => pose.write(world.backend.pose(id).ok_or_else(missing)?.into()),
+                (None, Some(out)) => out.write(world.backend.velocity(id).ok_or_else(missing)?.into()),
+                (Some(pose), Some(out)) => {
+                    let (now, moves) = world.backend.motion(id).ok_or_else(missing)?;
+                    pose.write(now.into());
+                    out.write(moves.into());
+                }
+                (None, None) => drop(find(world, body)?),
             }
             Ok(())
         })

@@ -125,13 +125,20 @@ impl<T> Room<T> {
 
 /// Whether a pointer can point to one or more `T`.
 pub(crate) fn check<T>(pointer: *const T, name: &str) -> Result<(), Failure> {
-    if pointer.is_null() {
-        return Err(Failure::new(DCD_ERR_NULL, format!("{name} is null; point it to valid memory")));
-    }
-    if !pointer.is_aligned() {
-        return Err(Failure::argument(format!("{name} is not aligned to {} bytes", align_of::<T>())));
+    if pointer.is_null() || !pointer.is_aligned() {
+        return Err(bad_pointer(pointer.is_null(), name, align_of::<T>()));
     }
     Ok(())
+}
+
+/// Out of the way of calls that are right, as all that only says what is wrong.
+#[cold]
+fn bad_pointer(is_null: bool, name: &str, alignment: usize) -> Failure {
+    if is_null {
+        Failure::new(DCD_ERR_NULL, format!("{name} is null; point it to valid memory"))
+    } else {
+        Failure::argument(format!("{name} is not aligned to {alignment} bytes"))
+    }
 }
 
 /// Whether a bulk call of so many items is within bounds.

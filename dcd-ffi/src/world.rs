@@ -1,5 +1,6 @@
 //! Worlds: making, finding, destroying.
 
+use std::cell::RefCell;
 use std::ffi::c_char;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -188,19 +189,22 @@ pub(crate) fn with<R>(
 ) -> Result<R, Failure> {
     log::check_outside()?;
     not_null(world.v, "world")?;
-    let (handle, cell) = match LAST.take() {
-        Some(last) if last.0 == world.v => last,
-        _ => (world.v, cell(world)?),
-    };
-    let Some(done) = cell.with(work) else { return Err(stale("world", handle)) };
-    LAST.set(Some((handle, cell)));
-    done
+    LAST.with(|last| {
+        if last.borrow().as_ref().is_none_or(|(handle, _)| *handle != world.v) {
+            let found = cell(world)?;
+            last.replace(Some((world.v, found)));
+        }
+        // No call is made within another on this thread, so nobody replaces it meanwhile.
+        let last = last.borrow();
+        let done = last.as_ref().and_then(|(_, cell)| cell.with(work));
+        done.unwrap_or_else(|| Err(stale("world", world.v)))
+    })
 }
 
 thread_local! {
     /// The world that this thread last called, so that it is not looked for again: handles are never given twice. Once it is
     /// destroyed, nothing is left in its cell.
-    static LAST: std::cell::Cell<Option<(u64, Arc<Cell>)>> = const { std::cell::Cell::new(None) };
+    static LAST: RefCell<Option<(u64, Arc<Cell>)>> = const { RefCell::new(None) };
 }
 
 pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {

@@ -33,6 +33,7 @@ pub(crate) fn region_from_world(anchor: [f64; 3], pose: &WorldPose) -> Pose {
 }
 
 /// What has left the world is told at its edge: farther out no message may have it.
+#[inline]
 pub(crate) fn world_from_region(anchor: [f64; 3], pose: &Pose) -> WorldPose {
     let translation = world_point(anchor, pose.translation).map(|v| v.clamp(-WORLD_REACH_M, WORLD_REACH_M));
     WorldPose { translation, rotation: pose.rotation.to_array() }
@@ -42,12 +43,14 @@ pub(crate) fn region_point(anchor: [f64; 3], point: [f64; 3]) -> Vector {
     Vector::from_array(std::array::from_fn(|i| (point[i] - anchor[i]) as f32))
 }
 
+#[inline]
 pub(crate) fn world_point(anchor: [f64; 3], point: Vector) -> [f64; 3] {
     let point = point.to_array();
     std::array::from_fn(|i| f64::from(point[i]) + anchor[i])
 }
 
 /// A body that follows poses keeps what a contact with a broken one has made of its velocity; it is told as at rest.
+#[inline]
 pub(crate) fn velocity_of(body: &RigidBody) -> Velocity {
     let velocity = Velocity { linear: body.linvel().to_array(), angular: body.angvel().to_array() };
     if velocity.is_finite() { velocity } else { Velocity::default() }

@@ -26,6 +26,7 @@ pub(super) struct Directory {
 }
 
 impl Directory {
+    #[inline]
     pub(super) fn home(&self, id: BodyId) -> Option<Home> {
         match dense_index(id) {
             Some(index) => *self.dense.get(index)?,
@@ -69,6 +70,7 @@ impl Directory {
     }
 }
 
+#[inline]
 fn dense_index(id: BodyId) -> Option<usize> {
     (id.client().is_none() && id.index() < DENSE).then_some(id.index() as usize)
 }

@@ -411,9 +411,19 @@ impl DcdWorld {
         self.host.regions().iter().find_map(|region| region.physics().bodies.get(region.handle_of(body)?))
     }
 
+    /// Whether the world has a body.
+    #[inline]
+    pub fn contains(&self, body: BodyId) -> bool {
+        self.host.owned(body).is_some() || self.host.immovable(body).is_some()
+    }
+
     /// Where a body is, in world space.
+    #[inline]
     pub fn pose(&self, body: BodyId) -> Option<WorldPose> {
-        self.motion(body).map(|(pose, _)| pose)
+        match self.host.owned(body) {
+            Some((region, handle)) => Some(region.world_pose(handle)),
+            None => self.host.immovable(body).map(|record| record.state.pose),
+        }
     }
 
     /// The mass of a body in kilograms, whole even where several regions share it; 0 for a fixed one.
@@ -422,11 +432,16 @@ impl DcdWorld {
     }
 
     /// How a body moves; zero for an immovable one.
+    #[inline]
     pub fn velocity(&self, body: BodyId) -> Option<Velocity> {
-        self.motion(body).map(|(_, velocity)| velocity)
+        match self.host.owned(body) {
+            Some((region, handle)) => Some(region.velocity(handle)),
+            None => self.host.immovable(body).map(|record| record.state.velocity),
+        }
     }
 
     /// [`DcdWorld::pose`] and [`DcdWorld::velocity`] of a body, by one look-up.
+    #[inline]
     pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
         match self.host.owned(body) {
             Some((region, handle)) => Some(region.motion(handle)),

@@ -17,7 +17,6 @@ use rapier3d::prelude::*;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::convert;
 use super::coupling::{Coupling, Ground, Moment};
 use super::directory::{Directory, Home};
 use super::follow;
@@ -487,6 +486,7 @@ impl RegionHost {
     }
 
     /// The owner's copy of a movable body, if its region is computed here.
+    #[inline]
     pub fn owned(&self, id: BodyId) -> Option<(&Region, RigidBodyHandle)> {
         let home = self.directory.home(id)?;
         let region = &self.regions[self.place_of[home.rank]?];
@@ -518,8 +518,8 @@ impl RegionHost {
     /// Every movable body owned here in id order, with its region.
     pub fn states(&self) -> impl Iterator<Item = (BodyId, RegionId, WorldPose, Velocity)> {
         self.owned_bodies().map(|(id, region, handle)| {
-            let body = &region.physics().bodies[handle];
-            (id, region.id(), region.world_pose(handle), convert::velocity_of(body))
+            let (pose, velocity) = region.motion(handle);
+            (id, region.id(), pose, velocity)
         })
     }
 

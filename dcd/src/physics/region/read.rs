@@ -14,12 +14,20 @@ impl Region {
     }
 
     /// A body's pose in world space, as this region sees it.
+    #[inline]
     pub fn world_pose(&self, handle: RigidBodyHandle) -> WorldPose {
         convert::world_from_region(self.anchor, self.world.bodies[handle].position())
     }
 
-    /// Where the body is, in world space, and how it moves.
-    pub(crate) fn motion(&self, handle: RigidBodyHandle) -> (WorldPose, Velocity) {
+    /// How a body moves, as this region sees it.
+    #[inline]
+    pub fn velocity(&self, handle: RigidBodyHandle) -> Velocity {
+        convert::velocity_of(&self.world.bodies[handle])
+    }
+
+    /// [`Region::world_pose`] and [`Region::velocity`] of a body, by one look-up.
+    #[inline]
+    pub fn motion(&self, handle: RigidBodyHandle) -> (WorldPose, Velocity) {
         let body = &self.world.bodies[handle];
         (convert::world_from_region(self.anchor, body.position()), convert::velocity_of(body))
     }

@@ -618,7 +618,9 @@ static void bulk(void)
     EXPECT(dcd_state_write(world, ids, 3, DCD_FIELD_POSE, poses, sizeof poses[0], each), DCD_OK);
     HOLDS(each[0] == DCD_OK && each[1] == DCD_ERR_ARGUMENT && each[2] == DCD_OK);
     ids[1] = NO_BODY;
+    poses[0].p[0] = 7.0;
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_NULL);
+    HOLDS(poses[0].p[0] == 7.0); /* nothing is written, not even of good bodies */
     EXPECT(dcd_body_destroy(world, ids[2]), DCD_OK);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 0, each), DCD_OK);
     HOLDS(each[0] == DCD_OK && each[1] == DCD_ERR_NULL && each[2] == DCD_ERR_STALE_ID);

@@ -54,12 +54,6 @@ fn the_world_holds_when_all_goes_wrong_at_once() {
 }
 
 #[test]
-#[ignore = "an hour: cargo test --release -p dcd --lib -- --ignored fault_table"]
-fn the_whole_fault_table_holds_by_a_thousand_seeds() {
-    hold(&FaultProfile::TABLE, 0..1_000);
-}
-
-#[test]
 fn a_planted_bug_is_found_within_a_thousand_seeds_and_told_with_its_seed() {
     let config = TrialConfig { lost_transfers: 1, ..TrialConfig::default() };
     let found = (0..1_000).find_map(|seed| {

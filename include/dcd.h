@@ -226,7 +226,8 @@
 // In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's.
 #define DCD_REFUSED_SHAPE 7
 
-// In DcdBodyChange.reason: too many avatars, or too much asked of them at a time.
+// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes:
+// use the shapes that you have.
 #define DCD_REFUSED_TOO_MANY 8
 
 // In DcdEventView.flags: the link to the server is gone; dcd_step says why.

@@ -115,7 +115,8 @@ pub const DCD_REFUSED_TOO_FAST: u32 = 5;
 pub const DCD_REFUSED_LATE: u32 = 6;
 /// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's.
 pub const DCD_REFUSED_SHAPE: u32 = 7;
-/// In DcdBodyChange.reason: too many avatars, or too much asked of them at a time.
+/// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes:
+/// use the shapes that you have.
 pub const DCD_REFUSED_TOO_MANY: u32 = 8;
 
 /// A body of a served world appeared or is gone, or a wish was refused. Bodies that were there on joining are not told of, and

@@ -192,6 +192,12 @@ impl Record {
         new
     }
 
+    /// How long those of some shapes are, as messages, that are not on record.
+    pub(super) fn bytes_of_new(&self, shapes: &[ShapeRecord]) -> usize {
+        let new = shapes.iter().filter(|shape| !self.shapes.contains_key(&shape.hash()));
+        new.map(|shape| encode_value(shape).len()).sum()
+    }
+
     /// Whether a body can be an avatar with its shapes, of which these came along, and whether these can be built.
     pub(super) fn admits(&self, avatar: &BodyRecord, brought: &[ShapeRecord], can_build: CanBuild) -> bool {
         let with: BTreeMap<_, _> = brought.iter().map(|shape| (shape.hash(), shape)).collect();

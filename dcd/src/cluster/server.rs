@@ -25,7 +25,7 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
-pub use self::avatars::MAX_AVATARS;
+pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
 pub use self::regroup::Grouping;
 pub use self::stored::RestoreError;
 
@@ -156,6 +156,7 @@ impl Server {
             now: Duration::ZERO,
             nodes: BTreeMap::new(),
             clients: BTreeMap::new(),
+            brought: BTreeMap::new(),
             number: ViewNumber(0),
             begun: false,
             stopping: false,

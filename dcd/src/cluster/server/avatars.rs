@@ -12,6 +12,9 @@ use crate::space::{BodyId, ClientId, Epoch, Tick};
 
 /// The most avatars of one client.
 pub const MAX_AVATARS: usize = 1_024;
+/// The most bytes of shapes that nobody knew before and that one client brings, over all of its visits while a server runs:
+/// shapes are never forgotten.
+pub const MAX_SHAPE_BYTES: usize = 1 << 20;
 
 impl Server {
     pub(super) fn hear_client(&mut self, client: ClientId, message: FromClient) {
@@ -26,11 +29,13 @@ impl Server {
             }
             FromClient::Spawn { body, shapes } => {
                 let id = body.id;
+                let brought = self.common.brought.get(&client).copied().unwrap_or(0);
+                let brought = brought.saturating_add(record.bytes_of_new(&shapes));
                 let refusal = if id.client() != Some(client) {
                     Some(Refusal::NotYours)
                 } else if record.body(id).is_some() {
                     Some(Refusal::Exists)
-                } else if record.avatars(client).len() >= MAX_AVATARS {
+                } else if record.avatars(client).len() >= MAX_AVATARS || brought > MAX_SHAPE_BYTES {
                     Some(Refusal::TooMany)
                 } else if !body.state.velocity.is_within(self.common.config.world.avatar_speed_limit) {
                     Some(Refusal::TooFast)
@@ -40,6 +45,7 @@ impl Server {
                     None
                 };
                 if refusal.is_none() {
+                    self.common.brought.insert(client, brought);
                     for group in self.groups.values_mut() {
                         let shapes = group.record.learn(shapes.clone());
                         // Epochs are ours to give, and clients push nothing.

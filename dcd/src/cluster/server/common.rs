@@ -66,6 +66,8 @@ pub(super) struct Common {
     pub now: Duration,
     pub nodes: BTreeMap<NodeId, NodeEntry>,
     pub clients: BTreeMap<ClientId, ClientEntry>,
+    /// Bytes of shapes that clients have brought, those included that are gone.
+    pub brought: BTreeMap<ClientId, usize>,
     /// The newest view number in use, over all groups.
     pub number: ViewNumber,
     pub begun: bool,

@@ -518,6 +518,36 @@ fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
 }
 
 #[test]
+fn a_client_that_keeps_inventing_shapes_is_refused_and_others_are_not() {
+    let mut server = server();
+    let spawned = |server: &mut Server, client, shape: &ShapeRecord| {
+        let id = BodyId::avatar(client, 0);
+        let mut body = sim_body(id, [1.0; 3]);
+        Arc::make_mut(&mut body.traits).colliders.push(collider(shape));
+        let hello = Message::Hello(Hello { version: VERSION, role: Role::Client });
+        let spawn = Message::FromClient(client, FromClient::Spawn { body, shapes: vec![shape.clone()] });
+        let despawn = Message::FromClient(client, FromClient::Despawn(id));
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: spawn });
+        let is_there = server.record().body(id).is_some();
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: despawn });
+        let leave = Message::FromClient(client, FromClient::Leave);
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: leave });
+        is_there
+    };
+    // Some 100 kB each, and no two alike.
+    let hull = |n: usize| {
+        let point = |i: usize| [n as f32 + 1.0 / (i + 1) as f32, (i % 97) as f32, (i % 89) as f32];
+        ShapeRecord::ConvexPolyhedron((0..8_500).map(point).collect(), Vec::new())
+    };
+    let came = (0..20).take_while(|&n| spawned(&mut server, ClientId(7), &hull(n))).count();
+    assert!((5..15).contains(&came), "{came} came within a MiB");
+    assert!(!spawned(&mut server, ClientId(7), &hull(99)), "though it left and came back");
+    assert!(spawned(&mut server, ClientId(7), &hull(0)), "what is known costs nothing");
+    assert!(spawned(&mut server, ClientId(8), &hull(99)), "others are not its judge");
+}
+
+#[test]
 fn an_avatar_comes_no_faster_than_the_world_allows_and_nothing_pushes_it() {
     let mut server = server();
     let client = ClientId(7);

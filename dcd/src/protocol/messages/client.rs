@@ -190,8 +190,8 @@ pub enum Refusal {
         "a shape is unknown, cannot be built, or is not for avatars: send it with the body, a hull, box, ball or compound of them"
     )]
     Shape,
-    /// Too many bodies or updates at once.
-    #[error("too many avatars or updates: fewer, or less often")]
+    /// Too many bodies or updates at once, or too many shapes brought (`cluster::MAX_SHAPE_BYTES`).
+    #[error("too many avatars, new shapes or updates: fewer, or less often; use shapes again")]
     TooMany,
 }
 

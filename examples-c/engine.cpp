@@ -2,6 +2,8 @@
  *
  *   engine [FOLDER [SECONDS]]
  *
+ * FOLDER is `frames` unless told otherwise, and is made.
+ *
  * A wheel sweeps balls and boxes about on a plain of four regions; colours are the regions that own them, lighter is higher. The
  * frames are simulated, 30 a second, so that the program always draws the same. */
 #include "dcd.hpp"
@@ -10,7 +12,9 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <string>
+#include <system_error>
 #include <vector>
 
 namespace {
@@ -229,10 +233,16 @@ private:
 
 int main(int argc, char **argv)
 {
-    const std::string folder = argc > 1 ? argv[1] : ".";
+    const std::string folder = argc > 1 ? argv[1] : "frames";
     const double seconds = argc > 2 ? std::strtod(argv[2], nullptr) : 2.0;
     if (argc > 3 || !(seconds > 0.0)) {
         std::fprintf(stderr, "usage: engine [FOLDER [SECONDS]]\n");
+        return EXIT_FAILURE;
+    }
+    std::error_code failed;
+    std::filesystem::create_directories(folder, failed);
+    if (failed) {
+        std::fprintf(stderr, "engine: cannot make the folder %s: %s\n", folder.c_str(), failed.message().c_str());
         return EXIT_FAILURE;
     }
     dcd::version_check().expect();

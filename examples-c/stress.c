@@ -112,6 +112,9 @@ int main(int argc, char **argv)
         check(dcd_step(world));
         const double step = now() - start;
         whole += step;
+        if (isatty(STDERR_FILENO)) {
+            fprintf(stderr, "\rstep %zu of %zu%s", i + 1, steps, i + 1 < steps ? "" : "\r\033[K");
+        }
         longest = step > longest ? step : longest;
     }
     printf("stepped  %8.2f ms a step of %zu bodies in %zu regions, %.2f ms at most\n", whole * 1e3 / (double)steps, count,

@@ -1598,7 +1598,7 @@ DCD_API DcdStatus dcd_log_set(DcdLogFn function, void *user, DcdLogLevel most);
 DCD_API DcdStatus dcd_world_create(const DcdWorldDef *def, DcdWorld *out);
 
 // Makes a local world that holds what a scene says: a scene of the library ("tower", "pile", "chain" …) or a file, whose
-// name ends in ".toml". Body i of the scene is dcd_body_at(world, i).
+// name ends in .toml, .xml, .mjcf or .urdf. Body i of the scene is dcd_body_at(world, i).
 //
 // `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
 // there are none. Of `def` only threads, regions, user_data and what follows it count, the scene says the rest; null is
@@ -1628,7 +1628,8 @@ DCD_API bool dcd_world_is_valid(DcdWorld world);
 DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 
 // Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
-// whole world, as it is on its record. It need not have nodes yet: the world stands still until it has.
+// whole world, as it is on its record: up to two seconds old, of tick 0, and without who computes what, until the first states
+// have come from the nodes. It need not have nodes yet: the world stands still until it has.
 //
 // The handle is used like that of a local world; what differs:
 // - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands

@@ -10,7 +10,7 @@
  * is returned is always good and a Status may be dropped. Programs may mix files of both kinds.
  *
  *     dcd::Result<dcd::World> world = dcd::World::create();
- *     if (!world) { report(world.status().code(), dcd::last_error()); }
+ *     if (!world) { report(world.status().code(), world.status().message()); }
  *     dcd::Status stepped = world->step();
  *
  * Lifetimes. A World destroys what it made, an Owned its one body, shape or joint; both move and do not copy. Ids are numbers:
@@ -22,6 +22,10 @@
  */
 #ifndef DCD_HPP
 #define DCD_HPP
+
+#if !defined(_MSC_VER) && __cplusplus < 201703L
+#error "dcd.hpp needs C++17: compile with -std=c++17 or later"
+#endif
 
 #include "dcd.h"
 
@@ -196,11 +200,13 @@ public:
     /* Of what a function of dcd.h returned. */
     explicit Status(DcdStatus code) : code_(code)
     {
-#ifdef DCD_EXCEPTIONS
         if (code != DCD_OK) {
+#ifdef DCD_EXCEPTIONS
             throw Error(code);
-        }
+#else
+            message_ = last_error();
 #endif
+        }
     }
 
     explicit operator bool() const noexcept { return code_ == DCD_OK; }
@@ -208,26 +214,29 @@ public:
     DcdStatus code() const noexcept { return code_; }
     /* Its name, as "DCD_ERR_NULL". */
     const char *name() const noexcept { return dcd_status_string(code_); }
+    /* What dcd_last_error said of it; empty of a call that did what it says. */
+    const std::string &message() const noexcept { return message_; }
     /* Ends the program with the library's own words if the call failed. */
     void expect() const
     {
         if (code_ != DCD_OK) {
-            std::fprintf(stderr, "%s: %s\n", name(), last_error().c_str());
+            std::fprintf(stderr, "%s: %s\n", name(), message_.c_str());
             std::abort();
         }
     }
 
 private:
     DcdStatus code_;
+    std::string message_;
 };
 
 /* What a call gave, or why it gave nothing. */
 template <class T> class DCD_NODISCARD_ Result {
 public:
-    Result(Status status, T value) : status_(status), value_(std::move(value)) {}
+    Result(Status status, T value) : status_(std::move(status)), value_(std::move(value)) {}
 
     explicit operator bool() const noexcept { return bool(status_); }
-    Status status() const noexcept { return status_; }
+    Status status() const { return status_; }
     /* What the call gave. Ends the program with the library's own words if it failed. */
     T &value() &
     {

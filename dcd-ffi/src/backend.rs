@@ -47,7 +47,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world),
             Self::Served(world) => Err(world.unsupported(what, instead)),
-            Self::Hosted(world) => Err(world.unsupported(what)),
+            Self::Hosted(world) => Err(world.unsupported(what, ONLY_LOCAL)),
         }
     }
 
@@ -55,7 +55,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world),
             Self::Served(world) => Err(world.unsupported(what, instead)),
-            Self::Hosted(world) => Err(world.unsupported(what)),
+            Self::Hosted(world) => Err(world.unsupported(what, ONLY_LOCAL)),
         }
     }
 
@@ -156,7 +156,7 @@ impl Backend {
                 "leave sleep_linear, sleep_angular and sleep_after as DCD_BODY_DEF_INIT has them",
             )),
             Self::Served(world) => world.spawn(pose, &body, collider),
-            Self::Hosted(world) => Err(world.unsupported("make bodies")),
+            Self::Hosted(world) => Err(world.blind("make bodies")),
         }
     }
 
@@ -164,7 +164,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.remove(id)?),
             Self::Served(world) => world.despawn(id),
-            Self::Hosted(world) => Err(world.unsupported("destroy bodies")),
+            Self::Hosted(world) => Err(world.blind("destroy bodies")),
         }
     }
 
@@ -269,7 +269,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.set_pose(id, pose)?),
             Self::Served(world) => world.jump(id, pose),
-            Self::Hosted(world) => Err(world.unsupported("move bodies")),
+            Self::Hosted(world) => Err(world.blind("move bodies")),
         }
     }
 
@@ -277,7 +277,7 @@ impl Backend {
         match self {
             Self::Local(world) => Ok(world.set_velocity(id, velocity)?),
             Self::Served(world) => world.drive(id, velocity),
-            Self::Hosted(world) => Err(world.unsupported("move bodies")),
+            Self::Hosted(world) => Err(world.blind("move bodies")),
         }
     }
 
@@ -353,17 +353,18 @@ impl Backend {
     pub(crate) fn check_sees(&self) -> Result<(), Failure> {
         match self {
             Self::Local(_) | Self::Served(_) => Ok(()),
-            Self::Hosted(world) => Err(world.unsupported("see the bodies of its world")),
+            Self::Hosted(world) => Err(world.blind("see the bodies of its world")),
         }
     }
 
-    /// What is hosted here, or why this role cannot do `what`.
-    pub(crate) fn hosted(&self, what: &str) -> Result<&Hosted, Failure> {
+    /// What is hosted here, or why this role cannot do `what`, and what to do instead.
+    pub(crate) fn hosted(&self, what: &str, instead: &str) -> Result<&Hosted, Failure> {
         match self {
             Self::Hosted(world) => Ok(world),
-            Self::Served(world) => Err(world.unsupported(what, "ask a server or a node")),
+            Self::Served(world) => Err(world.unsupported(what, instead)),
             Self::Local(_) => {
-                let why = format!("a local world cannot {what}: it has no network; ask a server or a node");
+                let why =
+                    format!("a local world cannot {what}: it has no network; serve it (dcd_server_create)");
                 Err(Failure::new(DCD_ERR_UNSUPPORTED, why))
             }
         }
@@ -464,7 +465,7 @@ impl Backend {
 
     pub(crate) fn state_hash(&self) -> Result<u64, Failure> {
         let instead =
-            "it hears of bodies at different ticks; ask the server for the hash of a world that ended";
+            "it hears of bodies at different ticks; compare hashes of local worlds (dcd_world_create)";
         Ok(self.local("compute the state's hash", instead)?.state_hash())
     }
 
@@ -509,7 +510,7 @@ impl Backend {
         match self {
             Self::Local(_) => Ok(()),
             Self::Served(world) => world.turn_to(area),
-            Self::Hosted(world) => Err(world.unsupported("have an interest")),
+            Self::Hosted(world) => Err(world.blind("have an interest")),
         }
     }
 
@@ -569,6 +570,7 @@ static NO_EVENTS: WorldEvents = WorldEvents { touches: Vec::new(), forces: Vec::
 const CHANGE_BODY: &str = "change a body in place";
 const NO_CHANGE: &str = "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose";
 const NO_SURFACE: &str = "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene";
+const ONLY_LOCAL: &str = "this is for worlds that one process computes alone (dcd_world_create)";
 const NO_SNAPSHOT: &str = "the server keeps the world in its data folder";
 const NO_JOINTS: &str = "joints belong to the scene that the server was given";
 

@@ -10,7 +10,7 @@ use crate::guard::{guard, guard_value};
 use crate::handle::stale;
 use crate::motion::{check_pose, check_velocity};
 use crate::part::{DCD_PART_ANY_GROUP, DCD_PART_SENSOR, DcdCombineRule, DcdPartProperties};
-use crate::pointer::{self, Out, Sized32};
+use crate::pointer::{self, Out, Sized32, check_reserved};
 use crate::properties::DcdBodyProperties;
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
@@ -161,6 +161,7 @@ pub struct DcdBodyDef {
 unsafe impl Sized32 for DcdBodyDef {
     const NAME: &'static str = "DcdBodyDef";
 }
+
 /// Makes a body. As dcd_bodies_create with one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_create(
@@ -307,6 +308,7 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
             format!("struct_size is {}; start each entry from DCD_BODY_DEF_INIT", def.struct_size),
         ));
     }
+    check_reserved(def.reserved)?;
     check_pose(&def.pose)?;
     check_velocity(&def.velocity)?;
     let (properties, part) = (def.properties(), def.part());
@@ -336,29 +338,31 @@ pub unsafe extern "C" fn dcd_bodies_destroy(
 ) -> DcdStatus {
     guard("dcd_bodies_destroy", || {
         // SAFETY: the caller vouches for `count` entries.
-        let bodies = unsafe { pointer::slice(bodies, count, "bodies")? };
-        with(world, |world| {
-            let mut ids = BTreeSet::new();
-            for &body in bodies {
-                let id = find(world, body)?;
-                if !ids.insert(id) {
-                    return Err(stale("body", body.v));
-                }
-            }
-            for id in ids {
-                world.events.departs(id, world.backend.user_data(id).unwrap_or(0));
-                world.backend.remove(id)?;
-            }
-            Ok(())
-        })
+        destroy(world, unsafe { pointer::slice(bodies, count, "bodies")? })
     })
 }
 
 /// Destroys one body. As dcd_bodies_destroy.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_destroy(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
-    // SAFETY: a reference to one body is valid for reading one.
-    unsafe { dcd_bodies_destroy(world, &body, 1) }
+    guard("dcd_body_destroy", || destroy(world, &[body]))
+}
+
+fn destroy(world: DcdWorld, bodies: &[DcdBodyId]) -> Result<(), Failure> {
+    with(world, |world| {
+        let mut ids = BTreeSet::new();
+        for &body in bodies {
+            let id = find(world, body)?;
+            if !ids.insert(id) {
+                return Err(stale("body", body.v));
+            }
+        }
+        for id in ids {
+            world.events.departs(id, world.backend.user_data(id).unwrap_or(0));
+            world.backend.remove(id)?;
+        }
+        Ok(())
+    })
 }
 
 /// Whether the id names a body of this world.

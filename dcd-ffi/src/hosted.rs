@@ -45,22 +45,27 @@ impl Hosted {
         }
     }
 
-    /// What this role cannot do.
-    pub(crate) fn unsupported(&self, what: &str) -> Failure {
+    /// What this role cannot do with the bodies of its world.
+    pub(crate) fn blind(&self, what: &str) -> Failure {
+        let instead =
+            "it works for others; join the world as a client (dcd_client_connect) to see it and play in it";
+        self.unsupported(what, instead)
+    }
+
+    /// What this role cannot do, and what to do instead.
+    pub(crate) fn unsupported(&self, what: &str, instead: &str) -> Failure {
         let role = match self.process {
             Process::Server(_) => "server",
             Process::Node(_) => "node",
         };
-        let instead =
-            "it works for others; join the world as a client (dcd_client_connect) to see it and play in it";
         Failure::new(DCD_ERR_UNSUPPORTED, format!("a {role} cannot {what}: {instead}"))
     }
 
     /// The server behind the handle.
-    pub(crate) fn server(&self, what: &str) -> Result<&ServerProcess, Failure> {
+    pub(crate) fn server(&self, what: &str, instead: &str) -> Result<&ServerProcess, Failure> {
         match &self.process {
             Process::Server(server) => Ok(server),
-            Process::Node(_) => Err(self.unsupported(what)),
+            Process::Node(_) => Err(self.unsupported(what, instead)),
         }
     }
 

@@ -11,7 +11,7 @@ use crate::body::DcdBodyId;
 use crate::guard::guard;
 use crate::pointer::{self, Out, Room, Sized32};
 use crate::served::Served;
-use crate::status::{DCD_ERR_NETWORK, DCD_ERR_TIMEOUT, DcdStatus, Failure};
+use crate::status::{DCD_ERR_NETWORK, DCD_ERR_NULL, DCD_ERR_TIMEOUT, DcdStatus, Failure};
 use crate::world::{self, DcdWorld, with};
 
 /// How a client joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
@@ -65,7 +65,8 @@ unsafe impl Sized32 for DcdParticipantDef {
 }
 
 /// Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
-/// whole world, as it is on its record. It need not have nodes yet: the world stands still until it has.
+/// whole world, as it is on its record: up to two seconds old, of tick 0, and without who computes what, until the first states
+/// have come from the nodes. It need not have nodes yet: the world stands still until it has.
 ///
 /// The handle is used like that of a local world; what differs:
 /// - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands
@@ -114,6 +115,7 @@ pub unsafe extern "C" fn dcd_participant_join(
         // SAFETY: the caller vouches for both pointers and for the texts.
         let (entry, threads, out) = unsafe {
             let def = pointer::read_sized(def, "def")?;
+            pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
             (entry, def.threads, Out::new(out, "out")?)
         };
@@ -170,8 +172,8 @@ impl Entry {
         // SAFETY: passed on.
         unsafe {
             Ok(Self {
-                server: pointer::text(server, "server")?.to_owned(),
-                token: pointer::text(token, "token")?.to_owned(),
+                server: given(server, "server", "the server's host:port, as \"192.0.2.7:7420\"")?,
+                token: given(token, "token", "what `dcd token` or dcd_token_create gave")?,
                 identity: if identity.is_null() {
                     None
                 } else {
@@ -216,12 +218,28 @@ impl Entry {
     }
 }
 
+/// A text that must be there.
+///
+/// # Safety
+/// It is null or NUL-terminated.
+unsafe fn given(text: *const c_char, name: &str, what: &str) -> Result<String, Failure> {
+    if text.is_null() {
+        return Err(Failure::new(DCD_ERR_NULL, format!("{name} is null; give {what}")));
+    }
+    // SAFETY: passed on.
+    unsafe { Ok(pointer::text(text, name)?.to_owned()) }
+}
+
 /// The addresses behind "host:port".
 fn resolve(server: &str) -> Result<Vec<SocketAddr>, Failure> {
+    if server.contains("://") {
+        let message = format!("server is \"{server}\"; give host:port, without what ends in ://");
+        return Err(Failure::argument(message));
+    }
     let port = server.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
     if port.is_none_or(|port| port == 0) {
         return Err(Failure::argument(format!(
-            "server is \"{server}\"; give host:port, as \"127.0.0.1:4433\" or \"[::1]:4433\""
+            "server is \"{server}\"; give host:port, as \"127.0.0.1:7420\" or \"[::1]:7420\""
         )));
     }
     match server.to_socket_addrs() {

@@ -199,7 +199,13 @@ pub unsafe extern "C" fn dcd_joint_create(
         let joint = parse(&def)?;
         with(world, |world| {
             world.backend.check_joints()?;
-            let (a, b) = (body::find(world, def.a)?, body::find(world, def.b)?);
+            let find = |body, name: &str| {
+                let named = |failure: Failure| {
+                    Failure::new(failure.status, format!("def->{name}: {}", failure.message))
+                };
+                body::find(world, body).map_err(named)
+            };
+            let (a, b) = (find(def.a, "a")?, find(def.b, "b")?);
             if a == b {
                 return Err(Failure::argument("a and b are one body; a joint needs two"));
             }
@@ -507,6 +513,7 @@ fn parse(def: &DcdJointDef) -> Result<GenericJoint, Failure> {
     let (mut locked, mut coupled, own) = layout(def.joint_type).ok_or_else(|| {
         Failure::argument(format!("joint_type {} is none; use a DCD_JOINT_… type", def.joint_type))
     })?;
+    pointer::check_reserved(def.reserved)?;
     def.frame_a.check("frame_a")?;
     def.frame_b.check("frame_b")?;
     let known = DCD_JOINT_LIMIT | DCD_JOINT_MOTOR | DCD_JOINT_COLLIDE | DCD_JOINT_DISABLED;

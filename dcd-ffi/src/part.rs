@@ -5,7 +5,7 @@ use rapier3d::prelude::*;
 
 use crate::body::{self, DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdBodyId, check_bits};
 use crate::guard::guard;
-use crate::pointer::{self, Out, Sized32, check_not_negative};
+use crate::pointer::{self, Out, Sized32, check_not_negative, check_part, check_reserved};
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
@@ -166,12 +166,13 @@ impl DcdPartProperties {
             (self.density, "density"),
             (self.mass, "mass"),
             (self.friction, "friction"),
-            (self.restitution, "restitution"),
             (self.contact_skin, "contact_skin"),
             (self.force_threshold, "force_threshold"),
         ] {
             check_not_negative(value, name)?;
         }
+        check_part(self.restitution, "restitution")?;
+        check_reserved(self.reserved)?;
         for (rule, name) in
             [(self.friction_rule, "friction_rule"), (self.restitution_rule, "restitution_rule")]
         {
@@ -423,7 +424,7 @@ pub extern "C" fn dcd_body_set_material(
 ) -> DcdStatus {
     guard("dcd_body_set_material", || {
         check_not_negative(friction, "friction")?;
-        check_not_negative(restitution, "restitution")?;
+        check_part(restitution, "restitution")?;
         change(world, body, part, |collider| {
             collider.set_friction(friction);
             collider.set_restitution(restitution);

@@ -174,6 +174,22 @@ pub(crate) fn check_not_negative(value: f32, name: &str) -> Result<(), Failure> 
     Err(Failure::argument(format!("{name} is {value}; give a number from 0 to DCD_MAX_NUMBER")))
 }
 
+/// Whether a number is a part of a whole.
+pub(crate) fn check_part(value: f32, name: &str) -> Result<(), Failure> {
+    match (0.0..=1.0).contains(&value) {
+        true => Ok(()),
+        false => Err(Failure::argument(format!("{name} is {value}; give a number from 0 to 1"))),
+    }
+}
+
+/// Whether a member that is kept for later versions is left alone.
+pub(crate) fn check_reserved(reserved: u32) -> Result<(), Failure> {
+    if reserved == 0 {
+        return Ok(());
+    }
+    Err(Failure::argument(format!("reserved is {reserved}; leave it 0, as the struct's _INIT macro does")))
+}
+
 /// Whether a point of world space is within range.
 pub(crate) fn check_point(point: &[f64; 3], name: &str) -> Result<(), Failure> {
     // NaN is not at most anything.

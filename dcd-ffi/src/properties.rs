@@ -8,7 +8,7 @@ use crate::body::{
     DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyId, DcdBodyType, check_bits, find, missing,
 };
 use crate::guard::guard;
-use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers};
+use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers, check_reserved};
 use crate::status::{DcdStatus, Failure};
 use crate::world::{DcdWorld, World, with};
 
@@ -115,6 +115,7 @@ impl DcdBodyProperties {
 
     pub(crate) fn check(&self) -> Result<(), Failure> {
         kind_of(self.body_type)?;
+        check_reserved(self.reserved)?;
         let flags =
             DCD_BODY_CCD | DCD_BODY_NO_SLEEP | DCD_BODY_DISABLED | DCD_BODY_FAST_SPIN | DCD_BODY_NO_GYRO;
         check_bits(self.flags, flags, "flags")?;

@@ -117,6 +117,8 @@ unsafe impl Sized32 for DcdNodeDef {
     const NAME: &'static str = "DcdNodeDef";
 }
 
+const MINTS: &str = "whoever runs the server can: its program by dcd_token_create, or `dcd token` beside it";
+
 /// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 /// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 ///
@@ -229,7 +231,7 @@ pub unsafe extern "C" fn dcd_token_create(
             return Err(Failure::argument(format!("valid_seconds is {valid_seconds}; give 1 to 31536000")));
         }
         with(world, |world| {
-            let server = world.backend.hosted("mint tokens")?.server("mint tokens")?;
+            let server = world.backend.hosted("mint tokens", MINTS)?.server("mint tokens", MINTS)?;
             if cap < TOKEN_ROOM {
                 return room.fill(std::iter::repeat_n(0, TOKEN_ROOM));
             }
@@ -254,7 +256,12 @@ pub unsafe extern "C" fn dcd_address(
     guard("dcd_address", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
-        with(world, |world| fill_text(room, &world.backend.hosted("be listened to")?.address().to_string()))
+        with(world, |world| {
+            fill_text(
+                room,
+                &world.backend.hosted("be listened to", "a server or a node can")?.address().to_string(),
+            )
+        })
     })
 }
 
@@ -270,6 +277,7 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
         // SAFETY: the caller vouches for both pointers and for the texts.
         let (entry, listen, threads, out) = unsafe {
             let def = pointer::read_sized(def, "def")?;
+            pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
             let listen = match def.listen.is_null() {
                 true => None,

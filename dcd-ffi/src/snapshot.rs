@@ -8,7 +8,7 @@ use dcd::runtime::{DcdWorld as LocalWorld, SnapshotError};
 
 use crate::guard::guard;
 use crate::pointer::{self, Room};
-use crate::status::{DcdStatus, Failure};
+use crate::status::{DCD_ERR_ARGUMENT, DCD_ERR_IO, DCD_ERR_VERSION, DcdStatus, Failure};
 use crate::world::{DcdWorld, with};
 
 /// Saves a local world whole: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
@@ -45,7 +45,10 @@ pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_
     guard("dcd_snapshot_save_file", || {
         // SAFETY: the caller vouches for the text.
         let path = unsafe { pointer::text(path, "path")? };
-        with(world, |world| Ok(world.backend.saved()?.save_file(Path::new(path))?))
+        with(world, |world| {
+            let saved = world.backend.saved()?.save_file(Path::new(path));
+            saved.map_err(|error| of_file(path, error.into()))
+        })
     })
 }
 
@@ -81,8 +84,17 @@ pub unsafe extern "C" fn dcd_snapshot_load_file(world: DcdWorld, path: *const c_
     guard("dcd_snapshot_load_file", || {
         // SAFETY: the caller vouches for the text.
         let path = unsafe { pointer::text(path, "path")? };
-        load(world, || LocalWorld::open_snapshot(Path::new(path)))
+        load(world, || LocalWorld::open_snapshot(Path::new(path))).map_err(|failure| of_file(path, failure))
     })
+}
+
+fn of_file(path: &str, failure: Failure) -> Failure {
+    match failure.status {
+        DCD_ERR_ARGUMENT | DCD_ERR_IO | DCD_ERR_VERSION => {
+            Failure::new(failure.status, format!("{path}: {}", failure.message))
+        }
+        _ => failure,
+    }
 }
 
 fn load<R: Read>(world: DcdWorld, open: impl FnOnce() -> Result<R, SnapshotError>) -> Result<(), Failure> {

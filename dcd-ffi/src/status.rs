@@ -69,7 +69,11 @@ impl From<WorldError> for Failure {
             | WorldError::Setting { .. }
             | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,
         };
-        Self::new(status, error.to_string())
+        // The two that DcdWorldDef calls otherwise.
+        Self::new(
+            status,
+            error.to_string().replace("dt_s is", "dt is").replace("tolerance_m_s is", "tolerance is"),
+        )
     }
 }
 

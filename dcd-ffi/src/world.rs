@@ -309,7 +309,7 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
 }
 
 /// Makes a local world that holds what a scene says: a scene of the library ("tower", "pile", "chain" …) or a file, whose
-/// name ends in ".toml". Body i of the scene is dcd_body_at(world, i).
+/// name ends in .toml, .xml, .mjcf or .urdf. Body i of the scene is dcd_body_at(world, i).
 ///
 /// `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
 /// there are none. Of `def` only threads, regions, user_data and what follows it count, the scene says the rest; null is

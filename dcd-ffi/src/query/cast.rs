@@ -7,7 +7,7 @@ use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_LEAVE, DcdFilter, NOBODY, meets, re
 use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
 use crate::motion::check_pose;
-use crate::pointer::{check_not_negative, check_numbers};
+use crate::pointer::{check_not_negative, check_numbers, check_reserved};
 use crate::shape::{self, DcdShapeId};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdPose;
@@ -122,6 +122,7 @@ pub(super) fn question(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<
     check_numbers(&cast.turn, "turn")?;
     check_not_negative(cast.margin, "margin")?;
     check_bits(cast.flags, DCD_QUERY_LEAVE, "flags")?;
+    check_reserved(cast.reserved)?;
     if cast.turn != [0.0; 3] && cast.margin != 0.0 {
         return Err(Failure::argument(format!("margin is {}; give 0 where turn is given", cast.margin)));
     }

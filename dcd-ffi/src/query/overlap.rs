@@ -10,7 +10,7 @@ use super::{Batch, DcdFilter, DcdPointQuery, meets, refused, user_data};
 use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
 use crate::motion::check_pose;
-use crate::pointer::{Room, check_point};
+use crate::pointer::{Room, check_point, check_reserved};
 use crate::shape::DcdShapeId;
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdPose;
@@ -143,6 +143,7 @@ impl Somewhere for DcdShapeQuery {
 
     fn place(&self) -> Result<Place, Failure> {
         check_pose(&self.pose)?;
+        check_reserved(self.reserved)?;
         Ok(Place::Shape(ShapeHash::default(), self.pose.into()))
     }
 
@@ -161,6 +162,7 @@ impl Somewhere for DcdPointQuery {
     fn place(&self) -> Result<Place, Failure> {
         check_point(&self.point, "point")?;
         check_bits(self.flags, 0, "flags")?;
+        check_reserved(self.reserved)?;
         Ok(Place::Point(self.point))
     }
 
@@ -177,6 +179,7 @@ impl Somewhere for DcdBoxQuery {
     const NAME: &'static str = "boxes";
 
     fn place(&self) -> Result<Place, Failure> {
+        check_reserved(self.reserved)?;
         if (0..3).all(|i| self.min[i] <= self.max[i]) {
             return Ok(Place::Box(Bounds { min: self.min, max: self.max }));
         }

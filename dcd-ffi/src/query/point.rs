@@ -3,7 +3,7 @@
 use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, meets, refused, user_data};
 use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
-use crate::pointer::check_point;
+use crate::pointer::{check_point, check_reserved};
 use crate::status::DcdStatus;
 use crate::world::DcdWorld;
 
@@ -65,6 +65,7 @@ pub unsafe extern "C" fn dcd_project_points(
             batch.each(world, hits, |asked, query| {
                 check_point(&query.point, "point")?;
                 check_bits(query.flags, DCD_QUERY_HOLLOW, "flags")?;
+                check_reserved(query.reserved)?;
                 let (max_m, solid) = (f64::from(query.max_distance), query.flags & DCD_QUERY_HOLLOW == 0);
                 let meets = meets(asked.world, asked.mask, query.mask, query.exclude)?;
                 let hit = asked.queries.ask_nearest(&asked.overlooks, query.point, max_m, solid, &meets);

@@ -67,7 +67,7 @@ pub(super) struct Client {
     /// With --compute: the address that others reach this process at, if it is not the one it listens on
     #[arg(long, value_name = "ADDR", value_parser = address, requires = "compute")]
     advertise: Option<SocketAddr>,
-    /// How long to wait for a server that is out of reach, in seconds
+    /// How long to wait for a server that gets out of reach after joining, in seconds
     #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
     give_up: Duration,
     /// File that keeps who the client is: with it, it continues with the same avatars where they were
@@ -180,7 +180,7 @@ impl Crowd {
         let environment = world.environment().ok_or(ProcessError::Stopped)?;
         let limit = environment.avatar_speed_limit;
         if speed_m_s > limit {
-            return Err(Failure::run(format!(
+            return Err(Failure::usage(format!(
                 "this world lets avatars go {limit} m/s at most, not {speed_m_s}; give a lower --speed"
             )));
         }

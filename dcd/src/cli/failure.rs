@@ -70,6 +70,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::Tree(_)
             | ProcessError::Shape(_)
             | ProcessError::Role { .. }
+            | ProcessError::Lag { .. }
             | ProcessError::Net(
                 NetError::Token(_) | NetError::File { .. } | NetError::Damaged { .. } | NetError::Bind { .. },
             ) => Self::usage(message),

@@ -50,7 +50,7 @@ pub(super) struct Node {
     /// File that keeps who the node is: with it, it joins under the same name again
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
-    /// How long to wait for a server that is out of reach, in seconds
+    /// How long to wait for a server that gets out of reach after joining, in seconds
     #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
     give_up: Duration,
     /// Print the summary as one JSON object

@@ -125,11 +125,18 @@ impl Serve {
             (None, 1) => "a node".to_owned(),
             (None, nodes) => format!("{nodes} nodes"),
         };
-        common.say(&format!(
-            "the world waits for {waits_for}: dcd node --server {} --token $(dcd token --data {} --role node)",
-            server.address,
-            self.data.display()
-        ));
+        let (address, data) = (server.address, self.data.display());
+        common.say(&if address.ip().is_unspecified() {
+            let port = address.port();
+            format!(
+                "the world waits for {waits_for}: dcd node --server THIS-MACHINE:{port} --token TOKEN, where `dcd token \
+                 --data {data} --role node` here makes the token"
+            )
+        } else {
+            format!(
+                "the world waits for {waits_for}: dcd node --server {address} --token $(dcd token --data {data} --role node)"
+            )
+        });
         self.watch(&server, interrupt, common)?;
         if interrupt.asked() {
             common.say("ending the world");

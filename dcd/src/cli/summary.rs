@@ -62,7 +62,7 @@ impl Served {
 impl Summary for Served {
     fn rows(&self) -> Vec<(&'static str, String)> {
         let mut rows = vec![
-            ("ticks", format!("{} in {:.1} s", self.tick, self.seconds)),
+            ("ticks", format!("{} of the world, {:.1} s of this server", self.tick, self.seconds)),
             ("bodies", format!("{} in {} regions", self.bodies, self.regions)),
             ("nodes", format!("{} at the end, {} memberships", self.nodes, self.views)),
             ("lost", self.lost.to_string()),

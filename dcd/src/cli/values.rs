@@ -15,7 +15,9 @@ pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
         return Ok(address);
     }
     if !text.contains(':') {
-        return Err(format!("write address and port, as {text}:7420"));
+        let is_port = text.parse::<u16>().is_ok();
+        let whole = if is_port { format!("127.0.0.1:{text}") } else { format!("{text}:7420") };
+        return Err(format!("write address and port, as {whole}"));
     }
     let found = text.to_socket_addrs().map_err(|error| {
         format!("`{text}` is no address ({error}); write one with its port, as 192.0.2.7:7420")

@@ -50,7 +50,7 @@ pub enum NetError {
         source: io::Error,
     },
     /// Nobody answers.
-    #[error("no answer from {addr} within {} ms; check that it is running, the address, and that UDP passes", waited.as_millis())]
+    #[error("no answer from {addr} within {} ms; check that it is running, the address, and that UDP passes", waited.as_millis().next_multiple_of(10))]
     Unreachable {
         /// Who was called.
         addr: SocketAddr,

@@ -274,7 +274,7 @@ pub(super) fn explain(
     match error {
         ConnectionError::TimedOut => NetError::Unreachable { addr, waited },
         ConnectionError::TransportError(error) if is_tls(error.code) => {
-            NetError::WrongPeer { addr, expected, detail: error.reason }
+            NetError::WrongPeer { addr, expected, detail: error.reason.replace("unexpected error: ", "") }
         }
         ConnectionError::ConnectionClosed(close) if is_tls(close.error_code) => NetError::Refused {
             addr,

@@ -28,7 +28,7 @@ impl Default for Limits {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TreeError {
     /// The bounds of the world are not a box.
-    #[error("the world's bounds {0:?} are not a finite box: give a lowest corner below a highest one")]
+    #[error("the world's bounds from {:?} to {:?} are no finite box: give a lowest corner (min) below a highest one (max)", .0.min, .0.max)]
     Bounds(Bounds),
     /// More or fewer regions than a world can have.
     #[error("{0} regions asked for: a world has 1 to {MAX_REGIONS}")]

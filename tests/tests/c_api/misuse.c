@@ -275,6 +275,10 @@ static void bodies(void)
     REFUSED(density, NAN, DCD_ERR_ARGUMENT);
     REFUSED(friction, -1.0f, DCD_ERR_ARGUMENT);
     REFUSED(restitution, INFINITY, DCD_ERR_ARGUMENT);
+    REFUSED(restitution, 1.01f, DCD_ERR_ARGUMENT);
+    REFUSED(restitution, -0.01f, DCD_ERR_ARGUMENT);
+    REFUSED(restitution, NAN, DCD_ERR_ARGUMENT);
+    REFUSED(reserved, 1, DCD_ERR_ARGUMENT);
     REFUSED(linear_damping, -0.5f, DCD_ERR_ARGUMENT);
     REFUSED(angular_damping, NAN, DCD_ERR_ARGUMENT);
     REFUSED(gravity_scale, NAN, DCD_ERR_ARGUMENT);
@@ -357,6 +361,7 @@ static void bodies(void)
     EXPECT(dcd_body_set_events(world, many[0], DCD_ALL_PARTS, 3, 1.0f), DCD_OK);
     EXPECT(dcd_body_set_material(world, many[0], 0, -1.0f, 0.0f), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_material(world, many[0], 0, 0.0f, INFINITY), DCD_ERR_ARGUMENT);
+    FAILS(dcd_body_set_material(world, many[0], 0, 0.0f, 5.0f), DCD_ERR_ARGUMENT, "0 to 1");
     EXPECT(dcd_body_set_material(world, fixed, 0, 0.5f, 0.0f), DCD_OK);
     EXPECT(dcd_body_set_groups(world, many[0], 7, 1, 1), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_groups(world, many[0], 0, 0xFFFFFFFFu, 0xFFFFFFFFu), DCD_OK);
@@ -429,7 +434,7 @@ static void bodies(void)
     EXPECT(dcd_bodies_destroy(world, NULL, 2), DCD_ERR_NULL);
     EXPECT(dcd_bodies_destroy(world, many, SIZE_MAX), DCD_ERR_ARGUMENT);
     EXPECT(dcd_bodies_destroy(world, many, 2), DCD_OK);
-    EXPECT(dcd_body_destroy(world, many[0]), DCD_ERR_STALE_ID);
+    FAILS(dcd_body_destroy(world, many[0]), DCD_ERR_STALE_ID, "dcd_body_destroy: ");
     EXPECT(dcd_body_set_pose(world, many[1], &good.pose), DCD_ERR_STALE_ID);
     EXPECT(dcd_step(world), DCD_OK);
     body = make_body(world, box, DCD_DYNAMIC, 0.0); /* ids are not given again */
@@ -458,6 +463,10 @@ static void joints(void)
     UNTIED(struct_size, 0, DCD_ERR_STRUCT);
     UNTIED(joint_type, 9, DCD_ERR_ARGUMENT);
     UNTIED(a, NO_BODY, DCD_ERR_NULL);
+    def = good;
+    def.b = NO_BODY;
+    FAILS(dcd_joint_create(world, &def, &joint), DCD_ERR_NULL, "def->b: ");
+    UNTIED(reserved, 1, DCD_ERR_ARGUMENT);
     UNTIED(a, good.b, DCD_ERR_ARGUMENT);
     UNTIED(frame_a.p[0], NAN, DCD_ERR_ARGUMENT);
     UNTIED(frame_b.q[0], 1.0f, DCD_ERR_ARGUMENT);

@@ -259,6 +259,9 @@ static void failures_say_why()
     def.regions = 1000;
     const dcd::Result<dcd::World> world = dcd::World::create(def);
     HOLDS(!world && world.status().code() == DCD_ERR_ARGUMENT);
+    /* Another call that fails takes nothing from what was said of the first. */
+    HOLDS(!none.step() && dcd::last_error() == status.message());
+    HOLDS(world.status().message().find("dcd_world_create: ") == 0 && world.status().message() != status.message());
     HOLDS(dcd::World::open_scene("no such scene").status().code() == DCD_ERR_ARGUMENT);
     const char *params[] = { "n=20" };
     HOLDS(dcd::World::open_scene("pile", params)->body_at(20));

@@ -30,7 +30,7 @@ use crate::space::{Balance, MAX_REGIONS};
 ///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
 ///   dcd run robot.urdf --set copies=100 --set ground=1 --regions 2
 #[derive(clap::Args)]
-#[command(verbatim_doc_comment, after_long_help = after_help())]
+#[command(verbatim_doc_comment, allow_negative_numbers = true, after_long_help = after_help())]
 pub(super) struct Run {
     /// A scene of the library (`dcd scenes` lists them), a scene file (TOML, MJCF: .xml or .mjcf, URDF: .urdf), or a snapshot
     /// that --save wrote: it goes on to the same bits as if it had not been interrupted, cut and coupled as it was

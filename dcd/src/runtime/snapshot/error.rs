@@ -8,7 +8,7 @@ use crate::runtime::WorldError;
 #[derive(Debug, thiserror::Error)]
 pub enum SnapshotError {
     /// Something else, by its first bytes.
-    #[error("not a snapshot of dcd: give a file that `DcdWorld::save` or `dcd run --save` wrote")]
+    #[error("not a snapshot of dcd: give what `dcd run --save`, `DcdWorld::save` or dcd_snapshot_save wrote")]
     Foreign,
     /// A snapshot of another dcd, another Rapier or unlike features.
     #[error(

@@ -72,7 +72,7 @@ fn a_process_that_is_not_let_in_says_why() {
     std::thread::sleep(Duration::from_millis(2_100));
     has(&join("client", &short, 1), &["has expired", "dcd token"]);
     let fast = ["client", "--server", &server.address, "--token", &server.token("client"), "--speed", "99"];
-    has(&error(&fast, 1), &["20 m/s at most", "--speed"]);
+    has(&error(&fast, 2), &["20 m/s at most", "--speed"]);
 }
 
 #[test]

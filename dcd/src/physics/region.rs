@@ -320,6 +320,7 @@ impl Region {
             }
             None => self.world.step_with_events(&(), &self.watch),
         }
+        self.watch.remind(&mut self.world.colliders);
         let heard = self.events.forces.len();
         self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
         self.events.make_tellable();

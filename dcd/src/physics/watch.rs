@@ -22,6 +22,9 @@ pub(super) struct ContactWatch {
     touching: BTreeSet<ContactKey>,
     /// Contacts whose bodies left the region since the last step.
     lost: Vec<ContactKey>,
+    /// Colliders that were there already when their user turned forces on or off, since the last step.
+    #[serde(skip)]
+    turned: Vec<ColliderHandle>,
 }
 
 /// A collider.
@@ -71,7 +74,10 @@ impl ContactWatch {
         let tells = collider.active_events().contains(ActiveEvents::CONTACT_FORCE_EVENTS);
         let threshold_n = if tells { record.force_event_threshold_n } else { f32::INFINITY };
         collider.set_contact_force_event_threshold(record.force_event_threshold_n.min(0.0));
-        self.names[index] = Some(Name { of, threshold_n });
+        let before = self.names[index].replace(Name { of, threshold_n });
+        if before.is_some_and(|before| before.threshold_n.is_finite() != threshold_n.is_finite()) {
+            self.turned.push(handle);
+        }
     }
 
     /// A body left the region: its contacts here cease. Rapier would say so a step later, when its handles may already
@@ -83,6 +89,15 @@ impl ContactWatch {
         for key in gone {
             self.touching.remove(&key);
             self.lost.push(key);
+        }
+    }
+
+    /// To be called after the step that heeds what [`ContactWatch::name`] was told. Rapier 0.36 overlooks a contact whose forces
+    /// were turned on if another contact ended in the same step, and for as long as it rests: it keeps contacts by place, and
+    /// the last one moves to where one ended. So it is to look once more in the next step.
+    pub(super) fn remind(&mut self, colliders: &mut ColliderSet) {
+        for handle in self.turned.drain(..) {
+            colliders.get_mut(handle);
         }
     }
 

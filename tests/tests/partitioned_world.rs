@@ -3,6 +3,7 @@
 use dcd::physics::Coupling;
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
+use dcd::scene::{Params, Scene};
 use dcd::sim::Random;
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
@@ -207,6 +208,26 @@ fn a_stack_across_a_border_stands() {
     for (i, &id) in boxes.iter().enumerate() {
         let y = world.pose(id).unwrap().translation[1];
         assert!((y - (0.5 + i as f64)).abs() < 0.05, "box {i} is at {y}");
+    }
+}
+
+#[test]
+fn a_tower_under_a_heavy_top_stands_however_many_exchanges_a_tick_has() {
+    let params = Params::new().with("top_mass_ratio", 100).with("sleep", 0);
+    let scene = Scene::named("tower", &params).unwrap();
+    for (exchanges, at) in [(2, 5.0), (4, 5.0), (8, 5.0), (16, 2.5)] {
+        let mut config = coupled(WorldConfig::default(), Coupling::Overlap);
+        config.partitioning = Partitioning::Cuts(vec![(Axis::Y, at)]);
+        config.step.exchanges = exchanges;
+        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let before: Vec<_> = world.states().map(|(_, _, pose, _)| pose.translation).collect();
+        steps(&mut world, 600);
+        let gone = world.states().zip(&before).map(|((_, _, pose, _), before)| {
+            (0..3).map(|i| (pose.translation[i] - before[i]).powi(2)).sum::<f64>().sqrt()
+        });
+        // One world lets its top sink by 0.51 m.
+        let worst_m = gone.fold(0.0, f64::max);
+        assert!(worst_m < 0.7, "with {exchanges} exchanges a box goes {worst_m} m");
     }
 }
 

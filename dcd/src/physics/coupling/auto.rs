@@ -3,7 +3,7 @@
 //! (rank correlation with the true deviation about 0.9); where it is small, one exchange a tick does.
 //!
 //! A border climbs by steps: one exchange, two, a deeper overlap, four exchanges, and so on. Depth comes before four, since
-//! a shallow overlap with four exchanges drops loads of 100:1 that it carries with two.
+//! it costs a few copies more, and four exchanges find all contacts of a region twice as often.
 //!
 //! Both sides of a border see the same copies, so both come to the same result. A region says in the last exchange of a
 //! tick how many micro-steps it will take in the next; a body is exchanged as often as all its members step.

@@ -88,7 +88,7 @@ fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
     let told = region.slot(link.handle).told_asleep;
     if !(asleep && told) {
         let island = region.border.islands.size(link.handle);
-        share::read(region, link.handle, &mut shared, island);
+        share::read(region, link.handle, &mut shared, island, moment.settings.dt_s);
         region.slot_mut(link.handle).told_asleep = asleep;
         let hearers = match region.slot(link.handle).role {
             Role::Replica { owner } if shared.shadows.contains(region.rank()) => RegionSet::only(owner),

@@ -317,10 +317,11 @@ typedef uint32_t DcdPreset;
 typedef struct DcdWorldDef {
     // sizeof(DcdWorldDef).
     uint32_t struct_size;
-    // Regions computed at a time, 1 to 1024. 1 computes in the thread that calls dcd_step; 0 is one per region, at most
-    // one per core.
+    // Threads that compute the world, in as many regions as it has, 1 to 1024; 0 is one per core. 1 computes in the thread
+    // that calls dcd_step, which does for few awake bodies anyhow. The result does not depend on it.
     uint32_t threads;
-    // Regions that the world is cut into, 1 to 256; 0 is 1, or as many as the scene asks for.
+    // Regions that the world is cut into, 1 to 256; 0 is as many as the scene asks for, else 1, which is exact and has all
+    // threads; more only where the bodies of a scene lie too far apart for the f32 of one region.
     uint32_t regions;
     // Iterations of the solver a step, 1 to 1000. More makes tall stacks stiffer and costs time.
     uint32_t solver_iterations;
@@ -410,7 +411,7 @@ typedef struct DcdParticipantDef {
     const char *identity_path;
     // Your own; dcd_world_info gives it back.
     uint64_t user_data;
-    // Regions computed at a time, 1 to 1024; 0 is one per core.
+    // Threads that compute its share, 1 to 1024; 0 is one per core.
     uint32_t threads;
     // 0.
     uint32_t reserved;
@@ -491,7 +492,7 @@ typedef struct DcdNodeDef {
     const char *listen;
     // Your own; dcd_world_info gives it back.
     uint64_t user_data;
-    // Regions computed at a time, 1 to 1024; 0 is one per core.
+    // Threads that compute its share, 1 to 1024; 0 is one per core.
     uint32_t threads;
     // 0.
     uint32_t reserved;
@@ -2503,7 +2504,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 
 /* What each struct starts from. */
 
-/* One region, as many threads as are of use, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
+/* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
 #define DCD_WORLD_DEF_INIT \
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \
       { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f }

@@ -49,7 +49,7 @@ pub struct DcdParticipantDef {
     pub identity_path: *const c_char,
     /// Your own; dcd_world_info gives it back.
     pub user_data: u64,
-    /// Regions computed at a time, 1 to 1024; 0 is one per core.
+    /// Threads that compute its share, 1 to 1024; 0 is one per core.
     pub threads: u32,
     /// 0.
     pub reserved: u32,

@@ -138,6 +138,11 @@ fn describe(backend: &Backend) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{name:<12} {value}");
     }
+    if let Backend::Local(world) = backend {
+        let chosen = world.chosen();
+        let _ = writeln!(text, "{:<12} {}", "threads", chosen.threads);
+        let _ = writeln!(text, "{:<12} {}", "regions by", chosen.why);
+    }
     let _ = writeln!(text, "{:<12} {:.6} m/s", "disagreement", stats.disagreement_m_s);
     let _ = writeln!(text, "{:<12} {:.3} ms", "round trip", traffic.rtt.as_secs_f64() * 1e3);
     let _ = writeln!(text, "{:<12} {:.3} ms", "last step", stats.last_step.as_secs_f64() * 1e3);

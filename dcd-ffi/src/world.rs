@@ -78,10 +78,11 @@ pub const DCD_PRESET_PRECISE: DcdPreset = 3;
 pub struct DcdWorldDef {
     /// sizeof(DcdWorldDef).
     pub struct_size: u32,
-    /// Regions computed at a time, 1 to 1024. 1 computes in the thread that calls dcd_step; 0 is one per region, at most
-    /// one per core.
+    /// Threads that compute the world, in as many regions as it has, 1 to 1024; 0 is one per core. 1 computes in the thread
+    /// that calls dcd_step, which does for few awake bodies anyhow. The result does not depend on it.
     pub threads: u32,
-    /// Regions that the world is cut into, 1 to 256; 0 is 1, or as many as the scene asks for.
+    /// Regions that the world is cut into, 1 to 256; 0 is as many as the scene asks for, else 1, which is exact and has all
+    /// threads; more only where the bodies of a scene lie too far apart for the f32 of one region.
     pub regions: u32,
     /// Iterations of the solver a step, 1 to 1000. More makes tall stacks stiffer and costs time.
     pub solver_iterations: u32,
@@ -229,13 +230,13 @@ pub(crate) fn asked_threads(asked: u32) -> Result<usize, Failure> {
     if asked > 1024 {
         return Err(Failure::argument(format!("threads is {asked}; give 1 to 1024, or 0")));
     }
-    Ok(threads(asked, usize::MAX))
+    Ok(threads(asked))
 }
 
-/// How many threads are meant; 0 is as many as are of use.
-pub(crate) fn threads(asked: u32, regions: usize) -> usize {
+/// How many threads are meant; 0 is one per core.
+pub(crate) fn threads(asked: u32) -> usize {
     match asked {
-        0 => std::thread::available_parallelism().map_or(1, |cores| cores.get()).min(regions),
+        0 => std::thread::available_parallelism().map_or(1, |cores| cores.get()),
         asked => asked as usize,
     }
 }
@@ -288,7 +289,6 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
         pointer::check_numbers(&def.gravity, "gravity")?;
         pointer::check_point(&def.min, "min")?;
         pointer::check_point(&def.max, "max")?;
-        let regions = (def.regions as usize).max(1);
         let step = StepSettings {
             gravity: def.gravity,
             dt_s: def.dt,
@@ -297,8 +297,11 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
         };
         let config = WorldConfig {
             bounds: Bounds::new(def.min, def.max),
-            partitioning: Partitioning::Regions(regions),
-            threads: threads(def.threads, regions),
+            partitioning: match def.regions {
+                0 => Partitioning::Auto,
+                regions => Partitioning::Regions(regions as usize),
+            },
+            threads: threads(def.threads),
             step: choice(&def)?.applied_to(step),
             ..WorldConfig::default()
         };
@@ -370,8 +373,7 @@ pub(crate) unsafe fn open(
     if regions > 0 {
         config.partitioning = Partitioning::Regions(regions as usize);
     }
-    let leaves = config.tree().map_err(dcd::runtime::WorldError::from)?.leaves().count();
-    config.threads = threads(asked_threads, leaves);
+    config.threads = threads(asked_threads);
     config.step = choice.applied_to(config.step);
     Ok(Opened { scene, config, user_data })
 }

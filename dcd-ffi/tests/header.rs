@@ -139,7 +139,7 @@ fn layouts() -> Vec<Layout> {
 const MACROS: &str = "
 /* What each struct starts from. */
 
-/* One region, as many threads as are of use, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
+/* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
 #define DCD_WORLD_DEF_INIT \\
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \\
       { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f }

@@ -80,7 +80,7 @@ fn a_crowd_that_walks_through_the_world_is_shared_evenly_by_all_regions_all_the_
 #[test]
 fn balance_is_the_same_for_any_number_of_threads() {
     let hash = |threads| {
-        let mut world = crowd(200, threads);
+        let mut world = crowd(300, threads);
         (0..400).for_each(|_| world.step().unwrap());
         (world.state_hash(), world.regions().iter().map(|region| *region.cell()).collect::<Vec<_>>())
     };

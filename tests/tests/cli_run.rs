@@ -53,7 +53,7 @@ fn the_json_object_has_the_keys_of_the_contract() {
     assert_eq!(
         keys(&report),
         set("scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s imbalance ticks dt_s wall_s rtf step_ms contacts replicas_mean transfers
-             energy_j momentum_kgms max_penetration_m ground_force_ratio lost doubled quarantined state_hash")
+             energy_j momentum_kgms max_penetration_m ground_force_ratio lost doubled quarantined state_hash chosen")
     );
     assert_eq!(keys(&report["step_ms"]), set("mean p50 p99 max"));
     assert_eq!(keys(&report["energy_j"]), set("start end"));
@@ -79,13 +79,36 @@ fn one_region_gives_the_same_bits_as_the_bare_world() {
         let run = |regions| {
             let mut report = json(&[&["run", "--seconds", "2", "--regions", regions], scene].concat());
             let object = report.as_object_mut().unwrap();
-            for own in ["regions", "coupling", "exchanges", "wall_s", "rtf", "step_ms"] {
+            for own in ["regions", "threads", "coupling", "exchanges", "wall_s", "rtf", "step_ms", "chosen"] {
                 object.remove(own).unwrap();
             }
             report
         };
         assert_eq!(run("0"), run("1"), "{scene:?}");
     }
+}
+
+#[test]
+fn a_world_that_nobody_cuts_is_one_region_on_all_threads_and_every_number_of_them_gives_the_same_bits() {
+    for scene in ["pile", "dve", "wall", "chain", "ragdolls"] {
+        let run = |args: &[&str]| json(&[&["run", scene, "--seconds", "1"], args].concat());
+        let bare = run(&["--regions", "0"]);
+        for threads in ["1", "2", "4"] {
+            let report = run(&["--threads", threads]);
+            let (regions, asked) =
+                (report["chosen"]["regions"].as_u64(), report["chosen"]["threads"].as_u64());
+            assert_eq!((regions, asked), (Some(1), threads.parse().ok()), "{scene}");
+            let why = report["chosen"]["why"].as_str().unwrap();
+            assert!(why.starts_with("one region is exact"), "{why}");
+            assert_eq!(report["state_hash"], bare["state_hash"], "{scene} on {threads} threads");
+        }
+    }
+    let cut = json(&["run", "tower", "--seconds", "0.1", "--regions", "2"]);
+    assert_eq!(
+        (cut["chosen"]["regions"].as_u64(), cut["chosen"]["why"].as_str()),
+        (Some(2), Some("asked for"))
+    );
+    assert_eq!(cut["chosen"]["coupling"], "auto");
 }
 
 #[test]

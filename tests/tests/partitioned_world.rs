@@ -346,7 +346,7 @@ fn bits_do_not_depend_on_the_number_of_threads() {
         })
         .unwrap();
         insert_floor(&mut world);
-        for i in 0..200 {
+        for i in 0..300 {
             let (x, y, z) =
                 ((i * 7 % 11) as f32 - 5.0, 1.0 + (i / 20) as f32 * 1.2, (i * 5 % 13) as f32 - 6.0);
             let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, y, z));
@@ -361,6 +361,64 @@ fn bits_do_not_depend_on_the_number_of_threads() {
     assert!(one.1 > 20, "only {} transfers: the test needs traffic", one.1);
     assert_eq!(one, run(2));
     assert_eq!(one, run(4));
+}
+
+#[test]
+fn regions_with_several_threads_each_give_the_same_bits() {
+    let scene = Scene::named("pile", &Params::new().with("n", 500)).unwrap();
+    let run = |regions, threads| {
+        let partitioning = Partitioning::Regions(regions);
+        let config = WorldConfig { partitioning, threads, ..WorldConfig::for_scene(&scene) };
+        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        for _ in 0..60 {
+            world.step().unwrap();
+        }
+        world.state_hash()
+    };
+    for regions in [1, 2, 3] {
+        let one = run(regions, 1);
+        for threads in [2, 5] {
+            assert_eq!(one, run(regions, threads), "{regions} regions on {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn a_world_may_be_stepped_on_a_pool_of_the_users() {
+    let worlds = || -> Vec<_> {
+        let world = |threads| {
+            let mut world = DcdWorld::new(WorldConfig { threads, ..WorldConfig::default() }).unwrap();
+            insert_floor(&mut world);
+            for i in 0..300 {
+                let at =
+                    Vector::new((i % 10) as f32 * 1.5, 1.0 + (i / 100) as f32, (i / 10 % 10) as f32 * 1.5);
+                world
+                    .insert(
+                        RigidBodyBuilder::dynamic().translation(at),
+                        ColliderBuilder::cuboid(0.5, 0.5, 0.5),
+                    )
+                    .unwrap();
+            }
+            world
+        };
+        [1, 1, 1, 2, 2].map(world).into()
+    };
+    let step = |world: &mut DcdWorld| {
+        for _ in 0..20 {
+            world.step().unwrap();
+        }
+        world.state_hash()
+    };
+    let alone: Vec<_> = worlds().iter_mut().map(step).collect();
+    let pool = rapier3d::rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    let mut worlds = worlds();
+    let mut hashes = vec![0; worlds.len()];
+    pool.scope(|scope| {
+        for (world, hash) in worlds.iter_mut().zip(&mut hashes) {
+            scope.spawn(|_| *hash = step(world));
+        }
+    });
+    assert_eq!(alone, hashes);
 }
 
 #[test]

@@ -27,6 +27,8 @@ fn eight_regions(scene: &Scene, coupling: Coupling) -> DcdWorld {
         ..WorldConfig::for_scene(scene)
     };
     (config.step.coupling, config.step.exchanges) = (coupling, coupling.usual_exchanges());
+    // Those that lie on one another are not all to be one region's.
+    config.step.island_limit = 256;
     DcdWorld::from_scene(scene, config).unwrap()
 }
 
@@ -60,7 +62,8 @@ fn holds(set: &[&str], couplings: &[Coupling]) {
         for (own, most) in [(cut.one_in_1000, bare.one_in_1000), (cut.largest, bare.largest)] {
             assert!(own <= 1.1 * most + 1e-4, "{coupling:?}: {cut:?}, in one world {bare:?}");
         }
-        assert!(world.stats().transfers > 50, "{coupling:?}: {:?}", world.stats());
+        // Two ragdolls' bodies at least: what only meets another region's stays where it is.
+        assert!(world.stats().transfers > 22, "{coupling:?}: {:?}", world.stats());
     }
 }
 

@@ -93,7 +93,7 @@ pub(super) struct Serve {
 impl Serve {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
-        let world = self.cuts.config(&scene, self.regions)?;
+        let world = self.cuts.served_config(&scene, self.regions)?;
         world.tree().map_err(|error| explained(error.into(), &scene))?;
         if scene.balance.is_some() {
             tracing::warn!(

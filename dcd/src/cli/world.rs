@@ -9,6 +9,9 @@ use crate::runtime::{Partitioning, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::{Axis, TreeError};
 
+/// The most bodies of an island that one node of a served world has whole.
+const SERVED_ISLAND: usize = 256;
+
 /// How the world is cut and how its regions agree.
 #[derive(clap::Args)]
 pub(super) struct CutArgs {
@@ -25,7 +28,8 @@ pub(super) struct CutArgs {
     /// Contact hops across a border within which bodies live in both regions [default: 2]
     #[arg(long, value_name = "HOPS", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_DEPTH)))]
     depth: Option<u32>,
-    /// The most bodies of an island that moves whole to one region; 0 moves none [default: 256]
+    /// The most bodies of an island that moves whole to one region; 0 moves none [default: 65534, that is any; 256 in a
+    /// world that is served or balanced]
     #[arg(long, value_name = "BODIES", value_parser = clap::value_parser!(u16).range(..=i64::from(BIG_ISLAND) - 1))]
     island_limit: Option<u16>,
     /// The disagreement of replicas that `auto` tolerates, in metres per second [default: 0.03]
@@ -53,6 +57,15 @@ impl CutArgs {
             config.partitioning = Partitioning::Cuts(self.cut.clone());
         }
         config.step = self.choice().applied_to(config.step);
+        Ok(config)
+    }
+
+    /// The same for a world that nodes share: unless told otherwise, islands that are too much for one of them are cut.
+    pub(super) fn served_config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
+        let mut config = self.config(scene, regions)?;
+        if self.island_limit.is_none() && scene.coupling.island_limit.is_none() {
+            config.step.island_limit = config.step.island_limit.min(SERVED_ISLAND);
+        }
         Ok(config)
     }
 

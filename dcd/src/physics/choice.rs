@@ -38,7 +38,7 @@ impl CouplingChoice {
     ///     ..CouplingChoice::default()
     /// };
     /// let step = choice.applied_to(StepSettings::default());
-    /// assert_eq!((step.depth, step.island_limit), (3, 64));
+    /// assert_eq!((step.depth, step.island_limit), (3, 256));
     /// ```
     pub fn applied_to(self, step: StepSettings) -> StepSettings {
         let step = match self.method {
@@ -79,7 +79,7 @@ mod tests {
         let step = choice(owner).applied_to(StepSettings::default());
         assert_eq!((step.coupling, step.exchanges, step.tolerance_m_s), (Coupling::Owner, 1, 0.5));
         let step = choice(Method::Preset(Preset::Precise)).applied_to(step);
-        assert_eq!((step.coupling, step.depth, step.island_limit), (Coupling::Auto, 3, 1024));
+        assert_eq!((step.coupling, step.depth, step.island_limit), (Coupling::Auto, 3, 65_534));
         assert_eq!(step.tolerance_m_s, 0.5);
     }
 }

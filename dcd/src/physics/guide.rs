@@ -12,6 +12,9 @@ use crate::protocol::BodyKind;
 pub(super) struct Guide {
     /// In the order of insertion into the region.
     bodies: Vec<RigidBodyHandle>,
+    /// By Rapier's body index: whether it is kinematic, by position or by velocity; and how many are.
+    kinematic: Vec<bool>,
+    count: usize,
     targets: Vec<(RigidBodyHandle, Pose)>,
     done: usize,
 }
@@ -23,12 +26,28 @@ impl Guide {
         if kind == BodyKind::KinematicPosition {
             self.bodies.push(handle);
         }
+        if matches!(kind, BodyKind::KinematicPosition | BodyKind::KinematicVelocity) {
+            let index = handle.into_raw_parts().0 as usize;
+            if self.kinematic.len() <= index {
+                self.kinematic.resize(index + 1, false);
+            }
+            self.kinematic[index] = true;
+            self.count += 1;
+        }
+    }
+
+    /// Whether any body here is kinematic.
+    pub(super) fn any_kinematic(&self) -> bool {
+        self.count > 0
     }
 
     /// A body is here no more.
     pub(super) fn forget(&mut self, handle: RigidBodyHandle) {
         self.bodies.retain(|&other| other != handle);
         self.targets.retain(|(other, _)| *other != handle);
+        if let Some(kinematic) = self.kinematic.get_mut(handle.into_raw_parts().0 as usize) {
+            self.count -= usize::from(std::mem::take(kinematic));
+        }
     }
 
     /// Whether the micro-step to come is the first of its tick.

@@ -14,6 +14,7 @@ mod host;
 mod joints;
 mod measure;
 mod outbox;
+mod outline;
 mod partition;
 mod placement;
 mod query;

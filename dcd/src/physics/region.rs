@@ -16,6 +16,7 @@ use super::follow;
 use super::guide::{self, Guide};
 use super::hooks::{ContactHooks, Named};
 use super::outbox::Outbox;
+use super::outline::Outline;
 use super::partition::HUB_REACH_M;
 use super::query::Moved;
 use super::shapes::{ShapeError, ShapeLibrary};
@@ -53,6 +54,8 @@ pub(super) struct Slot {
     pub traits: Arc<BodyTraits>,
     /// Radius of a ball around the centre of mass that holds all colliders, in metres.
     pub reach_m: f32,
+    /// What boxes around it are made from.
+    pub outline: Outline,
     /// The joints it hangs on, in order of insertion.
     pub joints: Vec<JointId>,
     /// Index into the region's assemblies, if joints tie it to others.
@@ -67,6 +70,8 @@ pub(super) struct Slot {
     pub shared: Option<Box<Shared>>,
     /// Whether its island was small enough to be computed whole, when it last came near a border.
     pub whole: bool,
+    /// Ticks for which its island's size has said otherwise.
+    pub doubt: u16,
 }
 
 /// A body by name and by Rapier's handle.
@@ -118,7 +123,7 @@ pub struct Region {
     pub(super) rests: bool,
     /// Bodies inserted here as its own whose neighbourhood no exchange has seen yet.
     pub(super) fresh: Vec<Link>,
-    /// Sleeping bodies that the coupling must look at once, since the border has come to them.
+    /// Bodies that the coupling must look at once, asleep or not, since the border or another region's bodies have come to them.
     pub(super) overlooked: Vec<RigidBodyHandle>,
     /// Microseconds of the present tick so far, and of the last ones, smoothed.
     #[serde(skip)]
@@ -130,6 +135,9 @@ pub struct Region {
     /// By Rapier's body index: the tick at which the coupling must look at the body again. Kept apart from the slots, so
     /// that passing over a body far from any border touches four bytes.
     pub(super) due: Vec<u32>,
+    /// By Rapier's body index: the length of the micro-step in which Rapier solved the body's contacts last, in seconds.
+    /// Empty as long as all micro-steps have had one length.
+    solved_dt_s: Vec<f32>,
     /// What a coupling that agrees on means keeps from one exchange to the next.
     pub(super) border: Border,
     /// Bodies inserted or changed since the last step, perhaps more than once; and what queries make of them.
@@ -187,6 +195,7 @@ impl Region {
             step_us: 0.0,
             mean_step_us: 0.0,
             due: Vec::new(),
+            solved_dt_s: Vec::new(),
             border: Border::new(regions.len(), steps),
             touched: Vec::new(),
             moved: OnceLock::new(),
@@ -303,7 +312,7 @@ impl Region {
 
     /// Steps the Rapier world.
     pub(super) fn step(&mut self, parameters: &IntegrationParameters) {
-        self.world.integration_parameters = *parameters;
+        let dt_before_s = std::mem::replace(&mut self.world.integration_parameters, *parameters).dt;
         let steps = self.steps();
         if self.guide.is_first() {
             self.quarantined.clear();
@@ -320,6 +329,7 @@ impl Region {
             }
             None => self.world.step_with_events(&(), &self.watch),
         }
+        self.note_solved(dt_before_s);
         self.watch.remind(&mut self.world.colliders);
         let heard = self.events.forces.len();
         self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
@@ -330,18 +340,31 @@ impl Region {
         }
     }
 
+    /// Notes in how long a micro-step the contacts of what is awake have been solved. What sleeps keeps its impulses, of a
+    /// micro-step that may have been longer or shorter than the present one. Rapier lets bodies fall asleep before it solves:
+    /// what is awake after a step has been solved in it.
+    fn note_solved(&mut self, dt_before_s: f32) {
+        let dt_s = self.world.integration_parameters.dt;
+        if self.solved_dt_s.is_empty() && dt_s == dt_before_s {
+            return;
+        }
+        self.solved_dt_s.resize(self.slots.len(), dt_before_s);
+        for handle in self.world.islands.active_bodies() {
+            self.solved_dt_s[handle.into_raw_parts().0 as usize] = dt_s;
+        }
+    }
+
     /// Keeps the forces that this region answers for. Where each copy has all of the mass, that is the owner of the first
-    /// movable body; where masses are shared, all whose copies count.
+    /// movable body; where masses are split, all whose copies count.
     fn answer_for_forces(&mut self, from: usize) {
         let mut forces = std::mem::take(&mut self.events.forces);
         let heard = forces.split_off(from);
         let role = |id| self.handle_of(id).map_or(Role::Immovable, |handle| self.slot(handle).role);
-        let counts = |id| {
-            let shared = self.handle_of(id).and_then(|handle| self.slot(handle).shared.as_deref());
-            shared.is_none_or(|shared| !shared.shadows.contains(self.rank))
-        };
+        let shared = |id| self.handle_of(id).and_then(|handle| self.slot(handle).shared.as_deref());
+        let splits = |id| shared(id).is_some_and(Shared::is_split);
+        let counts = |id| shared(id).is_none_or(|shared| !shared.shadows.contains(self.rank));
         forces.extend(heard.into_iter().filter(|force| match role(force.key.a) {
-            _ if self.shares_mass => counts(force.key.a) && counts(force.key.b),
+            _ if splits(force.key.a) || splits(force.key.b) => counts(force.key.a) && counts(force.key.b),
             Role::Immovable => role(force.key.b) == Role::Owner,
             role => role == Role::Owner,
         }));
@@ -422,6 +445,7 @@ impl Region {
         }
         self.guide.note(handle, body.traits.kind);
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
+        let outline = Outline::of(&self.world.bodies[handle], &self.world.colliders);
         let index = handle.into_raw_parts().0 as usize;
         if self.slots.len() <= index {
             self.slots.resize_with(index + 1, || None);
@@ -435,12 +459,14 @@ impl Region {
             holders,
             traits: body.traits.clone(),
             reach_m,
+            outline,
             joints: Vec::new(),
             assembly: None,
             told_asleep: body.state.sleeping,
             confirmed: true,
             shared: None,
             whole: false,
+            doubt: 0,
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
@@ -597,6 +623,7 @@ impl Region {
             body.recompute_mass_properties_from_colliders(&region.world.colliders);
             // Its skin may reach farther than before.
             slot.reach_m = record::reach_of(body, &region.world.colliders);
+            slot.outline = Outline::of(body, &region.world.colliders);
             region.due[handle.into_raw_parts().0 as usize] = 0;
             result
         }))

@@ -101,6 +101,11 @@ impl ContactWatch {
         }
     }
 
+    /// Whether contacts ended, as their bodies went, since the last step.
+    pub(super) fn owes_word(&self) -> bool {
+        !self.lost.is_empty()
+    }
+
     /// Names everything heard since the last call and appends it to `events`; forces count for this part of a tick.
     pub(super) fn drain(&mut self, anchor: [f64; 3], part: f32, events: &mut RegionEvents) {
         events.touches.extend(self.lost.drain(..).map(|key| end_of(key, false)));

@@ -43,8 +43,30 @@ pub struct CopyState {
     pub partners: u64,
     /// Whether its numbers are finite; if not, they stand at zero and the copy does not count.
     pub sound: bool,
-    /// How many bodies of the copy's island the sender owns; [`BIG_ISLAND`] when it is too large to move.
-    pub island: u16,
+    /// Of its owner: the sender's part of the copy's island, by the lowest id in it; none while it is in none.
+    pub part: Option<BodyId>,
+    /// How many bodies the copy's island has in all as the sender sees it, ghosts among them; [`BIG_ISLAND`] when it is too large
+    /// to move.
+    pub seen: u16,
+    /// How many of them the sender owns.
+    pub size: u16,
+}
+
+/// What the sender knows of one region's part of an island that several regions have bodies of.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct IslandPart {
+    /// The sender's own part of the island, as in [`CopyState::part`].
+    pub of: BodyId,
+    /// The lowest id in this part.
+    pub name: BodyId,
+    /// Rank of the region that owns the bodies of this part.
+    pub rank: u8,
+    /// How many they are; [`BIG_ISLAND`] when they alone are too many to move.
+    pub size: u16,
+    /// Whether their region takes the island for one that moves whole.
+    pub whole: bool,
+    /// From how many parts away the sender heard of it; 0 is its own.
+    pub hops: u16,
 }
 
 /// The size told of islands that are too large to move whole.
@@ -76,10 +98,10 @@ pub struct Sighting {
     pub velocity: [f32; 3],
     /// Whether it is awake.
     pub awake: bool,
-    /// As in [`CopyState::island`]; 0 for what no contact moves.
+    /// How many bodies of its island the sender owns; [`BIG_ISLAND`] when it is too large to move, 0 for what no contact moves.
     pub island: u16,
-    /// Whether it touches nothing and nobody shares it: it can change its owner at once.
-    pub free: bool,
+    /// Regions that hold it, or may own it in the ticks that the sender looks ahead: what carries it must be there.
+    pub goes: RegionSet,
 }
 
 /// What a region shows to another: bodies that might meet the other's.
@@ -138,6 +160,8 @@ pub struct BorderMessage {
     pub wakes: Vec<BodyId>,
     /// The sender's copies of bodies that both hold, when regions agree on means.
     pub copies: Vec<CopyState>,
+    /// Of each part of an island of whose bodies there are copies above: the island's parts, the sender's first.
+    pub islands: Vec<IslandPart>,
     /// Changes among the holders of bodies that the receiver holds.
     pub members: Vec<Membership>,
     /// What the sender shows to the receiver; `None`: the same as before.
@@ -156,6 +180,7 @@ impl BorderMessage {
             && self.transfers.is_empty()
             && self.wakes.is_empty()
             && self.copies.is_empty()
+            && self.islands.is_empty()
             && self.members.is_empty()
             && self.sight.is_none()
             && self.steps == 0
@@ -166,8 +191,11 @@ impl BorderMessage {
         let transfers = self.transfers.iter().map(|transfer| transfer.holders);
         let members = self.members.iter().flat_map(|member| [member.holders, member.shadows]);
         let visitors = self.sight.iter().map(|sight| sight.visitors);
-        transfers.chain(members).chain(visitors).all(|ranks| ranks.iter().all(|rank| rank < regions))
+        let goes = self.sight.iter().flat_map(|sight| &sight.bodies).map(|sighting| sighting.goes);
+        let sets = transfers.chain(members).chain(visitors).chain(goes);
+        sets.fold(RegionSet::EMPTY, RegionSet::union).iter().all(|rank| rank < regions)
             && self.members.iter().all(|member| usize::from(member.owner) < regions)
+            && self.islands.iter().all(|part| usize::from(part.rank) < regions)
     }
 
     /// Where bodies are `seconds` after the message was written, as far as their velocities tell (dead reckoning, thesis 3.3.11).
@@ -217,6 +245,7 @@ impl BorderMessage {
         self.transfers.clear();
         self.wakes.clear();
         self.copies.clear();
+        self.islands.clear();
         self.members.clear();
         self.sight = None;
         self.steps = 0;

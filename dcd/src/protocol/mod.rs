@@ -16,8 +16,8 @@ pub use body::{
     Groups, MassRecord, Pose, Velocity, WorldPose,
 };
 pub use border::{
-    BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Handover, Membership, RegionEvents,
-    SharedState, Sight, Sighting, Touch, Transfer,
+    BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Handover, IslandPart, Membership,
+    RegionEvents, SharedState, Sight, Sighting, Touch, Transfer,
 };
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, datagrams, decode,

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 
+use super::choice::{self, Choice, Why};
 use crate::physics::{
     ControlError, Handover, HostError, LinkSettings, Partition, Queries, Region, RegionHost, Role,
     StepSettings, joint_record,
@@ -16,8 +17,12 @@ use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
 
 /// How the world is cut into regions.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum Partitioning {
+    /// As few as are right: one, on all threads, which is exact. A world that is made of a scene has more where its movable
+    /// bodies lie more than 32 km apart, since f32 would not give one region millimetres.
+    #[default]
+    Auto,
     /// So many, by halving the largest across its longest axis; 1 to 256.
     Regions(usize),
     /// By these planes (metres of world space), each through the whole world.
@@ -31,7 +36,8 @@ pub struct WorldConfig {
     pub bounds: Bounds,
     /// How it is cut.
     pub partitioning: Partitioning,
-    /// Regions stepped at a time; 1 uses the calling thread.
+    /// Threads that step it, in as many regions as there are: with the feature `parallel` one region uses all of them. 1 uses the
+    /// calling thread, which does for few awake bodies anyhow. What happens does not depend on it.
     pub threads: usize,
     /// How far beyond its cell a region holds replicas, in metres; `None` follows the largest body.
     pub halo_m: Option<f64>,
@@ -45,7 +51,7 @@ impl Default for WorldConfig {
     fn default() -> Self {
         Self {
             bounds: Bounds::around([0.0; 3], [64.0; 3]),
-            partitioning: Partitioning::Regions(1),
+            partitioning: Partitioning::Auto,
             threads: 1,
             halo_m: None,
             balance: None,
@@ -59,10 +65,10 @@ impl WorldConfig {
     pub fn for_scene(scene: &Scene) -> Self {
         Self {
             bounds: scene.bounds,
-            partitioning: if scene.cuts.is_empty() {
-                Partitioning::Regions(scene.regions.unwrap_or(1))
-            } else {
-                Partitioning::Cuts(scene.cuts.clone())
+            partitioning: match scene.regions {
+                _ if !scene.cuts.is_empty() => Partitioning::Cuts(scene.cuts.clone()),
+                Some(count) => Partitioning::Regions(count),
+                None => Partitioning::Auto,
             },
             threads: 1,
             halo_m: None,
@@ -81,9 +87,10 @@ impl WorldConfig {
         check(self)
     }
 
-    /// The distribution tree that this configuration asks for.
+    /// The distribution tree that this configuration asks for; with [`Partitioning::Auto`] that of a world without bodies.
     pub fn tree(&self) -> Result<DistributionTree, TreeError> {
         match &self.partitioning {
+            Partitioning::Auto => DistributionTree::halved(self.bounds, 1),
             Partitioning::Regions(count) => DistributionTree::halved(self.bounds, *count),
             Partitioning::Cuts(planes) => DistributionTree::cut_by(self.bounds, planes),
         }
@@ -158,14 +165,10 @@ pub struct Stats {
 /// One rigid-body world, computed by one Rapier world a region.
 ///
 /// ```
-/// use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+/// use dcd::runtime::{DcdWorld, WorldConfig};
 /// use rapier3d::prelude::*;
 ///
-/// let mut world = DcdWorld::new(WorldConfig {
-///     partitioning: Partitioning::Regions(4),
-///     threads: 2,
-///     ..WorldConfig::default()
-/// })?;
+/// let mut world = DcdWorld::new(WorldConfig { threads: 2, ..WorldConfig::default() })?;
 /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
 /// let ball = world.insert(
 ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 5.0, 0.0)),
@@ -184,13 +187,25 @@ pub struct DcdWorld {
     pub(super) next_body: u32,
     pub(super) next_joint: u64,
     pub(super) last_step: Duration,
+    pub(super) why: Why,
 }
 
 impl DcdWorld {
     /// An empty world.
     pub fn new(config: WorldConfig) -> Result<Self, WorldError> {
+        let tree = config.tree()?;
+        Self::with_tree(config, tree)
+    }
+
+    fn with_tree(config: WorldConfig, tree: DistributionTree) -> Result<Self, WorldError> {
         config.check()?;
-        let partition = Partition::new(config.tree()?, config.halo_m);
+        let why = match config.partitioning {
+            Partitioning::Regions(_) | Partitioning::Cuts(_) => Why::Asked,
+            Partitioning::Auto if tree.leaf_count() > 1 => Why::Spread,
+            Partitioning::Auto if config.balance.is_some() => Why::Balance,
+            Partitioning::Auto => Why::Exact,
+        };
+        let partition = Partition::new(tree, config.halo_m);
         let leaves = partition.leaves().to_vec();
         let mut host = RegionHost::new(partition, config.step, config.threads, &leaves)?;
         host.set_balance(config.balance);
@@ -201,12 +216,17 @@ impl DcdWorld {
             next_body: 0,
             next_joint: 0,
             last_step: Duration::ZERO,
+            why,
         })
     }
 
     /// A world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
     pub fn from_scene(scene: &Scene, config: WorldConfig) -> Result<Self, WorldError> {
-        let mut world = Self::new(config)?;
+        let tree = match config.partitioning {
+            Partitioning::Auto => choice::tree_for(scene, config.bounds)?,
+            _ => config.tree()?,
+        };
+        let mut world = Self::with_tree(config, tree)?;
         let (bodies, joints) = scene.records(world.host.shapes_mut()).map_err(HostError::from)?;
         world.next_body = bodies.len() as u32;
         world.next_joint = joints.len() as u64;
@@ -614,6 +634,24 @@ impl DcdWorld {
             quarantined: self.host.regions().iter().map(|region| region.quarantined().len()).sum(),
             exchanges: self.host.exchanges_done(),
             disagreement_m_s: self.host.disagreement_m_s(),
+        }
+    }
+
+    /// How it is computed, and why so.
+    ///
+    /// ```
+    /// # use dcd::runtime::{DcdWorld, Why, WorldConfig};
+    /// let world = DcdWorld::new(WorldConfig { threads: 2, ..WorldConfig::default() })?;
+    /// let chosen = world.chosen();
+    /// assert_eq!((chosen.regions, chosen.threads, chosen.why), (1, 2, Why::Exact));
+    /// # Ok::<(), dcd::runtime::WorldError>(())
+    /// ```
+    pub fn chosen(&self) -> Choice {
+        Choice {
+            regions: self.regions().len(),
+            threads: self.host.threads(),
+            coupling: self.host.settings().coupling,
+            why: self.why,
         }
     }
 

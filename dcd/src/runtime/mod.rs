@@ -1,5 +1,6 @@
 //! Joins the parts into things that run: a local world; with `net`, a server, a node, a client and a participant.
 
+mod choice;
 #[cfg(feature = "net")]
 mod client;
 #[cfg(feature = "net")]
@@ -21,6 +22,7 @@ mod member;
 mod server;
 mod snapshot;
 
+pub use choice::{Choice, Why};
 #[cfg(feature = "net")]
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
 #[cfg(feature = "net")]

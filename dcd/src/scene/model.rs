@@ -112,9 +112,12 @@ impl Scene {
     }
 
     /// One plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a
-    /// partitioned run is compared with. Positions are rounded to f32.
+    /// partitioned run is compared with. Positions are rounded to f32. It has one thread: with the feature `parallel` a pool of its
+    /// own, without which Rapier would spread over rayon's global pool; `set_thread_pool` gives it another.
     pub fn bare_world(&self) -> PhysicsWorld {
         let mut world = PhysicsWorld { gravity: Vector::from(self.gravity), ..PhysicsWorld::new() };
+        #[cfg(feature = "parallel")]
+        world.configure_thread_pool(1).expect("the system has one more thread");
         world.integration_parameters.dt = self.dt_s;
         world.integration_parameters.num_solver_iterations = self.solver_iterations;
         let handles: Vec<_> = self

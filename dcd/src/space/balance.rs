@@ -1,6 +1,8 @@
 //! How the tree follows the load (thesis 3.2, 4.3.2.2): planes move so that regions have equal shares, regions are cut and
 //! merged as the load grows and shrinks. From equal counts follow equal trees; hysteresis keeps what is good enough.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use super::{Axis, Bounds, DistributionTree, RegionId};
@@ -92,7 +94,14 @@ pub struct Burden {
     pub place: [f64; 3],
     /// In the units of the load.
     pub weight: f64,
+    /// Which of the islands given to [`plan`] it is part of.
+    pub island: Option<usize>,
 }
+
+/// By how many times more a region has to do for its part of an island that others compute too: up to four micro-steps, which
+/// `auto` takes where copies disagree, of up to twice as many bodies. So a cut pays only into more parts than this.
+/// (`benches/results`: a giant island gains nothing from being cut on one machine.)
+const CUT_COST: f64 = 8.0;
 
 /// What is to become of a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,34 +132,176 @@ pub enum Change {
 }
 
 /// What is to change so that the regions of a tree have equal shares of the load; nothing if they are near enough.
+/// `islands` are boxes around those that are too large to move whole: planes keep out of them where to cut them does not pay.
 /// `merging` are vertices one of whose children is being emptied: they count as one region.
 pub fn plan(
     tree: &DistributionTree,
     burdens: &[Burden],
+    islands: &[Bounds],
     settings: &Balance,
     merging: &[RegionId],
 ) -> Vec<Change> {
-    let mut planner = Planner { tree, settings, merging, leaves: Vec::new(), moves: Vec::new() };
     let all: Vec<_> = burdens.iter().collect();
-    planner.weigh(RegionId(0), all.clone());
     let total: f64 = burdens.iter().map(|burden| burden.weight).sum();
-    let (count, heaviest) =
-        (planner.leaves.len(), planner.leaves.iter().map(|leaf| leaf.load).fold(0.0, f64::max));
+    let leaves = weighed(tree, merging, all.clone());
+    let (count, heaviest) = (leaves.len(), leaves.iter().map(|leaf| leaf.load).fold(0.0, f64::max));
+    // What is whole must weigh more than this to be worth a cut.
+    let whole_up_to = |share: f64| Whole::of(burdens, islands, CUT_COST * share);
     if count < settings.most_regions
         && (count < settings.least_regions || heaviest > settings.split_above)
-        && let Some(split) = split_of(&planner.leaves, settings)
+        && let Some(split) =
+            split_of(&leaves, &whole_up_to(settings.split_above), settings, count < settings.least_regions)
     {
         return vec![split];
     }
+    let mean = total / count as f64;
+    let whole = whole_up_to(mean);
+    let mut planner = Planner { tree, settings, merging, whole: &whole, moves: Vec::new() };
     if count > settings.least_regions
-        && let Some(merge) = planner.lightest_pair()
+        && let Some(merge) = planner.lightest_pair(&leaves)
     {
         return vec![merge];
     }
-    if count > 1 && heaviest > settings.tolerance * total / count as f64 {
-        planner.level(RegionId(0), tree.bounds(), all);
+    let now = busiest(&leaves, islands.len());
+    if count == 1 || now <= settings.tolerance * mean {
+        return Vec::new();
     }
-    planner.moves
+    planner.level(RegionId(0), tree.bounds(), all.clone());
+    // Where much lies in one place, or in one piece, planes can do only so much: nor are they moved for less.
+    let moved = after(tree, &planner.moves).map(|tree| weighed(&tree, merging, all));
+    let worth = 1.0 + 0.5 * (settings.tolerance - 1.0);
+    let pays = moved.is_some_and(|leaves| worth * busiest(&leaves, islands.len()) < now);
+    if pays { planner.moves } else { Vec::new() }
+}
+
+/// The same tree with planes moved; none if it has no room for one of them.
+fn after(tree: &DistributionTree, moves: &[Change]) -> Option<DistributionTree> {
+    let mut tree = tree.clone();
+    for change in moves {
+        let Change::Move { vertex, at } = *change else { return None };
+        tree.move_plane(vertex, at).ok()?;
+    }
+    Some(tree)
+}
+
+/// Whether a vertex counts as a region.
+fn is_leaf(tree: &DistributionTree, merging: &[RegionId], vertex: RegionId) -> bool {
+    tree.is_leaf(vertex) || merging.contains(&vertex)
+}
+
+/// The regions of a tree and what is in each.
+fn weighed<'a>(tree: &DistributionTree, merging: &[RegionId], burdens: Vec<&'a Burden>) -> Vec<Weighed<'a>> {
+    let (mut leaves, mut open) = (Vec::new(), vec![(RegionId(0), burdens)]);
+    while let Some((vertex, burdens)) = open.pop() {
+        match (tree.cut_of(vertex), tree.children_of(vertex)) {
+            (Some((axis, at)), Some((left, right))) if !is_leaf(tree, merging, vertex) => {
+                let (below, above) = parted(burdens, axis, at);
+                open.extend([(right, above), (left, below)]);
+            }
+            _ => {
+                let load = burdens.iter().map(|burden| burden.weight).sum();
+                leaves.push(Weighed { leaf: vertex, load, burdens });
+            }
+        }
+    }
+    leaves
+}
+
+/// What the busiest region has to do, with what it costs to have parts of islands.
+fn busiest(leaves: &[Weighed<'_>], islands: usize) -> f64 {
+    let mut in_leaves = vec![BTreeSet::new(); islands];
+    for leaf in leaves {
+        for island in leaf.burdens.iter().filter_map(|burden| burden.island) {
+            in_leaves[island].insert(leaf.leaf);
+        }
+    }
+    let is_cut = |burden: &Burden| burden.island.is_some_and(|island| in_leaves[island].len() > 1);
+    let cost = |burden: &&Burden| burden.weight * if is_cut(burden) { CUT_COST } else { 1.0 };
+    leaves.iter().map(|leaf| leaf.burdens.iter().map(cost).sum()).fold(0.0, f64::max)
+}
+
+/// Islands that are not worth a cut, by their places in the list of all: a box around each.
+struct Whole(Vec<Option<Bounds>>);
+
+impl Whole {
+    /// Those up to a weight.
+    fn of(burdens: &[Burden], islands: &[Bounds], most: f64) -> Self {
+        let mut weights = vec![0.0; islands.len()];
+        for burden in burdens {
+            burden.island.into_iter().for_each(|island| weights[island] += burden.weight);
+        }
+        Self(
+            islands.iter().zip(weights).map(|(bounds, weight)| (weight <= most).then_some(*bounds)).collect(),
+        )
+    }
+
+    /// Where across an axis to cut so that this part of the weight lies below, as nearly as can be without cutting one of
+    /// them: halfway between two neighbours. `range` is where a plane may be, `edge_m` how far it keeps from what is all on
+    /// one side of it, and `room_m` how far from what must not be cut.
+    fn quantile(
+        &self,
+        burdens: &[&Burden],
+        axis: Axis,
+        part: f64,
+        range: (f64, f64),
+        edge_m: f64,
+        room_m: f64,
+    ) -> Option<f64> {
+        let i = axis.index();
+        let mut line: Vec<(f64, f64, f64)> = Vec::new();
+        let mut places = vec![None; self.0.len()];
+        for burden in burdens {
+            let whole = burden.island.and_then(|island| Some((island, self.0[island]?)));
+            match whole {
+                Some((island, bounds)) => {
+                    let place = *places[island].get_or_insert_with(|| {
+                        line.push((bounds.min[i] - room_m, bounds.max[i] + room_m, 0.0));
+                        line.len() - 1
+                    });
+                    line[place].2 += burden.weight;
+                }
+                None => line.push((burden.place[i], burden.place[i], burden.weight)),
+            }
+        }
+        line.sort_unstable_by(|a, b| (a.0 + a.1).total_cmp(&(b.0 + b.1)));
+        if line.is_empty() {
+            return None;
+        }
+        let wanted = part * line.iter().map(|(.., weight)| weight).sum::<f64>();
+        let mut lowest_above = vec![f64::INFINITY; line.len() + 1];
+        for (place, &(low, ..)) in line.iter().enumerate().rev() {
+            lowest_above[place] = low.min(lowest_above[place + 1]);
+        }
+        let mut taken: Vec<(f64, f64)> = line.iter().map(|&(low, high, _)| (low, high)).collect();
+        taken.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        taken.retain(|(low, high)| low < high);
+        taken.dedup_by(|next, last| {
+            let overlap = next.0 < last.1;
+            last.1 = if overlap { last.1.max(next.1) } else { last.1 };
+            overlap
+        });
+        let is_clear = |at: f64| {
+            let next = taken.partition_point(|&(_, high)| high <= at);
+            taken.get(next).is_none_or(|&(low, _)| at <= low)
+        };
+        let clamped = |at: f64| at.clamp(range.0, range.1);
+        let (mut below, mut highest, mut crossed, mut cuts) = (0.0, f64::NEG_INFINITY, false, Vec::new());
+        for (place, &(_, high, weight)) in line.iter().enumerate() {
+            (below, highest) = (below + weight, high.max(highest));
+            let above = lowest_above[place + 1];
+            let at = if above.is_finite() { 0.5 * (highest + above) } else { highest };
+            if below >= wanted && !std::mem::replace(&mut crossed, below >= wanted) && is_clear(clamped(at)) {
+                return Some(clamped(at));
+            }
+            cuts.push((at, below));
+        }
+        // What is whole lies where the cut should be: as near to that as can be, or beside everything.
+        cuts.pop();
+        cuts.extend([(lowest_above[0] - edge_m, 0.0), (highest + edge_m, below)]);
+        let cuts = cuts.into_iter().map(|(at, below)| (clamped(at), (below - wanted).abs()));
+        let clear = cuts.filter(|(at, _)| is_clear(*at));
+        clear.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
+    }
 }
 
 /// A region and what is in it.
@@ -164,14 +315,13 @@ struct Planner<'a> {
     tree: &'a DistributionTree,
     settings: &'a Balance,
     merging: &'a [RegionId],
-    leaves: Vec<Weighed<'a>>,
+    whole: &'a Whole,
     moves: Vec<Change>,
 }
 
-impl<'a> Planner<'a> {
-    /// Whether a vertex counts as a region.
+impl Planner<'_> {
     fn is_leaf(&self, vertex: RegionId) -> bool {
-        self.tree.is_leaf(vertex) || self.merging.contains(&vertex)
+        is_leaf(self.tree, self.merging, vertex)
     }
 
     fn count(&self, vertex: RegionId) -> usize {
@@ -181,22 +331,8 @@ impl<'a> Planner<'a> {
         }
     }
 
-    fn weigh(&mut self, vertex: RegionId, burdens: Vec<&'a Burden>) {
-        match (self.tree.cut_of(vertex), self.tree.children_of(vertex)) {
-            (Some((axis, at)), Some((left, right))) if !self.is_leaf(vertex) => {
-                let (below, above) = parted(burdens, axis, at);
-                self.weigh(left, below);
-                self.weigh(right, above);
-            }
-            _ => {
-                let load = burdens.iter().map(|burden| burden.weight).sum();
-                self.leaves.push(Weighed { leaf: vertex, load, burdens });
-            }
-        }
-    }
-
     /// Moves the planes below a vertex whose part of the world is `part`.
-    fn level(&mut self, vertex: RegionId, part: Bounds, burdens: Vec<&'a Burden>) {
+    fn level(&mut self, vertex: RegionId, part: Bounds, burdens: Vec<&Burden>) {
         let (Some((axis, now)), Some((left, right))) =
             (self.tree.cut_of(vertex), self.tree.children_of(vertex))
         else {
@@ -210,8 +346,15 @@ impl<'a> Planner<'a> {
         // What lies below needs room for its own planes, and so does what lies above.
         let edge = self.settings.smallest_edge_m;
         let (least, most) = (part.min[i] + edge * below, part.max[i] - edge * above);
-        let wished = quantile(&burdens, axis, below / (below + above)).unwrap_or(now);
-        let at = if least < most { wished.clamp(least, most) } else { 0.5 * (part.min[i] + part.max[i]) };
+        let share = below / (below + above);
+        let at = if least < most {
+            let wished = |room| self.whole.quantile(&burdens, axis, share, (least, most), edge, room);
+            // The planes of each side are to find room beside what is whole there.
+            let wished = wished(edge * (below.max(above) - 1.0)).or_else(|| wished(0.0));
+            wished.unwrap_or_else(|| now.clamp(least, most))
+        } else {
+            0.5 * (part.min[i] + part.max[i])
+        };
         if at != now {
             self.moves.push(Change::Move { vertex, at });
         }
@@ -223,8 +366,8 @@ impl<'a> Planner<'a> {
     }
 
     /// The two siblings with the least load together, if that is little.
-    fn lightest_pair(&self) -> Option<Change> {
-        let load_of = |leaf| self.leaves.iter().find(|other| other.leaf == leaf).map(|leaf| leaf.load);
+    fn lightest_pair(&self, leaves: &[Weighed<'_>]) -> Option<Change> {
+        let load_of = |leaf| leaves.iter().find(|other| other.leaf == leaf).map(|leaf| leaf.load);
         let pairs = self.tree.inner().filter(|vertex| !self.merging.contains(vertex)).filter_map(|vertex| {
             let (left, right) = self.tree.children_of(vertex)?;
             let (below, above) = (load_of(left)?, load_of(right)?);
@@ -238,39 +381,30 @@ impl<'a> Planner<'a> {
     }
 }
 
-/// Cuts the heaviest region that is wide enough, in the middle of its load.
-fn split_of(leaves: &[Weighed<'_>], settings: &Balance) -> Option<Change> {
-    let mut by_load: Vec<_> = leaves.iter().collect();
+/// Cuts the heaviest region that is wide enough, in the middle of its load. A region is cut whatever that brings if there
+/// `must` be more of them.
+fn split_of(leaves: &[Weighed<'_>], whole: &Whole, settings: &Balance, must: bool) -> Option<Change> {
+    let mut by_load: Vec<_> = leaves.iter().filter(|leaf| must || leaf.load > settings.split_above).collect();
     by_load.sort_by(|a, b| b.load.total_cmp(&a.load).then(a.leaf.cmp(&b.leaf)));
-    by_load.into_iter().find_map(|Weighed { leaf, burdens, .. }| {
+    by_load.into_iter().find_map(|Weighed { leaf, load, burdens }| {
         let boxes = burdens.iter().map(|burden| Bounds::new(burden.place, burden.place));
         let around = boxes.reduce(|a, b| a.union(&b))?;
         let axis = around.longest_axis();
-        let i = axis.index();
-        let (least, most) =
-            (around.min[i] + settings.smallest_edge_m, around.max[i] - settings.smallest_edge_m);
-        let at = quantile(burdens, axis, 0.5)?.clamp(least.min(most), most);
-        (least < most).then_some(Change::Split { leaf: *leaf, axis, at })
+        let (i, edge) = (axis.index(), settings.smallest_edge_m);
+        let (least, most) = (around.min[i] + edge, around.max[i] - edge);
+        if least >= most {
+            return None;
+        }
+        let at = whole.quantile(burdens, axis, 0.5, (least, most), edge, 0.0)?;
+        let below: f64 =
+            burdens.iter().filter(|burden| burden.place[i] < at).map(|burden| burden.weight).sum();
+        let pays = settings.tolerance * below.max(load - below) < *load;
+        (must || pays).then_some(Change::Split { leaf: *leaf, axis, at })
     })
 }
 
 fn parted(burdens: Vec<&Burden>, axis: Axis, at: f64) -> (Vec<&Burden>, Vec<&Burden>) {
     burdens.into_iter().partition(|burden| burden.place[axis.index()] < at)
-}
-
-/// Where along an axis this part of the weight lies below: halfway between two neighbours.
-fn quantile(burdens: &[&Burden], axis: Axis, part: f64) -> Option<f64> {
-    let mut line: Vec<_> = burdens.iter().map(|burden| (burden.place[axis.index()], burden.weight)).collect();
-    line.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let wanted = part * line.iter().map(|(_, weight)| weight).sum::<f64>();
-    let mut below = 0.0;
-    for pair in line.windows(2) {
-        below += pair[0].1;
-        if below >= wanted {
-            return Some(0.5 * (pair[0].0 + pair[1].0));
-        }
-    }
-    line.last().map(|(place, _)| *place)
 }
 
 #[cfg(test)]
@@ -279,7 +413,7 @@ mod tests {
 
     fn crowd(from: f64, to: f64, count: usize) -> Vec<Burden> {
         let place = |i: usize| from + (to - from) * (i as f64 + 0.5) / count as f64;
-        (0..count).map(|i| Burden { place: [place(i), 0.0, 0.0], weight: 1.0 }).collect()
+        (0..count).map(|i| Burden { place: [place(i), 0.0, 0.0], weight: 1.0, island: None }).collect()
     }
 
     fn applied(tree: &mut DistributionTree, changes: &[Change]) {
@@ -306,11 +440,11 @@ mod tests {
         let (mut tree, settings) = (road(8), Balance::keeping(8));
         for from in [0.0, 100.0, 450.0, 800.0] {
             let crowd = crowd(from, from + 200.0, 800);
-            let changes = plan(&tree, &crowd, &settings, &[]);
+            let changes = plan(&tree, &crowd, &[], &settings, &[]);
             assert!(!changes.is_empty());
             applied(&mut tree, &changes);
             assert_eq!(loads(&tree, &crowd), [100; 8]);
-            assert_eq!(plan(&tree, &crowd, &settings, &[]), []);
+            assert_eq!(plan(&tree, &crowd, &[], &settings, &[]), []);
         }
     }
 
@@ -318,11 +452,11 @@ mod tests {
     fn a_little_imbalance_moves_nothing() {
         let tree = road(2);
         let mut crowd = crowd(0.0, 1000.0, 100);
-        crowd.extend(std::iter::repeat_n(Burden { place: [1.0; 3], weight: 1.0 }, 20));
-        assert_eq!(plan(&tree, &crowd, &Balance::keeping(2), &[]), [], "70 of 120");
-        crowd.extend(std::iter::repeat_n(Burden { place: [1.0; 3], weight: 1.0 }, 60));
+        crowd.extend(std::iter::repeat_n(Burden { place: [1.0; 3], weight: 1.0, island: None }, 20));
+        assert_eq!(plan(&tree, &crowd, &[], &Balance::keeping(2), &[]), [], "70 of 120");
+        crowd.extend(std::iter::repeat_n(Burden { place: [1.0; 3], weight: 1.0, island: None }, 60));
         assert!(matches!(
-            plan(&tree, &crowd, &Balance::keeping(2), &[])[..],
+            plan(&tree, &crowd, &[], &Balance::keeping(2), &[])[..],
             [Change::Move { vertex: RegionId(0), .. }]
         ));
     }
@@ -331,7 +465,7 @@ mod tests {
     fn regions_stay_as_wide_as_asked() {
         let settings = Balance { smallest_edge_m: 10.0, ..Balance::keeping(8) };
         let (mut tree, crowd) = (road(8), crowd(500.0, 501.0, 100));
-        let changes = plan(&tree, &crowd, &settings, &[]);
+        let changes = plan(&tree, &crowd, &[], &settings, &[]);
         applied(&mut tree, &changes);
         let narrowest = tree.leaves().map(|leaf| tree.part(leaf).size()[0]).fold(f64::INFINITY, f64::min);
         assert!(narrowest >= 10.0 - 1e-9, "{narrowest} m");
@@ -344,7 +478,7 @@ mod tests {
         let mut settle = |count: usize| {
             let crowd = crowd(0.0, 1000.0, count);
             for _ in 0..40 {
-                let changes = plan(&tree, &crowd, &settings, &[]);
+                let changes = plan(&tree, &crowd, &[], &settings, &[]);
                 if changes.is_empty() {
                     return tree.leaf_count();
                 }
@@ -359,18 +493,80 @@ mod tests {
         assert_eq!(settle(10), 1);
     }
 
+    /// So many bodies in one island from 480 to 520 m, and a hundred along the road; a box around the island.
+    fn crowd_with_island(count: usize) -> (Vec<Burden>, Bounds) {
+        let island =
+            crowd(480.0, 520.0, count).into_iter().map(|burden| Burden { island: Some(0), ..burden });
+        (
+            crowd(0.0, 1000.0, 100).into_iter().chain(island).collect(),
+            Bounds::new([480.0, -1.0, -1.0], [520.0, 1.0, 1.0]),
+        )
+    }
+
+    /// Where the planes lie when nothing changes any more.
+    fn settled(
+        tree: &mut DistributionTree,
+        burdens: &[Burden],
+        island: Bounds,
+        settings: &Balance,
+    ) -> Vec<f64> {
+        for _ in 0..10 {
+            let changes = plan(tree, burdens, &[island], settings, &[]);
+            if changes.is_empty() {
+                return tree.inner().filter_map(|vertex| Some(tree.cut_of(vertex)?.1)).collect();
+            }
+            applied(tree, &changes);
+        }
+        panic!("it flaps");
+    }
+
+    #[test]
+    fn planes_keep_out_of_an_island_that_is_not_worth_a_cut() {
+        for (regions, count) in [(2, 600), (3, 600), (4, 600), (5, 400), (8, 200), (8, 600)] {
+            let (burdens, island) = crowd_with_island(count);
+            let (mut tree, settings) = (road(regions), Balance::keeping(regions));
+            let planes = settled(&mut tree, &burdens, island, &settings);
+            let within = |at: &f64| island.min[0] < *at && *at < island.max[0];
+            assert!(!planes.iter().any(within), "{regions} regions: {planes:?}");
+            let most = loads(&tree, &burdens).into_iter().max().unwrap();
+            assert!(most < count + 60, "{regions} regions: {most}");
+            let again = plan(&tree, &burdens, &[Bounds { max: [520.5; 3], ..island }], &settings, &[]);
+            assert_eq!(again, [], "an island that grows a little moves nothing");
+        }
+    }
+
+    #[test]
+    fn planes_cut_an_island_where_so_many_regions_share_it_that_it_pays() {
+        let (burdens, island) = crowd_with_island(3000);
+        let (mut tree, settings) = (road(16), Balance { smallest_edge_m: 1.0, ..Balance::keeping(16) });
+        settled(&mut tree, &burdens, island, &settings);
+        let most = loads(&tree, &burdens).into_iter().max().unwrap();
+        assert!(most < 300, "{most} of 3100 in 16 regions");
+    }
+
+    #[test]
+    fn a_region_is_not_cut_through_an_island_and_others_not_in_its_stead() {
+        let settings = Balance { split_above: 500.0, merge_below: 10.0, ..Balance::default() };
+        let (burdens, island) = crowd_with_island(600);
+        let mut tree = road(1);
+        let planes = settled(&mut tree, &burdens, island, &settings);
+        assert!(planes.is_empty(), "{planes:?}");
+        let whole: Vec<_> = burdens.iter().map(|burden| Burden { island: None, ..*burden }).collect();
+        assert!(!settled(&mut tree, &whole, island, &settings).is_empty(), "no island, no harm");
+    }
+
     #[test]
     fn what_is_being_merged_counts_as_one_region() {
         let (tree, settings) =
             (road(4), Balance { merge_below: 300.0, split_above: 1000.0, ..Balance::default() });
         let crowd = crowd(0.0, 1000.0, 400);
-        let [Change::Merge { vertex, .. }] = plan(&tree, &crowd, &settings, &[])[..] else { panic!() };
+        let [Change::Merge { vertex, .. }] = plan(&tree, &crowd, &[], &settings, &[])[..] else { panic!() };
         assert_eq!(vertex, RegionId(1));
-        let [Change::Merge { vertex, .. }] = plan(&tree, &crowd, &settings, &[RegionId(1)])[..] else {
+        let [Change::Merge { vertex, .. }] = plan(&tree, &crowd, &[], &settings, &[RegionId(1)])[..] else {
             panic!()
         };
         assert_eq!(vertex, RegionId(2));
-        assert_eq!(plan(&tree, &crowd, &settings, &[RegionId(1), RegionId(2)]), []);
+        assert_eq!(plan(&tree, &crowd, &[], &settings, &[RegionId(1), RegionId(2)]), []);
     }
 
     #[test]

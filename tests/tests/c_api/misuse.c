@@ -580,7 +580,7 @@ static void bulk(void)
     DcdOwner owner = DCD_OWNER_INIT;
     DcdStats stats = DCD_STATS_INIT;
     size_t count = 0;
-    char text[256], tiny[4] = "abc";
+    char text[1024], tiny[4] = "abc";
     uint64_t hash = 0;
 
     EXPECT(dcd_state_view(world, NULL), DCD_ERR_NULL);

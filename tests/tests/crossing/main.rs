@@ -10,6 +10,7 @@ mod joints;
 mod kinematic;
 mod shapes;
 mod sleep;
+mod sleepers;
 mod table;
 mod unlike;
 mod user;

@@ -76,9 +76,11 @@ fn check(folder: &Path, real: &Real, more: &str) -> (Vec<String>, String) {
             format!("joints {} m apart, {} in the bare world", run.apart_m, reference.apart_m),
         );
         if real.rests {
-            let ratio = run.ground.unwrap();
+            let (ratio, bare) = (run.ground.unwrap(), reference.ground.unwrap());
+            // What stirs still in one world may well bear its weight better in several.
+            let as_bare = (ratio - bare).abs() < if shared { GROUND_SHARED } else { GROUND };
             must(
-                (ratio - reference.ground.unwrap()).abs() < if shared { GROUND_SHARED } else { GROUND },
+                as_bare || (ratio - 1.0).abs() <= (bare - 1.0).abs(),
                 format!("the ground bears {ratio} of the weight"),
             );
         }

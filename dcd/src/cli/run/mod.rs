@@ -23,6 +23,7 @@ use crate::space::{Balance, MAX_REGIONS};
 ///
 /// Examples:
 ///   dcd run tower
+///   dcd run pile --set n=20000
 ///   dcd run pile --set n=20000 --regions 2 --threads 2
 ///   dcd run pile --set n=20000 --regions 0 --json
 ///   dcd run tower --cut y=5 --seconds 60 --out tower.csv
@@ -39,7 +40,7 @@ pub(super) struct Run {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Regions, by halving the largest; 0 steps one bare Rapier world instead, on one thread: the reference
-    /// [default: what the scene says, else 1]
+    /// [default: what the scene says, else 1, which is exact; more only where bodies lie too far apart for the f32 of one]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=MAX_REGIONS as i64), conflicts_with = "cut")]
     regions: Option<u16>,
     #[command(flatten)]
@@ -48,7 +49,8 @@ pub(super) struct Run {
     /// and merged as there is more or less to do
     #[arg(long, value_name = "LEAST-MOST", num_args = 0..=1, default_missing_value = "", value_parser = range)]
     balance: Option<Range>,
-    /// Regions stepped at a time [default: one a region, as far as there are cores]
+    /// Threads that step the world, in as many regions as it has; few awake bodies are stepped by one. The result does not
+    /// depend on it [default: all cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// How long to run, in simulated seconds
@@ -157,9 +159,8 @@ impl Run {
             config.balance =
                 Some(Balance { least_regions, most_regions, ..config.balance.unwrap_or_default() });
         }
-        let regions = config.balance.map_or(regions, |balance| balance.most_regions.max(regions));
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        config.threads = self.threads.map_or(regions.min(cores), usize::from);
+        config.threads = self.threads.map_or(cores, usize::from);
         Ok(Plan { config: Some(config), ticks })
     }
 }
@@ -169,7 +170,7 @@ fn after_help() -> String {
         "The time of a step counts only the step: what is measured is measured between steps. --json prints the keys\n\
          scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s{{mean,max}} imbalance{{mean,max}} ticks dt_s\n\
          wall_s rtf step_ms{{mean,p50,p99,max}} contacts replicas_mean transfers energy_j{{start,end}} momentum_kgms{{start,end}} max_penetration_m ground_force_ratio\n\
-         lost doubled quarantined state_hash; step_ms leaves the first 30 steps out.\n\n{}",
+         lost doubled quarantined state_hash chosen{{regions,threads,coupling,why}}; step_ms leaves the first 30 steps out.\n\n{}",
         scenes::overview()
     )
 }

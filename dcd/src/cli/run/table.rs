@@ -1,6 +1,6 @@
 //! A report for people.
 
-use crate::runtime::measure::Report;
+use crate::runtime::measure::{Chosen, Report};
 
 pub(super) fn of(report: &Report) -> String {
     let Report { scene, bodies, ticks, wall_s, rtf, .. } = report;
@@ -67,6 +67,7 @@ pub(super) fn of(report: &Report) -> String {
         ("doubled", report.doubled.to_string()),
         ("quarantined", report.quarantined.to_string()),
         ("state", report.state_hash.clone()),
+        ("chosen", chosen(&report.chosen)),
     ];
     let mut lines = vec![
         format!("{scene}: {bodies} bodies, {made_of}"),
@@ -75,6 +76,17 @@ pub(super) fn of(report: &Report) -> String {
     ];
     lines.extend(rows.iter().map(|(name, value)| format!("{name:<14}{value}")));
     lines.join("\n")
+}
+
+fn chosen(chosen: &Chosen) -> String {
+    let Chosen { regions, threads, why, .. } = chosen;
+    let made_of = match regions {
+        0 => "a bare Rapier world".to_owned(),
+        1 => "1 region".to_owned(),
+        regions => format!("{regions} regions"),
+    };
+    let threads = if *threads == 1 { "1 thread".to_owned() } else { format!("{threads} threads") };
+    format!("{made_of} on {threads}: {why}")
 }
 
 fn vector(v: [f64; 3]) -> String {

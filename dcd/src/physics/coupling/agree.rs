@@ -31,11 +31,14 @@ pub(super) fn agree(region: &mut Region, pace: &Pace, moment: Moment<'_>, disagr
     for index in 0..region.shared.len() + region.replicas.len() {
         let link = share::held(region, index);
         let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { continue };
-        if moment.is_due(pace.exchanges_among(shared.members)) {
+        let is_due = moment.is_due(pace.exchanges_among(shared.members));
+        if is_due && shared.is_split() {
             let worst = agree_on(region, link, &mut shared);
             for rank in shared.members.without(own).iter() {
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
             }
+        } else if is_due {
+            follow(region, link, &mut shared);
         }
         region.slot_mut(link.handle).shared = Some(shared);
     }
@@ -95,6 +98,43 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
     write(region, link, &pose, &velocity);
     shared.start = None;
     worst
+}
+
+/// Takes for a body that is not split what it became in the region that saw most of what it touches: there the contacts of all
+/// that touches were solved together, so that what one body of them loses another gains. All bodies of one cluster are held where
+/// any of them is, as far as was foreseen; so all take the same region's word, and momentum is conserved. Where nothing touches it is
+/// the owner's.
+fn follow(region: &mut Region, link: Link, shared: &mut Shared) {
+    let own_rank = region.rank();
+    let body = &region.physics().bodies[link.handle];
+    if shared.heard.is_empty() || body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
+        return;
+    }
+    let owner = shared.members.without(shared.shadows).iter().next();
+    let own = (!shared.broken).then_some((own_rank, shared.own));
+    let copies = || shared.heard.iter().copied().chain(own).filter(|(_, copy)| copy.sound);
+    // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
+    let rank_of = |&(rank, copy): &(usize, CopyState)| {
+        let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
+        let owns = Some(rank) == owner;
+        (seen, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
+    };
+    let Some((rank, copy)) = copies().max_by_key(rank_of) else {
+        share::set_aside(region, link.handle, shared);
+        return;
+    };
+    (shared.led_by, shared.followed) = (Some(rank), true);
+    let z = Vector::from_array(copy.velocity.linear);
+    let off = |(_, other): (usize, CopyState)| (Vector::from_array(other.velocity.linear) - z).length();
+    shared.strayed_m_s = copies().map(off).fold(0.0, f32::max);
+    (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
+    shared.start = None;
+    if std::mem::take(&mut shared.broken) {
+        region.world_mut().bodies[link.handle].set_enabled(true);
+    }
+    if rank != own_rank {
+        write(region, link, &copy.pose, &copy.velocity);
+    }
 }
 
 /// Positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on one hemisphere,

@@ -88,7 +88,8 @@ fn take_over(
         region.id()
     );
     region.set_role(handle, Role::Owner, holders, body.epoch);
-    region.slot_mut(handle).whole = transfer.whole;
+    let slot = region.slot_mut(handle);
+    (slot.whole, slot.doubt) = (transfer.whole, 0);
     region.arrived.push(Link { id: body.id, handle });
     // Copies that share the mass agree on their mean instead.
     if !shares_mass {

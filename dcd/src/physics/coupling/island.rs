@@ -1,23 +1,35 @@
 //! Islands near borders: awake bodies that touch or are tied, and where they should be computed. An island small enough
 //! goes whole to one region, to the one that owns most of it; there it is computed as in one world. Larger ones stay
 //! where their bodies are.
-
-use std::cmp::Ordering;
+//!
+//! An island may lie in many regions, of which each sees its own part and its neighbours'. So each tells its neighbours which
+//! parts it knows of and from how far, nearest first, as many as make the island too large: sizes spread from part to
+//! part, and all come to the same sum. A part that is no more is told of from ever farther away, until there is none
+//! at the distance before: then nobody believes in it any longer. Meanwhile it may be counted twice, so what was heard
+//! over more than one border must hold for as long as that takes before it makes an island whole or splits it.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Moment;
+use super::membership::home_of;
 use super::reach;
-use super::sight::{self, Meeting, Sights};
 use crate::physics::convert;
 use crate::physics::region::{Link, Region, Role};
-use crate::protocol::{BIG_ISLAND, BodyKind};
+use crate::physics::renumber::Renumbering;
+use crate::protocol::{BIG_ISLAND, BodyKind, BorderMessage, IslandPart};
+use crate::space::{BodyId, RegionSet};
 
 /// An island that is not whole yet becomes so below this part of the limit, so that none flaps.
 const ENTER: f32 = 0.85;
-/// An island stays where it is as long as this part of its bodies lies there.
+/// An island stays where it is as long as this part of its bodies lies there, or half as many as in the region with most of them.
 const STAY: f32 = 0.25;
+/// Islands of more bodies than this are walked through every so many ticks only. What is hidden from a border for so long stays
+/// held at it.
+pub(super) const LARGE: usize = 256;
+const WALK_TICKS: u64 = 8;
+/// Ticks from when a region finds its islands to when its neighbours have used what it told of them.
+const TICKS_PER_HOP: u32 = 2;
 
 /// The islands that come near a border, as found last; kept for its memory.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -26,6 +38,11 @@ pub(super) struct Islands {
     of: Vec<u32>,
     touched: Vec<RigidBodyHandle>,
     pub found: Vec<Island>,
+    /// What others told of their parts in the last exchange, with the sender's rank, in order of rank and part.
+    told: Vec<(usize, IslandPart)>,
+    /// How many of those found are from ticks before.
+    #[serde(skip)]
+    kept: usize,
     #[serde(skip)]
     open: Vec<RigidBodyHandle>,
 }
@@ -35,18 +52,32 @@ pub(super) struct Islands {
 pub(super) struct Island {
     /// Those owned here.
     pub members: Vec<Link>,
+    /// How many others' bodies it has that are held here.
+    ghosts: usize,
     /// Too large to move whole.
     pub big: bool,
+    /// There are too many bodies in this region alone: it was not followed to its end.
+    endless: bool,
+    /// Its lowest member, or that of the endless island which it belongs to.
+    name: Option<BodyId>,
     /// Something touches it or ties it together.
     pub pressed: bool,
-    /// The first with a body that is not held here: with one that is not free, or with any.
-    soonest: Option<Meeting>,
-    /// Was to be whole already.
+    /// To be whole as far as its parts say; before they are reckoned: as it was.
     whole: bool,
+    /// Ticks for which its parts have said otherwise.
+    doubt: u16,
+    /// Parts of others that it touches, by their owner's rank and name.
+    beside: Vec<(usize, BodyId)>,
+    /// Bodies of others of whose part nothing was heard yet, with their owner's rank.
+    unheard: Vec<(usize, BodyId)>,
+    /// All parts that are known of, this one first, farther ones later.
+    parts: Vec<IslandPart>,
     /// How many bodies others own of it, by rank.
     elsewhere: Vec<(usize, usize)>,
     /// Rank of the region it goes to, unless it is big.
     pub target: usize,
+    /// Whether all of it may go there.
+    pub ready: bool,
 }
 
 impl Islands {
@@ -56,40 +87,172 @@ impl Islands {
         self.found.get((place as usize).checked_sub(1)?)
     }
 
-    /// How many bodies of a body's island this region owns, for others.
+    /// How many bodies of a body's island this region owns, for who will meet it.
     pub(super) fn size(&self, handle: RigidBodyHandle) -> u16 {
+        self.of(handle).map_or(1, |island| if island.big { BIG_ISLAND } else { island.own_size().max(1) })
+    }
+
+    /// How many bodies a body's island has as this region sees it, its ghosts among them.
+    pub(super) fn seen(&self, handle: RigidBodyHandle) -> u16 {
         self.of(handle).map_or(1, |island| {
-            if island.big {
-                BIG_ISLAND
-            } else {
-                island.members.len().clamp(1, usize::from(BIG_ISLAND) - 1) as u16
-            }
+            if island.big { BIG_ISLAND } else { told(island.members.len() + island.ghosts) }
         })
+    }
+
+    /// This region's part of a body's island, for those that hold the body.
+    pub(super) fn part(&self, handle: RigidBodyHandle) -> Option<BodyId> {
+        self.of(handle)?.name
+    }
+
+    /// Tells the parts of each island that was found last to all who hold any of its bodies.
+    pub(super) fn tell(&self, region: &mut Region) {
+        let mut hearers = vec![RegionSet::EMPTY; self.found.len()];
+        for &handle in &self.touched {
+            // Some have gone since.
+            let here = region.physics().bodies.contains(handle);
+            if here && region.role_of(handle).is_some_and(|(_, role)| role == Role::Owner) {
+                let place = self.of[handle.into_raw_parts().0 as usize] as usize - 1;
+                hearers[place] = hearers[place].union(region.slot(handle).holders);
+            }
+        }
+        // What belongs to an endless island has its name, and is told of once.
+        let mut endless: Vec<(Option<BodyId>, RegionSet)> = Vec::new();
+        for (island, mut hearers) in self.found.iter().zip(hearers) {
+            if island.endless && !hearers.is_empty() {
+                match endless.iter_mut().find(|(name, _)| *name == island.name) {
+                    Some((_, told)) => {
+                        hearers = hearers.without(*told);
+                        *told = told.union(hearers);
+                    }
+                    None => endless.push((island.name, hearers)),
+                }
+            }
+            for rank in hearers.iter() {
+                region.outbox.to(rank).islands.extend_from_slice(&island.parts);
+            }
+        }
+    }
+
+    /// A new exchange has begun: nothing has been told in it.
+    pub(super) fn forget_told(&mut self) {
+        self.told.clear();
+    }
+
+    /// Takes in what the region of this rank tells of islands. Regions are heard in the order of their ranks.
+    pub(super) fn hear(&mut self, rank: usize, message: &BorderMessage) {
+        let from = self.told.len();
+        self.told.extend(message.islands.iter().map(|part| (rank, *part)));
+        // Stable: the parts of each stay in their order.
+        self.told[from..].sort_by_key(|(_, part)| part.of);
+    }
+
+    fn told_by(&self, rank: usize, name: BodyId) -> impl Iterator<Item = &IslandPart> {
+        let from = self.told.partition_point(|(other, part)| (*other, part.of) < (rank, name));
+        let those = move |(other, part): &&(usize, IslandPart)| (*other, part.of) == (rank, name);
+        self.told[from..].iter().take_while(those).map(|(_, part)| part)
+    }
+
+    /// Ranks have changed: what was told with the old ones is told anew.
+    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
+        self.told
+            .retain(|(rank, part)| ranks.to[*rank].is_some() && ranks.to[usize::from(part.rank)].is_some());
+        for (rank, part) in &mut self.told {
+            (*rank, part.rank) = (ranks.rank(*rank), ranks.rank(part.rank.into()) as u8);
+        }
+        self.told.sort_by_key(|(rank, part)| (*rank, part.of));
+        for island in &mut self.found {
+            island.parts.retain(|part| ranks.to[usize::from(part.rank)].is_some());
+            for part in &mut island.parts {
+                part.rank = ranks.rank(part.rank.into()) as u8;
+            }
+        }
     }
 
     /// Finds anew the islands of these bodies, and where each is to be computed.
     pub(super) fn find(
         &mut self,
         region: &mut Region,
-        sights: &Sights,
         moment: Moment<'_>,
         seeds: impl Iterator<Item = RigidBodyHandle>,
     ) {
-        for handle in self.touched.drain(..) {
-            self.of[handle.into_raw_parts().0 as usize] = 0;
-        }
-        self.found.clear();
+        self.keep_large(region, moment);
         for seed in seeds {
             if takes_part(region, seed) && self.place(seed) == 0 {
-                self.explore(region, sights, moment, seed);
+                self.explore(region, moment, seed);
+            }
+        }
+        self.found[..self.kept].iter_mut().for_each(Island::complete);
+        let mut names: Vec<_> =
+            self.found.iter().enumerate().filter_map(|(place, island)| Some((island.name?, place))).collect();
+        names.sort_unstable();
+        for place in 0..self.found.len() {
+            if self.found[place].name.is_some() {
+                let mut parts = std::mem::take(&mut self.found[place].parts);
+                self.reckon(place, &names, region.rank(), moment, &mut parts);
+                self.found[place].parts = parts;
             }
         }
         for island in &mut self.found {
             island.settle(region, moment);
-            for link in &island.members {
-                region.slot_mut(link.handle).whole = !island.big;
+        }
+        for &handle in &self.touched {
+            let island = &self.found[self.of[handle.into_raw_parts().0 as usize] as usize - 1];
+            let (whole, doubt) = (island.whole, island.doubt);
+            if region.slot(handle).role == Role::Owner {
+                let slot = region.slot_mut(handle);
+                (slot.whole, slot.doubt) = (whole, doubt);
             }
         }
+    }
+
+    /// Gathers all that is known of the parts of an island, up to the limit.
+    fn reckon(
+        &self,
+        place: usize,
+        names: &[(BodyId, usize)],
+        own: usize,
+        moment: Moment<'_>,
+        parts: &mut Vec<IslandPart>,
+    ) {
+        let island = &self.found[place];
+        let of = island.name.expect("it has members");
+        let part = |name, rank: usize, size, whole, hops| IslandPart {
+            of,
+            name,
+            rank: rank as u8,
+            size,
+            whole,
+            hops,
+        };
+        parts.clear();
+        parts.push(part(of, own, island.own_size(), island.whole, 0));
+        for &(rank, name) in &island.beside {
+            for told in self.told_by(rank, name) {
+                let hops = told.hops.saturating_add(1);
+                if usize::from(told.rank) != own {
+                    parts.push(IslandPart { of, hops, ..*told });
+                    continue;
+                }
+                // What this region has itself it knows best.
+                let found = names.partition_point(|(other, _)| *other < told.name);
+                if let Some(&(_, found)) = names.get(found).filter(|(other, _)| *other == told.name) {
+                    let found = &self.found[found];
+                    parts.push(part(told.name, own, found.own_size(), found.whole, hops));
+                }
+            }
+        }
+        parts.extend(island.unheard.iter().map(|&(rank, id)| part(id, rank, 1, true, 1)));
+        parts.sort_unstable_by_key(|part| (part.name, part.hops, part.rank));
+        parts.dedup_by_key(|part| part.name);
+        parts.sort_unstable_by_key(|part| (part.hops, part.name));
+        let (mut total, mut kept, mut reach) = (0, 0, 0);
+        for part in parts.iter() {
+            if total > moment.settings.island_limit || part.hops > reach + 1 {
+                break;
+            }
+            (total, kept, reach) = (total + usize::from(part.size), kept + 1, part.hops);
+        }
+        parts.truncate(kept);
     }
 
     fn place(&mut self, handle: RigidBodyHandle) -> u32 {
@@ -107,8 +270,10 @@ impl Islands {
     }
 
     /// Follows contacts and joints from a body, until the island is seen to be too large.
-    fn explore(&mut self, region: &Region, sights: &Sights, moment: Moment<'_>, seed: RigidBodyHandle) {
-        let (limit, tick_s) = (moment.settings.island_limit, moment.settings.dt_s);
+    fn explore(&mut self, region: &Region, moment: Moment<'_>, seed: RigidBodyHandle) {
+        let limit = moment.settings.island_limit;
+        let from = self.touched.len();
+        let mut joins = None;
         let mut island = Island::default();
         self.open.clear();
         self.enter(seed);
@@ -119,93 +284,177 @@ impl Islands {
                     island.members.push(Link { id: slot.id, handle });
                     island.pressed |= reach::is_pressed(region, handle);
                     island.whole |= slot.whole;
-                    for meeting in sights.meetings_of(slot.id).filter(|meeting| meeting.island > 0) {
-                        island.meet(meeting);
-                    }
+                    island.doubt = island.doubt.max(slot.doubt);
                 }
                 Role::Replica { owner } => {
+                    island.ghosts += 1;
                     let heard = slot.shared.iter().flat_map(|shared| &shared.heard);
-                    let told = heard.filter(|(rank, _)| *rank == owner).map(|(_, copy)| copy.island).max();
-                    island.count(owner, told.unwrap_or(1).max(1));
+                    let copy = heard.filter(|(rank, _)| *rank == owner).map(|(_, copy)| copy).next();
+                    let part = copy.filter(|copy| !copy.sleeping).and_then(|copy| copy.part);
+                    match part.filter(|&part| self.told_by(owner, part).next().is_some()) {
+                        Some(part) if island.beside.last() == Some(&(owner, part)) => {}
+                        Some(part) => island.beside.push((owner, part)),
+                        None => island.unheard.push((owner, slot.id)),
+                    }
                 }
                 Role::Immovable => unreachable!("only what moves is entered"),
             }
-            if island.total() > limit {
-                island.big = true;
+            if island.members.len() > limit {
+                island.endless = true;
             }
-            if island.big {
+            if island.endless {
                 break;
             }
-            let mut met_big = false;
-            let owned = region.slot(handle).role == Role::Owner;
+            let mut endless = None;
             reach::for_each_contact(region, handle, |other, touches| {
-                // Bodies that will touch belong together before they do.
-                let linked = touches
-                    || owned != (region.slot(other).role == Role::Owner)
-                    || sight::will_meet(region, handle, other, tick_s);
-                if !linked || !takes_part(region, other) {
+                // What has been entered comes again with each pair of colliders, and from its own side.
+                let place = self.place(other) as usize;
+                if !touches || place > self.found.len() || !takes_part(region, other) {
                     return;
                 }
-                match self.place(other) as usize {
+                match place {
                     0 => self.enter(other),
-                    place => met_big |= self.found.get(place - 1).is_some_and(|other| other.big),
+                    place if place <= self.kept => joins = Some(place - 1),
+                    place => {
+                        let other = self.found.get(place - 1).filter(|other| other.endless);
+                        endless = endless.or(other.map(|other| other.name));
+                    }
                 }
             });
-            island.big |= met_big;
+            if let Some(name) = endless {
+                (island.endless, island.name) = (true, name);
+            }
         }
-        island.members.sort_unstable_by_key(|link| link.id);
-        self.found.push(island);
+        match joins {
+            Some(place) => {
+                for handle in &self.touched[from..] {
+                    self.of[handle.into_raw_parts().0 as usize] = place as u32 + 1;
+                }
+                self.found[place].take_in(island);
+            }
+            None => {
+                island.complete();
+                self.found.push(island);
+            }
+        }
+    }
+
+    /// Forgets the islands found last, but for large ones that are to stay here: those are walked through only now and then, and
+    /// what comes to touch them joins them meanwhile.
+    fn keep_large(&mut self, region: &Region, moment: Moment<'_>) {
+        for handle in self.touched.drain(..) {
+            self.of[handle.into_raw_parts().0 as usize] = 0;
+        }
+        if moment.tick.0.is_multiple_of(WALK_TICKS) {
+            self.found.clear();
+        }
+        self.found.retain_mut(|island| {
+            let here = |link: &Link| {
+                region.role_of(link.handle) == Some((link.id, Role::Owner)) && takes_part(region, link.handle)
+            };
+            let large = island.members.len() > LARGE && !island.big && island.target == region.rank();
+            large && {
+                island.members.retain(here);
+                island.begin_anew();
+                island.members.len() > LARGE
+            }
+        });
+        self.kept = self.found.len();
+        for (place, island) in self.found.iter().enumerate() {
+            for link in &island.members {
+                self.of[link.handle.into_raw_parts().0 as usize] = place as u32 + 1;
+                self.touched.push(link.handle);
+            }
+        }
     }
 }
 
 impl Island {
-    fn meet(&mut self, meeting: &Meeting) {
-        let first = |a: &Meeting, b: &Meeting| (a.free, a.after_s) <= (b.free, b.after_s);
-        if self.soonest.is_none_or(|soonest| !first(&soonest, meeting)) {
-            self.soonest = Some(*meeting);
-        }
-        // What is free comes here by itself.
-        if !meeting.free {
-            self.count(meeting.rank, meeting.island);
-        }
+    /// Whether bodies of other regions belong to it.
+    pub(super) fn spans(&self) -> bool {
+        self.ghosts > 0
     }
 
-    fn count(&mut self, rank: usize, island: u16) {
-        self.big |= island == BIG_ISLAND;
-        let size = usize::from(island);
-        match self.elsewhere.iter_mut().find(|(other, _)| *other == rank) {
-            Some((_, most)) => *most = size.max(*most),
-            None => self.elsewhere.push((rank, size)),
-        }
+    /// What touches it belongs to it.
+    fn take_in(&mut self, other: Self) {
+        self.members.extend(other.members);
+        self.ghosts += other.ghosts;
+        self.pressed |= other.pressed;
+        self.beside.extend(other.beside);
+        self.unheard.extend(other.unheard);
     }
 
+    /// All that belongs to it has been found.
+    fn complete(&mut self) {
+        self.members.sort_unstable_by_key(|link| link.id);
+        self.name = self.name.or_else(|| Some(self.members.first()?.id));
+        self.beside.sort_unstable();
+        self.beside.dedup();
+    }
+
+    /// What others have of it is found anew.
+    fn begin_anew(&mut self) {
+        self.ghosts = 0;
+        self.name = None;
+        self.beside.clear();
+        self.unheard.clear();
+        self.elsewhere.clear();
+    }
+
+    /// How many of its bodies this region owns.
+    fn own_size(&self) -> u16 {
+        if self.endless { BIG_ISLAND } else { self.members.len().min(usize::from(BIG_ISLAND) - 1) as u16 }
+    }
+
+    /// How many bodies are in its parts.
     fn total(&self) -> usize {
-        self.members.len() + self.elsewhere.iter().map(|(_, size)| size).sum::<usize>()
+        self.parts.iter().map(|part| usize::from(part.size)).sum()
+    }
+
+    /// Decides whether it is to be whole, by the sizes of its parts and by what these take it for.
+    fn judge(&mut self, limit: usize) {
+        let total = self.total();
+        let split =
+            total > limit || total as f32 > ENTER * limit as f32 && !self.parts.iter().all(|part| part.whole);
+        if split != self.whole {
+            self.doubt = 0;
+            return;
+        }
+        let hops = u32::from(self.parts.last().map_or(0, |part| part.hops));
+        // What is only beside is known at first hand, and never twice; that there is nothing behind it must show.
+        let known = if split { hops <= 1 } else { hops == 0 };
+        let patience = if self.endless || known { 0 } else { TICKS_PER_HOP * (hops + 2) };
+        self.doubt = self.doubt.saturating_add(1);
+        if u32::from(self.doubt) >= patience.max(1) {
+            (self.whole, self.doubt) = (!split, 0);
+        }
     }
 
     /// Says where the island is to be computed.
     fn settle(&mut self, region: &Region, moment: Moment<'_>) {
         let own = region.rank();
-        let limit = moment.settings.island_limit as f32;
-        self.big |= !self.whole && self.total() as f32 > ENTER * limit;
+        let limit = moment.settings.island_limit;
         self.target = own;
-        if self.big || self.members.is_empty() {
+        if self.members.is_empty() {
             return;
         }
-        if let Some(meeting) = self.soonest.filter(|_| !self.pressed) {
-            let size = self.members.len().cmp(&usize::from(meeting.island));
-            self.target = match (meeting.free, size) {
-                // What is free goes to what is not, the smaller to the larger, and equals go where they will meet.
-                (false, _) | (_, Ordering::Less) => meeting.rank,
-                (_, Ordering::Greater) => own,
-                _ if meeting.place == own || meeting.place == meeting.rank => meeting.place,
-                _ => meeting.rank.min(own),
-            };
+        self.judge(limit);
+        let mut here = 0;
+        for part in &self.parts {
+            let (rank, size) = (usize::from(part.rank), usize::from(part.size));
+            match self.elsewhere.iter_mut().find(|(other, _)| *other == rank) {
+                _ if rank == own => here += size,
+                Some((_, sum)) => *sum += size,
+                None => self.elsewhere.push((rank, size)),
+            }
+        }
+        self.big = !self.whole;
+        if self.big {
             return;
         }
         if !self.elsewhere.is_empty() {
             // Most bodies, then the lowest rank: all owners come to the same result.
-            let all = self.elsewhere.iter().copied().chain([(own, self.members.len())]);
+            let all = self.elsewhere.iter().copied().chain([(own, here)]);
             let best = all.max_by_key(|&(rank, size)| (size, std::cmp::Reverse(rank)));
             self.target = best.map_or(own, |(rank, _)| rank);
             return;
@@ -214,27 +463,24 @@ impl Island {
         for link in &self.members {
             let centre = region.physics().bodies[link.handle].center_of_mass();
             let centre = convert::world_point(region.anchor(), centre);
-            let rank = super::membership::home_of(region, moment.partition, centre);
+            let rank = home_of(region, moment.partition, centre);
             match centres.iter_mut().find(|(other, _)| *other == rank) {
                 Some((_, count)) => *count += 1,
                 None => centres.push((rank, 1)),
             }
         }
         let here = centres.iter().find(|(rank, _)| *rank == own).map_or(0, |(_, count)| *count);
-        if (here as f32) < STAY * self.members.len() as f32 && !self.has_company(region, moment.settings.dt_s)
-        {
-            let best = centres.into_iter().max_by_key(|&(rank, count)| (count, std::cmp::Reverse(rank)));
-            self.target = best.map_or(own, |(rank, _)| rank);
+        let best = centres.into_iter().max_by_key(|&(rank, count)| (count, std::cmp::Reverse(rank)));
+        let stays = (here as f32) >= STAY * self.members.len() as f32;
+        if let Some((rank, _)) = best.filter(|&(_, most)| !stays && 2 * here < most) {
+            self.target = rank;
         }
     }
 }
 
-impl Island {
-    /// Whether it will meet others of this region soon: it would only come back.
-    fn has_company(&self, region: &Region, tick_s: f32) -> bool {
-        let stranger = |handle| self.members.iter().all(|member| member.handle != handle);
-        self.members.iter().any(|&member| sight::has_company(region, member, tick_s, stranger))
-    }
+/// A number of bodies as others are told it: none is mistaken for an island that is too large to move.
+fn told(count: usize) -> u16 {
+    count.clamp(1, usize::from(BIG_ISLAND) - 1) as u16
 }
 
 /// Islands are of awake bodies that contacts can move.

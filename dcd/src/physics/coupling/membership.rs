@@ -12,13 +12,14 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::island::{Island, LARGE};
 use super::sight::{self, Near, Sights};
 use super::{Border, Moment, reach, share};
 use crate::physics::convert;
 use crate::physics::partition::{OWNER_HYSTERESIS_M, Partition};
 use crate::physics::region::{Link, Region, Role};
-use crate::protocol::{BodyRecord, Membership, Transfer};
-use crate::space::{Bounds, RegionSet};
+use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, Membership, Transfer};
+use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Ticks for which a region keeps a body that it has no reason to hold any more.
 const KEEP_TICKS: u32 = 10;
@@ -28,6 +29,9 @@ const SETTLE_TICKS: u32 = 8;
 /// through the contacts there. After so many ticks it goes anyway.
 const STRAY_M_S: f32 = 1e-3;
 const FOLLOW_TICKS: u32 = 120;
+/// After so many ticks that it has been to go somewhere, a body goes as it is: who holds it may change with every swing of a rope,
+/// and nothing would ever settle.
+const LONGEST_AWAY_TICKS: u32 = 60;
 
 /// Who will hold a body from the end of this exchange on.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -47,6 +51,8 @@ struct Wish {
     owner: usize,
     /// Whether its island moves whole.
     whole: bool,
+    /// Whether the regions that hold it divide its mass among them; else its owner's copy has all of it, and so has each ghost.
+    split: bool,
     /// Whether something touches the body, or its island if that moves whole.
     pressed: bool,
     /// Whether it, and its island if that moves whole, is where it goes, with its contacts.
@@ -67,8 +73,8 @@ pub(super) fn announce(region: &mut Region, moment: Moment<'_>) {
     region.border = border;
 }
 
-/// Decides after a step who holds and owns what, and tells all whom it concerns.
-pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
+/// Finds after a step what lies near the border, what touches there, and which bodies are new.
+pub(super) fn survey(region: &mut Region, moment: Moment<'_>) {
     region.update_assemblies();
     let mut border = std::mem::take(&mut region.border);
     border.decisions.clear();
@@ -85,26 +91,23 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
     if moment.settings.coupling.moves_islands() {
         let Border { islands, sights, .. } = &mut border;
         let seeds = island_seeds(region, sights);
-        islands.find(region, sights, moment, seeds.into_iter());
-        let region: &Region = region;
-        let free =
-            |handle| islands.of(handle).is_none_or(|island| !island.pressed) && goes_at_once(region, handle);
-        sights.set_islands(|handle| (islands.size(handle), free(handle)));
+        islands.find(region, moment, seeds.into_iter());
+        sights.set_islands(|handle| islands.size(handle));
     }
+    region.border = border;
+}
+
+/// Decides, after [`survey`], who holds and owns what, and tells all whom it concerns.
+pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
+    let mut border = std::mem::take(&mut region.border);
     sight::show(region, &mut border.sights, moment);
     let met: Vec<_> = border
         .sights
         .meetings
         .iter()
         .filter(|meeting| meeting.island > 0)
-        .filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting)))
-        .filter(|(handle, meeting)| {
-            // What is free moves to the other's region before they touch: nothing need be shared.
-            let island = border.islands.of(*handle).filter(|island| !island.big);
-            let goes = island.is_some_and(|island| !island.pressed) && goes_at_once(region, *handle);
-            island.is_none() || !(meeting.free || goes)
-        })
-        .map(|(handle, meeting)| (handle, meeting.rank))
+        .filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting.rank)))
+        .chain(border.sights.joining(region))
         .collect();
     let Border { reach, islands, pace, sights, .. } = &mut border;
     let depth = moment.settings.depth + pace.extra_depth();
@@ -117,16 +120,20 @@ pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
         let home = home_of(region, moment.partition, centre);
         (home != region.rank() && !body.is_sleeping()).then_some((handle, home))
     });
-    let waits = |handle| islands.of(handle).is_some_and(|island| !island.big && !island.pressed);
-    reach.spread(region, depth, leaving, met.into_iter(), waits);
+    reach.spread(region, depth, leaving, met.into_iter());
+    reach.complete(region, islands);
+    reach.carry(region, sights.carriers(region, moment.partition));
     let mut leaving = Vec::new();
     let candidates = candidates(region, &border);
     // First, since each looks at all of its island.
     for link in &candidates {
+        let spans = border.islands.of(link.handle).is_some_and(Island::spans);
         if let Some(shared) = region.slot_mut(link.handle).shared.as_deref_mut() {
             shared.settled += 1;
+            shared.joined = if spans { shared.joined + 1 } else { 0 };
         }
     }
+    find_ready(region, &mut border);
     for link in candidates {
         leaving.extend(decide_on(region, &mut border, moment, link));
     }
@@ -263,6 +270,7 @@ fn decide_on(
         return Some((link, wish.owner));
     }
     let (mut members, mut owner) = (held.union(wish.holders).union(own), own_rank);
+    let carries = slot.traits.kind != BodyKind::Dynamic;
     let shared = region.slot_mut(link.handle).shared.as_deref_mut();
     if shared.is_none() && members == own {
         return None;
@@ -271,10 +279,12 @@ fn decide_on(
     let mut ready = false;
     if let Some(shared) = shared {
         (before, shadows_before) = (shared.members, shared.shadows);
+        shared.away = if wish.owner == own_rank { 0 } else { shared.away.saturating_add(1) };
         // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
         let needless = !held.without(wish.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
-        if shared.idle > if wish.pressed { KEEP_TICKS } else { 0 } {
+        // What no contact moves may carry bodies of others of which its new owner has not heard yet.
+        if shared.idle > if wish.pressed || carries { KEEP_TICKS } else { 0 } {
             members = wish.holders.union(own);
         }
         ready = wish.ready && held.contains(wish.owner) && members.contains(wish.owner) && !asleep;
@@ -282,11 +292,20 @@ fn decide_on(
     // Whom contacts reach comes to count: at once where all others' mean is what the owner sends, else after one exchange.
     let counting = before.without(shadows_before);
     let at_once = if counting == own { members } else { before };
-    let counts = counting.union(wish.reached.without(own).intersection(at_once)).intersection(members);
+    let counts = if wish.split {
+        counting.union(wish.reached.without(own).intersection(at_once)).intersection(members)
+    } else if asleep {
+        counting.intersection(members)
+    } else {
+        own
+    };
     let mut shadows = members.without(counts);
     if wish.owner != own_rank && ready {
         owner = wish.owner;
-        if shadows.contains(owner) {
+        if counts == own && !wish.split {
+            // The copy that counts is the new owner's from now on, and what stays here follows it.
+            shadows = members.without(RegionSet::only(owner));
+        } else if shadows.contains(owner) {
             shadows.remove(owner);
             // Nothing that stays here touches it.
             if counts == own && (wish.whole || !touches_any(region, link.handle)) {
@@ -325,32 +344,75 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
         }
     };
     let pressed = island.map_or_else(|| reach::is_pressed(region, handle), |island| island.pressed);
-    let is_ready = |handle| {
-        // It goes in one piece, when all else is ready.
-        if region.is_articulated(handle) {
-            return true;
-        }
-        let slot = region.slot(handle);
-        let settled = slot.shared.as_ref().is_some_and(|shared| {
-            let strays = shared.shadows.contains(owner) && shared.strayed_m_s > STRAY_M_S;
-            shared.settled >= if strays { FOLLOW_TICKS } else { SETTLE_TICKS }
-        });
-        slot.holders.contains(owner) && (settled || !pressed)
-    };
-    let ready = match island {
-        Some(island) => island.members.iter().all(|member| is_ready(member.handle)),
-        None => is_ready(handle),
+    let ready = match (island, region.slot(handle).assembly) {
+        (Some(island), _) if island.members.len() <= LARGE || region.is_articulated(handle) => island.ready,
+        (Some(_), Some(assembly)) => border.ready_assemblies[assembly as usize],
+        (island, _) => is_ready(region, island, handle, owner, pressed),
     };
     // What no contact moves is held by those who come near it, and draws nobody along.
     let id = region.slot(handle).id;
     let met = border
         .sights
         .meetings_of(id)
-        .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)));
+        .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)).union(meeting.goes));
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
     let reached = border.reach.of(handle).union(met).without(own);
     let holders = reached.union(RegionSet::only(owner)).without(own);
-    Wish { holders, reached, owner, whole: island.is_some(), pressed, ready }
+    let split = splits(border, moment, id, handle);
+    Wish { holders, reached, owner, whole: island.is_some(), split, pressed, ready }
+}
+
+/// Whether a body is held where it is to be owned, with its contacts.
+fn is_ready(
+    region: &Region,
+    island: Option<&Island>,
+    handle: RigidBodyHandle,
+    owner: usize,
+    pressed: bool,
+) -> bool {
+    // It goes in one piece, when all else is ready.
+    if region.is_articulated(handle) {
+        return true;
+    }
+    let slot = region.slot(handle);
+    let settled = slot.shared.as_ref().is_some_and(|shared| {
+        let strays = shared.shadows.contains(owner) && shared.strayed_m_s > STRAY_M_S;
+        // What only bounces off another region's body has parted from it before it would go.
+        let lasts = !island.is_some_and(Island::spans) || shared.joined >= SETTLE_TICKS;
+        let follows = shared.settled >= if strays { FOLLOW_TICKS } else { SETTLE_TICKS };
+        lasts && follows || shared.away >= LONGEST_AWAY_TICKS
+    });
+    slot.holders.contains(owner) && (settled || !pressed)
+}
+
+/// Finds which islands are ready to go. A small one goes when all of it is. What comes to a large one would keep it for ever: of
+/// that goes what is ready, joints' ends together.
+fn find_ready(region: &Region, border: &mut Border) {
+    let Border { islands, ready_assemblies, .. } = border;
+    let own = region.rank();
+    ready_assemblies.clear();
+    ready_assemblies.resize(region.assemblies.len(), true);
+    for island in islands.found.iter_mut().filter(|island| !island.big && island.target != own) {
+        let ready = |link: &Link| is_ready(region, Some(island), link.handle, island.target, island.pressed);
+        if island.members.len() > LARGE {
+            for link in &island.members {
+                if let Some(assembly) = region.slot(link.handle).assembly {
+                    ready_assemblies[assembly as usize] &= ready(link);
+                }
+            }
+        }
+        island.ready = island.members.iter().all(ready);
+    }
+}
+
+/// Whether regions divide the body's mass among them: only in what is too large to be in one region whole, and in what is about to
+/// meet that.
+fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHandle) -> bool {
+    let big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
+    let mut meetings = border.sights.meetings_of(id);
+    !moment.settings.coupling.moves_islands()
+        || big(handle)
+        || meetings.any(|meeting| meeting.island == BIG_ISLAND)
 }
 
 /// Whether the body touches one that can move, or is tied to it.

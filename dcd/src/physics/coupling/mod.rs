@@ -5,8 +5,9 @@
 //! come out; who carries them (memory, a simulator, QUIC) is not known here.
 //!
 //! Two families: `owner` and `proxy` hold copies of all that comes near a border (`halo`) and let the owner's word
-//! stand. `overlap`, `island` and `auto` hold copies of what touches (`sight`, `reach`, `membership`), each with its share
-//! of the mass (`share`), and agree on their means (`agree`).
+//! stand. `overlap`, `island` and `auto` hold copies of what touches (`sight`, `reach`, `membership`): of islands that may be in
+//! one region (`island`) whole ones, of which the best informed region's count; of others each has its share of the mass
+//! (`share`), and their means count (`agree`).
 
 mod agree;
 mod auto;
@@ -47,9 +48,10 @@ pub enum Coupling {
     /// Bodies within some contact hops of a border live in both regions, each copy with its share of the mass; regions
     /// agree on means and even out what presses on the edges of the overlap.
     Overlap,
-    /// As `overlap`, but an island small enough moves whole to one region, where it is computed exactly.
+    /// What meets across a border is solved by both regions with whole copies, and the word of the one that sees most of it stands;
+    /// what stays in touch moves whole to one region, where it is computed exactly. Islands above the limit as by `overlap`.
     Island,
-    /// As `island`, with the exchanges of each border chosen by how far its copies disagree.
+    /// As `island`, with the exchanges of each border at which an island is split chosen by how far its copies disagree.
     #[default]
     Auto,
 }
@@ -146,6 +148,9 @@ pub(super) struct Border {
     reach: reach::Reach,
     islands: island::Islands,
     decisions: Vec<membership::Decision>,
+    /// By assembly: whether all of it may go where its island goes.
+    #[serde(skip)]
+    ready_assemblies: Vec<bool>,
     /// How many micro-steps regions take.
     pub pace: auto::Pace,
     /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
@@ -169,6 +174,7 @@ impl Border {
     pub(super) fn renumber(&mut self, ranks: &Renumbering) {
         self.sights.renumber(ranks);
         self.pace.renumber(ranks);
+        self.islands.renumber(ranks);
         ranks.list(&mut self.disagreement, || None);
         self.decisions.clear();
     }

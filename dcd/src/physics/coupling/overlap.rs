@@ -5,7 +5,7 @@
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Ground, Moment, agree, held, membership, share};
+use super::{Ground, Moment, agree, held, membership, share, sight};
 use crate::physics::ShapeError;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
@@ -15,6 +15,9 @@ use crate::space::RegionSet;
 /// Says how the copies here moved, and after the last step of a tick who shall hold what.
 pub(super) fn gather(region: &mut Region, moment: Moment<'_>) {
     region.outbox.clear(moment.tick);
+    if moment.last {
+        membership::survey(region, moment);
+    }
     for index in 0..region.shared.len() + region.replicas.len() {
         tell_copy(region, share::held(region, index), moment);
     }
@@ -23,6 +26,9 @@ pub(super) fn gather(region: &mut Region, moment: Moment<'_>) {
         message.copies.sort_unstable_by_key(|copy| copy.id);
     }
     if moment.last {
+        let islands = std::mem::take(&mut region.border.islands);
+        islands.tell(region);
+        region.border.islands = islands;
         membership::decide(region, moment);
         let steps = region.border.pace.tell(region.rank());
         if steps > 0 {
@@ -40,11 +46,19 @@ pub(super) fn apply<'a>(
 ) -> Result<(), ShapeError> {
     held::cover_hubs(region, ground)?;
     cover_far(region, ground)?;
+    // Before a tick nobody tells of islands.
+    let tells = moment.last && moment.round > 0;
+    if tells {
+        region.border.islands.forget_told();
+    }
     for message in inbox.clone() {
         let sender = rank_of(ground.partition, message);
         held::arrive(region, message, sender, ground, true)?;
         hear(region, &message.copies, sender);
-        region.border.sights.see(sender, message);
+        sight::see(region, sender, message);
+        if tells {
+            region.border.islands.hear(sender, message);
+        }
         region.border.pace.hear(sender, message.steps);
     }
     // Before a tick nobody has told where copies are: what was heard last is from before the user's changes.
@@ -56,7 +70,7 @@ pub(super) fn apply<'a>(
     }
     membership::commit(region, inbox.flat_map(|message| &message.members));
     if moment.last {
-        region.border.sights.meet(ground.partition);
+        region.border.sights.meet();
         region.border.pace.turn();
     }
     Ok(())
@@ -77,7 +91,7 @@ fn rank_of(partition: &Partition, message: &BorderMessage) -> usize {
     partition.rank_of(message.from).expect("messages come from regions of this tree")
 }
 
-/// Sends a copy to all who hold the body, and what a shadow became to the owner alone; once only when it falls asleep.
+/// Sends a copy to all who hold the body; what a shadow of a split body became, to the owner alone; once only when it falls asleep.
 fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
     let Some(shared) = region.slot(link.handle).shared.as_deref() else { return };
     if !moment.is_due(region.border.pace.exchanges_among(shared.members)) {
@@ -87,11 +101,17 @@ fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
     let asleep = region.physics().bodies[link.handle].is_sleeping();
     let told = region.slot(link.handle).told_asleep;
     if !(asleep && told) {
-        let island = region.border.islands.size(link.handle);
-        share::read(region, link.handle, &mut shared, island, moment.settings.dt_s);
+        let islands = &region.border.islands;
+        let (part, seen, size) =
+            (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
+        share::read(region, link.handle, &mut shared, moment.settings.dt_s);
+        let knows = shared.followed || region.slot(link.handle).role == Role::Owner;
+        shared.own = CopyState { part, seen: if knows { seen } else { 0 }, size, ..shared.own };
         region.slot_mut(link.handle).told_asleep = asleep;
         let hearers = match region.slot(link.handle).role {
-            Role::Replica { owner } if shared.shadows.contains(region.rank()) => RegionSet::only(owner),
+            Role::Replica { owner } if shared.is_split() && shared.shadows.contains(region.rank()) => {
+                RegionSet::only(owner)
+            }
             _ => shared.members.without(RegionSet::only(region.rank())),
         };
         for rank in hearers.iter() {

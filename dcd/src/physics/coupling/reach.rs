@@ -3,8 +3,9 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::island::{Island, Islands, LARGE};
 use crate::physics::partition::HUB_REACH_M;
-use crate::physics::region::{Region, Role};
+use crate::physics::region::{Link, Region, Role};
 use crate::protocol::BodyKind;
 use crate::space::RegionSet;
 
@@ -30,15 +31,13 @@ impl Reach {
 
     /// Finds anew which bodies are within `depth` hops of those that other regions own, or will own: `leaving` are bodies
     /// owned here that are on their way. `met` are bodies owned here that
-    /// come near one which is not held here, with the regions that own those: they are one hop away. Bodies that `waits`
-    /// says so of are reached only by what touches them already.
+    /// come near one which is not held here, with the regions that own those: they are one hop away.
     pub(super) fn spread(
         &mut self,
         region: &Region,
         depth: usize,
         leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
         met: impl Iterator<Item = (RigidBodyHandle, usize)>,
-        waits: impl Fn(RigidBodyHandle) -> bool,
     ) {
         for handle in self.reached.drain(..) {
             self.marks[handle.into_raw_parts().0 as usize] = RegionSet::EMPTY;
@@ -56,8 +55,8 @@ impl Reach {
             for index in 0..self.frontier.len() {
                 let (handle, set) = self.frontier[index];
                 if passes_on(region, handle) {
-                    for_each_neighbour(region, handle, |other, touches| {
-                        if (touches || !waits(other)) && !region.is_articulated(other) {
+                    for_each_neighbour(region, handle, |other| {
+                        if !region.is_articulated(other) {
                             self.mark(other, set);
                         }
                     });
@@ -68,6 +67,43 @@ impl Reach {
                 self.mark(handle, RegionSet::only(rank));
             }
             std::mem::swap(&mut self.frontier, &mut self.next);
+        }
+    }
+
+    /// Of a small island all is within reach of whom a part of it is: so that they see all that presses on that part. Of a large one
+    /// they see less than its owner does, whose word stands.
+    pub(super) fn complete(&mut self, region: &Region, islands: &Islands) {
+        self.next.clear();
+        let small = |island: &&Island| !island.big && (2..=LARGE).contains(&island.members.len());
+        for island in islands.found.iter().filter(small) {
+            let reached = |link: &Link| self.of(link.handle);
+            let all = island.members.iter().map(reached).fold(RegionSet::EMPTY, RegionSet::union);
+            for link in island.members.iter().filter(|link| !region.is_articulated(link.handle)) {
+                self.mark(link.handle, all);
+            }
+        }
+    }
+
+    /// Marks what no contact moves with the regions of those that it carries: with all that hold what touches it, though
+    /// they only follow it there, and with those that `met` names. It must be there before what it carries is owned there.
+    pub(super) fn carry(&mut self, region: &Region, met: Vec<(RigidBodyHandle, RegionSet)>) {
+        if !region.guide.any_kinematic() {
+            return;
+        }
+        let own = RegionSet::only(region.rank());
+        let mut carriers = met;
+        for link in region.shared.iter().chain(&region.replicas) {
+            let slot = region.slot(link.handle);
+            if slot.traits.kind == BodyKind::Dynamic {
+                for_each_contact(region, link.handle, |other, _| carriers.push((other, slot.holders)));
+            }
+        }
+        for (handle, set) in carriers {
+            let slot = region.slot(handle);
+            let set = set.without(own);
+            if slot.role == Role::Owner && slot.traits.kind != BodyKind::Dynamic && !set.is_empty() {
+                self.mark(handle, set);
+            }
         }
     }
 
@@ -93,19 +129,15 @@ fn passes_on(region: &Region, handle: RigidBodyHandle) -> bool {
     slot.reach_m <= HUB_REACH_M && slot.traits.kind == BodyKind::Dynamic
 }
 
-/// Every movable body that is near enough to touch this one, overlaps it as a sensor, or is tied to it, and whether it does
-/// touch it; some may come twice.
-fn for_each_neighbour(
-    region: &Region,
-    handle: RigidBodyHandle,
-    mut visit: impl FnMut(RigidBodyHandle, bool),
-) {
-    for_each_contact(region, handle, &mut visit);
+/// Every movable body that is near enough to touch this one, to overlap it as a sensor, or is tied to it; some may come
+/// twice.
+fn for_each_neighbour(region: &Region, handle: RigidBodyHandle, mut visit: impl FnMut(RigidBodyHandle)) {
+    for_each_contact(region, handle, |other, _| visit(other));
     let world = region.physics();
     for &collider in world.bodies[handle].colliders() {
-        for (first, second, overlap) in world.narrow_phase.intersection_pairs_with(collider) {
+        for (first, second, _) in world.narrow_phase.intersection_pairs_with(collider) {
             let other = if first == collider { second } else { first };
-            visit_parent(region, handle, other, |other| visit(other, overlap));
+            visit_parent(region, handle, other, &mut visit);
         }
     }
 }

@@ -35,15 +35,29 @@ pub(in crate::physics) struct Shared {
     pub twist: Vector,
     /// How the copy began the steps since the last exchange.
     pub start: Option<Start>,
+    /// Whether it has followed the others since it came to be held here. What came as its owner had it may be other than what all
+    /// agreed on in that exchange, so what becomes of it in the first step is nobody's word.
+    pub followed: bool,
+    /// Rank of the region whose word stood in the last exchange, unless the body is split.
+    pub led_by: Option<usize>,
     /// How far the velocities of shadows were from what they follow, m/s; told to the owner.
     pub strayed_m_s: f32,
     /// Ticks since members changed.
     pub settled: u32,
+    /// Ticks for which bodies of other regions have belonged to its island.
+    pub joined: u32,
     /// Ticks for which some member has had no reason to be one.
     pub idle: u32,
+    /// Ticks for which another region has been to own it.
+    pub away: u32,
 }
 
 impl Shared {
+    /// Whether several copies count, each with its share of the mass; else the owner's does, and the others are ghosts of it.
+    pub(in crate::physics) fn is_split(&self) -> bool {
+        self.members.without(self.shadows).len() > 1
+    }
+
     /// Ranks have changed.
     pub(in crate::physics) fn renumber(&mut self, ranks: &Renumbering) {
         (self.members, self.shadows) = (ranks.set(self.members), ranks.set(self.shadows));
@@ -51,6 +65,7 @@ impl Shared {
             *rank = ranks.rank(*rank);
         }
         self.heard.sort_by_key(|(rank, _)| *rank);
+        self.led_by = self.led_by.and_then(|rank| ranks.to[rank]);
     }
 }
 
@@ -115,10 +130,10 @@ fn press(region: &mut Region, handle: RigidBodyHandle, shared: &Shared) {
 }
 
 /// Reads the copy after a step: its state, and what contacts and joints pressed on it since the last exchange.
-pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared, island: u16, tick_s: f32) {
+pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared, tick_s: f32) {
     let (slot, body) = (region.slot(handle), &region.physics().bodies[handle]);
     if shared.broken {
-        shared.own = CopyState { id: slot.id, island, ..CopyState::default() };
+        shared.own = CopyState { id: slot.id, ..CopyState::default() };
         return;
     }
     let (force, torque) = strain(body, region.physics().gravity, shared, tick_s);
@@ -130,11 +145,11 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &mut Shared
         force_n: force.to_array(),
         torque_nm: torque.to_array(),
         sound: true,
-        partners: if body.is_dynamic() { partners(region, handle) } else { 0 },
-        island,
+        partners: if body.is_dynamic() && shared.is_split() { partners(region, handle) } else { 0 },
+        ..CopyState::default()
     };
     // What cannot be told says nothing, as a copy that Rapier has set aside.
-    let unsound = CopyState { id: slot.id, island, ..CopyState::default() };
+    let unsound = CopyState { id: slot.id, ..CopyState::default() };
     shared.own = if own.check().is_ok() { own } else { unsound };
 }
 
@@ -221,7 +236,7 @@ pub(super) fn set_members(
     });
     let counting = members.without(shadows);
     if (shared.members, shared.shadows) != (members, shadows) {
-        (shared.settled, shared.idle) = (0, 0);
+        (shared.settled, shared.joined, shared.idle) = (0, 0, 0);
         shared.heard.retain(|(rank, _)| members.contains(*rank));
         region.slot_mut(handle).told_asleep = false;
     }
@@ -263,6 +278,7 @@ pub(super) fn begin(region: &mut Region, handle: RigidBodyHandle) {
         .shared
         .get_or_insert_with(|| Box::new(Shared { parts: 1, ..Shared::default() }));
     (shared.user_force, shared.user_torque) = (user_force, user_torque);
+    shared.followed = false;
     shared.heard.clear();
 }
 

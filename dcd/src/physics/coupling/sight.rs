@@ -13,8 +13,8 @@ use crate::physics::renumber::Renumbering;
 use crate::protocol::{BodyKind, BorderMessage, Sight, Sighting};
 use crate::space::{BodyId, Bounds, RegionSet};
 
-/// Regions look so many ticks ahead: time enough to move one of two bodies to the other's region, and on to a third.
-const AHEAD_TICKS: f32 = 6.0;
+/// Regions look so many ticks ahead. What is shown after one tick is met in the next and held in the one after.
+const AHEAD_TICKS: f32 = 3.0;
 /// What both regions hold already is seen by its contacts, unless it is faster than this.
 const SLOW_M_S: f32 = 0.5;
 /// Bodies count as meeting when they come so near, metres.
@@ -35,7 +35,7 @@ pub(super) struct Sights {
     seen: Vec<Sight>,
     /// Where something changed, so that meetings must be found anew.
     changed: RegionSet,
-    /// In order of body, the soonest first.
+    /// In order of body.
     pub meetings: Vec<Meeting>,
     /// Of a tick, seconds.
     tick_s: f32,
@@ -57,7 +57,24 @@ pub(super) struct Near {
     awake: bool,
     /// The island's size as shown, in bodies owned here.
     pub island: u16,
-    pub free: bool,
+}
+
+impl Near {
+    fn sighting(&self) -> Sighting {
+        Sighting {
+            id: self.link.id,
+            bounds: self.bounds,
+            velocity: self.velocity.to_array(),
+            awake: self.awake,
+            island: self.island,
+            goes: RegionSet::EMPTY,
+        }
+    }
+
+    /// Regions that hold it, or into whose cells it may come.
+    fn goes(&self, region: &Region, partition: &Partition) -> RegionSet {
+        region.slot(self.link.handle).holders.union(partition.touching(&self.swept))
+    }
 }
 
 /// A body owned here and one that is not held here come near each other.
@@ -69,12 +86,8 @@ pub(super) struct Meeting {
     pub rank: usize,
     /// Size of the other's island in bodies owned there; 0 for what no contact moves.
     pub island: u16,
-    /// Whether the other can come here at once.
-    pub free: bool,
-    /// In how many seconds they may touch.
-    pub after_s: f64,
-    /// Rank of the region in whose cell that will be.
-    pub place: usize,
+    /// Regions that hold the other, or may come to own it soon.
+    pub goes: RegionSet,
 }
 
 impl Sights {
@@ -96,51 +109,38 @@ impl Sights {
         ranks.list(&mut self.lists, Vec::new);
         for sight in self.shown.iter_mut().chain(&mut self.seen) {
             sight.visitors = ranks.set(sight.visitors);
+            for body in &mut sight.bodies {
+                body.goes = ranks.set(body.goes);
+            }
         }
         self.changed = ranks.set(self.changed);
         self.meetings.retain(|meeting| ranks.to[meeting.rank].is_some());
         for meeting in &mut self.meetings {
             meeting.rank = ranks.rank(meeting.rank);
-            meeting.place = ranks.to[meeting.place].unwrap_or(meeting.rank);
+            meeting.goes = ranks.set(meeting.goes);
         }
     }
 
-    /// Notes of every body near the border the size of its island, and whether it is free, to be shown.
-    pub(super) fn set_islands(&mut self, of: impl Fn(RigidBodyHandle) -> (u16, bool)) {
+    /// Notes of every body near the border the size of its island, to be shown.
+    pub(super) fn set_islands(&mut self, of: impl Fn(RigidBodyHandle) -> u16) {
         for near in &mut self.near {
-            (near.island, near.free) = of(near.link.handle);
-        }
-    }
-
-    /// Takes in what another region shows.
-    pub(super) fn see(&mut self, rank: usize, message: &BorderMessage) {
-        if let Some(sight) = &message.sight {
-            self.seen[rank] = sight.clone();
-            self.changed.insert(rank);
+            near.island = of(near.link.handle);
         }
     }
 
     /// Finds who meets whom, where something changed.
-    pub(super) fn meet(&mut self, partition: &Partition) {
+    pub(super) fn meet(&mut self) {
         for rank in std::mem::take(&mut self.changed).iter() {
             let meetings = &mut self.meetings;
             meetings.retain(|meeting| meeting.rank != rank);
             let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
-            for_each_overlap(
-                &self.shown[rank].bodies,
-                &self.seen[rank].bodies,
-                ahead_s,
-                |own, other, after_s| {
-                    if own.awake || other.awake {
-                        let Sighting { island, free, .. } = *other;
-                        let place = partition.rank_at(middle(own, other, after_s));
-                        meetings.push(Meeting { own: own.id, rank, island, free, after_s, place });
-                    }
-                },
-            );
-            meetings.sort_by(|a, b| {
-                a.own.cmp(&b.own).then(a.after_s.total_cmp(&b.after_s)).then(a.rank.cmp(&b.rank))
+            for_each_overlap(&self.shown[rank].bodies, &self.seen[rank].bodies, ahead_s, |own, other| {
+                if own.awake || other.awake {
+                    let Sighting { island, goes, .. } = *other;
+                    meetings.push(Meeting { own: own.id, rank, island, goes });
+                }
             });
+            meetings.sort_unstable_by_key(|meeting| (meeting.own, meeting.rank, meeting.island));
         }
     }
 
@@ -148,6 +148,53 @@ impl Sights {
     pub(super) fn meetings_of(&self, own: BodyId) -> impl Iterator<Item = &Meeting> {
         let from = self.meetings.partition_point(|meeting| meeting.own < own);
         self.meetings[from..].iter().take_while(move |meeting| meeting.own == own)
+    }
+
+    /// Bodies owned here that will meet one whose contacts another region solves though it is owned here, with that region's rank: it
+    /// must have them by then.
+    pub(super) fn joining(&self, region: &Region) -> Vec<(RigidBodyHandle, usize)> {
+        let led = region.shared.iter().filter_map(|&link| {
+            let rank =
+                region.slot(link.handle).shared.as_ref()?.led_by.filter(|rank| *rank != region.rank())?;
+            Some(Sighting { goes: RegionSet::only(rank), ..near(region, link, self.tick_s).sighting() })
+        });
+        let led: Vec<_> = led.collect();
+        if led.is_empty() {
+            return Vec::new();
+        }
+        let all: Vec<_> = self.near.iter().filter(|near| near.awake).map(Near::sighting).collect();
+        let mut found = Vec::new();
+        let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
+        for_each_overlap(&all, &led, ahead_s, |one, led| {
+            if one.id != led.id {
+                found.extend(region.handle_of(one.id).into_iter().zip(led.goes.iter()));
+            }
+        });
+        found
+    }
+
+    /// What no contact moves and is owned here, with the regions where bodies of this region may soon be that it may carry.
+    pub(super) fn carriers(
+        &self,
+        region: &Region,
+        partition: &Partition,
+    ) -> Vec<(RigidBodyHandle, RegionSet)> {
+        let own = RegionSet::only(region.rank());
+        let dynamic = |near: &&Near| region.slot(near.link.handle).traits.kind == BodyKind::Dynamic;
+        let carriers: Vec<_> = self.near.iter().filter(|near| !dynamic(near)).map(Near::sighting).collect();
+        if carriers.is_empty() {
+            return Vec::new();
+        }
+        let going = self.near.iter().filter(dynamic).filter(|near| near.awake);
+        let going =
+            going.map(|near| Sighting { goes: near.goes(region, partition).without(own), ..near.sighting() });
+        let going: Vec<_> = going.filter(|near| !near.goes.is_empty()).collect();
+        let mut found = Vec::new();
+        let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
+        for_each_overlap(&carriers, &going, ahead_s, |carrier, carried| {
+            found.extend(region.handle_of(carrier.id).map(|handle| (handle, carried.goes)));
+        });
+        found
     }
 
     /// Whom it concerns that bodies reach out so far: the regions there, and those whose bodies reach there too, as
@@ -211,6 +258,47 @@ fn cut(inner: &mut Bounds, away: &Bounds) {
     }
 }
 
+/// Takes in what another region shows. Bodies here that it did not reach before are to be looked at once: what sleeps is not
+/// looked at by itself, nor for some ticks what was far from any border.
+pub(super) fn see(region: &mut Region, rank: usize, message: &BorderMessage) {
+    let Some(sight) = &message.sight else { return };
+    let before = region.border.sights.seen[rank].extent;
+    for part in sight.extent.iter().flat_map(|extent| beyond(extent, before.as_ref())) {
+        let part = part.grown(MARGIN_M);
+        let aabb = Aabb::new(
+            convert::region_point(region.anchor(), part.min),
+            convert::region_point(region.anchor(), part.max),
+        );
+        let found = region.physics().intersect_aabb_conservative(aabb, QueryFilter::exclude_fixed());
+        let found: Vec<_> = found.filter_map(|(_, collider)| collider.parent()).collect();
+        region.overlooked.extend(found);
+    }
+    let sights = &mut region.border.sights;
+    sights.seen[rank] = sight.clone();
+    sights.changed.insert(rank);
+}
+
+/// The parts of a box that do not lie in another: a slab for each face that sticks out.
+fn beyond(bounds: &Bounds, other: Option<&Bounds>) -> Vec<Bounds> {
+    let Some(other) = other.filter(|other| other.touches(bounds)) else { return vec![*bounds] };
+    let (mut rest, mut parts) = (*bounds, Vec::new());
+    for axis in 0..3 {
+        if rest.min[axis] < other.min[axis] {
+            let mut part = rest;
+            part.max[axis] = other.min[axis];
+            rest.min[axis] = other.min[axis];
+            parts.push(part);
+        }
+        if rest.max[axis] > other.max[axis] {
+            let mut part = rest;
+            part.min[axis] = other.max[axis];
+            rest.max[axis] = other.max[axis];
+            parts.push(part);
+        }
+    }
+    parts
+}
+
 /// Looks at bodies owned here: keeps a list of those near the border, and lets the others rest.
 pub(super) fn look(
     region: &mut Region,
@@ -246,9 +334,14 @@ pub(super) fn look(
             Err(place) => sights.near.insert(place, near),
         }
     }
-    for near in &mut sights.near {
+    let Sights { near, seen, .. } = sights;
+    near.retain_mut(|near| {
         near.awake = !region.physics().bodies[near.link.handle].is_sleeping();
-    }
+        // What sleeps where nobody reaches concerns nobody, until it wakes or someone comes to reach it.
+        near.awake
+            || !region.cell().contains_box(&near.swept)
+            || seen.iter().any(|sight| sight.extent.is_some_and(|extent| extent.touches(&near.swept)))
+    });
 }
 
 fn near(region: &Region, link: Link, tick_s: f32) -> Near {
@@ -258,7 +351,7 @@ fn near(region: &Region, link: Link, tick_s: f32) -> Near {
     let bounds = region.world_bounds(link.handle).grown(MARGIN_M + f64::from(turn_m));
     let velocity = Vector::from_array(convert::velocity_of(body).linear);
     let swept = swept(&bounds, velocity.to_array(), f64::from(ahead_s));
-    Near { link, bounds, velocity, swept, awake: true, island: 1, free: false }
+    Near { link, bounds, velocity, swept, awake: true, island: 1 }
 }
 
 /// Around a moving box for some time.
@@ -290,20 +383,19 @@ pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>)
         let dynamic = slot.traits.kind == BodyKind::Dynamic;
         // What is fast meets what is slow before they touch: then both must be shown.
         let meets = |rank: &usize| fast[*rank].is_some_and(|fast| fast.touches(&near.swept));
-        let known = if near.velocity.length() > SLOW_M_S {
+        // What no contact moves draws nobody along, so its contacts do not keep it where it is held.
+        let known = if near.velocity.length() > SLOW_M_S || !dynamic {
             RegionSet::EMPTY
         } else {
             let met = slot.holders.iter().filter(meets).map(RegionSet::only);
             slot.holders.without(met.fold(RegionSet::EMPTY, RegionSet::union))
         };
         for rank in viewers.without(known).without(own).iter() {
+            let sighting = near.sighting();
             sights.lists[rank].push(Sighting {
-                id: near.link.id,
-                bounds: near.bounds,
-                velocity: near.velocity.to_array(),
-                awake: near.awake,
                 island: if dynamic { near.island } else { 0 },
-                free: near.free,
+                goes: if dynamic { near.goes(region, moment.partition) } else { RegionSet::EMPTY },
+                ..sighting
             });
         }
     }
@@ -339,7 +431,7 @@ fn for_each_overlap(
     first: &[Sighting],
     second: &[Sighting],
     ahead_s: f64,
-    mut visit: impl FnMut(&Sighting, &Sighting, f64),
+    mut visit: impl FnMut(&Sighting, &Sighting),
 ) {
     let boxes = |list: &[Sighting]| -> Vec<_> {
         list.iter().map(|sighting| (swept(&sighting.bounds, sighting.velocity, ahead_s), *sighting)).collect()
@@ -361,21 +453,11 @@ fn for_each_overlap(
                 break;
             }
             let (a, b) = ((&own.bounds, own.velocity), (&other.bounds, other.velocity));
-            if bounds.touches(others)
-                && let Some(after_s) = meet_after(a, b).filter(|after_s| *after_s <= ahead_s)
-            {
-                visit(own, other, after_s);
+            if bounds.touches(others) && meet_after(a, b).is_some_and(|after_s| after_s <= ahead_s) {
+                visit(own, other);
             }
         }
     }
-}
-
-/// Half way between two bodies after some time; the same from both sides.
-fn middle(a: &Sighting, b: &Sighting, after_s: f64) -> [f64; 3] {
-    let centre = |s: &Sighting, i: usize| {
-        0.5 * (s.bounds.min[i] + s.bounds.max[i]) + f64::from(s.velocity[i]) * after_s
-    };
-    std::array::from_fn(|i| 0.5 * (centre(a, i) + centre(b, i)))
 }
 
 /// In how many seconds two moving boxes begin to overlap; 0 if they do now, none if they never will.
@@ -399,45 +481,6 @@ fn meet_after(a: (&Bounds, [f32; 3]), b: (&Bounds, [f32; 3])) -> Option<f64> {
     (enter <= leave).then_some(enter)
 }
 
-/// Whether two bodies of this region will meet in the ticks to come.
-pub(super) fn will_meet(region: &Region, a: RigidBodyHandle, b: RigidBodyHandle, tick_s: f32) -> bool {
-    let seen = [a, b].map(|handle| near(region, Link { id: region.slot(handle).id, handle }, tick_s));
-    let [a, b] = seen.map(|near| (near.bounds, near.velocity.to_array()));
-    meet_after((&a.0, a.1), (&b.0, b.1)).is_some_and(|after_s| after_s <= f64::from(AHEAD_TICKS * tick_s))
-}
-
-/// Whether a body will meet another one of this region in the ticks to come, of those for which `counts` says so.
-pub(super) fn has_company(
-    region: &Region,
-    link: Link,
-    tick_s: f32,
-    counts: impl Fn(RigidBodyHandle) -> bool,
-) -> bool {
-    let world = region.physics();
-    let body = near(region, link, tick_s);
-    // The others come too.
-    let around = body.swept.grown(f64::from(SURPRISE_M_S * AHEAD_TICKS * tick_s));
-    let aabb = Aabb::new(
-        convert::region_point(region.anchor(), around.min),
-        convert::region_point(region.anchor(), around.max),
-    );
-    let filter = QueryFilter::only_dynamic().exclude_rigid_body(link.handle);
-    world.intersect_aabb_conservative(aabb, filter).filter_map(|(_, collider)| collider.parent()).any(
-        |other| {
-            counts(other)
-                && region.role_of(other).is_some_and(|(id, role)| {
-                    let other = near(region, Link { id, handle: other }, tick_s);
-                    let ahead_s = f64::from(AHEAD_TICKS * tick_s);
-                    let (a, b) = (
-                        (&body.bounds, body.velocity.to_array()),
-                        (&other.bounds, other.velocity.to_array()),
-                    );
-                    role == Role::Owner && meet_after(a, b).is_some_and(|after_s| after_s <= ahead_s)
-                })
-        },
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use rand_chacha::ChaCha8Rng;
@@ -447,7 +490,8 @@ mod tests {
 
     fn sighting(id: u32, at: [f64; 3], velocity: [f32; 3]) -> Sighting {
         let bounds = Bounds::around(at, [0.5; 3]);
-        Sighting { id: BodyId::persistent(id), bounds, velocity, awake: true, island: 1, free: true }
+        let goes = RegionSet::EMPTY;
+        Sighting { id: BodyId::persistent(id), bounds, velocity, awake: true, island: 1, goes }
     }
 
     #[test]
@@ -478,11 +522,10 @@ mod tests {
         let (ours, theirs) = (list(0), list(100));
         let pairs = |a: &[Sighting], b: &[Sighting], swapped: bool| {
             let mut found = Vec::new();
-            for_each_overlap(a, b, 0.1, |a, b, after_s| {
-                let ids = if swapped { (b.id, a.id) } else { (a.id, b.id) };
-                found.push((ids, after_s.to_bits(), middle(a, b, after_s)));
+            for_each_overlap(a, b, 0.1, |a, b| {
+                found.push(if swapped { (b.id, a.id) } else { (a.id, b.id) });
             });
-            found.sort_by_key(|(ids, ..)| *ids);
+            found.sort_unstable();
             found
         };
         let found = pairs(&ours, &theirs, false);
@@ -494,6 +537,30 @@ mod tests {
         });
         assert_eq!(found.len(), soon.count());
         assert!(found.len() > 20, "{}", found.len());
+    }
+
+    #[test]
+    fn parts_beyond_a_box_cover_what_is_not_in_it_and_nothing_twice() {
+        let mut dice = ChaCha8Rng::seed_from_u64(7);
+        let mut roll =
+            |from: f64, to: f64| from + (to - from) * f64::from(dice.next_u32()) / f64::from(u32::MAX);
+        let mut around = || {
+            let centre = std::array::from_fn(|_| roll(-2.0, 2.0));
+            Bounds::around(centre, std::array::from_fn(|_| roll(0.1, 2.0)))
+        };
+        for _ in 0..200 {
+            let (bounds, other) = (around(), around());
+            let parts = beyond(&bounds, Some(&other));
+            for _ in 0..50 {
+                let point = around().centre();
+                let inside = |bounds: &Bounds| bounds.contains(&Bounds::new(point, point));
+                let expected = usize::from(inside(&bounds) && !inside(&other));
+                assert_eq!(parts.iter().filter(|part| inside(part)).count(), expected);
+            }
+        }
+        let bounds = Bounds::around([0.0; 3], [1.0; 3]);
+        assert!(beyond(&bounds, Some(&bounds)).is_empty(), "nothing new is nothing to look through");
+        assert_eq!(beyond(&bounds, None), [bounds]);
     }
 
     #[test]

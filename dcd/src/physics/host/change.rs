@@ -1,6 +1,7 @@
 //! Changes in place, made to every copy of a body or joint alike.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
@@ -69,7 +70,7 @@ impl RegionHost {
                 }
             }
             None => {
-                self.partition.widen_halo(reach_m);
+                Arc::make_mut(&mut self.partition).widen_halo(reach_m);
                 if let Some(body) = self.record(id).filter(|body| shape_of(body) != shape) {
                     self.replace(body)?;
                 }

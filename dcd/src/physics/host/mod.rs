@@ -2,10 +2,12 @@
 
 mod borders;
 mod change;
+mod giants;
 mod place;
 mod repartition;
 mod replace;
 mod rounds;
+mod threads;
 
 pub use self::borders::BorderView;
 
@@ -14,9 +16,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use rapier3d::prelude::*;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use self::threads::{Threads, Trial, WORTH_WAKING};
 use super::coupling::{Coupling, Ground, Moment};
 use super::directory::{Directory, Home};
 use super::follow;
@@ -26,8 +28,13 @@ use super::partition::Partition;
 use super::region::{Region, Role};
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
-use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
+use crate::protocol::{
+    BIG_ISLAND, BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose,
+};
 use crate::space::{BodyId, JointId, RegionId, Tick};
+
+/// No island is too large to be in one region whole: the most that may be asked for.
+const WHOLE: usize = BIG_ISLAND as usize - 1;
 
 /// How a world is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,7 +51,7 @@ pub struct StepSettings {
     pub exchanges: usize,
     /// Contact hops across a border within which bodies live in both regions, for couplings that overlap.
     pub depth: usize,
-    /// The most bodies of an island that moves whole, for couplings that move islands.
+    /// The most bodies of an island that moves whole, for couplings that move islands; up to 65,534, which is as good as no limit.
     pub island_limit: usize,
     /// The disagreement of replicas that [`Coupling::Auto`] tolerates, in metres per second.
     pub tolerance_m_s: f32,
@@ -62,7 +69,7 @@ impl Default for StepSettings {
             coupling: Coupling::default(),
             exchanges: Coupling::default().usual_exchanges(),
             depth: 2,
-            island_limit: 256,
+            island_limit: WHOLE,
             tolerance_m_s: 0.03,
             integration: IntegrationParameters::default(),
         }
@@ -73,12 +80,12 @@ impl Default for StepSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
-    /// Speed first: borders may differ by 0.1 m/s.
+    /// Speed first: islands of more than 256 bodies are cut, and the copies at such a cut may differ by 0.1 m/s.
     Draft,
-    /// What games want: 0.03 m/s.
+    /// What games want: every island whole in one region; 0.03 m/s where one is cut all the same.
     #[default]
     Game,
-    /// Accuracy first: 0.01 m/s, three hops deep, islands of up to 1,024 bodies whole.
+    /// As `Game`, but 0.01 m/s and three hops deep where an island is cut all the same.
     Precise,
 }
 
@@ -105,9 +112,9 @@ impl StepSettings {
     /// The same with [`Coupling::Auto`] and what the preset stands for.
     pub fn with_preset(self, preset: Preset) -> Self {
         let (exchanges, depth, island_limit, tolerance_m_s) = match preset {
-            Preset::Draft => (2, 2, 64, 0.1),
-            Preset::Game => (4, 2, 256, 0.03),
-            Preset::Precise => (4, 3, 1024, 0.01),
+            Preset::Draft => (2, 2, 256, 0.1),
+            Preset::Game => (4, 2, WHOLE, 0.03),
+            Preset::Precise => (4, 3, WHOLE, 0.01),
         };
         Self { coupling: Coupling::Auto, exchanges, depth, island_limit, tolerance_m_s, ..self }
     }
@@ -159,7 +166,7 @@ pub enum HostError {
 /// ([`DcdWorld::save`](crate::runtime::DcdWorld::save)) and is checked by nothing else.
 #[derive(Serialize, Deserialize)]
 pub struct RegionHost {
-    partition: Partition,
+    partition: Arc<Partition>,
     settings: StepSettings,
     shapes: ShapeLibrary,
     statics: Statics,
@@ -170,11 +177,11 @@ pub struct RegionHost {
     directory: Directory,
     #[serde(skip)]
     hooks: Option<Arc<dyn ContactHooks>>,
-    #[cfg(feature = "parallel")]
     #[serde(skip)]
-    threads: usize,
+    threads: Threads,
+    /// Only what it takes to compute depends on it.
     #[serde(skip)]
-    pool: Option<Arc<rayon::ThreadPool>>,
+    trial: Trial,
     /// From regions computed elsewhere, for the exchange that is open.
     incoming: Vec<BorderMessage>,
     balancer: Option<repartition::Balancer>,
@@ -192,7 +199,7 @@ pub struct RegionHost {
 impl RegionHost {
     /// An empty host of the regions named, which must be leaves of the partition's tree.
     ///
-    /// `threads` steps that many regions at a time; 1 uses the calling thread.
+    /// As [`RegionHost::set_threads`] says of `threads`.
     pub fn new(
         partition: Partition,
         settings: StepSettings,
@@ -201,16 +208,15 @@ impl RegionHost {
     ) -> Result<Self, HostError> {
         let mut host = Self {
             place_of: vec![None; partition.len()],
-            partition,
+            partition: Arc::new(partition),
             settings,
             shapes: ShapeLibrary::default(),
             statics: Statics::default(),
             regions: Vec::new(),
             directory: Directory::default(),
             hooks: None,
-            #[cfg(feature = "parallel")]
-            threads: 1,
-            pool: None,
+            threads: Threads::default(),
+            trial: Trial::default(),
             incoming: Vec::new(),
             balancer: None,
             tick: Tick(0),
@@ -232,55 +238,41 @@ impl RegionHost {
         self.regions.iter_mut().for_each(Region::repeat_joint_changes);
     }
 
-    /// Steps so many regions at a time from now on; 1 uses the calling thread. What happens does not depend on it.
+    /// Steps by so many threads from now on; 1 uses the calling thread, which few bodies do anyhow. What happens does not depend
+    /// on it. With the feature `parallel` the only region has all of them, several share them out; without, each has one.
     pub fn set_threads(&mut self, threads: usize) -> Result<(), HostError> {
-        self.pool = match threads {
-            0 | 1 => None,
-            threads => Some(Arc::new(
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(threads)
-                    .thread_name(|i| format!("dcd-region-{i}"))
-                    .build()
-                    .map_err(|cause| HostError::Threads { threads, cause })?,
-            )),
-        };
-        #[cfg(feature = "parallel")]
-        {
-            self.threads = threads;
-        }
-        self.lend_threads()
+        self.threads = Threads::new(threads, self.regions.len())?;
+        Ok(())
+    }
+
+    /// How many threads step it.
+    pub fn threads(&self) -> usize {
+        self.threads.count()
     }
 
     /// Takes over threads and hooks of a host whose place this one takes.
     pub(crate) fn serve_as(&mut self, former: &Self) -> Result<(), HostError> {
-        self.pool = former.pool.clone();
-        #[cfg(feature = "parallel")]
-        {
-            self.threads = former.threads;
-        }
+        self.threads = former.threads.clone();
         self.set_hooks(former.hooks.clone());
-        self.lend_threads()
+        self.threads.suit(self.regions.len())
     }
 
-    /// Gives Rapier's own parallel solver its threads: all of them in the only region; elsewhere each region has one, since
-    /// a world that waited for workers busy in other regions would wait for ever.
-    #[cfg(feature = "parallel")]
-    fn lend_threads(&mut self) -> Result<(), HostError> {
-        let threads = if self.partition.len() == 1 { self.threads.max(1) } else { 1 };
-        for region in &mut self.regions {
-            let world = region.world_mut();
-            if world.num_threads() != Some(threads) {
-                world
-                    .configure_thread_pool(threads)
-                    .map_err(|cause| HostError::Threads { threads, cause })?;
-            }
+    /// Whether so much is awake that it may be worth waking other threads.
+    fn is_busy(&self) -> bool {
+        let awake = self.regions.iter().flat_map(|region| region.physics().islands.active_bodies());
+        self.threads.are_teams() && awake.take(WORTH_WAKING).count() == WORTH_WAKING
+    }
+
+    /// Does the work of a tick on the threads on which it takes least time.
+    fn on_threads<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> R {
+        if !self.is_busy() {
+            return work(self);
         }
-        Ok(())
-    }
-
-    #[cfg(not(feature = "parallel"))]
-    fn lend_threads(&mut self) -> Result<(), HostError> {
-        Ok(())
+        let start = Instant::now();
+        let done =
+            if self.trial.is_for_teams() { self.threads.clone().enter(|| work(self)) } else { work(self) };
+        self.trial.note(start.elapsed());
+        done
     }
 
     /// Asks these hooks about contacts in every region from now on; `None` asks nobody.
@@ -303,21 +295,33 @@ impl RegionHost {
 
     /// The first half of a round: every region that is to step in it does, and says what its neighbours must know.
     pub fn compute(&mut self) {
+        self.on_threads(Self::compute_here);
+    }
+
+    fn compute_here(&mut self) {
         self.round += 1;
         let settings = self.settings;
         let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
-        let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
+        let partition = Arc::clone(&self.partition);
         if round == 1 {
             for region in &mut self.regions {
                 region.rests = region.is_idle();
             }
         }
-        let is_due = |region: &Region| !region.rests && moment.is_due(region.steps());
-        for region in self.regions.iter_mut().filter(|region| !is_due(region)) {
-            region.be_silent(tick);
+        let is_due =
+            move |region: &Region, moment: &Moment<'_>| !region.rests && moment.is_due(region.steps());
+        let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
+        let mut any_is_due = false;
+        for region in &mut self.regions {
+            if is_due(region, &moment) {
+                any_is_due = true;
+            } else {
+                region.be_silent(tick);
+            }
         }
-        on_all(&self.pool, &mut self.regions, is_due, |region| {
+        let step = move |region: &mut Region| {
             let start = Instant::now();
+            let moment = Moment::new(&partition, &settings, tick, rounds, round);
             let steps = region.steps();
             if round == 1 {
                 follow::follow(region, tick);
@@ -331,7 +335,23 @@ impl RegionHost {
             });
             settings.coupling.gather(region, moment);
             region.count_time(start.elapsed(), round == 1);
-        });
+        };
+        if self.threads.are_entered() {
+            let heaviest = heaviest(&self.regions);
+            let due = self.regions.iter_mut().enumerate().filter(|(_, region)| is_due(region, &moment));
+            let (heavy, others): (Vec<_>, Vec<_>) = due.partition(|(place, _)| Some(*place) == heaviest);
+            // First, with all threads: one alone would be at it when all others have long been done.
+            for (_, region) in heavy {
+                self.threads.together(|| step(region));
+            }
+            self.threads.share_out(others.into_iter().map(|(_, region)| region).collect(), step);
+        } else if any_is_due {
+            let partition = Arc::clone(&self.partition);
+            threads::alone(&mut self.regions, move |regions| {
+                let moment = Moment::new(&partition, &settings, tick, rounds, round);
+                regions.iter_mut().filter(|region| is_due(region, &moment)).for_each(step);
+            });
+        }
     }
 
     /// What regions here have to say to regions elsewhere, non-empty messages only.
@@ -354,6 +374,14 @@ impl RegionHost {
 
     /// The second half: every region takes in what the others said, in rank order.
     pub fn exchange(&mut self) -> Result<(), HostError> {
+        if self.is_busy() && self.trial.is_for_teams() {
+            self.threads.clone().enter(|| self.exchange_here())
+        } else {
+            self.exchange_here()
+        }
+    }
+
+    fn exchange_here(&mut self) -> Result<(), HostError> {
         if self.partition.len() > 1 {
             let outboxes: Vec<_> =
                 self.regions.iter_mut().map(|region| std::mem::take(&mut region.outbox)).collect();
@@ -378,7 +406,8 @@ impl RegionHost {
             let is_due = |region: &Region| {
                 moment.is_due(region.steps()) && !(region.rests && inbox_of(region).is_empty())
             };
-            on_all(&self.pool, &mut self.regions, is_due, |region| {
+            let due = self.regions.iter_mut().filter(|region| is_due(region)).collect();
+            self.threads.share_out(due, |region| {
                 let inbox = inbox_of(region);
                 region.stirred |= !inbox.is_empty();
                 if let Err(error) = settings.coupling.apply(region, inbox.iter().copied(), ground, moment) {
@@ -404,11 +433,8 @@ impl RegionHost {
             self.partition.len(),
             "a node's exchange needs its neighbours' messages"
         );
-        // One entry into the pool a tick: between its halves the threads stay awake.
-        match self.pool.clone() {
-            Some(pool) if self.regions.len() > 1 => pool.install(|| self.step_all()),
-            _ => self.step_all(),
-        }
+        // One entry a tick: between its halves the threads stay awake.
+        self.on_threads(Self::step_all)
     }
 
     fn step_all(&mut self) -> Result<(), HostError> {
@@ -417,12 +443,12 @@ impl RegionHost {
             let fresh = self.regions.iter().flat_map(|region| &region.fresh).map(|link| link.id);
             let fresh: Vec<_> = fresh.collect();
             self.announce();
-            self.exchange()?;
+            self.exchange_here()?;
             self.guide_newcomers(&fresh);
         }
         for _ in 0..self.rounds {
-            self.compute();
-            self.exchange()?;
+            self.compute_here();
+            self.exchange_here()?;
         }
         // Stable: a body that went twice has its ways in order.
         self.handovers.sort_by_key(|handover| handover.body);
@@ -578,23 +604,10 @@ impl RegionHost {
         }
     }
 }
-
-/// Runs the same work on every region that it is for, in parallel when there is a pool.
-fn on_all(
-    pool: &Option<Arc<rayon::ThreadPool>>,
-    regions: &mut [Region],
-    is_for: impl Fn(&Region) -> bool,
-    work: impl Fn(&mut Region) + Sync,
-) {
-    let chosen = regions.iter_mut().filter(|region| is_for(region));
-    match pool {
-        Some(pool) => {
-            let chosen: Vec<_> = chosen.collect();
-            match chosen.len() {
-                0 | 1 => chosen.into_iter().for_each(work),
-                _ => pool.install(|| chosen.into_par_iter().with_max_len(1).for_each(&work)),
-            }
-        }
-        None => chosen.for_each(work),
-    }
+/// The region that has more than half of all awake bodies, if it is worth more than one thread.
+fn heaviest(regions: &[Region]) -> Option<usize> {
+    let awake = |region: &Region| region.physics().islands.active_bodies().count();
+    let (place, most) = regions.iter().map(awake).enumerate().max_by_key(|&(_, awake)| awake)?;
+    let all: usize = regions.iter().map(awake).sum();
+    (2 * most > all && most >= 4 * WORTH_WAKING).then_some(place)
 }

@@ -1,8 +1,9 @@
 //! What comes into the regions and goes out of them: bodies, joints, whole regions.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use super::{HostError, RegionHost, StepSettings, on_all};
+use super::{HostError, RegionHost, StepSettings};
 use crate::physics::coupling::Moment;
 use crate::physics::directory::Home;
 use crate::physics::follow;
@@ -89,7 +90,7 @@ impl RegionHost {
                 self.add_region(id);
             }
         }
-        self.lend_threads()?;
+        self.threads.suit(self.regions.len())?;
         // New regions get what is immovable in the same pass, so that all is inserted in id order, as in a new world.
         placed.extend(self.statics.bodies().map(|body| (RegionId(0), body.clone())));
         placed.sort_by_key(|(_, body)| body.id);
@@ -125,7 +126,8 @@ impl RegionHost {
     pub fn announce(&mut self) {
         let settings = self.settings;
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0);
-        on_all(&self.pool, &mut self.regions, |_| true, |region| settings.coupling.announce(region, moment));
+        let all = self.regions.iter_mut().collect();
+        self.threads.share_out(all, |region| settings.coupling.announce(region, moment));
     }
 
     /// Lets go of replicas that no owner has announced since [`RegionHost::rebuild`].
@@ -259,7 +261,7 @@ impl RegionHost {
     ) -> Result<(), HostError> {
         for body in &bodies {
             if body.traits.kind != BodyKind::Fixed {
-                self.partition.widen_halo(reach_of_record(body, &self.shapes)?);
+                Arc::make_mut(&mut self.partition).widen_halo(reach_of_record(body, &self.shapes)?);
             } else if self.statics.body(body.id).is_none() {
                 self.statics.add(body.clone(), &self.shapes)?;
             }

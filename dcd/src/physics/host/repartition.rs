@@ -2,9 +2,11 @@
 //! hands as if they had crossed a border by themselves; a region is given up only when nothing is left in it.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::giants::Giants;
 use super::{HostError, RegionHost};
 use crate::physics::region::Region;
 use crate::physics::renumber::Renumbering;
@@ -16,22 +18,45 @@ pub(super) struct Balancer {
     settings: Balance,
     /// Regions that are being emptied into their siblings, by the vertex that is to be one region.
     merging: BTreeMap<RegionId, Heir>,
+    /// The most bodies of an island that stays whole, as the user has it.
+    island_limit: usize,
 }
 
 /// The one of two siblings that takes over all of the other's.
 type Heir = RegionId;
 
 impl Balancer {
-    pub(super) fn new(settings: Balance) -> Self {
-        Self { settings, merging: BTreeMap::new() }
+    pub(super) fn new(settings: Balance, island_limit: usize) -> Self {
+        Self { settings, merging: BTreeMap::new(), island_limit }
     }
 }
 
+/// The most bodies of an island that stays whole while the tree follows the load, however much there is to do.
+const BALANCED_ISLAND: usize = 256;
+/// Islands of so few bodies stay whole all the same.
+const LEAST_ISLAND: usize = 16;
+/// An island that stays whole is at most this part of what a region has to do: more could not be balanced.
+const ISLAND_SHARE: usize = 4;
+
 impl RegionHost {
-    /// Lets the tree follow the load from now on, or stay as it is. The host must compute every region.
+    /// Lets the tree follow the load from now on, or stay as it is. The host must compute every region. Of a world that follows its
+    /// load, islands are cut that have more than 256 bodies, or than a quarter of a region's awake ones and 16: in one region whole
+    /// they would be its load.
     pub fn set_balance(&mut self, settings: Option<Balance>) {
         assert_eq!(self.regions.len(), self.partition.len(), "balance needs all regions in one process");
-        self.balancer = settings.map(Balancer::new);
+        let island_limit = self.balancer.as_ref().map_or(self.settings.island_limit, |old| old.island_limit);
+        self.settings.island_limit = island_limit;
+        self.balancer = settings.map(|settings| Balancer::new(settings, island_limit));
+        if self.balancer.is_some() {
+            self.limit_islands(island_limit);
+        }
+    }
+
+    /// Islands stay whole as far as their region stays in balance.
+    fn limit_islands(&mut self, island_limit: usize) {
+        let awake: usize = self.regions.iter().map(Region::awake_count).sum();
+        let share = awake / self.regions.len() / ISLAND_SHARE;
+        self.settings.island_limit = island_limit.min(share.clamp(LEAST_ISLAND, BALANCED_ISLAND));
     }
 
     /// How the tree follows the load.
@@ -44,6 +69,9 @@ impl RegionHost {
     pub fn rebalance(&mut self) -> Result<Vec<(RegionId, RegionId)>, HostError> {
         let Some(mut balancer) = self.balancer.take() else { return Ok(Vec::new()) };
         let is_due = self.tick.0.is_multiple_of(balancer.settings.every_ticks.into());
+        if is_due {
+            self.limit_islands(balancer.island_limit);
+        }
         let renamed = if is_due { self.follow_load(&mut balancer) } else { Ok(Vec::new()) };
         self.balancer = Some(balancer);
         renamed
@@ -53,9 +81,10 @@ impl RegionHost {
         let mut renamed = Vec::new();
         self.regions.iter_mut().for_each(Region::wake_left_behind);
         self.finish_merging(balancer, &mut renamed)?;
-        let burdens = self.burdens(balancer.settings.load);
+        let giants = self.giants();
+        let burdens = self.burdens(balancer.settings.load, &giants);
         let merging: Vec<_> = balancer.merging.keys().copied().collect();
-        let changes = plan(self.partition.tree(), &burdens, &balancer.settings, &merging);
+        let changes = plan(self.partition.tree(), &burdens, &giants.boxes, &balancer.settings, &merging);
         self.change_tree(&changes, balancer, &mut renamed)?;
         Ok(renamed)
     }
@@ -68,15 +97,34 @@ impl RegionHost {
         }
     }
 
-    /// Every awake body with its share of its region's load.
-    fn burdens(&self, load: Load) -> Vec<Burden> {
+    /// Every awake body with its share of its region's load, and what sleeps of islands that are too large to move whole.
+    fn burdens(&self, load: Load, giants: &Giants) -> Vec<Burden> {
         let mut burdens = Vec::new();
         for region in &self.regions {
             let awake: Vec<_> = region.awake_places().collect();
             let weight = self.load_of(region, load) / awake.len() as f64;
-            burdens.extend(awake.into_iter().map(|place| Burden { place, weight }));
+            burdens.extend(awake.into_iter().map(|(id, place)| Burden {
+                place,
+                weight,
+                island: giants.of(id),
+            }));
+        }
+        for (id, island) in giants.members() {
+            let owned = self.owned(id).filter(|(region, body)| region.physics().bodies[*body].is_sleeping());
+            let place = owned.map(|(region, body)| region.centre_of(body));
+            burdens.extend(place.map(|place| Burden { place, weight: 0.0, island: Some(island) }));
         }
         burdens
+    }
+
+    /// Islands that no coupling moves whole, where it moves any: to cut one takes more micro-steps, and most of its bodies are
+    /// held twice. Other couplings pay that at every border.
+    fn giants(&self) -> Giants {
+        if self.settings.coupling.moves_islands() {
+            Giants::find(&self.regions, self.settings.island_limit.max(BALANCED_ISLAND))
+        } else {
+            Giants::default()
+        }
     }
 
     fn change_tree(
@@ -122,7 +170,7 @@ impl RegionHost {
                 self.partition.tree().children_of(vertex).expect("merged vertices are inner ones");
             let leaving = if heir == left { right } else { left };
             let place = self.regions.iter().position(|region| region.id() == leaving).expect("all are here");
-            if self.regions[place].holds_movable() {
+            if self.regions[place].holds_movable() || self.regions[place].owes_word() {
                 continue;
             }
             balancer.merging.remove(&vertex);
@@ -145,7 +193,7 @@ impl RegionHost {
         born: Option<(RegionId, RegionId)>,
     ) -> Result<(), HostError> {
         let old = self.partition.leaves().clone();
-        self.partition.set_tree(tree);
+        Arc::make_mut(&mut self.partition).set_tree(tree);
         let name_of = |id: RegionId| names.iter().find(|(from, _)| *from == id).map_or(id, |(_, to)| *to);
         let rank = |id| self.partition.rank_of(id);
         let ranks = Renumbering {
@@ -165,15 +213,15 @@ impl RegionHost {
             region.border.pace = pace.of_newborn();
             region.set_anchor(anchor);
             self.statics.recover(region, &self.shapes)?;
-            self.lend_threads()?;
         }
+        self.threads.suit(self.regions.len())?;
         self.index();
         Ok(())
     }
 
     /// The tree has the same leaves, but its planes are elsewhere: gives every region its cell, with the ground there.
     pub(crate) fn refit(&mut self, tree: DistributionTree) -> Result<(), HostError> {
-        self.partition.set_tree(tree);
+        Arc::make_mut(&mut self.partition).set_tree(tree);
         for region in &mut self.regions {
             let cell = *self.partition.cell(region.rank());
             if *region.cell() != cell {
@@ -182,5 +230,64 @@ impl RegionHost {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use crate::protocol::WorldPose;
+    use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
+    use crate::scene::Scene;
+    use crate::space::{Axis, Balance, Bounds};
+
+    /// 600 boxes in courses of ten by ten, each on four others, so that all touch: 10.5 m wide, around the origin. Beside it
+    /// stand twenty small stacks, four of them on the left.
+    fn heap_and_stacks() -> Scene {
+        let mut scene = Scene::empty("heap and stacks");
+        scene.push_fixed_box([0.0, -0.5, 0.0], [80.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
+        let mut brick = |at: [f64; 3]| {
+            let body = RigidBodyBuilder::dynamic().can_sleep(false);
+            scene.push(WorldPose::at(at), body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).friction(0.7));
+        };
+        for course in 0..6 {
+            let off = 0.5 * f64::from(course % 2) - 4.75;
+            for i in 0..100 {
+                brick([f64::from(i % 10) + off, f64::from(course) + 0.5, f64::from(i / 10) + off]);
+            }
+        }
+        for stack in 0..20 {
+            let x = if stack < 4 { -12.0 - 3.0 * f64::from(stack) } else { 3.0 * f64::from(stack) };
+            (0..3).for_each(|level| brick([x, f64::from(level) + 0.5, 0.0]));
+        }
+        scene.bounds = Bounds::new([-60.0, -1.0, -10.0], [60.0, 8.0, 10.0]);
+        scene
+    }
+
+    #[test]
+    fn planes_leave_a_heap_that_they_began_in_and_stay_beside_it() {
+        let scene = heap_and_stacks();
+        for cuts in [vec![(Axis::X, 0.0)], vec![(Axis::X, 0.0), (Axis::Z, 0.3)]] {
+            let regions = 1 << cuts.len();
+            let config = WorldConfig {
+                partitioning: Partitioning::Cuts(cuts),
+                balance: Some(Balance { every_ticks: 5, ..Balance::keeping(regions) }),
+                ..WorldConfig::for_scene(&scene)
+            };
+            let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+            let mut cells = Vec::new();
+            for _ in 0..60 {
+                world.step().unwrap();
+                let now: Vec<_> = world.regions().iter().map(|region| *region.cell()).collect();
+                if cells.last() != Some(&now) {
+                    cells.push(now);
+                }
+            }
+            assert!(cells.len() <= 3, "{regions} regions: the planes went to and fro: {cells:?}");
+            let heap = Bounds::new([-5.25, 0.0, -5.25], [5.25, 6.0, 5.25]);
+            let touched = world.regions().iter().filter(|region| region.cell().touches(&heap)).count();
+            assert_eq!(touched, 1, "{regions} regions: {cells:?}");
+        }
     }
 }

@@ -47,12 +47,26 @@ impl ContactSample {
 /// is taken to be to that as the step's normals are to the last iteration's. That is exact at rest, and never above the
 /// coefficient of friction times the normal force.
 pub fn pair_force_n(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
+    force_over_n(world, pair, world.integration_parameters.dt)
+}
+
+/// The same of a pair that was solved in a step of this length.
+fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3] {
     let model = world.integration_parameters.friction_model;
     let impulse = pair.solver_manifolds().iter().fold([0.0; 3], |sum, manifold| {
         let impulse = impulse_ns(manifold, model);
         std::array::from_fn(|i| sum[i] + impulse[i])
     });
-    impulse.map(|v| v / f64::from(world.integration_parameters.dt))
+    impulse.map(|v| v / f64::from(dt_s))
+}
+
+/// The length of the step in which a pair was solved last, in seconds. Of two that touch, both sleep or none does.
+fn solved_dt_s(view: View<'_>, pair: &ContactPair) -> f32 {
+    let world = view.physics();
+    let parents = [pair.collider1, pair.collider2].map(|collider| world.colliders.get(collider)?.parent());
+    let dynamic = |handle: &RigidBodyHandle| world.bodies.get(*handle).is_some_and(RigidBody::is_dynamic);
+    let handle = parents.into_iter().flatten().find(dynamic);
+    handle.map_or(world.integration_parameters.dt, |handle| view.solved_dt_s(handle))
 }
 
 /// The impulse on the second body, in newton seconds.
@@ -102,11 +116,21 @@ pub(super) fn sample(view: View<'_>) -> ContactSample {
         sample.pairs += usize::from(answers(sides));
         if let Some(fixed) = sides.iter().position(|side| *side == Side::Fixed) {
             let sign = if fixed == 1 { 1.0 } else { -1.0 };
-            let force = pair_force_n(world, pair);
+            let force = force_over_n(world, pair, solved_dt_s(view, pair));
             sample.ground_force_n += sign * (0..3).map(|i| down[i] * force[i]).sum::<f64>();
         }
     }
     sample
+}
+
+pub(super) fn penetrations_m(view: View<'_>) -> Vec<f64> {
+    let world = view.physics();
+    let answered = |pair: &&ContactPair| {
+        let colliders = [pair.collider1, pair.collider2];
+        let there = colliders.iter().all(|&collider| world.colliders.get(collider).is_some());
+        there && pair.has_any_active_contact() && answers(colliders.map(|collider| Side::of(view, collider)))
+    };
+    world.contact_pairs().filter(answered).map(|pair| penetration_m(world, pair)).collect()
 }
 
 /// One end of a contact pair.
@@ -127,7 +151,10 @@ impl Side {
             return Self::Fixed;
         };
         match view.name(handle) {
-            Some(id) if body.is_dynamic() => Self::Dynamic(id, view.owns(handle), view.parts(handle) > 1.0),
+            Some(id) if body.is_dynamic() => {
+                let has_part = view.parts(handle) > 1.0 && view.counts(handle);
+                Self::Dynamic(id, view.owns(handle), has_part)
+            }
             _ if body.is_fixed() => Self::Fixed,
             _ => Self::Kinematic,
         }

@@ -66,6 +66,12 @@ pub trait Measured {
         self.views().into_iter().map(contacts::sample).fold(ContactSample::default(), ContactSample::and)
     }
 
+    /// How deep each pair of colliders that touch overlaps, in metres, 0 where they do not, in no order: each pair by the one
+    /// region that answers for it.
+    fn penetrations_m(&self) -> Vec<f64> {
+        self.views().into_iter().flat_map(contacts::penetrations_m).collect()
+    }
+
     /// How often each movable body is owned.
     fn census(&self) -> Census {
         Census::of(&self.views())
@@ -166,6 +172,22 @@ impl<'a> View<'a> {
         match self {
             Self::Bare(_) => 1.0,
             Self::Region(region) => region.share_of(handle) as f64,
+        }
+    }
+
+    /// Whether the copy of the body here is one of those that bear its weight.
+    fn counts(self, handle: RigidBodyHandle) -> bool {
+        match self {
+            Self::Bare(_) => true,
+            Self::Region(region) => region.counts(handle),
+        }
+    }
+
+    /// The length of the step in which the contacts of this body were solved last, in seconds.
+    fn solved_dt_s(self, handle: RigidBodyHandle) -> f32 {
+        match self {
+            Self::Bare(world) => world.integration_parameters.dt,
+            Self::Region(region) => region.solved_dt_s(handle),
         }
     }
 

@@ -1,9 +1,10 @@
 //! Formulas against closed forms, in one world and cut in two.
 
 use super::*;
+use crate::physics::StepSettings;
 use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
-use crate::space::Axis;
+use crate::space::{Axis, Bounds};
 
 const STEPS: usize = 240;
 const SAMPLED: usize = 60;
@@ -54,6 +55,27 @@ fn tower(cut: Option<(Axis, f64)>) -> DcdWorld {
 fn a_box_at_rest_presses_on_the_floor_with_its_weight() {
     let ratio = bare_ratio(&mut box_on_slope(0.0));
     assert!((ratio - 1.0).abs() < 0.001, "{ratio}");
+}
+
+#[test]
+fn every_pair_that_touches_has_one_depth_in_one_world_and_across_a_border() {
+    let depths_m = |world: &dyn Measured| {
+        let mut depths_m = world.penetrations_m();
+        depths_m.sort_by(f64::total_cmp);
+        depths_m
+    };
+    let mut bare = Scene::named("tower", &Params::new()).unwrap().bare_world();
+    let mut cut = tower(Some((Axis::Y, 4.5)));
+    for _ in 0..STEPS {
+        bare.step();
+        cut.step().unwrap();
+    }
+    for world in [&bare as &dyn Measured, &cut] {
+        let depths_m = depths_m(world);
+        assert_eq!(depths_m.len(), 10);
+        assert!((depths_m[9] - world.contacts().max_penetration_m).abs() < 1e-3, "{depths_m:?}");
+        assert!(depths_m[0] >= 0.0 && depths_m[9] > depths_m[0], "what lies lower bears more: {depths_m:?}");
+    }
 }
 
 #[test]
@@ -119,6 +141,54 @@ fn a_tower_presses_with_its_weight_also_when_a_border_runs_up_through_it() {
         let sample = world.host().contacts();
         assert_eq!(sample.pairs, 10, "{cut:?}");
         assert!((0.0005..0.02).contains(&sample.max_penetration_m), "{cut:?}: {sample:?}");
+    }
+}
+
+/// Two towers of six boxes on one floor, cut by these planes, of which the second falls asleep only if it may. Islands are
+/// never moved whole, and regions take as many as `exchanges` micro-steps as soon as copies disagree at all.
+fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> DcdWorld {
+    let mut scene = Scene::empty("two towers");
+    scene.push_fixed_box([0.0, -0.5, 0.0], [20.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
+    for (x, may_sleep) in [(0.0, true), (8.0, both_sleep)] {
+        for level in 0..6 {
+            let pose = WorldPose::at([x, f64::from(level) + 0.5, 0.0]);
+            let body = RigidBodyBuilder::dynamic().can_sleep(may_sleep);
+            scene.push(pose, body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(1.0).friction(0.7));
+        }
+    }
+    scene.bounds = Bounds::new([-4.0, -1.0, -4.0], [12.0, 8.0, 4.0]);
+    let config = WorldConfig::for_scene(&scene);
+    let step = StepSettings { exchanges, island_limit: 0, tolerance_m_s: 1e-5, ..config.step };
+    let partitioning = Partitioning::Cuts(cuts.to_vec());
+    DcdWorld::from_scene(&scene, WorldConfig { partitioning, step, ..config }).unwrap()
+}
+
+#[test]
+fn what_sleeps_presses_with_its_weight_whatever_micro_steps_were_taken_then_and_are_now() {
+    let cuts = [(Axis::Y, 3.0), (Axis::X, 0.1), (Axis::Y, 1.5)];
+    for (count, exchanges) in [(0, 1), (1, 1), (1, 2), (1, 4), (2, 2), (2, 4), (3, 4)] {
+        for both_sleep in [true, false] {
+            let case = format!("{count} cuts, {exchanges} exchanges, both sleep: {both_sleep}");
+            let mut world = two_towers(&cuts[..count], exchanges, both_sleep);
+            let asleep = |world: &DcdWorld| {
+                (1..=6).all(|id| world.body(BodyId::persistent(id)).is_some_and(RigidBody::is_sleeping))
+            };
+            let (mut most, mut since, mut ratios) = (0, 0, Vec::new());
+            for _ in 0..600 {
+                world.step().unwrap();
+                if !asleep(&world) {
+                    most = most.max(world.host().rounds());
+                    (since, ratios) = (0, Vec::new());
+                    continue;
+                }
+                since += 1;
+                ratios.push(world.host().contacts().ground_force_ratio().unwrap());
+            }
+            assert!(since > 200, "{case}: it fell asleep {since} ticks ago");
+            assert_eq!(most, if count == 0 { 1 } else { exchanges }, "{case}");
+            let all: Vec<_> = ratios.iter().filter(|ratio| (*ratio - 1.0).abs() > 0.03).collect();
+            assert!(all.is_empty(), "{case}: {all:?} in {since} ticks");
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use rapier3d::prelude::*;
 use super::{COVER_M, Link, Region, Role, Slot};
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::{convert, follow};
-use crate::space::{Bounds, Cell, RegionId};
+use crate::space::{BodyId, Bounds, Cell, RegionId};
 
 /// A sleeping body may lie so far outside the cell.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
@@ -39,6 +39,11 @@ impl Region {
         self.slots.iter().flatten().any(|slot| slot.role != Role::Immovable)
     }
 
+    /// Whether it has still to say of contacts that they ended.
+    pub(in crate::physics) fn owes_word(&self) -> bool {
+        self.watch.owes_word()
+    }
+
     /// What sleeps where a plane has passed over it stays this region's, unless that is far from here: then it is woken, and
     /// goes.
     pub(in crate::physics) fn wake_left_behind(&mut self) {
@@ -59,29 +64,36 @@ impl Region {
         asleep.into_iter().map(|link| link.handle).collect()
     }
 
-    /// How much there is to compute, by counts: bodies that are awake, copies of others' bodies among them, and contacts.
+    /// How much there is to compute, by counts: its own bodies that are awake, and their contacts. How many copies it has of others'
+    /// bodies depends on where planes are: planes that moved by them would swing.
     pub(in crate::physics) fn activity(&self) -> f64 {
-        let awake = |collider: ColliderHandle| {
-            let parent = self.world.colliders.get(collider).and_then(Collider::parent);
-            parent.is_some_and(|parent| {
-                let body = &self.world.bodies[parent];
-                !body.is_fixed() && !body.is_sleeping()
-            })
+        let counts = |handle: RigidBodyHandle| {
+            let owned = self.slot_at(handle).is_some_and(|slot| slot.role == Role::Owner);
+            owned && !self.world.bodies[handle].is_sleeping()
         };
-        let pairs = self.world.contact_pairs();
-        let contacts = pairs
-            .filter(|pair| pair.has_any_active_contact() && (awake(pair.collider1) || awake(pair.collider2)));
-        (self.world.islands.active_bodies().count() + contacts.count()) as f64
+        let owner = |collider| self.world.colliders.get(collider).and_then(Collider::parent);
+        let touches = |pair: &&ContactPair| {
+            let ends = [pair.collider1, pair.collider2];
+            pair.has_any_active_contact() && ends.into_iter().filter_map(owner).any(counts)
+        };
+        let bodies = self.world.islands.active_bodies().filter(|&handle| counts(handle)).count();
+        (bodies + self.world.contact_pairs().filter(touches).count()) as f64
     }
 
     /// Where its own awake bodies are, in world space.
-    pub(in crate::physics) fn awake_places(&self) -> impl Iterator<Item = [f64; 3]> {
-        let awake = self.world.islands.active_bodies();
-        let owned = awake.filter(|&handle| matches!(self.role_of(handle), Some((_, Role::Owner))));
-        owned.map(|handle| convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass()))
+    pub(in crate::physics) fn awake_places(&self) -> impl Iterator<Item = (BodyId, [f64; 3])> {
+        self.world.islands.active_bodies().filter_map(|handle| match self.role_of(handle) {
+            Some((id, Role::Owner)) => Some((id, self.centre_of(handle))),
+            _ => None,
+        })
     }
 
-    /// Those of the sleepers to be looked at that are still here.
+    /// Where a body's centre of mass is, in world space.
+    pub(in crate::physics) fn centre_of(&self, handle: RigidBodyHandle) -> [f64; 3] {
+        convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass())
+    }
+
+    /// Those of the bodies to be looked at that are still here.
     pub(in crate::physics) fn take_overlooked(&mut self) -> Vec<RigidBodyHandle> {
         let mut handles = std::mem::take(&mut self.overlooked);
         handles.retain(|&handle| self.slot_at(handle).is_some() && self.world.bodies.contains(handle));

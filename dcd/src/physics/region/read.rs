@@ -13,6 +13,19 @@ impl Region {
         self.slot_at(handle).and_then(|slot| slot.shared.as_deref()).map_or(1, |shared| shared.parts)
     }
 
+    /// Whether the copy of a body here counts, with its share of the mass; a shadow only follows those that do.
+    pub(in crate::physics) fn counts(&self, handle: RigidBodyHandle) -> bool {
+        let shared = self.slot_at(handle).and_then(|slot| slot.shared.as_deref());
+        shared.is_none_or(|shared| !shared.shadows.contains(self.rank))
+    }
+
+    /// The length of the micro-step in which the contacts of a body were solved last, in seconds: impulses that Rapier
+    /// keeps for it are of that step, be it long ago.
+    pub(in crate::physics) fn solved_dt_s(&self, handle: RigidBodyHandle) -> f32 {
+        let noted = self.solved_dt_s.get(handle.into_raw_parts().0 as usize);
+        noted.copied().unwrap_or(self.world.integration_parameters.dt)
+    }
+
     /// A body's pose in world space, as this region sees it.
     #[inline]
     pub fn world_pose(&self, handle: RigidBodyHandle) -> WorldPose {
@@ -70,16 +83,8 @@ impl Region {
         }
     }
 
-    /// The box around a body's colliders now, in world space.
+    /// A box around a body's colliders now, in world space.
     pub(in crate::physics) fn world_bounds(&self, handle: RigidBodyHandle) -> Bounds {
-        let body = &self.world.bodies[handle];
-        let aabbs = body.colliders().iter().map(|&collider| self.world.colliders[collider].compute_aabb());
-        let here = convert::world_point(self.anchor, body.translation());
-        aabbs.fold(Bounds::new(here, here), |bounds, aabb| {
-            bounds.union(&Bounds {
-                min: convert::world_point(self.anchor, aabb.mins),
-                max: convert::world_point(self.anchor, aabb.maxs),
-            })
-        })
+        self.slot(handle).outline.bounds(&self.world.bodies[handle], &self.world.colliders, self.anchor)
     }
 }

@@ -3,7 +3,7 @@
 mod report;
 mod run;
 
-pub use report::{Change, MeanMax, Report, StepTimes};
+pub use report::{Change, Chosen, MeanMax, Report, StepTimes};
 pub use run::{Cast, Plan, Subject, run};
 
 use super::DcdWorld;

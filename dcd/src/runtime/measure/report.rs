@@ -16,7 +16,7 @@ pub struct Report {
     pub bodies: usize,
     /// Regions; 0 is one bare Rapier world.
     pub regions: usize,
-    /// Regions stepped at a time.
+    /// Threads that may step it at a time.
     pub threads: usize,
     /// Name of the coupling; none in a bare world.
     pub coupling: Option<&'static str>,
@@ -62,6 +62,21 @@ pub struct Report {
     pub quarantined: usize,
     /// Of all movable bodies in id order, 16 hexadecimal digits.
     pub state_hash: String,
+    /// How it was computed, and why so.
+    pub chosen: Chosen,
+}
+
+/// A [`Choice`](crate::runtime::Choice) in words.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Chosen {
+    /// Regions at the end; 0 is one bare Rapier world.
+    pub regions: usize,
+    /// Threads that may step it at a time.
+    pub threads: usize,
+    /// Name of the coupling; none in a bare world.
+    pub coupling: Option<&'static str>,
+    /// Why so many regions.
+    pub why: String,
 }
 
 /// Before the first step and after the last.

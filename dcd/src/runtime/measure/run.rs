@@ -2,13 +2,17 @@
 
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
+#[cfg(feature = "parallel")]
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rapier3d::prelude::{PhysicsWorld, RigidBodyType};
 
-use super::report::{Change, MeanMax, Report, StepTimes};
+use super::report::{Change, Chosen, MeanMax, Report, StepTimes};
+#[cfg(feature = "parallel")]
+use crate::physics::HostError;
 use crate::physics::{ContactSample, Measured, View};
-use crate::runtime::{DcdWorld, Stats, WorldConfig, WorldError};
+use crate::runtime::{Choice, DcdWorld, Stats, Why, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::BodyId;
 
@@ -45,6 +49,24 @@ impl Plan {
 }
 
 impl Subject {
+    /// Does the work where stepping needs no other thread to be woken, unless it is worth that: steps are to be timed there.
+    pub fn at_home<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> Result<R, WorldError> {
+        #[cfg(feature = "parallel")]
+        {
+            let own = match self {
+                Self::Bare(world) => world.thread_pool(),
+                Self::Regions(_) => None,
+            };
+            let one = || rayon::ThreadPoolBuilder::new().num_threads(1).build().map(Arc::new);
+            let pool = own.map_or_else(one, Ok).map_err(|cause| HostError::Threads { threads: 1, cause })?;
+            Ok(pool.install(|| work(self)))
+        }
+        #[cfg(not(feature = "parallel"))]
+        {
+            Ok(work(self))
+        }
+    }
+
     fn step(&mut self) -> Result<(), WorldError> {
         match self {
             Self::Bare(world) => world.step(),
@@ -66,6 +88,16 @@ impl Subject {
         let awake = world.regions().iter().map(|region| region.physics().islands.active_bodies().count());
         let (sum, most) = awake.fold((0, 0), |(sum, most), count| (sum + count, most.max(count)));
         if sum == 0 { 1.0 } else { (most * world.regions().len()) as f64 / sum as f64 }
+    }
+
+    fn chosen(&self) -> Chosen {
+        match self {
+            Self::Bare(_) => Chosen { regions: 0, threads: 1, coupling: None, why: Why::Asked.to_string() },
+            Self::Regions(world) => {
+                let Choice { regions, threads, coupling, why } = world.chosen();
+                Chosen { regions, threads, coupling: Some(coupling.name()), why: why.to_string() }
+            }
+        }
     }
 
     fn region_count(&self) -> usize {
@@ -115,6 +147,15 @@ impl Cast {
 /// Runs a subject of this plan. `after_step` is told the ticks done, outside the timed part, and may end the run early: the
 /// report is then of what was done, and its last second is the last step.
 pub fn run(
+    cast: &Cast,
+    plan: &Plan,
+    subject: &mut Subject,
+    after_step: impl FnMut(u64, &Subject) -> ControlFlow<()> + Send,
+) -> Result<Report, WorldError> {
+    subject.at_home(|subject| run_here(cast, plan, subject, after_step))?
+}
+
+fn run_here(
     cast: &Cast,
     plan: &Plan,
     subject: &mut Subject,
@@ -176,6 +217,7 @@ pub fn run(
         doubled: watch.doubled,
         quarantined: watch.quarantined.len(),
         state_hash: format!("{:016x}", subject.state_hash()),
+        chosen: subject.chosen(),
     })
 }
 

@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::choice::Why;
 use super::local::check_threads;
 use super::{DcdWorld, WorldError};
 use crate::physics::RegionHost;
@@ -24,7 +25,7 @@ use blocks::{BlockReader, BlockWriter};
 pub use error::SnapshotError;
 
 /// Grows with every change of what is saved, the order of fields too.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 impl DcdWorld {
     /// Writes the whole world: [`DcdWorld::restore`] gives one that goes on from here to the same bits. The number of
@@ -43,7 +44,7 @@ impl DcdWorld {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn save(&self, mut to: impl Write) -> Result<(), SnapshotError> {
-        let Self { host, ledger, events, next_body, next_joint, last_step: _ } = self;
+        let Self { host, ledger, events, next_body, next_joint, last_step: _, why: _ } = self;
         let header = header::write(FORMAT, &mut to)?;
         let mut blocks = BlockWriter::new(to, header);
         let saved = Saved { host, ledger, events, next_body: *next_body, next_joint: *next_joint };
@@ -65,7 +66,8 @@ impl DcdWorld {
         blocks.finish()?;
         host.resume();
         host.set_threads(threads).map_err(WorldError::from)?;
-        Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO })
+        let why = Why::Saved;
+        Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO, why })
     }
 
     /// Goes back, or on, to a world that [`DcdWorld::save`] wrote, with the threads and hooks that this one has. Ids that this

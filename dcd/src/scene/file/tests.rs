@@ -63,7 +63,7 @@ fn a_file_chooses_how_regions_agree() {
     assert_eq!((overlap.coupling, overlap.exchanges, overlap.depth), (Coupling::Overlap, 2, 3));
     assert_eq!((overlap.island_limit, overlap.tolerance_m_s), (0, 0.5));
     let draft = step("preset = \"draft\"\nexchanges = 3");
-    assert_eq!((draft.coupling, draft.exchanges, draft.island_limit), (Coupling::Auto, 3, 64));
+    assert_eq!((draft.coupling, draft.exchanges, draft.island_limit), (Coupling::Auto, 3, 256));
     let wrong = |line, parts: &[&str]| refused(&format!("[world]\n{line}\n{FLOOR}"), 2, parts);
     wrong("coupling = \"magic\"", &["unknown variant `magic`", "`proxy`", "`auto`", "correct this line"]);
     wrong("preset = \"fine\"", &["unknown variant `fine`", "`draft`, `game`, `precise`"]);

@@ -16,6 +16,7 @@ pub(super) const HEAP: SceneInfo = SceneInfo {
     params: &[
         count("n", "500", 1, MOST, "boxes"),
         number("slenderness", "0.5", [0.1, 4.0], "", "height of the settled heap in widths of the pit"),
+        count("mixed", "0", 0, 1, "1: boxes, balls, capsules, cylinders and hulls in turn"),
         NO_SLEEP,
         SEED,
     ],
@@ -54,7 +55,7 @@ fn heap(values: &Values) -> Result<Scene, SceneError> {
         &ColliderBuilder::ball(1.0),
     );
     let mut dice = Dice::new(values.seed("seed"));
-    let unit = ColliderBuilder::cuboid(0.5, 0.5, 0.5);
+    let kinds = if values.count("mixed") == 1 { 5 } else { 1 };
     for i in 0..n {
         let (layer, cell) = (i / (columns * columns), i % (columns * columns));
         // Layers lie a little beside each other, or the boxes would land as towers.
@@ -66,10 +67,27 @@ fn heap(values: &Values) -> Result<Scene, SceneError> {
             (layer as f64 + 0.6) * PITCH_M + jitter[1],
             along(cell / columns) + jitter[2],
         ];
-        scene.push(world_pose(place, dice.rotation(0.15)), RigidBodyBuilder::dynamic(), unit.clone());
+        let pose = world_pose(place, dice.rotation(0.15));
+        scene.push(pose, RigidBodyBuilder::dynamic(), shape(i % kinds, &mut dice));
     }
-    scene.bounds = Bounds::new([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, top, 0.5 * side]);
+    // Where much hangs over a narrow pit, the first cuts are to go through the heap, not over it.
+    let high = if values.number("slenderness") > 0.5 { top.min(side) } else { top };
+    scene.bounds = Bounds::new([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, high, 0.5 * side]);
     Ok(scene)
+}
+
+/// A unit box or another shape of about its size, none of which reaches further aside than a box.
+fn shape(kind: usize, dice: &mut Dice) -> ColliderBuilder {
+    match kind {
+        0 => ColliderBuilder::cuboid(0.5, 0.5, 0.5),
+        1 => ColliderBuilder::ball(0.5),
+        2 => ColliderBuilder::capsule_y(0.25, 0.3),
+        3 => ColliderBuilder::cylinder(0.5, 0.45),
+        _ => {
+            let corners: Vec<_> = (0..14).map(|_| 0.59 * dice.direction()).collect();
+            ColliderBuilder::convex_hull(&corners).expect("random directions lie in no plane")
+        }
+    }
 }
 
 fn terrain(values: &Values) -> Result<Scene, SceneError> {

@@ -1,8 +1,8 @@
-//! Scenes without gravity, where bodies never sleep: a gas of balls, and the thesis's freely moving cubes.
+//! Scenes without gravity: a gas of balls, and the thesis's freely moving cubes.
 
 use rapier3d::prelude::*;
 
-use super::{MOST, SEED, SceneInfo, count, number};
+use super::{MOST, NO_SLEEP, SEED, SceneInfo, count, number};
 use crate::protocol::WorldPose;
 use crate::scene::dice::Dice;
 use crate::scene::model::world_pose;
@@ -12,11 +12,13 @@ use crate::space::Bounds;
 
 pub(super) const GAS: SceneInfo = SceneInfo {
     name: "gas",
-    summary: "elastic frictionless balls without gravity in a closed box",
+    summary: "elastic frictionless balls, or balls and cubes, without gravity in a closed box",
     params: &[
         count("n", "512", 1, MOST, "balls of radius 0.25 m"),
         number("fill", "0.05", [0.0001, 0.2], "", "share of the box that balls fill"),
         number("speed", "2", [0.0, 50.0], "m/s", "speed of every ball at the start"),
+        number("cubes", "0", [0.0, 1.0], "", "share of the balls that are cubes of 0.38 m instead"),
+        NO_SLEEP,
         SEED,
     ],
     build: gas,
@@ -28,8 +30,16 @@ pub(super) const DVE: SceneInfo = SceneInfo {
     params: &[
         count("n", "1000", 1, MOST, "cubes"),
         // 0.004 n pairs overlap in the mean (4 n c at coverage c): as few as in table 5.1, 16 of 1000.
-        number("coverage", "0.004", [0.00001, 0.04], "", "share of the world that cubes fill"),
+        number("coverage", "0.004", [0.00001, 0.15], "", "share of the world that cubes fill"),
         number("speed", "2", [0.0, 50.0], "m/s", "highest speed at the start"),
+        number(
+            "axis_speed",
+            "0",
+            [0.0, 50.0],
+            "m/s",
+            "highest speed along each axis at the start, in place of `speed`; 0: as `speed` says",
+        ),
+        NO_SLEEP,
         SEED,
     ],
     build: dve,
@@ -37,27 +47,38 @@ pub(super) const DVE: SceneInfo = SceneInfo {
 
 fn gas(values: &Values) -> Result<Scene, SceneError> {
     const RADIUS_M: f32 = 0.25;
+    /// So small that it may turn in a cell of the densest gas.
+    const HALF_CUBE_M: f32 = 0.19;
     let n = values.count("n");
-    let volume = n as f64 * 4.0 / 3.0 * std::f64::consts::PI * f64::from(RADIUS_M).powi(3);
+    let cubes = (f64::from(values.number("cubes")) * n as f64).round() as usize;
+    let is_cube = |i: usize| (i + 1) * cubes / n > i * cubes / n;
+    let reach_m = if cubes > 0 { f64::from(HALF_CUBE_M) * 3f64.sqrt() } else { 1.1 * f64::from(RADIUS_M) };
+    let volume = (n - cubes) as f64 * 4.0 / 3.0 * std::f64::consts::PI * f64::from(RADIUS_M).powi(3)
+        + cubes as f64 * (2.0 * f64::from(HALF_CUBE_M)).powi(3);
     // A few balls still need a box that holds each in a cell of its own.
     let cells = cells_for(n);
-    let side =
-        (volume / f64::from(values.number("fill"))).cbrt().max(cells as f64 * 2.2 * f64::from(RADIUS_M));
+    let side = (volume / f64::from(values.number("fill"))).cbrt().max(cells as f64 * 2.0 * reach_m);
     let speed = values.number("speed");
 
     let mut scene = Scene::empty("gas");
     let mut dice = Dice::new(values.seed("seed"));
     let ball = elastic(ColliderBuilder::ball(RADIUS_M));
-    let room_m = 0.5 * (side / cells as f64) as f32 - RADIUS_M;
+    let cube = elastic(ColliderBuilder::cuboid(HALF_CUBE_M, HALF_CUBE_M, HALF_CUBE_M));
+    let cell_m = 0.5 * (side / cells as f64) as f32;
     let mut velocities: Vec<_> = (0..n).map(|_| speed * dice.direction()).collect();
     // Without drift, so that momentum of the whole starts at zero.
     let drift = velocities.iter().sum::<Vector>() / n as f32;
     if n > 1 {
         velocities.iter_mut().for_each(|velocity| *velocity -= drift);
     }
-    for (place, velocity) in places(n, side).zip(velocities) {
-        let body = RigidBodyBuilder::dynamic().linvel(velocity).can_sleep(false);
-        scene.push(WorldPose::at(jittered(place, room_m, &mut dice)), body, ball.clone());
+    for (i, (place, velocity)) in places(n, side).zip(velocities).enumerate() {
+        let body = RigidBodyBuilder::dynamic().linvel(velocity);
+        if is_cube(i) {
+            let place = jittered(place, (cell_m - reach_m as f32).max(0.0), &mut dice);
+            scene.push(world_pose(place, dice.rotation(std::f32::consts::PI)), body, cube.clone());
+        } else {
+            scene.push(WorldPose::at(jittered(place, cell_m - RADIUS_M, &mut dice)), body, ball.clone());
+        }
     }
     Ok(closed(scene, side))
 }
@@ -66,9 +87,11 @@ fn dve(values: &Values) -> Result<Scene, SceneError> {
     /// Half a diagonal of a unit cube: turned in any way, it stays within.
     const REACH_M: f32 = 0.866_1;
     let n = values.count("n");
-    let side = (n as f64 / f64::from(values.number("coverage"))).cbrt();
+    // Where few fill much, each still has a cell of its own.
+    let least = cells_for(n) as f64 * 2.0 * f64::from(REACH_M);
+    let side = (n as f64 / f64::from(values.number("coverage"))).cbrt().max(least);
     let room_m = (0.5 * (side / cells_for(n) as f64) as f32 - REACH_M).max(0.0);
-    let speed = values.number("speed");
+    let (speed, axis_speed) = (values.number("speed"), values.number("axis_speed"));
 
     let mut scene = Scene::empty("dve");
     let mut dice = Dice::new(values.seed("seed"));
@@ -76,9 +99,12 @@ fn dve(values: &Values) -> Result<Scene, SceneError> {
     for place in places(n, side) {
         let place = jittered(place, room_m, &mut dice);
         let turn = dice.rotation(std::f32::consts::PI);
-        let velocity = dice.between(0.0, speed) * dice.direction();
+        let velocity = match axis_speed {
+            0.0 => dice.between(0.0, speed) * dice.direction(),
+            _ => dice.in_cube(axis_speed),
+        };
         let spin = dice.between(0.0, 1.0) * dice.direction();
-        let body = RigidBodyBuilder::dynamic().linvel(velocity).angvel(spin).can_sleep(false);
+        let body = RigidBodyBuilder::dynamic().linvel(velocity).angvel(spin);
         scene.push(world_pose(place, turn), body, cube.clone());
     }
     Ok(closed(scene, side))

@@ -2,10 +2,14 @@
 
 mod chain;
 mod convoy;
+mod dominoes;
 mod drops;
 mod floating;
+mod machines;
+mod net;
 mod ragdolls;
 mod stacks;
+mod vault;
 
 use super::error::nearest;
 use super::params::{Values, count, number};
@@ -22,7 +26,7 @@ pub struct SceneInfo {
     build: fn(&Values) -> Result<Scene, SceneError>,
 }
 
-static LIBRARY: [SceneInfo; 11] = [
+static LIBRARY: [SceneInfo; 16] = [
     stacks::TOWER,
     stacks::PYRAMID,
     stacks::WALL,
@@ -34,6 +38,11 @@ static LIBRARY: [SceneInfo; 11] = [
     chain::CHAIN,
     convoy::CONVOY,
     ragdolls::RAGDOLLS,
+    vault::VAULT,
+    machines::CONVEYOR,
+    machines::DRUM,
+    net::NET,
+    dominoes::DOMINO_RING,
 ];
 
 /// All scenes of the library.

@@ -2,8 +2,9 @@
 
 use rapier3d::prelude::*;
 
-use super::{MOST, NO_SLEEP, SLEEP, SceneInfo, count, number};
+use super::{MOST, NO_SLEEP, SEED, SLEEP, SceneInfo, count, number};
 use crate::protocol::WorldPose;
+use crate::scene::dice::Dice;
 use crate::scene::params::Values;
 use crate::scene::{ParamInfo, Scene, SceneError};
 use crate::space::Bounds;
@@ -44,6 +45,13 @@ pub(super) const WALL: SceneInfo = SceneInfo {
         count("width", "20", 1, 2_000, "bricks of a course"),
         count("height", "8", 1, 200, "courses"),
         number("gap", "0.005", [0.0, 0.1], "m", "joint between the bricks of a course"),
+        number(
+            "shot",
+            "0",
+            [0.0, 200.0],
+            "m/s",
+            "speed of a ball of 4 kg shot through the middle; 0: no ball",
+        ),
         SLEEP,
     ],
     build: wall,
@@ -56,7 +64,22 @@ pub(super) const PILE: SceneInfo = SceneInfo {
         count("n", "1000", 1, MOST, "boxes"),
         count("height", "10", 1, 50, "boxes of a tower"),
         number("gap", "0.5", [0.05, 100.0], "m", "free space between towers"),
+        number(
+            "jitter",
+            "0",
+            [0.0, 1.0],
+            "m",
+            "range within which a box lies aside at random, and height that it falls; at most `gap`",
+        ),
+        number(
+            "lean",
+            "0",
+            [0.0, 0.5],
+            "m",
+            "how far a box lies along x of the one below it; towers of ten fall from 0.1",
+        ),
         NO_SLEEP,
+        SEED,
     ],
     build: pile,
 };
@@ -91,10 +114,11 @@ fn pyramid(values: &Values) -> Result<Scene, SceneError> {
 
 fn wall(values: &Values) -> Result<Scene, SceneError> {
     let (width, height) = (values.count("width"), values.count("height"));
-    let gap_m = f64::from(values.number("gap"));
+    let (gap_m, shot_m_s) = (f64::from(values.number("gap")), values.number("shot"));
     let left = -0.5 * width as f64;
     let mut scene = Scene::empty("wall");
-    push_floor(&mut scene, [-left, 0.25]);
+    // What was shot lands on it.
+    push_floor(&mut scene, [-left, 0.25 + 3.0 * f64::from(shot_m_s)]);
     let brick = |length_m: f64| ColliderBuilder::cuboid(0.5 * (length_m - gap_m) as f32, 0.25, 0.25);
     let (full, half) = (brick(1.0), brick(0.5));
     for course in 0..height {
@@ -111,18 +135,31 @@ fn wall(values: &Values) -> Result<Scene, SceneError> {
             push_box(&mut scene, [-left - 0.25, y, 0.0], half.clone());
         }
     }
+    if shot_m_s > 0.0 {
+        // Damped, as balls roll for ever in Rapier.
+        let ball =
+            RigidBodyBuilder::dynamic().linvel(Vector::Z * shot_m_s).angular_damping(1.0).ccd_enabled(true);
+        let start = WorldPose::at([0.0, (0.25 * height as f64).max(0.5), -2.0]);
+        scene.push(start, ball, ColliderBuilder::ball(0.5).mass(4.0));
+    }
     Ok(bounded(scene))
 }
 
 fn pile(values: &Values) -> Result<Scene, SceneError> {
     let (n, height) = (values.count("n"), values.count("height"));
-    let pitch = 1.0 + f64::from(values.number("gap"));
+    let (gap, jitter) = (values.number("gap"), values.number("jitter"));
+    if jitter > gap {
+        return Err(values.refuse("jitter", &format!("at most `gap`, {gap} m")));
+    }
+    let pitch = 1.0 + f64::from(gap);
     let towers = n.div_ceil(height);
     let (columns, rows) = grid_of(towers);
     let (half_x, half_z) = (0.5 * columns as f64 * pitch, 0.5 * rows as f64 * pitch);
     let mut scene = Scene::empty("pile");
     push_floor(&mut scene, [half_x, half_z]);
     let unit = ColliderBuilder::cuboid(0.5, 0.5, 0.5);
+    let mut dice = Dice::new(values.seed("seed"));
+    let (rise, lean) = (1.0 + f64::from(jitter), f64::from(values.number("lean")));
     for tower in 0..towers {
         let (row, k) = (tower / columns, tower % columns);
         // From both ends towards the middle, so that a row that is not full still has two equal halves.
@@ -130,12 +167,18 @@ fn pile(values: &Values) -> Result<Scene, SceneError> {
         let x = (column as f64 + 0.5) * pitch - half_x;
         let z = (row as f64 + 0.5) * pitch - half_z;
         for level in 0..height.min(n - tower * height) {
-            push_box(&mut scene, [x, level as f64 + 0.5, z], unit.clone());
+            let aside = dice.in_cube(0.5 * jitter).to_array().map(f64::from);
+            let x = x + level as f64 * lean + aside[0];
+            push_box(&mut scene, [x, level as f64 * rise + 0.5, z + aside[2]], unit.clone());
         }
     }
     // Never taller than long: the first cut is to fall between towers, not through them.
-    let top = (height as f64).min(2.0 * half_x);
+    let top = ((height - 1) as f64 * rise + 1.0).min(2.0 * half_x);
     scene.bounds = Bounds::new([-half_x, 0.0, -half_z], [half_x, top, half_z]);
+    if jitter > 0.0 || lean > 0.0 {
+        // What is to fall is cut through its towers instead: in the middle of the column beside the middle.
+        scene.bounds.max[0] += pitch;
+    }
     Ok(scene)
 }
 
@@ -194,5 +237,26 @@ mod tests {
             body.recompute_mass_properties_from_colliders(&world.colliders);
         }
         assert_eq!(masses.iter().skip(1).map(RigidBody::mass).collect::<Vec<_>>(), [1.0, 1.0, 100.0]);
+    }
+
+    #[test]
+    fn a_jittered_pile_is_cut_through_its_towers() {
+        for n in [200, 20_000] {
+            let params = Params::new().with("n", n).with("gap", 0.3).with("jitter", 0.2);
+            let scene = Scene::named("pile", &params).unwrap();
+            let (axis, middle) = (scene.bounds.longest_axis().index(), scene.bounds.centre());
+            let across =
+                |body: &&crate::scene::SceneBody| (body.pose.translation[axis] - middle[axis]).abs() < 0.5;
+            let columns = (n as f64 / 10.0).sqrt();
+            let count = scene.bodies[1..].iter().filter(across).count();
+            assert!(count as f64 > 5.0 * columns, "{n}: {count} boxes lie across the middle");
+        }
+    }
+
+    #[test]
+    fn a_jitter_beyond_the_gap_is_refused() {
+        let params = Params::new().with("gap", 0.3).with("jitter", 0.4);
+        let error = Scene::named("pile", &params).unwrap_err().to_string();
+        assert!(error.contains("`jitter=0.4` is not at most `gap`, 0.3 m"), "{error}");
     }
 }

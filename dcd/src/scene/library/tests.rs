@@ -19,6 +19,11 @@ fn small(name: &str) -> Params {
         "chain" => params.with("links", 8).with("bob_mass_ratio", 10).with("offset", 2),
         "convoy" => params.with("cars", 3).with("start", 60).with("road", 100),
         "ragdolls" => params.with("count", 5).with("seed", 2).with("multibody", 1),
+        "vault" => params.with("arches", 2).with("rows", 2),
+        "conveyor" => params.with("n", 48).with("belts", 4),
+        "drum" => params.with("n", 60).with("seed", 2),
+        "net" => params.with("edge", 8).with("hang", 1),
+        "domino_ring" => params.with("n", 40).with("starts", 2),
         _ => panic!("give `{name}` a second set of parameters"),
     }
 }
@@ -231,4 +236,124 @@ fn an_unknown_scene_names_the_nearest_and_all() {
 fn a_chain_cannot_start_further_out_than_it_is_long() {
     let error = build("chain", &Params::new().with("links", 4).with("offset", 3)).unwrap_err().to_string();
     assert!(error.contains("`offset=3` is not at most the chain's length, 2 m"), "{error}");
+}
+
+/// How far the scene has come after so many steps of one world, with these parameters.
+fn run(name: &str, params: &[&str], steps: usize) -> (Scene, PhysicsWorld) {
+    let scene = build(name, &Params::from_args(params).unwrap()).unwrap();
+    let mut world = scene.bare_world();
+    stepped(&mut world, steps);
+    (scene, world)
+}
+
+#[test]
+fn leaning_towers_fall_into_one_another() {
+    let (scene, world) = run("pile", &["n=160", "gap=0.3", "jitter=0.2", "lean=0.12"], 240);
+    let aside = scene.bodies.iter().zip(world.rigid_bodies()).filter(|(start, (_, body))| {
+        let start = start.pose.translation.map(|v| v as f32);
+        (body.translation() - Vector::from(start)).with_y(0.0).length() > 0.3
+    });
+    let count = aside.count();
+    assert!(count > 80, "{count} boxes");
+}
+
+#[test]
+fn a_ball_shot_at_a_wall_goes_through_it() {
+    let (_, world) = run("wall", &["width=8", "height=6", "shot=30"], 60);
+    let ball = dynamic(&world).last().unwrap().translation();
+    assert!(ball.z > 3.0, "{ball}");
+    let knocked_out = dynamic(&world).filter(|brick| brick.translation().z > 0.5).count();
+    assert!(knocked_out > 3, "{knocked_out}");
+}
+
+#[test]
+fn a_dense_dve_and_a_gas_of_balls_and_cubes_start_without_overlap() {
+    for (name, params) in
+        [("dve", ["n=70", "coverage=0.1", "axis_speed=5"]), ("gas", ["n=70", "fill=0.2", "cubes=0.5"])]
+    {
+        let (scene, mut world) = run(name, &params, 0);
+        world.detect_collisions(&(), &());
+        assert!(deepest_overlap_m(&world) < 1e-3, "{name}");
+        let fastest = |axis: usize| dynamic(&world).map(|body| body.linvel()[axis].abs()).fold(0.0, f32::max);
+        assert!(name != "dve" || (0..3).all(|axis| (4.0..5.0).contains(&fastest(axis))));
+        let is_cube = |body: &&crate::scene::SceneBody| body.colliders[0].shape.as_cuboid().is_some();
+        let cubes =
+            scene.bodies.iter().filter(|body| body.body.body_type == RigidBodyType::Dynamic).filter(is_cube);
+        assert_eq!(cubes.count(), if name == "gas" { 35 } else { 70 });
+    }
+}
+
+#[test]
+fn shapes_of_five_kinds_settle_in_a_pit() {
+    let (_, world) = run("heap", &["n=100", "mixed=1"], 300);
+    assert!(dynamic(&world).all(|body| body.translation().y > 0.0));
+    let kinds: std::collections::BTreeSet<_> =
+        world.colliders.iter().map(|(_, collider)| format!("{:?}", collider.shape().shape_type())).collect();
+    assert_eq!(kinds.len(), 5, "{kinds:?}");
+}
+
+#[test]
+fn a_vault_stands_for_ten_seconds() {
+    let (scene, world) = run("vault", &["arches=2", "sleep=0"], 600);
+    let moved_m = furthest_moved_m(&scene, &world);
+    assert!(moved_m < 0.1, "{moved_m} m");
+}
+
+#[test]
+fn belts_carry_stacks_both_ways() {
+    let (scene, world) = run("conveyor", &["n=48", "belts=4"], 180);
+    let moved = scene.bodies.iter().zip(world.rigid_bodies()).skip(4).map(|(start, (_, body))| {
+        (
+            start.pose.translation[2] < 0.0,
+            body.translation().x - start.pose.translation[0] as f32,
+            body.translation().y,
+        )
+    });
+    let moved: Vec<_> = moved.collect();
+    assert!(moved.iter().all(|(_, x, y)| (x.abs() - 6.0).abs() < 0.1 && *y > 0.4), "{moved:?}");
+    assert_eq!(moved.iter().filter(|(_, x, _)| *x > 0.0).count(), 24);
+}
+
+#[test]
+fn a_drum_keeps_its_balls_and_lifts_them() {
+    let (scene, world) = run("drum", &["n=60"], 240);
+    let radius_m = scene.bounds.max[0] as f32;
+    for ball in dynamic(&world).map(RigidBody::translation) {
+        assert!(ball.x.hypot(ball.y) < 1.05 * radius_m && ball.z.abs() < radius_m, "{ball}");
+    }
+    let mean_x = dynamic(&world).map(|ball| ball.translation().x).sum::<f32>() / 60.0;
+    assert!(mean_x > 0.1, "carried up on the side that rises: {mean_x} m");
+}
+
+#[test]
+fn a_net_hangs_over_its_pole_in_one_piece() {
+    let (scene, world) = run("net", &["edge=12"], 240);
+    let longest_m = world
+        .impulse_joints()
+        .map(|(_, joint)| {
+            world.bodies[joint.body1()].translation().distance(world.bodies[joint.body2()].translation())
+        })
+        .fold(0.0, f32::max);
+    assert!(longest_m < 0.6, "{longest_m} m");
+    let lowest = dynamic(&world).map(|ball| ball.translation().y).fold(f32::INFINITY, f32::min);
+    assert!((-8.0..-3.0).contains(&lowest), "{lowest} m in {:?}", scene.bounds);
+}
+
+#[test]
+fn a_ring_of_dominoes_falls_from_every_start_and_then_sleeps() {
+    let (scene, world) = run("domino_ring", &["n=40", "starts=2"], 480);
+    assert!(dynamic(&world).all(|domino| (domino.rotation() * Vector::Y).y < 0.6));
+    assert!(dynamic(&world).all(RigidBody::is_sleeping));
+    let corner = scene.bounds.centre();
+    let nearest_m = scene.bodies[1..]
+        .iter()
+        .map(|domino| (domino.pose.translation[0] - corner[0]).hypot(domino.pose.translation[2] - corner[2]))
+        .fold(f64::INFINITY, f64::min);
+    assert!(nearest_m < 0.3, "{nearest_m} m from the corner");
+}
+
+#[test]
+fn more_starts_than_every_fourth_domino_are_refused() {
+    let error = build("domino_ring", &Params::new().with("n", 8).with("starts", 3)).unwrap_err().to_string();
+    assert!(error.contains("`starts=3` is not at most a quarter of the 8 dominoes"), "{error}");
 }

@@ -1,0 +1,347 @@
+//! The threads that step regions: teams of workers for many bodies, the calling thread for few.
+//!
+//! A team is a rayon pool that steps one region at a time, with Rapier's own parallel solver on all of the team's threads
+//! (feature `parallel`). Teams are pools apart since a step of Rapier waits, without taking other work, for what it hands to its
+//! pool: in a pool that it shared with other regions, all threads could come to wait like that, and nobody be left to work.
+
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use super::HostError;
+
+/// Fewer awake bodies than this are stepped by the calling thread: waking a worker takes 15 to 30 µs, which they are worth
+/// less than. Rapier shares out bodies by 256.
+pub(super) const WORTH_WAKING: usize = 256;
+
+/// So many threads, in teams. What happens does not depend on them.
+#[derive(Clone)]
+pub(super) struct Threads {
+    count: usize,
+    teams: Arc<[rayon::ThreadPool]>,
+    /// As many threads as in all teams, for a region that has more to do than all others.
+    all: Option<Arc<rayon::ThreadPool>>,
+}
+
+impl Default for Threads {
+    fn default() -> Self {
+        Self { count: 1, teams: Arc::new([]), all: None }
+    }
+}
+
+impl Threads {
+    /// So many threads for so many regions; none is started for one thread.
+    pub(super) fn new(count: usize, regions: usize) -> Result<Self, HostError> {
+        let mut threads = Self { count: count.max(1), ..Self::default() };
+        threads.suit(regions)?;
+        Ok(threads)
+    }
+
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Forms the teams that suit so many regions, unless they are formed so already.
+    pub(super) fn suit(&mut self, regions: usize) -> Result<(), HostError> {
+        let sizes = team_sizes(self.count, regions);
+        if !self.teams.iter().map(rayon::ThreadPool::current_num_threads).eq(sizes.iter().copied()) {
+            let pool = |name: String, size| {
+                rayon::ThreadPoolBuilder::new()
+                    .num_threads(size)
+                    .thread_name(move |i| format!("dcd-{name}-{i}"))
+                    .build()
+                    .map_err(|cause| HostError::Threads { threads: self.count, cause })
+            };
+            let splits = cfg!(feature = "parallel") && sizes.len() > 1;
+            let all = splits.then(|| pool("all".to_owned(), self.count).map(Arc::new)).transpose()?;
+            let teams = sizes.into_iter().enumerate().map(|(team, size)| pool(team.to_string(), size));
+            self.teams = teams.collect::<Result<_, _>>()?;
+            self.all = all;
+        }
+        Ok(())
+    }
+
+    /// Does the work on a thread of the first team, if there are teams.
+    pub(super) fn enter<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        match self.teams.first() {
+            Some(first) => first.install(work),
+            None => work(),
+        }
+    }
+
+    /// Does the work on all threads together, which Rapier's parallel solver then shares out among them.
+    pub(super) fn together<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        match &self.all {
+            Some(all) => all.install(work),
+            None => work(),
+        }
+    }
+
+    /// Whether there are teams.
+    pub(super) fn are_teams(&self) -> bool {
+        !self.teams.is_empty()
+    }
+
+    /// Whether the calling thread is of the first team.
+    pub(super) fn are_entered(&self) -> bool {
+        self.teams.first().is_some_and(|first| first.current_thread_index().is_some())
+    }
+
+    /// Does the same work on all of these: each team takes the next one when it is done with the last. Outside of the teams, the
+    /// calling thread does all of it.
+    pub(super) fn share_out<T: Send>(&self, all: Vec<&mut T>, work: impl Fn(&mut T) + Sync) {
+        let teams = if self.are_entered() { &self.teams[..self.teams.len().min(all.len())] } else { &[] };
+        let queue = Mutex::new(all.into_iter());
+        let next = || queue.lock().expect("no panic while locked").next();
+        let take_turns = || {
+            while let Some(one) = next() {
+                work(one);
+            }
+        };
+        with_all(teams.get(1..).unwrap_or(&[]), &take_turns);
+    }
+}
+
+/// Ticks that are looked at together; the shortest counts, since others may have been interrupted.
+const LOOK: u32 = 4;
+/// Ticks between two trials at least, and at most.
+const PAUSES: [u32; 2] = [16, 1024];
+
+/// Finds out by trial whether the teams are faster than the calling thread alone, now and then anew. On cores that others use
+/// too they may be slower by far: a thread that is kept from its share of a step keeps all of them waiting. Pile and flying
+/// cubes of 1,000 took 30 and 90 times as long on two cores with 14 processes at work.
+#[derive(Clone, Debug)]
+pub(super) struct Trial {
+    by_teams: bool,
+    /// The other way is being tried.
+    is_on: bool,
+    /// Ticks of this look so far, and the shortest of them.
+    looked: u32,
+    shortest: Duration,
+    /// The last look at the way in use, and at the other one.
+    present: Duration,
+    other: Duration,
+    /// Ticks since the last trial, and how long to wait for one that promises something.
+    since: u32,
+    pause: u32,
+}
+
+impl Default for Trial {
+    fn default() -> Self {
+        Self {
+            by_teams: true,
+            is_on: false,
+            looked: 0,
+            shortest: Duration::MAX,
+            present: Duration::MAX,
+            other: Duration::ZERO,
+            since: PAUSES[0],
+            pause: PAUSES[0],
+        }
+    }
+}
+
+impl Trial {
+    /// Whether the next tick is the teams'.
+    pub(super) fn is_for_teams(&self) -> bool {
+        self.by_teams != self.is_on
+    }
+
+    /// Such a tick took so long.
+    pub(super) fn note(&mut self, took: Duration) {
+        self.shortest = self.shortest.min(took);
+        self.looked += 1;
+        self.since = self.since.saturating_add(1);
+        let is_hopeless = self.is_on && self.looked * 2 >= LOOK && self.shortest > 2 * self.present;
+        if self.looked < LOOK && !is_hopeless {
+            return;
+        }
+        let shortest = std::mem::replace(&mut self.shortest, Duration::MAX);
+        self.looked = 0;
+        if self.is_on {
+            self.is_on = false;
+            self.since = 0;
+            self.other = shortest;
+            if shortest < self.present {
+                self.by_teams = !self.by_teams;
+                self.other = self.present;
+                self.pause = PAUSES[0];
+            } else {
+                self.pause = (2 * self.pause).min(PAUSES[1]);
+            }
+        } else {
+            self.present = shortest;
+            let pause = if shortest > self.other { self.pause } else { PAUSES[1] };
+            self.is_on = self.since >= pause;
+        }
+    }
+}
+
+/// Does the work here and once in each of the teams, at the same time.
+fn with_all(teams: &[rayon::ThreadPool], work: &(impl Fn() + Sync)) {
+    match teams.split_first() {
+        Some((team, others)) => team.in_place_scope(|scope| {
+            scope.spawn(|_| work());
+            with_all(others, work);
+        }),
+        None => work(),
+    }
+}
+
+/// As many teams as regions, if there are as many threads, all of about the same size.
+fn team_sizes(threads: usize, regions: usize) -> Vec<usize> {
+    let teams = if threads < 2 { 0 } else { threads.min(regions) };
+    if cfg!(feature = "parallel") {
+        (0..teams).map(|team| threads / teams + usize::from(team < threads % teams)).collect()
+    } else {
+        // Nothing in a region is shared out then.
+        if teams < 2 { Vec::new() } else { vec![1; teams] }
+    }
+}
+
+/// Does the work on the calling thread alone. Rapier's parallel solver spreads over the pool that it is called in, or over rayon's
+/// global one; so the calling thread becomes a pool of one as long as this lasts, which takes 1.5 µs. A thread that is
+/// one already stays it, and one of a larger pool, which cannot leave that, waits for a thread that is.
+#[cfg(feature = "parallel")]
+pub(super) fn alone<T: Send + 'static>(state: &mut Vec<T>, work: impl FnOnce(&mut [T]) + Send + 'static) {
+    use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+    use std::sync::mpsc;
+
+    let is_in_pool = rayon::current_thread_index().is_some();
+    if is_in_pool && rayon::current_num_threads() == 1 {
+        return work(state);
+    }
+    let mut moved = std::mem::take(state);
+    let (done, outcome) = mpsc::channel();
+    let job = move || {
+        let result = catch_unwind(AssertUnwindSafe(|| work(&mut moved)));
+        // Nobody leaves before this has come.
+        let _ = done.send((moved, result));
+    };
+    if is_in_pool {
+        beside(job)
+    } else {
+        as_pool_of_one(job)
+    }
+    let (moved, result) = outcome.recv().expect("the job always answers");
+    *state = moved;
+    if let Err(panic) = result {
+        resume_unwind(panic);
+    }
+}
+
+#[cfg(not(feature = "parallel"))]
+pub(super) fn alone<T>(state: &mut Vec<T>, work: impl FnOnce(&mut [T])) {
+    work(state);
+}
+
+/// Makes the calling thread the only one of a pool that ends with the job.
+#[cfg(feature = "parallel")]
+fn as_pool_of_one(job: impl FnOnce() + Send + 'static) {
+    let mut seat = None;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).spawn_handler(|thread| {
+        seat = Some(thread);
+        Ok(())
+    });
+    let pool = pool.build().expect("no thread is started for it");
+    pool.spawn(job);
+    // What was spawned is done all the same; a thread's loop ends when nothing is left to do in a pool that was dropped.
+    drop(pool);
+    seat.expect("a pool of one thread asks for one").run();
+}
+
+/// Begins the job on a thread that belongs to the calling one.
+#[cfg(feature = "parallel")]
+fn beside(job: impl FnOnce() + Send + 'static) {
+    thread_local! {
+        static BESIDE: rayon::ThreadPool = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .thread_name(|_| "dcd-beside".to_owned())
+            .build()
+            .expect("the system gives each thread of a pool that steps worlds another one");
+    }
+    BESIDE.with(|pool| pool.spawn(job));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_dealt_out_evenly_and_no_team_is_idle() {
+        assert_eq!(team_sizes(1, 8), [0; 0]);
+        assert_eq!(team_sizes(4, 256), [1; 4]);
+        if cfg!(feature = "parallel") {
+            assert_eq!(team_sizes(8, 3), [3, 3, 2]);
+            assert_eq!(team_sizes(2, 1), [2]);
+        } else {
+            assert_eq!(team_sizes(8, 3), [1; 3]);
+            assert_eq!(team_sizes(2, 1), [0; 0]);
+        }
+    }
+
+    #[test]
+    fn a_trial_finds_the_faster_way_soon_and_follows_when_that_changes() {
+        // Milliseconds by teams and alone; how many ticks of a thousand are the teams'.
+        let ticks_of_teams = |trial: &mut Trial, by_teams: u64, alone: u64| {
+            let ticks = (0..1000).filter(|_| {
+                let is_for_teams = trial.is_for_teams();
+                trial.note(Duration::from_millis(if is_for_teams { by_teams } else { alone }));
+                is_for_teams
+            });
+            ticks.count()
+        };
+        let mut trial = Trial::default();
+        let shares = [(50, 100), (3000, 100), (50, 100), (50, 100), (110, 100), (50, 100), (50, 100)]
+            .map(|(by_teams, alone)| ticks_of_teams(&mut trial, by_teams, alone));
+        assert!(shares[0] > 980, "{shares:?}");
+        assert!(shares[1] < 40, "a machine at work for others: {shares:?}");
+        assert!(shares[3] > 980, "and free again: {shares:?}");
+        assert!(shares[4] < 60, "{shares:?}");
+        assert!(shares[6] > 980, "{shares:?}");
+    }
+
+    #[test]
+    fn everything_is_done_once_inside_the_teams_and_outside() {
+        for (count, regions) in [(1, 5), (2, 5), (3, 2), (4, 1)] {
+            let threads = Threads::new(count, regions).unwrap();
+            let mut all = vec![0; 40];
+            threads.share_out(all.iter_mut().collect(), |one| *one += 1);
+            threads.enter(|| threads.share_out(all.iter_mut().collect(), |one| *one += 1));
+            assert_eq!(all, [2; 40], "{count} threads");
+        }
+    }
+
+    #[cfg(feature = "parallel")]
+    #[test]
+    fn whoever_works_alone_is_a_pool_of_one_and_only_meanwhile() {
+        fn look(seen: &mut Vec<(usize, std::thread::ThreadId)>) {
+            alone(seen, |seen| seen[0] = (rayon::current_num_threads(), std::thread::current().id()));
+        }
+        let mut seen = vec![(0, std::thread::current().id())];
+        for _ in 0..3 {
+            seen[0].0 = 0;
+            look(&mut seen);
+            assert_eq!(seen, [(1, std::thread::current().id())]);
+            assert_eq!(rayon::current_thread_index(), None);
+        }
+        let two = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        two.install(|| look(&mut seen));
+        assert_eq!(seen[0].0, 1, "never the larger pool that it is called in");
+    }
+
+    #[cfg(feature = "parallel")]
+    #[test]
+    fn a_panic_comes_through_and_what_was_worked_on_is_kept() {
+        let mut state = vec![1, 2];
+        let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            alone(&mut state, |state| {
+                state[0] = 5;
+                panic!("on purpose");
+            });
+        }));
+        assert!(outcome.is_err());
+        assert_eq!(state, [5, 2]);
+        assert_eq!(rayon::current_thread_index(), None);
+    }
+}

@@ -1,0 +1,174 @@
+//! What bodies of several regions do when they meet: as in one world, with its energy, its momentum, and nobody passed by.
+
+use dcd::physics::Measured;
+use dcd::protocol::{Velocity, WorldPose};
+use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::scene::{Params, Scene};
+use dcd::space::{Axis, BodyId, Bounds};
+use rapier3d::prelude::*;
+
+const REGIONS: [usize; 5] = [2, 3, 5, 8, 16];
+
+fn weightless(regions: usize, size_m: f64) -> WorldConfig {
+    let mut config = WorldConfig {
+        bounds: Bounds::around([0.0; 3], [0.5 * size_m; 3]),
+        partitioning: Partitioning::Regions(regions),
+        ..WorldConfig::default()
+    };
+    config.step.gravity = [0.0; 3];
+    config
+}
+
+fn steps(world: &mut DcdWorld, count: usize) {
+    for _ in 0..count {
+        world.step().unwrap();
+    }
+}
+
+#[test]
+fn an_elastic_gas_keeps_its_energy_in_any_number_of_regions() {
+    let params = Params::new().with("n", 400).with("fill", 0.1).with("speed", 3).with("cubes", 0.5);
+    let scene = Scene::named("gas", &params).unwrap();
+    let left = |regions| {
+        let config =
+            WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(&scene) };
+        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let before = world.host().energy_j();
+        steps(&mut world, 180);
+        world.host().energy_j() / before
+    };
+    let alone = left(1);
+    for regions in REGIONS {
+        let left = left(regions);
+        assert!((left / alone - 1.0).abs() < 0.05, "{left:.3} in {regions} regions, {alone:.3} in one");
+    }
+}
+
+/// Pairs that collide at the corner of all regions, far enough from other pairs that no third body takes part.
+#[test]
+fn what_collides_in_pairs_at_borders_keeps_all_of_its_momentum() {
+    for regions in REGIONS {
+        let mut world = DcdWorld::new(weightless(regions, 40.0)).unwrap();
+        // Spread evenly over 0 to 1, each number once.
+        let mut drawn = 0;
+        let mut roll = |from: f32, to: f32| {
+            drawn = (drawn + 37) % 216;
+            from + (to - from) * drawn as f32 / 215.0
+        };
+        let mut bodies = Vec::new();
+        for pair in 0..27 {
+            let middle = Vector::new((pair % 3) as f32, (pair / 3 % 3) as f32, (pair / 9) as f32) * 6.0 - 6.0;
+            for side in [-1.0, 1.0] {
+                let off = Vector::new(roll(-0.2, 0.2), roll(-0.2, 0.2), roll(-0.2, 0.2));
+                let body = RigidBodyBuilder::dynamic()
+                    .translation(middle + off + side * Vector::X * 1.5)
+                    .linvel(-side * Vector::X * roll(1.0, 6.0))
+                    .can_sleep(false);
+                let shape = match pair % 2 {
+                    0 => ColliderBuilder::ball(0.4),
+                    _ => ColliderBuilder::cuboid(0.3, 0.4, 0.35),
+                };
+                bodies.push(world.insert(body, shape.restitution(0.5).density(2.0 + side)).unwrap());
+            }
+        }
+        let (before, energy_before) = (world.host().momentum_kgms(), world.host().energy_j());
+        steps(&mut world, 60);
+        let after = world.host().momentum_kgms();
+        let scale: f64 = bodies.iter().map(|&body| mass_times_speed(&world, body)).sum();
+        let lost = (0..3).map(|i| (after[i] - before[i]).powi(2)).sum::<f64>().sqrt();
+        assert!(lost <= 1e-5 * scale, "{lost:.2e} of {scale:.1} kg m/s in {regions} regions");
+        assert!(world.host().energy_j() < 0.9 * energy_before, "they have met");
+    }
+}
+
+fn mass_times_speed(world: &DcdWorld, body: BodyId) -> f64 {
+    let (region, handle) = world.host().owned(body).unwrap();
+    let rigid_body = &region.physics().bodies[handle];
+    f64::from(rigid_body.mass() * rigid_body.linvel().length())
+}
+
+#[test]
+fn no_bullet_passes_a_loose_plate_beyond_a_border() {
+    for (regions, can_sleep) in [(2, true), (2, false), (3, true), (8, false), (16, true)] {
+        let config = match regions {
+            3 => WorldConfig {
+                partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::X, 1.3)]),
+                ..weightless(1, 200.0)
+            },
+            regions => weightless(regions, 200.0),
+        };
+        let mut world = DcdWorld::new(config).unwrap();
+        let mut plates = Vec::new();
+        for i in 0..64 {
+            let (row, column) = ((i / 8) as f32 - 3.5, (i % 8) as f32 - 3.5);
+            let speed = 100.0 + 300.0 * (i * 37 % 64) as f32 / 63.0;
+            let plate_at = Vector::new(0.05 + 2.0 * (i * 13 % 64) as f32 / 63.0, 3.0 * row, 3.0 * column);
+            let plate = RigidBodyBuilder::dynamic().translation(plate_at).can_sleep(can_sleep);
+            plates.push(world.insert(plate, ColliderBuilder::cuboid(0.02, 1.0, 1.0)).unwrap());
+            let start = Vector::new(-20.0 - 60.0 * (i * 29 % 64) as f32 / 63.0, plate_at.y, plate_at.z);
+            let bullet = RigidBodyBuilder::dynamic().translation(start).linvel(Vector::X * speed);
+            world.insert(bullet.ccd_enabled(true), ColliderBuilder::ball(0.1).density(20.0)).unwrap();
+        }
+        steps(&mut world, 90);
+        let still = plates.iter().filter(|&&plate| speed_of(&world, plate) < 0.5).count();
+        assert_eq!(still, 0, "plates that were not hit, in {regions} regions, sleep {can_sleep}");
+    }
+}
+
+fn speed_of(world: &DcdWorld, body: BodyId) -> f32 {
+    let Velocity { linear, .. } = world.velocity(body).unwrap();
+    Vector::from_array(linear).length()
+}
+
+/// A wall that stands in one world for as long as anybody looks, as it is the same wall to the bit.
+#[test]
+fn a_wall_in_bond_is_the_same_wall_to_the_bit_in_any_number_of_regions() {
+    let scene = Scene::named("wall", &Params::new().with("width", 20).with("height", 15)).unwrap();
+    let poses = |regions| -> Vec<(BodyId, WorldPose)> {
+        let config =
+            WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(&scene) };
+        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        steps(&mut world, 300);
+        world.states().map(|(id, _, pose, _)| (id, pose)).collect()
+    };
+    let alone = poses(1);
+    for regions in REGIONS {
+        assert!(poses(regions) == alone, "in {regions} regions");
+    }
+}
+
+/// Boxes fall on what is one region's whole though it lies in several cells, and come to lie as deep in one another as in one world.
+#[test]
+fn what_falls_on_an_island_of_another_region_does_not_sink_into_it() {
+    let sunk_m = |regions| {
+        let config = WorldConfig {
+            bounds: Bounds::around([0.0, 6.0, 0.0], [8.0; 3]),
+            partitioning: Partitioning::Regions(regions),
+            ..WorldConfig::default()
+        };
+        let mut world = DcdWorld::new(config).unwrap();
+        let floor = ColliderBuilder::cuboid(20.0, 0.5, 20.0).translation(Vector::Y * -0.5);
+        world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
+        for i in 0..150 {
+            let (layer, row, column) = (i / 9, i / 3 % 3, i % 3);
+            let at = Vector::new(
+                1.04 * row as f32 - 0.9 + 0.1 * (layer % 2) as f32,
+                0.5 + 1.4 * layer as f32,
+                1.04 * column as f32 - 1.1,
+            );
+            let body = RigidBodyBuilder::dynamic().translation(at).linvel(-Vector::Y * 2.0).can_sleep(false);
+            world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
+        }
+        let mut deepest: f64 = 0.0;
+        for _ in 0..150 {
+            world.step().unwrap();
+            deepest = deepest.max(world.host().contacts().max_penetration_m);
+        }
+        deepest
+    };
+    let alone = sunk_m(1);
+    for regions in REGIONS {
+        let sunk = sunk_m(regions);
+        assert!(sunk < 1.5 * alone, "{sunk:.3} m in {regions} regions, {alone:.3} m in one");
+    }
+}

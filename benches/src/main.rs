@@ -11,6 +11,7 @@ mod machine;
 mod maps;
 mod page;
 mod results;
+mod scale;
 mod speed;
 mod timing;
 
@@ -37,13 +38,15 @@ enum Suite {
     Consistency(consistency::Consistency),
     /// Whole clusters in virtual time under every kind of fault, a thousand seeds each.
     Faults(faults::Faults),
+    /// Scenes of 180 to 40,000 bodies with bodies at every border: time and error of the same settings in the same row.
+    Scale(scale::Scale),
+    #[command(hide = true)]
+    ScaleWorker(scale::ScaleWorker),
     /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
     #[command(alias = "scaling")]
     Speed(speed::Speed),
     /// Heat maps of where couplings fail, beside one bare Rapier world.
     Maps(maps::Maps),
-    #[command(hide = true)]
-    SpeedWorker(speed::SpeedWorker),
 }
 
 fn main() -> ExitCode {
@@ -54,9 +57,10 @@ fn main() -> ExitCode {
         Suite::Chart(chart) => chart.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
         Suite::Faults(faults) => faults.run(),
+        Suite::Scale(scale) => scale.run().map(done),
+        Suite::ScaleWorker(worker) => worker.run().map(done),
         Suite::Speed(speed) => speed.run().map(done),
         Suite::Maps(maps) => maps.run().map(done),
-        Suite::SpeedWorker(worker) => worker.run().map(done),
     };
     result.unwrap_or_else(|error| {
         eprintln!("error: {error}");

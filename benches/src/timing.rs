@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::time::{Duration, Instant};
 
+use dcd::runtime::WorldError;
 use dcd::runtime::measure::{StepTimes, Subject};
 use serde::{Deserialize, Serialize};
 
@@ -21,15 +22,17 @@ pub(crate) struct StepMs {
 impl StepMs {
     /// Steps a world through the warm-up and then so many timed ticks.
     pub(crate) fn of(subject: &mut Subject, ticks: usize) -> Result<Self, Box<dyn Error>> {
-        let mut steps = Vec::with_capacity(WARM_UP + ticks);
-        for _ in 0..WARM_UP + ticks {
-            let start = Instant::now();
-            match subject {
-                Subject::Bare(world) => world.step(),
-                Subject::Regions(world) => world.step()?,
-            }
-            steps.push(start.elapsed());
-        }
+        let steps = subject.at_home(|subject| {
+            let timed = (0..WARM_UP + ticks).map(|_| {
+                let start = Instant::now();
+                match subject {
+                    Subject::Bare(world) => world.step(),
+                    Subject::Regions(world) => world.step()?,
+                }
+                Ok(start.elapsed())
+            });
+            timed.collect::<Result<Vec<_>, WorldError>>()
+        })??;
         Self::from_steps(&steps)
     }
 

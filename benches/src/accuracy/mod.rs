@@ -26,9 +26,10 @@ use serde_json::json;
 
 pub(crate) use fleet::Fault;
 pub(crate) use gate::judge;
-pub(crate) use reading::{Reading, Reference, read};
-pub(crate) use scene::{Case, Experiment, Measure, Size};
-pub(crate) use scenes::experiments;
+pub(crate) use reading::{Reading, Reference, finite, read};
+pub(crate) use scene::{Better, Case, Experiment, Figure, Measure, Size};
+pub(crate) use scenes::{experiments, mean_gap_m};
+pub(crate) use trace::{Look, Trace, masses_kg, trace};
 pub(crate) use world::{Bare, Setup, World};
 
 use crate::page;

@@ -199,7 +199,7 @@ impl Reading {
 }
 
 /// The error, or what stands for one that is no number.
-fn finite(error: f64) -> f64 {
+pub(crate) fn finite(error: f64) -> f64 {
     if error.is_finite() { error.min(BROKEN) } else { BROKEN }
 }
 

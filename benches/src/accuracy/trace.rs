@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-use dcd::physics::Measured;
+use dcd::physics::{Measured, View};
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::rapier3d::prelude::*;
 use dcd::runtime::WorldError;
@@ -52,6 +52,10 @@ pub(crate) struct Look {
     pub energy_j: f64,
     /// Deepest penetration, metres.
     pub penetration_m: f64,
+    /// How deep each pair that touches overlaps, metres, from the least to the deepest.
+    pub depths_m: Vec<f64>,
+    /// How many bodies sleep.
+    pub asleep: usize,
 }
 
 impl Trace {
@@ -144,7 +148,12 @@ fn look(scene: &Scene, world: &World, t_s: f64) -> Look {
         // Body i of a scene is the i-th persistent one.
         bodies[id.bits() as usize] = Some((pose, velocity));
     }
-    Look { t_s, bodies, energy_j: world.energy_j(), penetration_m: world.contacts().max_penetration_m }
+    let mut depths_m = world.penetrations_m();
+    depths_m.sort_by(f64::total_cmp);
+    let owned = world.views().into_iter().flat_map(View::owned);
+    let asleep = owned.filter(|(_, body)| body.is_sleeping()).count();
+    let penetration_m = world.contacts().max_penetration_m;
+    Look { t_s, bodies, energy_j: world.energy_j(), penetration_m, depths_m, asleep }
 }
 
 /// Of every body of a scene, in kilograms; 0 for what does not move.

@@ -4,7 +4,6 @@ use std::error::Error;
 
 use dcd::protocol::WorldPose;
 use dcd::scene::{Params, Scene};
-use serde::{Deserialize, Serialize};
 
 /// A scene of some size, run for a while before it is timed.
 pub(super) struct Case {
@@ -15,7 +14,7 @@ pub(super) struct Case {
 }
 
 /// How a case is computed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Variant {
     /// By Rapier's own `parallel` solver.
     pub(super) parallel: bool,
@@ -92,8 +91,7 @@ impl Case {
         variants.extend(counts.iter().map(regions(false)));
         if with_parallel {
             variants.push(Variant::bare_parallel(threads));
-            // One region whose world uses all threads. Several would wait for one another's: Rapier's parallel step blocks a
-            // thread of the pool that it is called from, and the pool of regions has as many threads as regions.
+            // One region whose world uses all threads.
             variants.extend([1].iter().map(regions(true)));
         }
         variants

@@ -3,8 +3,8 @@
 //! the run with the smallest median counts.
 
 mod case;
+mod measure;
 mod picture;
-mod worker;
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -14,8 +14,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use self::case::{CASES, Case, QUICK_CASES, Variant};
-pub(crate) use self::worker::SpeedWorker;
-use self::worker::{Measurement, Worker, parallel_build};
+use self::measure::{Measurement, measure};
 use crate::machine::Machine;
 use crate::page;
 use crate::results::{self, Measured};
@@ -42,7 +41,7 @@ pub(crate) struct Speed {
     /// Regions, and threads of Rapier's `parallel`, stepped at a time.
     #[arg(long, default_value_t = 2)]
     threads: usize,
-    /// Leaves out Rapier's own `parallel` solver, which needs a second build of this program.
+    /// Leaves out Rapier's own `parallel` solver.
     #[arg(long)]
     no_parallel: bool,
     /// Measures it also with `--quick`.
@@ -85,7 +84,6 @@ impl Speed {
             return publish(&path, &results::read_csv(&path)?);
         }
         let with_parallel = self.parallel || !(self.quick || self.no_parallel);
-        let parallel = if with_parallel { Some(parallel_build()?) } else { None };
         let machine = Machine::here();
         let wanted = |case: &&Case| self.scene.is_empty() || self.scene.iter().any(|name| name == case.scene);
         let cases: Vec<_> = if self.quick { QUICK_CASES } else { CASES }.iter().filter(wanted).collect();
@@ -98,7 +96,7 @@ impl Speed {
         };
         let mut fresh = Vec::new();
         for case in cases {
-            let of_case = self.measure(case, parallel.as_deref())?;
+            let of_case = self.measure(case, with_parallel)?;
             rows.retain(|old| (&*old.row.scene, old.row.bodies) != (case.scene, case.bodies));
             rows.extend(of_case.iter().map(|row| Measured { row: row.clone(), machine: machine.clone() }));
             fresh.extend(of_case);
@@ -116,23 +114,16 @@ impl Speed {
         Ok(())
     }
 
-    fn measure(&self, case: &Case, parallel: Option<&std::path::Path>) -> Result<Vec<Row>, Box<dyn Error>> {
+    fn measure(&self, case: &Case, with_parallel: bool) -> Result<Vec<Row>, Box<dyn Error>> {
         eprintln!("{} {}: prepares", case.scene, case.bodies);
         let scene = case.scene()?;
-        let mut worker = match parallel {
-            Some(program) => Some(Worker::start(program, case, self.threads)?),
-            None => None,
-        };
-        let variants = case.variants(self.quick, self.threads, worker.is_some());
-        let ticks = case::ticks_worth(worker::measure(&scene, &variants[0], 1)?.step.p50_ms, self.quick);
+        let variants = case.variants(self.quick, self.threads, with_parallel);
+        let ticks = case::ticks_worth(measure(&scene, &variants[0], 1)?.step.p50_ms, self.quick);
         let mut best: Vec<Option<Measurement>> = vec![None; variants.len()];
         for repeat in 1..=self.repeats {
             eprintln!("{} {}: run {repeat} of {}, {ticks} ticks each", case.scene, case.bodies, self.repeats);
             for (variant, best) in variants.iter().zip(&mut best) {
-                let measured = match (&mut worker, variant.parallel) {
-                    (Some(worker), true) => worker.measure(variant, ticks)?,
-                    _ => worker::measure(&scene, variant, ticks)?,
-                };
+                let measured = measure(&scene, variant, ticks)?;
                 let step = best.as_ref().map_or(measured.step, |best| best.step.faster(measured.step));
                 *best = Some(Measurement { step, ..measured });
             }

@@ -140,7 +140,7 @@ fn squares(edge: usize) -> impl Fn(usize) -> Vec<Cut> {
 }
 
 /// Of all joints, how far apart the two bodies hold the point that should be one.
-fn mean_gap_m(scene: &Scene, joints: &[SceneJoint], look: &Look) -> f64 {
+pub(crate) fn mean_gap_m(scene: &Scene, joints: &[SceneJoint], look: &Look) -> f64 {
     let anchor = |body: usize, local: Vector| {
         let pose = look.bodies[body].map_or(scene.bodies[body].pose, |(pose, _)| pose);
         let [x, y, z] = local.to_array().map(f64::from);

@@ -12,6 +12,8 @@ mod slides;
 mod stacks;
 mod statistics;
 
+pub(crate) use joints::mean_gap_m;
+
 use super::scene::Experiment;
 
 /// All of them, in the order in which they were first built.

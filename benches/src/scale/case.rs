@@ -1,0 +1,174 @@
+//! The scenes: what is run, for how long, and what is held against one world.
+
+use std::error::Error;
+
+use dcd::scene::{Params, Scene};
+
+use super::statistic::Statistic::{self, *};
+use crate::accuracy;
+
+/// A scene of the library in two sizes.
+pub(super) struct Case {
+    /// What the rows call it.
+    pub(super) name: &'static str,
+    library: &'static str,
+    full: Size,
+    /// For `--quick`, and to count instructions.
+    small: Size,
+    /// What one world's own runs agree on, however chaotic the scene is.
+    pub(super) statistics: &'static [Statistic],
+}
+
+/// What makes a run long.
+pub(super) struct Size {
+    params: &'static [&'static str],
+    /// Simulated.
+    pub(super) seconds: f64,
+}
+
+/// Scenes of `--quick`.
+pub(super) const QUICK: [&str; 3] = ["rubble", "gas", "domino_ring"];
+
+pub(super) const CASES: &[Case] = &[
+    // Towers that lean and fall into one another: bodies at every border.
+    Case {
+        name: "rubble",
+        library: "pile",
+        full: Size { params: &["n=20000", "gap=0.3", "jitter=0.2", "lean=0.12"], seconds: 5.0 },
+        small: Size { params: &["n=200", "gap=0.3", "jitter=0.2", "lean=0.12"], seconds: 4.0 },
+        statistics: &[MeanHeight, HighestTenth, MeanDepth, DepthOf99, Deepest, GroundForce],
+    },
+    Case {
+        name: "dve",
+        library: "dve",
+        full: Size { params: &["n=40000", "coverage=0.1", "axis_speed=5"], seconds: 3.0 },
+        small: Size { params: &["n=300", "coverage=0.1", "axis_speed=5"], seconds: 2.0 },
+        statistics: &[Energy, Momentum, MeanDepth],
+    },
+    Case {
+        name: "gas",
+        library: "gas",
+        full: Size { params: &["n=20000", "cubes=0.5", "fill=0.1", "speed=5"], seconds: 3.0 },
+        small: Size { params: &["n=300", "cubes=0.5", "fill=0.1", "speed=5"], seconds: 2.0 },
+        statistics: &[Energy, Momentum, MeanDepth],
+    },
+    // Into a bin of 25 m, which the boxes fill as high.
+    Case {
+        name: "pour",
+        library: "heap",
+        full: Size { params: &["n=10000", "slenderness=1.07"], seconds: 8.0 },
+        small: Size { params: &["n=150", "slenderness=1.07"], seconds: 4.0 },
+        statistics: &[MeanHeight, HighestTenth, Motion, MeanDepth, DepthOf99, GroundForce],
+    },
+    Case {
+        name: "mixed",
+        library: "heap",
+        full: Size { params: &["n=5000", "mixed=1"], seconds: 6.0 },
+        small: Size { params: &["n=150", "mixed=1"], seconds: 4.0 },
+        statistics: &[MeanHeight, HighestTenth, Motion, MeanDepth, DepthOf99],
+    },
+    Case {
+        name: "pyramid",
+        library: "pyramid",
+        full: Size { params: &["base=100", "sleep=0"], seconds: 5.0 },
+        small: Size { params: &["base=12", "sleep=0"], seconds: 3.0 },
+        statistics: &[MeanHeight, Displacement, MeanDepth, DepthOf99, Deepest, GroundForce],
+    },
+    Case {
+        name: "wall",
+        library: "wall",
+        full: Size { params: &["width=500", "height=20", "shot=40"], seconds: 5.0 },
+        small: Size { params: &["width=16", "height=6", "shot=40"], seconds: 3.0 },
+        statistics: &[MeanHeight, Displaced, MeanDepth, Asleep],
+    },
+    Case {
+        name: "vault",
+        library: "vault",
+        full: Size { params: &["arches=12", "rows=10", "sleep=0"], seconds: 10.0 },
+        small: Size { params: &["arches=3", "rows=1", "sleep=0"], seconds: 3.0 },
+        statistics: &[MeanHeight, Displacement, Displaced, Deepest, GroundForce],
+    },
+    Case {
+        name: "conveyor",
+        library: "conveyor",
+        full: Size { params: &["n=6000", "belts=20"], seconds: 6.0 },
+        small: Size { params: &["n=120", "belts=4"], seconds: 3.0 },
+        statistics: &[Travel, MeanHeight, Motion, MeanDepth],
+    },
+    Case {
+        name: "drum",
+        library: "drum",
+        full: Size { params: &["n=3000"], seconds: 6.0 },
+        small: Size { params: &["n=100"], seconds: 3.0 },
+        statistics: &[MeanHeight, HighestTenth, Motion, MeanDepth, DepthOf99],
+    },
+    // One island and one assembly.
+    Case {
+        name: "net",
+        library: "net",
+        full: Size { params: &["edge=50"], seconds: 4.0 },
+        small: Size { params: &["edge=17"], seconds: 3.0 },
+        statistics: &[MeanHeight, Gap, Motion],
+    },
+    Case {
+        name: "domino_ring",
+        library: "domino_ring",
+        full: Size { params: &["n=4000", "starts=40"], seconds: 20.0 },
+        small: Size { params: &["n=80", "starts=4"], seconds: 6.0 },
+        statistics: &[Fallen, MeanHeight, Asleep],
+    },
+];
+
+/// All names, for errors.
+pub(super) fn names() -> String {
+    CASES.iter().map(|case| case.name).collect::<Vec<_>>().join(", ")
+}
+
+impl Case {
+    /// By its name.
+    pub(super) fn named(name: &str) -> Result<&'static Self, String> {
+        let found = CASES.iter().find(|case| case.name == name);
+        found.ok_or_else(|| format!("no scene `{name}` at scale; there are {}", names()))
+    }
+
+    /// Full or small.
+    pub(super) fn size(&self, small: bool) -> &Size {
+        if small { &self.small } else { &self.full }
+    }
+
+    /// The scene, as the library makes it.
+    pub(super) fn scene(&self, small: bool) -> Result<Scene, Box<dyn Error>> {
+        Ok(Scene::named(self.library, &Params::from_args(self.size(small).params)?)?)
+    }
+
+    /// For the machinery of `accuracy`, which runs it and looks at it. Planes are the setting's, not the case's.
+    pub(super) fn for_accuracy(&self, scene: Scene, seconds: f64) -> accuracy::Case {
+        /// Enough for a mean over the last second.
+        const LOOK_S: f64 = 0.25;
+        let weighs = self.statistics.contains(&GroundForce);
+        let no_planes = |_| Vec::new();
+        let case = accuracy::Case::new(self.name, scene, seconds, no_planes, |_, _| 0.0);
+        accuracy::Case { look_s: LOOK_S, rests: weighs, ..case }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_case_is_a_scene_of_the_library_in_both_sizes() {
+        for case in CASES {
+            let bodies = [true, false].map(|small| case.scene(small).unwrap().bodies.len());
+            assert!(bodies[0] < 500 && bodies[1] > 1_500, "{}: {bodies:?}", case.name);
+            assert!(case.size(true).seconds < case.size(false).seconds, "{}", case.name);
+        }
+        assert!(QUICK.iter().all(|name| Case::named(name).is_ok()));
+    }
+
+    #[test]
+    fn an_unknown_scene_names_all() {
+        let error = Case::named("rubbel").err().unwrap();
+        assert!(error.contains("rubble, dve"), "{error}");
+    }
+}

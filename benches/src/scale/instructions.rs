@@ -1,0 +1,88 @@
+//! Cost without noise: instructions a step on one thread, counted by callgrind of valgrind. The program runs itself as a child.
+
+use std::error::Error;
+use std::process::{Command, Stdio};
+
+use clap::Args;
+use dcd::runtime::measure::{Plan, Subject};
+
+use super::case::Case;
+use super::setting::Setting;
+
+/// Steps of which the first one is set apart: what it takes to make a world is no step.
+const TICKS: u64 = 60;
+
+/// Steps a small scene and nothing else: started by `scale` under valgrind.
+#[derive(Args)]
+pub(crate) struct ScaleWorker {
+    #[arg(long)]
+    scene: String,
+    #[arg(long)]
+    setting: String,
+    #[arg(long)]
+    regions: usize,
+    #[arg(long)]
+    ticks: u64,
+}
+
+impl ScaleWorker {
+    pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
+        let scene = Case::named(&self.scene)?.scene(true)?;
+        let config = Setting::named(&self.setting, self.regions)?.config(&scene, 1);
+        let plan = Plan { config, ticks: self.ticks };
+        let mut subject = plan.subject(&scene)?;
+        for _ in 0..plan.ticks {
+            match &mut subject {
+                Subject::Bare(world) => world.step(),
+                Subject::Regions(world) => world.step()?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether valgrind is there.
+pub(super) fn can_count() -> bool {
+    let version =
+        Command::new("valgrind").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    version.is_ok_and(|status| status.success())
+}
+
+/// Of all steps but the first.
+pub(super) fn count(case: &Case, setting: Setting) -> Result<u64, Box<dyn Error>> {
+    let of = |ticks: u64| -> Result<u64, Box<dyn Error>> {
+        let regions = setting.asked_regions().ok_or("instructions are counted where regions are given")?;
+        let output = Command::new("valgrind")
+            .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
+            .arg(std::env::current_exe()?)
+            .args(["scale-worker", "--scene", case.name, "--setting", setting.name()])
+            .args(["--regions", &regions.to_string(), "--ticks", &ticks.to_string()])
+            .output()
+            .map_err(|error| format!("cannot run valgrind: {error}"))?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        match collected(&said) {
+            Some(count) if output.status.success() => Ok(count),
+            _ => Err(format!("{} under valgrind failed: {said}", case.name).into()),
+        }
+    };
+    Ok(of(TICKS)?.saturating_sub(of(1)?))
+}
+
+/// From valgrind's last words.
+fn collected(said: &str) -> Option<u64> {
+    let line = said.lines().rev().find_map(|line| line.split_once("Collected :"))?;
+    line.1.trim().parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_count_is_read_from_valgrinds_last_words() {
+        let said =
+            "==7== Events    : Ir\n==7== Collected : 1234567\n==7== \n==7== I   refs:      1,234,567\n";
+        assert_eq!(collected(said), Some(1_234_567));
+        assert_eq!(collected("valgrind: not a program"), None);
+    }
+}

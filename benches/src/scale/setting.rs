@@ -1,0 +1,131 @@
+//! How a scene is computed.
+
+use dcd::physics::Coupling;
+use dcd::runtime::{Partitioning, WorldConfig};
+use dcd::scene::Scene;
+
+/// One row of every scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Setting {
+    /// One Rapier world, none of our code in its step.
+    Bare,
+    /// What dcd chooses itself for so many threads.
+    Default,
+    /// So many regions, by the coupling that is the default.
+    Auto(usize),
+    /// Two regions by another method, with one exchange a tick.
+    Fixed(Coupling),
+}
+
+/// The bare world first: all others are held against it.
+pub(super) const SETTINGS: [Setting; 9] = [
+    Setting::Bare,
+    Setting::Default,
+    Setting::Auto(1),
+    Setting::Auto(2),
+    Setting::Auto(4),
+    Setting::Auto(8),
+    Setting::Auto(16),
+    Setting::Fixed(Coupling::Owner),
+    Setting::Fixed(Coupling::Overlap),
+];
+
+impl Setting {
+    /// What the rows call it; the number of regions stands beside.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Bare => "bare",
+            Self::Default => "default",
+            Self::Auto(_) => Coupling::Auto.name(),
+            Self::Fixed(method) => method.name(),
+        }
+    }
+
+    /// By its name and number of regions, as a worker is told it.
+    pub(super) fn named(name: &str, regions: usize) -> Result<Self, String> {
+        let is = |setting: &Self| setting.name() == name && setting.asked_regions() == Some(regions);
+        let found = SETTINGS.into_iter().find(is);
+        found.ok_or_else(|| format!("no setting `{name}` with {regions} regions"))
+    }
+
+    /// How many regions are asked for; none where dcd chooses.
+    pub(super) const fn asked_regions(self) -> Option<usize> {
+        match self {
+            Self::Bare => Some(0),
+            Self::Default => None,
+            Self::Auto(regions) => Some(regions),
+            Self::Fixed(_) => Some(2),
+        }
+    }
+
+    /// For progress.
+    pub(super) fn label(self) -> String {
+        self.asked_regions().map_or(self.name().to_owned(), |regions| format!("{} {regions}", self.name()))
+    }
+
+    /// Of so many that may be used.
+    pub(super) fn threads(self, most: usize) -> usize {
+        self.asked_regions().map_or(most, |regions| regions.clamp(1, most))
+    }
+
+    /// None for the bare world.
+    pub(super) fn config(self, scene: &Scene, most_threads: usize) -> Option<WorldConfig> {
+        let of = |partitioning| WorldConfig {
+            partitioning,
+            threads: self.threads(most_threads),
+            ..WorldConfig::for_scene(scene)
+        };
+        match self {
+            Self::Bare => None,
+            Self::Default => Some(of(Partitioning::Auto)),
+            Self::Auto(regions) => Some(of(Partitioning::Regions(regions))),
+            Self::Fixed(method) => {
+                let mut config = of(Partitioning::Regions(2));
+                config.step = config.step.with_coupling(method);
+                config.step.exchanges = 1;
+                Some(config)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dcd::scene::Params;
+
+    use super::*;
+
+    #[test]
+    fn a_setting_is_found_by_its_name_and_regions() {
+        for setting in SETTINGS.into_iter().filter(|setting| *setting != Setting::Default) {
+            let regions = setting.asked_regions().unwrap();
+            assert_eq!(Setting::named(setting.name(), regions), Ok(setting));
+        }
+        assert!(Setting::named("owner", 4).is_err());
+    }
+
+    #[test]
+    fn settings_are_cut_and_coupled_as_their_names_say() {
+        let scene = Scene::named("tower", &Params::new()).unwrap();
+        for setting in SETTINGS {
+            let Some(config) = setting.config(&scene, 2) else {
+                assert_eq!(setting, Setting::Bare);
+                continue;
+            };
+            config.check().unwrap();
+            let leaves = config.tree().unwrap().leaf_count();
+            assert!(setting.asked_regions().is_none_or(|asked| asked == leaves), "{setting:?}");
+            match setting {
+                Setting::Fixed(method) => {
+                    assert_eq!((config.step.coupling, config.step.exchanges), (method, 1))
+                }
+                _ => assert_eq!(config.step.coupling, Coupling::Auto),
+            }
+            assert_eq!(
+                config.threads,
+                if matches!(setting, Setting::Auto(1)) { 1 } else { 2 },
+                "{setting:?}"
+            );
+        }
+    }
+}

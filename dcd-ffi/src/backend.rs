@@ -498,7 +498,7 @@ impl Backend {
                     min: region.cell().min,
                     max: region.cell().max,
                 };
-                world.regions().iter().map(view).collect()
+                world.regions().map(view).collect()
             }
             Self::Served(world) => world.regions(),
             Self::Hosted(_) => Vec::new(),

@@ -33,7 +33,7 @@ fn coupled(at: f64, coupling: Coupling) -> DcdWorld {
 fn owned(world: &DcdWorld) -> Vec<usize> {
     let mut counts = vec![0; world.regions().len()];
     for (_, owner, ..) in world.states() {
-        counts[world.regions().iter().position(|region| region.id() == owner).unwrap()] += 1;
+        counts[world.regions().position(|region| region.id() == owner).unwrap()] += 1;
     }
     counts
 }
@@ -82,7 +82,7 @@ fn balance_is_the_same_for_any_number_of_threads() {
     let hash = |threads| {
         let mut world = crowd(300, threads);
         (0..400).for_each(|_| world.step().unwrap());
-        (world.state_hash(), world.regions().iter().map(|region| *region.cell()).collect::<Vec<_>>())
+        (world.state_hash(), world.regions().map(|region| *region.cell()).collect::<Vec<_>>())
     };
     assert_eq!(hash(1), hash(3));
 }
@@ -244,7 +244,7 @@ fn planes_move_within_reason_only() {
     let wrong = Balance { merge_below: 2.0, split_above: 1.0, ..Balance::default() };
     assert!(world.set_balance(Some(wrong)).unwrap_err().to_string().contains("merge_below"));
     world.move_plane(RegionId(0), 1.0).unwrap();
-    assert_eq!(world.regions()[0].cell().max[0], 1.0);
+    assert_eq!(world.regions().nth(0).unwrap().cell().max[0], 1.0);
 }
 
 #[test]
@@ -341,8 +341,7 @@ fn the_ground_goes_with_the_plane() {
     }
     let ball = RigidBodyBuilder::dynamic().translation(Vector::new(100.0, 0.5, 0.0)).can_sleep(false);
     let ball = world.insert(ball, ColliderBuilder::ball(0.5)).unwrap();
-    let tiles =
-        |world: &DcdWorld| world.regions().iter().map(|region| region.bodies().count()).collect::<Vec<_>>();
+    let tiles = |world: &DcdWorld| world.regions().map(|region| region.bodies().count()).collect::<Vec<_>>();
     let before = tiles(&world);
     assert!(before[0] < 30 && before[1] > 85, "{before:?}");
     world.move_plane(RegionId(0), 150.0).unwrap();
@@ -350,7 +349,7 @@ fn the_ground_goes_with_the_plane() {
         world.step().unwrap();
         assert!((world.pose(ball).unwrap().translation[1] - 0.5).abs() < 0.01, "it has ground under it");
     }
-    assert_eq!(world.owner_of(ball), Some(world.regions()[0].id()));
+    assert_eq!(world.owner_of(ball), Some(world.regions().nth(0).unwrap().id()));
     world.move_plane(RegionId(0), 140.0).unwrap();
     let after = tiles(&world);
     assert!(after[0] > 85 && after[1] < 30, "each has the ground of its own cell: {after:?}");

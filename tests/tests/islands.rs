@@ -105,7 +105,7 @@ fn kinetic_energy_j(world: &DcdWorld, bodies: &[BodyId]) -> f32 {
 /// Metres by which the centre of a body lies out of its owner's cell.
 fn out_of_cell_m(world: &DcdWorld, body: BodyId) -> f64 {
     let (owner, at) = (world.owner_of(body).unwrap(), world.pose(body).unwrap().translation);
-    let region = world.regions().iter().find(|region| region.id() == owner).unwrap();
+    let region = world.regions().find(|region| region.id() == owner).unwrap();
     region.cell().excess_m(at)
 }
 

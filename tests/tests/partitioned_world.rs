@@ -113,7 +113,7 @@ fn a_transferred_body_keeps_everything() {
     assert_eq!(after.traits, before.traits);
     assert_eq!((after.state.force, after.state.torque), (before.state.force, before.state.torque));
     assert_eq!(world.body(id).unwrap().mass_properties().local_mprops, inertia);
-    let region = world.regions().iter().find(|region| Some(region.id()) == world.owner_of(id)).unwrap();
+    let region = world.regions().find(|region| Some(region.id()) == world.owner_of(id)).unwrap();
     let body = world.body(id).unwrap();
     assert_eq!(body.user_data, 0xdead_beef_0000_0001);
     assert_eq!(body.locked_axes(), LockedAxes::ROTATION_LOCKED_X | LockedAxes::TRANSLATION_LOCKED_Z);

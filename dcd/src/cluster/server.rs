@@ -3,7 +3,6 @@
 
 mod arbiter;
 mod avatars;
-mod change;
 mod common;
 mod group;
 mod nodes;

@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use super::query::ColliderId;
+use super::collider_id::ColliderId;
 use super::watch::ContactWatch;
 
 /// Rapier's `PhysicsHooks` with bodies by name. Only colliders with the matching `ActiveHooks` are asked about.

@@ -1,14 +1,12 @@
 //! Regions of the world as Rapier worlds: bodies, replicas, coupling, contacts.
 
 mod articulation;
-mod assembly;
 mod choice;
+mod collider_id;
 mod control;
 mod convert;
 mod coupling;
 mod directory;
-mod follow;
-mod guide;
 mod hooks;
 mod host;
 mod joints;
@@ -21,9 +19,9 @@ mod query;
 mod record;
 mod region;
 mod renumber;
+mod settings;
 mod shapes;
 mod statics;
-mod ties;
 mod watch;
 
 pub use crate::protocol::Handover;
@@ -32,17 +30,16 @@ pub use articulation::LinkSettings;
 pub(crate) use articulation::link_fault;
 pub(crate) use articulation::{equip_link, insert_link, motion_between};
 pub use choice::{CouplingChoice, Method};
+pub use collider_id::ColliderId;
 pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
-pub use coupling::Coupling;
 pub use hooks::{ContactHooks, HookedPair};
-pub use host::{BorderView, HostError, Preset, RegionHost, StepSettings};
+pub use host::{BorderView, HostError, RegionHost};
 pub use joints::joint_record;
 pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;
-pub use query::{
-    BodyFilter, ColliderId, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay,
-};
+pub use query::{BodyFilter, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay};
 pub use region::{Region, Role};
+pub use settings::{Coupling, Preset, StepSettings};
 #[cfg(feature = "net")]
 pub(crate) use shapes::can_build;
 pub use shapes::{ShapeError, ShapeLibrary};

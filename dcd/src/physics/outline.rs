@@ -210,7 +210,7 @@ mod tests {
             let regions = world.regions().len();
             let held = |world: &DcdWorld| -> BTreeSet<_> {
                 let of = |place: usize| {
-                    let region = &world.regions()[place];
+                    let region = &world.regions().nth(place).unwrap();
                     let hulls = region.bodies().filter(|(_, _, _, body)| body.is_dynamic());
                     hulls
                         .map(move |(id, _, handle, _)| (place, id, handle.into_raw_parts()))

@@ -4,9 +4,9 @@
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use rapier3d::prelude::*;
 
-use super::host::StepSettings;
 use super::partition::Partition;
 use super::record;
+use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};
 use crate::space::Bounds;

@@ -1,9 +1,7 @@
-//! Regions come and go: those that stay learn the new ranks of all.
+//! Translates ranks when regions come and go: those that stay learn the new ranks of all.
 
 use std::sync::Arc;
 
-use super::outbox::Outbox;
-use super::region::{Region, Role};
 use crate::space::{RegionId, RegionSet};
 
 /// Old ranks to new ones.
@@ -35,26 +33,5 @@ impl Renumbering {
             }
         }
         *old = new;
-    }
-}
-
-impl Region {
-    /// Takes the new ranks over; its own id may have changed too.
-    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
-        let rank = ranks.rank(self.rank());
-        let id = ranks.leaves[rank];
-        self.rename(id, rank);
-        self.events.region = id;
-        self.outbox = Outbox::new(id, ranks.leaves.clone());
-        for slot in self.slots_mut() {
-            slot.holders = ranks.set(slot.holders);
-            if let Role::Replica { owner } = &mut slot.role {
-                *owner = ranks.rank(*owner);
-            }
-            if let Some(shared) = slot.shared.as_deref_mut() {
-                shared.renumber(ranks);
-            }
-        }
-        self.border.renumber(ranks);
     }
 }

@@ -7,7 +7,7 @@ use rapier3d::prelude::*;
 
 use std::net::SocketAddr;
 
-use super::member::GIVE_UP;
+use super::ending::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, PeerStats, Role, Token, join};

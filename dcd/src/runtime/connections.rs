@@ -13,9 +13,7 @@ use std::time::{Duration, Instant};
 
 use self::mail::Mail;
 pub(super) use self::mail::Sent;
-use super::ProcessError;
-use super::links::Ending;
-use super::member::GIVE_UP;
+use super::ending::{Cause, Ending, GIVE_UP, Reason};
 use crate::net::{PeerKey, PeerName, PeerStats};
 use crate::protocol::Program;
 
@@ -74,58 +72,6 @@ pub enum ConnectionChange {
     Back,
     /// It is over; why. Its id names nothing any more.
     Gone(Reason),
-}
-
-/// Why a connection is lost or gone.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Reason {
-    /// For programs.
-    pub cause: Cause,
-    /// For people.
-    pub text: String,
-}
-
-/// The same in one word.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
-    /// Its process went by its own wish, or this one did.
-    Left,
-    /// The server's user sent it away, or this process.
-    SentAway,
-    /// Nothing is heard of it.
-    Broken,
-    /// One of the two said what it may not, or is not what the other takes it for.
-    Refused,
-    /// The world has ended.
-    WorldEnded,
-    /// A newer link, or another process with the same identity, took its place.
-    Replaced,
-    /// It reads too slowly.
-    Slow,
-    /// This process's part in the world does not ask for it any more, or the other's.
-    Unneeded,
-    /// A fault ended this process's part in the world.
-    Failed,
-}
-
-impl Reason {
-    pub(super) fn new(cause: Cause, text: impl Into<String>) -> Self {
-        Self { cause, text: text.into() }
-    }
-
-    /// What the end of this process's own part in the world means for its connections.
-    pub(super) fn of_end(end: &Result<(), ProcessError>) -> Self {
-        let cause = match end {
-            Ok(()) => return Self::new(Cause::Left, "this process has left"),
-            Err(ProcessError::ServerGone { .. }) => Cause::Refused,
-            Err(ProcessError::GivenUp { .. }) => Cause::Broken,
-            Err(ProcessError::Superseded { .. }) => Cause::Replaced,
-            Err(ProcessError::Evicted { .. } | ProcessError::SentAway { .. }) => Cause::SentAway,
-            Err(ProcessError::NotReleased { .. }) => Cause::Left,
-            Err(_) => Cause::Failed,
-        };
-        Self::new(cause, end.as_ref().err().map_or(String::new(), ToString::to_string))
-    }
 }
 
 /// How programs' messages travel.

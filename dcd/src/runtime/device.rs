@@ -237,7 +237,7 @@ impl PhysicsDevice {
     /// Avatars of which a copy is here.
     fn holds(&mut self) -> Vec<BodyId> {
         let host = self.host.as_ref().expect("a world comes before commands");
-        let held = |id: &BodyId| host.regions().iter().any(|region| region.handle_of(*id).is_some());
+        let held = |id: &BodyId| host.regions().any(|region| region.handle_of(*id).is_some());
         self.avatars.retain(held);
         self.avatars.iter().copied().collect()
     }
@@ -283,8 +283,8 @@ impl PhysicsDevice {
         let transfers = host.transfers();
         let stats = TickStats {
             bodies: host.owned_count() as u32,
-            replicas: host.regions().iter().map(|region| region.replica_count() as u32).sum(),
-            contacts: host.regions().iter().map(|region| contact_pairs(region.physics())).sum(),
+            replicas: host.regions().map(|region| region.replica_count() as u32).sum(),
+            contacts: host.regions().map(|region| contact_pairs(region.physics())).sum(),
             transfers: (transfers - self.transfers_told) as u32,
             compute_us: self.compute_us,
             exchanges: exchanges as u32,

@@ -8,16 +8,14 @@
 //!
 //! States, which go in datagrams, never wait: the oldest are dropped.
 
-mod ending;
-
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
 
-pub(super) use self::ending::Ending;
-use super::connections::{Cause, Connections, Delivery, Reason, Sent};
+use super::connections::{Connections, Delivery, Sent};
+use super::ending::{Cause, Ending, Reason};
 use crate::cluster::Peer;
 use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, Lane, Message, Role, ToClient};

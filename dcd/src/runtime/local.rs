@@ -428,7 +428,7 @@ impl DcdWorld {
         if let Some((region, handle)) = self.host.owned(body) {
             return region.physics().bodies.get(handle);
         }
-        self.host.regions().iter().find_map(|region| region.physics().bodies.get(region.handle_of(body)?))
+        self.host.regions().find_map(|region| region.physics().bodies.get(region.handle_of(body)?))
     }
 
     /// Whether the world has a body.
@@ -628,10 +628,10 @@ impl DcdWorld {
         Stats {
             ticks: self.host.tick().0,
             bodies: self.host.owned_count(),
-            replicas: self.host.regions().iter().map(Region::replica_count).sum(),
+            replicas: self.host.regions().map(Region::replica_count).sum(),
             transfers: self.host.transfers(),
             last_step: self.last_step,
-            quarantined: self.host.regions().iter().map(|region| region.quarantined().len()).sum(),
+            quarantined: self.host.regions().map(|region| region.quarantined().len()).sum(),
             exchanges: self.host.exchanges_done(),
             disagreement_m_s: self.host.disagreement_m_s(),
         }
@@ -656,7 +656,7 @@ impl DcdWorld {
     }
 
     /// The regions in rank order, with their Rapier worlds.
-    pub fn regions(&self) -> &[Region] {
+    pub fn regions(&self) -> impl ExactSizeIterator<Item = &Region> + Clone {
         self.host.regions()
     }
 
@@ -677,7 +677,7 @@ impl DcdWorld {
                 .and_then(|handle| region.role_of(handle))
                 .is_some_and(|(_, role)| role == Role::Owner)
         };
-        self.regions().iter().filter(owns).count()
+        self.regions().filter(owns).count()
     }
 }
 

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
-use super::connections::{Cause, Reason};
-use super::links::{Ending, LinkEvent, Links};
+use super::ending::{Cause, Ending, GIVE_UP, Reason};
+use super::links::{LinkEvent, Links};
 use super::{Connections, PhysicsDevice, ProcessError};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand,
@@ -27,8 +27,6 @@ const RETRY: Duration = Duration::from_millis(2);
 const QUEUE: usize = 4_096;
 /// A server that lives takes over within a second; a node does not stay longer for one that does not.
 const RELEASE: Duration = Duration::from_secs(5);
-/// A server that is started again is back by then.
-pub(super) const GIVE_UP: Duration = Duration::from_secs(30);
 /// How often the network's counters are read for the user.
 const COUNT: Duration = Duration::from_millis(100);
 /// Tick times kept for the summary: four hours at 60 a second.

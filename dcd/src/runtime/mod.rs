@@ -10,6 +10,8 @@ mod device;
 #[cfg(feature = "net")]
 mod directory;
 #[cfg(feature = "net")]
+mod ending;
+#[cfg(feature = "net")]
 mod error;
 mod hooks;
 #[cfg(feature = "net")]
@@ -27,12 +29,14 @@ pub use choice::{Choice, Why};
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
 #[cfg(feature = "net")]
 pub use connections::{
-    Cause, Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections,
-    Delivery, ProgramMessage, Reason,
+    Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections, Delivery,
+    ProgramMessage,
 };
 pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]
 pub use directory::RedbDirectory;
+#[cfg(feature = "net")]
+pub use ending::{Cause, Reason};
 #[cfg(feature = "net")]
 pub use error::ProcessError;
 pub use local::{DcdWorld, Partitioning, Stats, WorldConfig, WorldError};

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{error, info, warn};
 
-use super::connections::{Cause, Reason};
+use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
 use super::{Connections, DcdWorld, ProcessError, RedbDirectory, WorldConfig};

@@ -10,6 +10,7 @@ mod library;
 mod model;
 #[cfg(feature = "models")]
 mod models;
+mod open;
 mod params;
 mod records;
 

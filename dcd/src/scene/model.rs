@@ -1,10 +1,7 @@
 //! A scene: bodies, joints and settings of a world before its first tick.
 
-use std::path::Path;
-
 use rapier3d::prelude::*;
 
-use super::{Params, SceneError, file, library};
 use crate::physics::{CouplingChoice, LinkSettings, equip_link, insert_link, motion_between};
 use crate::protocol::{LinkRecord, WorldPose};
 use crate::space::{Axis, Balance, Bounds};
@@ -79,38 +76,6 @@ pub struct AvatarHint {
 }
 
 impl Scene {
-    /// A scene of the [`library`](super::library()).
-    pub fn named(name: &str, params: &Params) -> Result<Self, SceneError> {
-        library::build(name, params)
-    }
-
-    /// A scene file: MJCF (`.xml`, `.mjcf`) or URDF (`.urdf`) with the feature `models`, TOML otherwise. Parameters of a TOML file
-    /// are those of the library scene that it starts from, if it does; all model files have the same.
-    pub fn load(path: impl AsRef<Path>, params: &Params) -> Result<Self, SceneError> {
-        let path = path.as_ref();
-        #[cfg(feature = "models")]
-        if super::models::handles(path) {
-            return super::models::load(path, params);
-        }
-        #[cfg(not(feature = "models"))]
-        if MODEL_EXTENSIONS.iter().any(|known| has_extension(path, known)) {
-            return Err(SceneError::File {
-                path: path.to_owned(),
-                line: None,
-                cause: "this build reads no MJCF and URDF".to_owned(),
-                remedy: "build dcd with its feature `models`".to_owned(),
-            });
-        }
-        file::load(path, params)
-    }
-
-    /// A file if the text ends as scene files do or such a file exists, else a scene of the library.
-    pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
-        let path = Path::new(name_or_path);
-        let is_scene = MODEL_EXTENSIONS.iter().chain(&["toml"]).any(|known| has_extension(path, known));
-        if is_scene || path.is_file() { Self::load(path, params) } else { Self::named(name_or_path, params) }
-    }
-
     /// One plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a
     /// partitioned run is compared with. Positions are rounded to f32. It has one thread: with the feature `parallel` a pool of its
     /// own, without which Rapier would spread over rayon's global pool; `set_thread_pool` gives it another.
@@ -218,13 +183,6 @@ impl SceneBody {
             .reduce(|a, b| a.union(&b))
             .unwrap_or(Bounds::new(at, at))
     }
-}
-
-/// Of MJCF and URDF.
-const MODEL_EXTENSIONS: [&str; 3] = ["xml", "mjcf", "urdf"];
-
-fn has_extension(path: &Path, extension: &str) -> bool {
-    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }
 
 /// Parry's half-space spans half of f32's range: that is infinity here.

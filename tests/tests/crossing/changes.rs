@@ -127,7 +127,7 @@ fn ground_that_changes_its_shape_or_place_changes_in_every_region() {
         let mut world = DcdWorld::new(cut(coupling, &[(Axis::X, 30.0)])).unwrap();
         let ground = world.insert(fixed_at(-0.5), ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
         let far: Vec<_> = [8.0, 45.0].map(|x| world.insert(body_at(x, 1.0, 0.0), cube()).unwrap()).into();
-        assert!(world.regions()[1].handle_of(ground).is_none(), "{coupling:?}");
+        assert!(world.regions().nth(1).unwrap().handle_of(ground).is_none(), "{coupling:?}");
         world
             .update_collider(ground, 0, |collider| {
                 collider.set_shape(SharedShape::cuboid(60.0, 0.5, 5.0));

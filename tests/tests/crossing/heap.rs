@@ -53,8 +53,7 @@ fn no_body_of_a_heap_over_eight_regions_is_lost_or_doubled() {
                         "{id} at {}",
                         world.tick()
                     );
-                    let holders =
-                        world.regions().iter().filter(|region| region.handle_of(id).is_some()).count();
+                    let holders = world.regions().filter(|region| region.handle_of(id).is_some()).count();
                     assert!(region.share_of(handle) <= holders, "{id} at {}", world.tick());
                 }
             }

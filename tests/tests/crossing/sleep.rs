@@ -7,7 +7,7 @@ use super::*;
 const FOUR: [(Axis, f64); 3] = [(Axis::X, -2.0), (Axis::X, 0.0), (Axis::X, 2.0)];
 
 fn awake(world: &DcdWorld) -> usize {
-    let bodies = world.regions().iter().flat_map(|region| region.bodies());
+    let bodies = world.regions().flat_map(|region| region.bodies());
     bodies.filter(|(.., body)| !body.is_fixed() && !body.is_sleeping()).count()
 }
 

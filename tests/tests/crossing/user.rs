@@ -83,7 +83,7 @@ fn a_persistent_force_is_told_whole_while_its_body_is_shared_and_after_it_has_ch
         }
         assert!(at(&world, id)[0] > 1.0, "it pushes the other along: {:?}", at(&world, id));
         let home = world.owner_of(id).unwrap();
-        assert_eq!(world.regions()[1].id(), home);
+        assert_eq!(world.regions().nth(1).unwrap().id(), home);
     }
 }
 

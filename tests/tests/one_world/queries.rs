@@ -42,7 +42,7 @@ fn a_body_on_a_border_is_met_once_and_its_replica_never() {
 fn what_is_immovable_and_in_every_region_is_met_once() {
     let mut world = halves();
     let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 1.0, 50.0)).unwrap();
-    assert_eq!(world.regions().iter().filter(|region| region.handle_of(floor).is_some()).count(), 2);
+    assert_eq!(world.regions().filter(|region| region.handle_of(floor).is_some()).count(), 2);
     let queries = world.queries();
     let all = BodyFilter::default();
     let expected = [ColliderId { body: floor, index: 0 }];
@@ -155,7 +155,7 @@ fn answers_far_from_the_origin_keep_millimetres() {
     let at = WorldPose::at([180_000.003, 0.25, 0.0]);
     let far = world.insert_at(at, RigidBodyBuilder::dynamic(), vec![ColliderBuilder::ball(0.5)]).unwrap();
     let ray = WorldRay::new([-150_000.0, 0.25, 0.0], [1.0, 0.0, 0.0]);
-    let region = world.regions().iter().find(|region| region.handle_of(far).is_some()).unwrap();
+    let region = world.regions().find(|region| region.handle_of(far).is_some()).unwrap();
     let f32_step_m = (180_000.0 - region.anchor()[0]).abs() * f64::from(f32::EPSILON);
     for _ in 0..2 {
         let hit = world.queries().cast_ray(&ray, &BodyFilter::default()).unwrap().unwrap();
@@ -196,7 +196,7 @@ fn a_region_far_off_does_not_answer_for_ground_that_is_near_another() {
     let post = ColliderBuilder::cuboid(0.5, 2.0, 0.5).translation(Vector::new(0.0, 3.0, 0.0));
     let fixed = RigidBodyBuilder::fixed();
     let ground = world.insert_at(WorldPose::default(), fixed, vec![ground, post]).unwrap();
-    assert!(world.regions().iter().all(|region| region.handle_of(ground).is_some()));
+    assert!(world.regions().all(|region| region.handle_of(ground).is_some()));
     for part in 0..40 {
         let gap_m = 10.0 + 0.0071 * f64::from(part);
         let ray = WorldRay::new([-0.5 - gap_m, 3.0, 0.0], [1.0, 0.0, 0.0]);

@@ -265,10 +265,10 @@ impl Twin {
         self.ticks += 1;
         let name = |handle| self.bodies.iter().find(|body| body.bare == handle).map(|body| body.id);
         let met = pairs(&self.bare, name);
-        let theirs =
-            self.world.regions().iter().flat_map(|region| {
-                pairs(region.physics(), |handle| region.role_of(handle).map(|(id, _)| id))
-            });
+        let theirs = self
+            .world
+            .regions()
+            .flat_map(|region| pairs(region.physics(), |handle| region.role_of(handle).map(|(id, _)| id)));
         self.rough.extend(met.into_iter().chain(theirs));
     }
 

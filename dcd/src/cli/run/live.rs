@@ -69,7 +69,7 @@ impl Live {
     fn look(&self, world: &DcdWorld) -> Look {
         let ms = |spent: Duration| spent.as_secs_f64() * 1e3 / f64::from(self.steps.max(1));
         let stats = world.stats();
-        let regions = world.regions().iter().zip(&self.spent_by).map(|(region, &spent)| Row {
+        let regions = world.regions().zip(&self.spent_by).map(|(region, &spent)| Row {
             name: region.id().to_string(),
             bodies: region.owned_count(),
             awake: region.awake_count(),

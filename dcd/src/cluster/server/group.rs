@@ -1,10 +1,12 @@
 //! One consistency group as the server sees it: who computes the world in it, and the record of the world as it is there.
 
+mod change;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use self::change::Change;
 use super::ServerOutput;
-use super::change::Change;
 use super::common::{Common, NodeEntry};
 use crate::cluster::{Life, Record};
 use crate::protocol::{ToClient, ToNode, ToServer, View, WorldOp};

@@ -14,8 +14,9 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use rapier3d::prelude::*;
 
+use super::collider_id::ColliderId;
 use super::host::{HostError, RegionHost};
-use super::query::{BodyFilter, ColliderId, QueryError};
+use super::query::{BodyFilter, QueryError};
 use super::{convert, record};
 use crate::space::{BodyId, Bounds};
 

@@ -5,9 +5,10 @@ use rapier3d::control::{DynamicRayCastVehicleController, Wheel};
 use rapier3d::prelude::*;
 
 use super::{ControlError, Neighbourhood};
+use crate::physics::collider_id::ColliderId;
 use crate::physics::convert;
 use crate::physics::host::RegionHost;
-use crate::physics::query::{BodyFilter, ColliderId};
+use crate::physics::query::BodyFilter;
 use crate::space::{BodyId, Bounds};
 
 /// Rapier's `DynamicRayCastVehicleController` on a body of a partitioned world.

@@ -6,9 +6,8 @@
 
 use rapier3d::prelude::*;
 
-use super::Moment;
-use super::auto::Pace;
-use super::share::{self, Shared};
+use super::share::Shared;
+use super::{Border, Moment};
 use crate::physics::convert;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{CopyState, Velocity, WorldPose};
@@ -23,24 +22,24 @@ const TURNED_RAD: f32 = 2e-3;
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
 
-/// Agrees on every body held here and elsewhere that is exchanged in this round. Says, for each other region, how far the
+/// Agrees on every body held here and elsewhere that is exchanged in this round. Notes, for each other region, how far the
 /// velocities of the copies of bodies held by both were from their means at most, in m/s; none where nothing is.
-pub(super) fn agree(region: &mut Region, pace: &Pace, moment: Moment<'_>, disagreement: &mut [Option<f32>]) {
+pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
+    let Border { shared: all, pace, disagreement, .. } = border;
     disagreement.fill(None);
     let own = RegionSet::only(region.rank());
-    for index in 0..region.shared.len() + region.replicas.len() {
-        let link = share::held(region, index);
-        let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { continue };
+    for place in 0..region.held_elsewhere_count() {
+        let link = region.held_elsewhere_at(place);
+        let Some(shared) = all.get_mut(link.handle) else { continue };
         let is_due = moment.is_due(pace.exchanges_among(shared.members));
         if is_due && shared.is_split() {
-            let worst = agree_on(region, link, &mut shared);
+            let worst = agree_on(region, link, shared);
             for rank in shared.members.without(own).iter() {
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
             }
         } else if is_due {
-            follow(region, link, &mut shared);
+            follow(region, link, shared);
         }
-        region.slot_mut(link.handle).shared = Some(shared);
     }
 }
 
@@ -63,7 +62,7 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
         }
         return 0.0;
     }
-    let own = (counts && !shared.broken).then_some((own_rank, shared.own));
+    let own = (counts && !is_broken(region, link)).then_some((own_rank, shared.own));
     let at = shared.heard.partition_point(|(rank, _)| *rank < own_rank);
     let (before, after) = shared.heard.split_at(at);
     let shadows = shared.shadows;
@@ -72,32 +71,36 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
         all.filter(|(rank, copy)| copy.sound && !shadows.contains(*rank)).map(|(_, copy)| copy)
     };
     if copies().next().is_none() {
-        share::set_aside(region, link.handle, shared);
+        region.give_up_copies(link.handle);
         return 0.0;
     }
     let (pose, velocity) = mean(copies);
     let count = copies().count() as f32;
     let alike = copies().all(|copy| copy.partners == shared.own.partners);
-    if std::mem::take(&mut shared.broken) {
-        region.world_mut().bodies[link.handle].set_enabled(true);
-    }
+    region.mend_copy(link.handle);
     if alike || !counts {
-        (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
+        region.push(link.handle, Vector::ZERO, Vector::ZERO);
     } else {
         let sum = |of: fn(&CopyState) -> [f32; 3]| {
             copies().fold(Vector::ZERO, |sum, copy| sum + Vector::from_array(of(copy)))
         };
-        shared.push = sum(|copy| copy.force_n) / count - Vector::from_array(shared.own.force_n);
-        shared.twist = sum(|copy| copy.torque_nm) / count - Vector::from_array(shared.own.torque_nm);
+        let push = sum(|copy| copy.force_n) / count - Vector::from_array(shared.own.force_n);
+        let twist = sum(|copy| copy.torque_nm) / count - Vector::from_array(shared.own.torque_nm);
+        region.push(link.handle, push, twist);
     }
     let z = Vector::from_array(velocity.linear);
     let off = |copy: &CopyState| (Vector::from_array(copy.velocity.linear) - z).length();
     let worst = copies().map(off).fold(0.0, f32::max);
     let following = shared.heard.iter().filter(|(rank, _)| shadows.contains(*rank));
-    shared.strayed_m_s = following.map(|(_, copy)| off(copy)).fold(0.0, f32::max);
+    let strayed_m_s = following.map(|(_, copy)| off(copy)).fold(0.0, f32::max);
+    shared.strayed_m_s = strayed_m_s;
     write(region, link, &pose, &velocity);
-    shared.start = None;
+    region.restart_copy(link.handle);
     worst
+}
+
+fn is_broken(region: &Region, link: Link) -> bool {
+    region.division(link.handle).is_some_and(|division| division.is_broken())
 }
 
 /// Takes for a body that is not split what it became in the region that saw most of what it touches: there the contacts of all
@@ -111,7 +114,7 @@ fn follow(region: &mut Region, link: Link, shared: &mut Shared) {
         return;
     }
     let owner = shared.members.without(shared.shadows).iter().next();
-    let own = (!shared.broken).then_some((own_rank, shared.own));
+    let own = (!is_broken(region, link)).then_some((own_rank, shared.own));
     let copies = || shared.heard.iter().copied().chain(own).filter(|(_, copy)| copy.sound);
     // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
     let rank_of = |&(rank, copy): &(usize, CopyState)| {
@@ -120,18 +123,16 @@ fn follow(region: &mut Region, link: Link, shared: &mut Shared) {
         (seen, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {
-        share::set_aside(region, link.handle, shared);
+        region.give_up_copies(link.handle);
         return;
     };
     (shared.led_by, shared.followed) = (Some(rank), true);
     let z = Vector::from_array(copy.velocity.linear);
     let off = |(_, other): (usize, CopyState)| (Vector::from_array(other.velocity.linear) - z).length();
     shared.strayed_m_s = copies().map(off).fold(0.0, f32::max);
-    (shared.push, shared.twist) = (Vector::ZERO, Vector::ZERO);
-    shared.start = None;
-    if std::mem::take(&mut shared.broken) {
-        region.world_mut().bodies[link.handle].set_enabled(true);
-    }
+    region.push(link.handle, Vector::ZERO, Vector::ZERO);
+    region.restart_copy(link.handle);
+    region.mend_copy(link.handle);
     if rank != own_rank {
         write(region, link, &copy.pose, &copy.velocity);
     }

@@ -5,7 +5,9 @@
 
 use rapier3d::prelude::*;
 
+use super::{Border, Side};
 use crate::physics::convert;
+use crate::physics::outbox::Outbox;
 use crate::physics::partition::{HALO_HYSTERESIS_M, HUB_REACH_M, OWNER_HYSTERESIS_M, Partition};
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BodyRecord, Transfer};
@@ -18,51 +20,51 @@ const SURPRISE_M_S: f32 = 10.0;
 
 /// A body that is to be held, or owned, by other regions than before.
 #[derive(Debug)]
-pub(in crate::physics) struct Change {
+pub(super) struct Change {
     link: Link,
     holders: RegionSet,
     owner: usize,
 }
 
 /// Says which regions must hold the bodies inserted since the last step.
-pub(super) fn announce(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-    region.outbox.clear(tick);
+pub(super) fn announce(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
+    let Side { region, border, outbox } = side;
+    outbox.clear(tick);
     region.update_assemblies();
-    let fresh = std::mem::take(&mut region.fresh);
+    let fresh = region.take_fresh();
     let here = fresh.iter().filter(|link| region.handle_of(link.id) == Some(link.handle));
-    let handles: Vec<_> = here.map(|link| link.handle).collect();
-    tell_changes(region, partition, tick, dt_s, handles.into_iter());
+    border.looked_at.clear();
+    border.looked_at.extend(here.map(|link| link.handle));
+    tell_changes(region, border, outbox, partition, tick, dt_s);
 }
 
 /// Says who must hold what after a step. Only awake bodies, and those inserted since the last step, can need a change.
-pub(super) fn tell(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-    let mut looked_at = std::mem::take(&mut region.looked_at);
-    looked_at.clear();
+pub(super) fn tell(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
+    let Side { region, border, outbox } = side;
+    border.looked_at.clear();
+    let fresh = region.take_fresh();
     let is_here = |link: &&Link| region.handle_of(link.id) == Some(link.handle);
-    looked_at.extend(region.fresh.iter().filter(is_here).map(|link| link.handle));
-    region.fresh.clear();
-    looked_at.extend(region.take_overlooked());
-    let now = tick.0 as u32;
-    let due = |handle: &RigidBodyHandle| region.due[handle.into_raw_parts().0 as usize] <= now;
-    looked_at.extend(region.physics().islands.active_bodies().filter(due));
-    tell_changes(region, partition, tick, dt_s, looked_at.iter().copied());
-    region.looked_at = looked_at;
+    border.looked_at.extend(fresh.iter().filter(is_here).map(|link| link.handle));
+    let overlooked = border.take_overlooked(region);
+    border.looked_at.extend(overlooked);
+    border.looked_at.extend(region.due(tick));
+    tell_changes(region, border, outbox, partition, tick, dt_s);
 }
 
-/// Says of each of these bodies, as far as it is owned here, what is new about its holders and its owner.
+/// Says of each of the bodies to be looked at, as far as it is owned here, what is new about its holders and its owner.
 fn tell_changes(
     region: &mut Region,
+    border: &mut Border,
+    outbox: &mut Outbox,
     partition: &Partition,
     tick: Tick,
     dt_s: f32,
-    handles: impl Iterator<Item = RigidBodyHandle>,
 ) {
-    let mut changes = std::mem::take(&mut region.changes);
-    find_changes(region, partition, tick, dt_s, handles, &mut changes);
+    let Border { looked_at, changes, .. } = border;
+    find_changes(region, partition, tick, dt_s, looked_at.iter().copied(), changes);
     for change in changes.drain(..) {
-        tell_change(region, &change);
+        tell_change(region, outbox, &change);
     }
-    region.changes = changes;
 }
 
 /// Looks at these bodies and at every assembly with one of them; `changes` come out in id order, each body once.
@@ -87,7 +89,7 @@ fn find_changes(
         }
         let rest = inner.ticks_within(region, handle, dt_s);
         if slot.holders.is_empty() && rest > 0 {
-            region.due[handle.into_raw_parts().0 as usize] = tick.0 as u32 + rest;
+            region.rest_until(handle, tick.0 as u32 + rest);
             continue;
         }
         let near = Near::of(region, partition, handle, dt_s);
@@ -99,9 +101,8 @@ fn find_changes(
     assemblies.sort_unstable();
     assemblies.dedup();
     for index in assemblies {
-        let members = std::mem::take(&mut region.assemblies[index as usize].members);
+        let members = region.assemblies()[index as usize].members.clone();
         look_at_assembly(region, partition, &inner, &members, tick, dt_s, changes);
-        region.assemblies[index as usize].members = members;
     }
     changes.sort_unstable_by_key(|change| change.link.id);
     changes.dedup_by_key(|change| change.link.id);
@@ -121,7 +122,7 @@ fn look_at_assembly(
     let shared = members.iter().any(|link| !region.slot(link.handle).holders.is_empty());
     if rest > 0 && !shared {
         for link in members {
-            region.due[link.handle.into_raw_parts().0 as usize] = tick.0 as u32 + rest;
+            region.rest_until(link.handle, tick.0 as u32 + rest);
         }
         return;
     }
@@ -156,7 +157,7 @@ fn new_owner(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize 
 }
 
 /// Sends the body to its new holders, calls it back from those that need it no more, and hands over authority.
-fn tell_change(region: &mut Region, change: &Change) {
+fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &Change) {
     let Change { link, holders, owner } = *change;
     let own = RegionSet::only(region.rank());
     let slot = region.slot(link.handle);
@@ -167,16 +168,16 @@ fn tell_change(region: &mut Region, change: &Change) {
     let target = RegionSet::only(owner);
     let added = holders.without(before).without(if leaving { target } else { RegionSet::EMPTY });
     for rank in added.iter() {
-        region.outbox.to(rank).replicas.push(record.clone());
-        region.outbox.to(rank).joints.extend_from_slice(&joints);
+        outbox.to(rank).replicas.push(record.clone());
+        outbox.to(rank).joints.extend_from_slice(&joints);
     }
     for rank in before.without(holders).without(if leaving { target } else { RegionSet::EMPTY }).iter() {
-        region.outbox.to(rank).drops.push(link.id);
+        outbox.to(rank).drops.push(link.id);
     }
     if leaving {
         let holders = holders.union(own).without(target);
         let body = BodyRecord { epoch: epoch.next(), ..record };
-        let message = &mut region.outbox.to(owner);
+        let message = outbox.to(owner);
         message.transfers.push(Transfer { body, holders, whole: false });
         message.joints.extend(joints);
         region.set_role(link.handle, Role::Replica { owner }, RegionSet::EMPTY, epoch.next());

@@ -1,8 +1,8 @@
-//! Taking in what others say of who holds and owns what: the other end of `halo`.
+//! Applies what other regions say of who holds and owns a body: the other end of `halo`.
 
 use rapier3d::prelude::*;
 
-use super::{Ground, share};
+use super::{Border, Ground};
 use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
@@ -13,19 +13,21 @@ use crate::space::RegionSet;
 /// Bodies and joints that come, as owned or as replicas.
 pub(super) fn arrive(
     region: &mut Region,
+    border: &mut Border,
     message: &BorderMessage,
     sender: usize,
     ground: Ground<'_>,
     shares_mass: bool,
 ) -> Result<(), ShapeError> {
     for transfer in &message.transfers {
-        take_over(region, transfer, sender, ground, shares_mass)?;
+        take_over(region, border, transfer, sender, ground, shares_mass)?;
     }
     for body in &message.replicas {
         hold(region, body, sender, ground)?;
         let handle = region.handle_of(body.id).expect("held from now on");
         if shares_mass && region.slot(handle).role != Role::Owner {
-            share::begin(region, handle);
+            region.begin_division(handle);
+            border.shared.begin(handle);
         }
     }
     for joint in &message.joints {
@@ -55,9 +57,8 @@ pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize
 
 /// Large bodies reach far out of the cell: the ground under all of them must be here.
 pub(super) fn cover_hubs(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError> {
-    for index in 0..region.shared.len() + region.replicas.len() {
-        let owned = region.shared.len();
-        let link = if index < owned { region.shared[index] } else { region.replicas[index - owned] };
+    for place in 0..region.held_elsewhere_count() {
+        let link = region.held_elsewhere_at(place);
         if region.slot(link.handle).reach_m > HUB_REACH_M {
             ground.statics.cover(region, link.handle, ground.shapes)?;
         }
@@ -67,6 +68,7 @@ pub(super) fn cover_hubs(region: &mut Region, ground: Ground<'_>) -> Result<(), 
 
 fn take_over(
     region: &mut Region,
+    border: &mut Border,
     transfer: &Transfer,
     sender: usize,
     ground: Ground<'_>,
@@ -90,7 +92,7 @@ fn take_over(
     region.set_role(handle, Role::Owner, holders, body.epoch);
     let slot = region.slot_mut(handle);
     (slot.whole, slot.doubt) = (transfer.whole, 0);
-    region.arrived.push(Link { id: body.id, handle });
+    border.note_arrival(Link { id: body.id, handle });
     // Copies that share the mass agree on their mean instead.
     if !shares_mass {
         write_whole(region, handle, body);

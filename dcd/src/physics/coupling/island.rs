@@ -12,9 +12,8 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Moment;
-use super::membership::home_of;
-use super::reach;
-use crate::physics::convert;
+use super::share::SharedBodies;
+use crate::physics::outbox::Outbox;
 use crate::physics::region::{Link, Region, Role};
 use crate::physics::renumber::Renumbering;
 use crate::protocol::{BIG_ISLAND, BodyKind, BorderMessage, IslandPart};
@@ -105,7 +104,7 @@ impl Islands {
     }
 
     /// Tells the parts of each island that was found last to all who hold any of its bodies.
-    pub(super) fn tell(&self, region: &mut Region) {
+    pub(super) fn tell(&self, region: &Region, outbox: &mut Outbox) {
         let mut hearers = vec![RegionSet::EMPTY; self.found.len()];
         for &handle in &self.touched {
             // Some have gone since.
@@ -128,7 +127,7 @@ impl Islands {
                 }
             }
             for rank in hearers.iter() {
-                region.outbox.to(rank).islands.extend_from_slice(&island.parts);
+                outbox.to(rank).islands.extend_from_slice(&island.parts);
             }
         }
     }
@@ -172,13 +171,14 @@ impl Islands {
     pub(super) fn find(
         &mut self,
         region: &mut Region,
+        shared: &SharedBodies,
         moment: Moment<'_>,
         seeds: impl Iterator<Item = RigidBodyHandle>,
     ) {
         self.keep_large(region, moment);
         for seed in seeds {
             if takes_part(region, seed) && self.place(seed) == 0 {
-                self.explore(region, moment, seed);
+                self.explore(region, shared, moment, seed);
             }
         }
         self.found[..self.kept].iter_mut().for_each(Island::complete);
@@ -270,7 +270,7 @@ impl Islands {
     }
 
     /// Follows contacts and joints from a body, until the island is seen to be too large.
-    fn explore(&mut self, region: &Region, moment: Moment<'_>, seed: RigidBodyHandle) {
+    fn explore(&mut self, region: &Region, shared: &SharedBodies, moment: Moment<'_>, seed: RigidBodyHandle) {
         let limit = moment.settings.island_limit;
         let from = self.touched.len();
         let mut joins = None;
@@ -282,13 +282,13 @@ impl Islands {
             match slot.role {
                 Role::Owner => {
                     island.members.push(Link { id: slot.id, handle });
-                    island.pressed |= reach::is_pressed(region, handle);
+                    island.pressed |= region.is_pressed(handle);
                     island.whole |= slot.whole;
                     island.doubt = island.doubt.max(slot.doubt);
                 }
                 Role::Replica { owner } => {
                     island.ghosts += 1;
-                    let heard = slot.shared.iter().flat_map(|shared| &shared.heard);
+                    let heard = shared.get(handle).into_iter().flat_map(|shared| &shared.heard);
                     let copy = heard.filter(|(rank, _)| *rank == owner).map(|(_, copy)| copy).next();
                     let part = copy.filter(|copy| !copy.sleeping).and_then(|copy| copy.part);
                     match part.filter(|&part| self.told_by(owner, part).next().is_some()) {
@@ -306,7 +306,7 @@ impl Islands {
                 break;
             }
             let mut endless = None;
-            reach::for_each_contact(region, handle, |other, touches| {
+            region.for_each_contact(handle, |other, touches| {
                 // What has been entered comes again with each pair of colliders, and from its own side.
                 let place = self.place(other) as usize;
                 if !touches || place > self.found.len() || !takes_part(region, other) {
@@ -461,9 +461,7 @@ impl Island {
         }
         let mut centres: Vec<(usize, usize)> = Vec::new();
         for link in &self.members {
-            let centre = region.physics().bodies[link.handle].center_of_mass();
-            let centre = convert::world_point(region.anchor(), centre);
-            let rank = home_of(region, moment.partition, centre);
+            let rank = moment.home_of(region, link.handle);
             match centres.iter_mut().find(|(other, _)| *other == rank) {
                 Some((_, count)) => *count += 1,
                 None => centres.push((rank, 1)),

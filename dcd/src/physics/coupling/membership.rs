@@ -13,10 +13,10 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::island::{Island, LARGE};
+use super::share::SharedBodies;
 use super::sight::{self, Near, Sights};
-use super::{Border, Moment, reach, share};
-use crate::physics::convert;
-use crate::physics::partition::{OWNER_HYSTERESIS_M, Partition};
+use super::{Border, Moment, Side};
+use crate::physics::outbox::Outbox;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, Membership, Transfer};
 use crate::space::{BodyId, Bounds, RegionSet};
@@ -60,107 +60,95 @@ struct Wish {
 }
 
 /// Says which regions must hold the bodies inserted since the last step: all whose cell they come near.
-pub(super) fn announce(region: &mut Region, moment: Moment<'_>) {
-    region.outbox.clear(moment.tick);
-    region.update_assemblies();
-    let mut border = std::mem::take(&mut region.border);
-    border.decisions.clear();
-    share_fresh(region, &mut border, moment);
-    let fresh: Vec<_> = region.fresh.iter().map(|link| link.handle).collect();
-    region.fresh.clear();
+pub(super) fn announce(side: &mut Side, moment: Moment<'_>) {
+    side.outbox.clear(moment.tick);
+    side.region.update_assemblies();
+    side.border.decisions.clear();
+    let fresh = share_fresh(side, moment);
+    let Side { region, border, outbox } = side;
     sight::look(region, &mut border.sights, moment, &fresh);
-    sight::show(region, &mut border.sights, moment);
-    region.border = border;
+    sight::show(region, &mut border.sights, outbox, moment);
 }
 
 /// Finds after a step what lies near the border, what touches there, and which bodies are new.
-pub(super) fn survey(region: &mut Region, moment: Moment<'_>) {
-    region.update_assemblies();
-    let mut border = std::mem::take(&mut region.border);
-    border.decisions.clear();
-    share_fresh(region, &mut border, moment);
-    let mut looked_at = std::mem::take(&mut region.looked_at);
+pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
+    side.region.update_assemblies();
+    side.border.decisions.clear();
+    let fresh = share_fresh(side, moment);
+    let Side { region, border, .. } = side;
+    let mut looked_at = std::mem::take(&mut border.looked_at);
     looked_at.clear();
-    looked_at.extend(region.fresh.drain(..).map(|link| link.handle));
-    looked_at.extend(region.take_overlooked());
-    let now = moment.tick.0 as u32;
-    let due = |handle: &RigidBodyHandle| region.due[handle.into_raw_parts().0 as usize] <= now;
-    looked_at.extend(region.physics().islands.active_bodies().filter(due));
+    looked_at.extend(fresh);
+    looked_at.extend(border.take_overlooked(region));
+    looked_at.extend(region.due(moment.tick));
     sight::look(region, &mut border.sights, moment, &looked_at);
-    region.looked_at = looked_at;
+    border.looked_at = looked_at;
     if moment.settings.coupling.moves_islands() {
-        let Border { islands, sights, .. } = &mut border;
+        let Border { islands, sights, shared, .. } = border;
         let seeds = island_seeds(region, sights);
-        islands.find(region, moment, seeds.into_iter());
+        islands.find(region, shared, moment, seeds.into_iter());
         sights.set_islands(|handle| islands.size(handle));
     }
-    region.border = border;
 }
 
 /// Decides, after [`survey`], who holds and owns what, and tells all whom it concerns.
-pub(super) fn decide(region: &mut Region, moment: Moment<'_>) {
-    let mut border = std::mem::take(&mut region.border);
-    sight::show(region, &mut border.sights, moment);
-    let met: Vec<_> = border
-        .sights
-        .meetings
-        .iter()
-        .filter(|meeting| meeting.island > 0)
-        .filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting.rank)))
-        .chain(border.sights.joining(region))
-        .collect();
-    let Border { reach, islands, pace, sights, .. } = &mut border;
+pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
+    let Side { region, border, outbox } = side;
+    sight::show(region, &mut border.sights, outbox, moment);
+    let Border { reach, islands, pace, sights, shared, .. } = border;
+    let joining = sights.joining(region, shared);
+    let met = sights.meetings.iter().filter(|meeting| meeting.island > 0);
+    let met = met.filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting.rank))).chain(joining);
     let depth = moment.settings.depth + pace.extra_depth();
     let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
     let out = sights.near.iter().filter(|near| !region.cell().contains_box(&near.swept));
     let leaving = out.map(|near| near.link.handle).filter(|&handle| !small(handle));
     let leaving = leaving.filter_map(|handle| {
-        let body = &region.physics().bodies[handle];
-        let centre = convert::world_point(region.anchor(), body.center_of_mass());
-        let home = home_of(region, moment.partition, centre);
-        (home != region.rank() && !body.is_sleeping()).then_some((handle, home))
+        let home = moment.home_of(region, handle);
+        (home != region.rank() && !region.physics().bodies[handle].is_sleeping()).then_some((handle, home))
     });
-    reach.spread(region, depth, leaving, met.into_iter());
+    reach.spread(region, depth, leaving, met);
     reach.complete(region, islands);
     reach.carry(region, sights.carriers(region, moment.partition));
-    let mut leaving = Vec::new();
-    let candidates = candidates(region, &border);
+    let candidates = candidates(region, border);
     // First, since each looks at all of its island.
     for link in &candidates {
         let spans = border.islands.of(link.handle).is_some_and(Island::spans);
-        if let Some(shared) = region.slot_mut(link.handle).shared.as_deref_mut() {
+        if let Some(shared) = border.shared.get_mut(link.handle) {
             shared.settled += 1;
             shared.joined = if spans { shared.joined + 1 } else { 0 };
         }
     }
-    find_ready(region, &mut border);
+    find_ready(region, border);
+    let mut leaving = Vec::new();
     for link in candidates {
-        leaving.extend(decide_on(region, &mut border, moment, link));
+        leaving.extend(decide_on(side, moment, link));
     }
-    leaving.extend(articulated_leaving(region, &border, moment));
+    leaving.extend(articulated_leaving(&side.region, &side.border, moment));
     for (link, owner) in &leaving {
-        hand_over(region, *link, *owner);
+        hand_over(&side.region, &mut side.outbox, *link, *owner);
     }
     for (link, _) in leaving {
-        region.remove(link.id);
+        side.region.remove(link.id);
     }
-    region.border = border;
 }
 
 /// Acts on what owners decided: sets who holds what, and divides masses anew.
-pub(super) fn commit<'a>(region: &mut Region, told: impl Iterator<Item = &'a Membership>) {
+pub(super) fn commit<'a>(
+    region: &mut Region,
+    border: &mut Border,
+    told: impl Iterator<Item = &'a Membership>,
+) {
     let own = RegionSet::only(region.rank());
-    let decisions = std::mem::take(&mut region.border.decisions);
-    for decision in &decisions {
+    for decision in &border.decisions {
         if region.handle_of(decision.link.id) == Some(decision.link.handle) {
             if decision.members.contains(region.rank()) {
-                share::set_members(region, decision.link.handle, decision.members, decision.shadows);
+                border.shared.set_members(region, decision.link.handle, decision.members, decision.shadows);
             } else {
                 region.remove(decision.link.id);
             }
         }
     }
-    region.border.decisions = decisions;
     for membership in told {
         let Some(handle) = region.handle_of(membership.id) else { continue };
         let slot = region.slot(handle);
@@ -176,23 +164,16 @@ pub(super) fn commit<'a>(region: &mut Region, told: impl Iterator<Item = &'a Mem
             let role = Role::Replica { owner: membership.owner.into() };
             region.set_role(handle, role, members.without(own), membership.epoch);
         }
-        share::set_members(region, handle, members, membership.shadows);
+        border.shared.set_members(region, handle, members, membership.shadows);
     }
 }
 
-/// The region of a centre; the present one until the centre has left it for good.
-pub(super) fn home_of(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize {
-    if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
-        partition.rank_at(centre)
-    } else {
-        region.rank()
-    }
-}
-
-/// Bodies that come from nowhere may touch anything at once: they are held wherever they come near.
-fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
+/// Bodies that come from nowhere may touch anything at once: they are held wherever they come near. Returns them.
+fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
+    let Side { region, border, outbox } = side;
     let own = RegionSet::only(region.rank());
-    for Link { id, handle } in region.fresh.clone() {
+    let fresh = region.take_fresh();
+    for &Link { id, handle } in &fresh {
         let here = region.handle_of(id) == Some(handle);
         if !here
             || region.slot(handle).role != Role::Owner
@@ -211,10 +192,11 @@ fn share_fresh(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
         let holders = near.union(region.slot(handle).holders).without(own);
         if !holders.is_empty() {
             let members = holders.union(own);
-            tell(region, handle, holders, holders, members, RegionSet::EMPTY, region.rank());
+            tell(region, outbox, handle, holders, holders, members, RegionSet::EMPTY, region.rank());
             border.decisions.push(Decision { link: Link { id, handle }, members, shadows: RegionSet::EMPTY });
         }
     }
+    fresh.into_iter().map(|link| link.handle).collect()
 }
 
 /// Bodies whose island counts. A body near the border that is alone, meets nobody and lies in its cell is one by itself.
@@ -222,10 +204,9 @@ fn island_seeds(region: &Region, sights: &Sights) -> Vec<RigidBodyHandle> {
     let near = sights.near.iter().filter(|near| {
         let handle = near.link.handle;
         let here = region.cell().contains_box(&near.swept) && region.slot(handle).holders.is_empty();
-        !here || sights.meetings_of(near.link.id).next().is_some() || reach::is_pressed(region, handle)
+        !here || sights.meetings_of(near.link.id).next().is_some() || region.is_pressed(handle)
     });
-    let held = region.shared.iter().chain(&region.replicas);
-    near.map(|near| &near.link).chain(held).map(|link| link.handle).collect()
+    near.map(|near| near.link).chain(region.held_elsewhere()).map(|link| link.handle).collect()
 }
 
 /// Every body owned here for which something may have to change, in id order.
@@ -234,7 +215,7 @@ fn candidates(region: &Region, border: &Border) -> Vec<Link> {
         let slot = region.slot(*handle);
         (slot.role == Role::Owner).then_some(Link { id: slot.id, handle: *handle })
     };
-    let mut all: Vec<_> = region.shared.clone();
+    let mut all = region.shared().to_vec();
     all.extend(border.reach.reached.iter().filter_map(owned));
     let stays = |near: &&Near| {
         let meets = border.sights.meetings_of(near.link.id).next().is_some();
@@ -253,12 +234,8 @@ fn candidates(region: &Region, border: &Border) -> Vec<Link> {
 }
 
 /// Decides on one body. Returns it with its new owner if it is to go there at once.
-fn decide_on(
-    region: &mut Region,
-    border: &mut Border,
-    moment: Moment<'_>,
-    link: Link,
-) -> Option<(Link, usize)> {
+fn decide_on(side: &mut Side, moment: Moment<'_>, link: Link) -> Option<(Link, usize)> {
+    let Side { region, border, outbox } = side;
     let wish = wish_for(region, border, moment, link.handle);
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
@@ -271,7 +248,7 @@ fn decide_on(
     }
     let (mut members, mut owner) = (held.union(wish.holders).union(own), own_rank);
     let carries = slot.traits.kind != BodyKind::Dynamic;
-    let shared = region.slot_mut(link.handle).shared.as_deref_mut();
+    let shared = border.shared.get_mut(link.handle);
     if shared.is_none() && members == own {
         return None;
     }
@@ -318,13 +295,13 @@ fn decide_on(
         return None;
     }
     let told = members.union(before).without(own);
-    tell(region, link.handle, told, members.without(before), members, shadows, owner);
+    tell(region, outbox, link.handle, told, members.without(before), members, shadows, owner);
     if owner != own_rank {
         let record = region.body_record(link.handle);
         let body = BodyRecord { epoch: epoch.next(), ..record };
         let holders = members.without(RegionSet::only(owner));
         let whole = region.slot(link.handle).whole;
-        region.outbox.to(owner).transfers.push(Transfer { body, holders, whole });
+        outbox.to(owner).transfers.push(Transfer { body, holders, whole });
         region.set_role(link.handle, Role::Replica { owner }, members.without(own), epoch.next());
     }
     border.decisions.push(Decision { link, members, shadows });
@@ -339,15 +316,13 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
         Some(island) => island.target,
         // What sleeps stays where it is.
         None if body.is_sleeping() => region.rank(),
-        None => {
-            home_of(region, moment.partition, convert::world_point(region.anchor(), body.center_of_mass()))
-        }
+        None => moment.home_of(region, handle),
     };
-    let pressed = island.map_or_else(|| reach::is_pressed(region, handle), |island| island.pressed);
+    let pressed = island.map_or_else(|| region.is_pressed(handle), |island| island.pressed);
     let ready = match (island, region.slot(handle).assembly) {
         (Some(island), _) if island.members.len() <= LARGE || region.is_articulated(handle) => island.ready,
         (Some(_), Some(assembly)) => border.ready_assemblies[assembly as usize],
-        (island, _) => is_ready(region, island, handle, owner, pressed),
+        (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed),
     };
     // What no contact moves is held by those who come near it, and draws nobody along.
     let id = region.slot(handle).id;
@@ -365,6 +340,7 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
 /// Whether a body is held where it is to be owned, with its contacts.
 fn is_ready(
     region: &Region,
+    all: &SharedBodies,
     island: Option<&Island>,
     handle: RigidBodyHandle,
     owner: usize,
@@ -375,7 +351,7 @@ fn is_ready(
         return true;
     }
     let slot = region.slot(handle);
-    let settled = slot.shared.as_ref().is_some_and(|shared| {
+    let settled = all.get(handle).is_some_and(|shared| {
         let strays = shared.shadows.contains(owner) && shared.strayed_m_s > STRAY_M_S;
         // What only bounces off another region's body has parted from it before it would go.
         let lasts = !island.is_some_and(Island::spans) || shared.joined >= SETTLE_TICKS;
@@ -388,12 +364,13 @@ fn is_ready(
 /// Finds which islands are ready to go. A small one goes when all of it is. What comes to a large one would keep it for ever: of
 /// that goes what is ready, joints' ends together.
 fn find_ready(region: &Region, border: &mut Border) {
-    let Border { islands, ready_assemblies, .. } = border;
+    let Border { islands, ready_assemblies, shared, .. } = border;
     let own = region.rank();
     ready_assemblies.clear();
-    ready_assemblies.resize(region.assemblies.len(), true);
+    ready_assemblies.resize(region.assemblies().len(), true);
     for island in islands.found.iter_mut().filter(|island| !island.big && island.target != own) {
-        let ready = |link: &Link| is_ready(region, Some(island), link.handle, island.target, island.pressed);
+        let ready =
+            |link: &Link| is_ready(region, shared, Some(island), link.handle, island.target, island.pressed);
         if island.members.len() > LARGE {
             for link in &island.members {
                 if let Some(assembly) = region.slot(link.handle).assembly {
@@ -418,24 +395,24 @@ fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHand
 /// Whether the body touches one that can move, or is tied to it.
 fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
     let mut any = false;
-    reach::for_each_contact(region, handle, |_, touches| any |= touches);
+    region.for_each_contact(handle, |_, touches| any |= touches);
     any
 }
 
 /// Whether nobody shares the body, nothing presses on it or is tied to it, so that it loses nothing by going at once.
 fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
     let asleep = region.physics().bodies[handle].is_sleeping();
-    region.slot(handle).holders.is_empty() && !asleep && !reach::is_pressed(region, handle)
+    region.slot(handle).holders.is_empty() && !asleep && !region.is_pressed(handle)
 }
 
 /// Sends a body that nobody shares to its new owner, whole; it is still to be removed here.
-fn hand_over(region: &mut Region, link: Link, owner: usize) {
+fn hand_over(region: &Region, outbox: &mut Outbox, link: Link, owner: usize) {
     let record = region.body_record(link.handle);
     let epoch = record.epoch.next();
     let whole = region.slot(link.handle).whole;
     let body = BodyRecord { epoch, ..record };
     let joints: Vec<_> = region.joints_of(link.handle).collect();
-    let message = region.outbox.to(owner);
+    let message = outbox.to(owner);
     message.transfers.push(Transfer { body, holders: RegionSet::EMPTY, whole });
     message.joints.extend(joints);
 }
@@ -444,7 +421,7 @@ fn hand_over(region: &mut Region, link: Link, owner: usize) {
 /// what their contacts remember.
 fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<(Link, usize)> {
     let mut leaving = Vec::new();
-    for assembly in region.assemblies.iter().filter(|assembly| assembly.articulated) {
+    for assembly in region.assemblies().iter().filter(|assembly| assembly.articulated) {
         let lead = assembly.members[0].handle;
         let body = &region.physics().bodies[lead];
         if region.slot(lead).role != Role::Owner || body.is_sleeping() {
@@ -456,11 +433,7 @@ fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> 
                 let wish = wish_for(region, border, moment, lead);
                 if wish.ready { wish.owner } else { region.rank() }
             }
-            None => home_of(
-                region,
-                moment.partition,
-                convert::world_point(region.anchor(), body.center_of_mass()),
-            ),
+            None => moment.home_of(region, lead),
         };
         if owner != region.rank() {
             leaving.extend(assembly.members.iter().map(|&link| (link, owner)));
@@ -471,8 +444,10 @@ fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> 
 }
 
 /// Tells all members, new, remaining and former, and sends the body to the new ones.
+#[expect(clippy::too_many_arguments, reason = "one word of one owner")]
 fn tell(
-    region: &mut Region,
+    region: &Region,
+    outbox: &mut Outbox,
     handle: RigidBodyHandle,
     told: RegionSet,
     added: RegionSet,
@@ -485,10 +460,10 @@ fn tell(
     let epoch = if owner == region.rank() { record.epoch } else { record.epoch.next() };
     let membership = Membership { id: record.id, epoch, owner: owner as u8, holders: members, shadows };
     for rank in added.iter() {
-        region.outbox.to(rank).replicas.push(record.clone());
-        region.outbox.to(rank).joints.extend_from_slice(&joints);
+        outbox.to(rank).replicas.push(record.clone());
+        outbox.to(rank).joints.extend_from_slice(&joints);
     }
     for rank in told.iter() {
-        region.outbox.to(rank).members.push(membership);
+        outbox.to(rank).members.push(membership);
     }
 }

@@ -22,121 +22,106 @@ mod reach;
 mod share;
 mod sight;
 
-pub(super) use halo::Change;
+use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
-pub(super) use share::{Shared, make_whole, whole, whole_colliders};
 
-use super::host::StepSettings;
-use super::partition::Partition;
-use super::region::Region;
+use self::share::SharedBodies;
+use super::outbox::Outbox;
+use super::partition::{OWNER_HYSTERESIS_M, Partition};
+use super::region::{Link, Region};
 use super::renumber::Renumbering;
-use super::shapes::ShapeLibrary;
+use super::settings::{Coupling, StepSettings};
+use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
 use crate::protocol::BorderMessage;
-use crate::space::Tick;
+use crate::space::{RegionId, Tick};
 
-/// The methods, by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Coupling {
-    /// Replicas are kinematic ghosts that push and are not pushed. What most projects do; it gains energy and drops
-    /// stacks. The baseline that the other methods are compared with.
-    Proxy,
-    /// Replicas are dynamic copies, overwritten by their owner after each step. Cheap and tolerant of delay; it does not
-    /// conserve momentum across a border.
-    Owner,
-    /// Bodies within some contact hops of a border live in both regions, each copy with its share of the mass; regions
-    /// agree on means and even out what presses on the edges of the overlap.
-    Overlap,
-    /// What meets across a border is solved by both regions with whole copies, and the word of the one that sees most of it stands;
-    /// what stays in touch moves whole to one region, where it is computed exactly. Islands above the limit as by `overlap`.
-    Island,
-    /// As `island`, with the exchanges of each border at which an island is split chosen by how far its copies disagree.
-    #[default]
-    Auto,
+/// A region with its side of its borders: what it keeps of them, and what it says to its neighbours.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Side {
+    pub region: Region,
+    pub border: Border,
+    pub outbox: Outbox,
+}
+
+impl Side {
+    /// Of a region of a world that has these regions, which take so many micro-steps a tick at first.
+    pub(super) fn new(region: Region, leaves: &std::sync::Arc<[RegionId]>, steps: usize) -> Self {
+        let outbox = Outbox::new(region.id(), leaves.clone());
+        Self { region, border: Border::new(leaves.len(), steps), outbox }
+    }
+
+    /// Micro-steps of the present tick.
+    pub(super) fn steps(&self) -> usize {
+        self.border.pace.steps_of(self.region.rank())
+    }
+
+    /// Micro-steps of the next tick.
+    pub(super) fn steps_next(&self) -> usize {
+        self.border.pace.next_of(self.region.rank())
+    }
+
+    /// Whether nothing here can change in the tick to come.
+    pub(super) fn is_idle(&self) -> bool {
+        self.region.is_idle() && !self.border.awaits_any() && self.border.pace.is_settled(self.region.rank())
+    }
+
+    /// Ranks have changed.
+    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
+        self.region.renumber(ranks);
+        self.border.renumber(ranks);
+        self.outbox = Outbox::new(self.region.id(), ranks.leaves.clone());
+    }
+
+    /// Membership changed: all that is shared must be announced again.
+    pub(super) fn forget_holders(&mut self, regions: usize, steps: usize) {
+        self.region.forget_holders();
+        self.border = Border::new(regions, steps);
+    }
 }
 
 impl Coupling {
-    /// All methods.
-    pub const ALL: [Self; 5] = [Self::Proxy, Self::Owner, Self::Overlap, Self::Island, Self::Auto];
-
-    /// Its name on the command line and in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Proxy => "proxy",
-            Self::Owner => "owner",
-            Self::Overlap => "overlap",
-            Self::Island => "island",
-            Self::Auto => "auto",
-        }
-    }
-
-    /// Exchanges a tick that suit it; of `auto`, the most it may take.
-    pub const fn usual_exchanges(self) -> usize {
-        match self {
-            Self::Proxy | Self::Owner => 1,
-            Self::Overlap | Self::Island => 2,
-            Self::Auto => 4,
-        }
-    }
-
-    /// Whether regions agree on means of copies that share a body's mass.
-    pub(super) const fn shares_mass(self) -> bool {
-        matches!(self, Self::Overlap | Self::Island | Self::Auto)
-    }
-
-    /// Whether small islands move whole to one region.
-    pub(super) const fn moves_islands(self) -> bool {
-        matches!(self, Self::Island | Self::Auto)
-    }
-
-    /// Micro-steps a tick at first, of which `exchanges` is the setting.
-    pub(super) const fn first_steps(self, exchanges: usize) -> usize {
-        match self {
-            Self::Auto => 1,
-            _ => exchanges,
-        }
-    }
-
-    /// Fills `region.outbox` with what neighbours must hold of the bodies inserted since the last step.
-    pub(super) fn announce(self, region: &mut Region, moment: Moment<'_>) {
+    /// Fills the outbox with what neighbours must hold of the bodies inserted since the last step.
+    pub(super) fn announce(self, side: &mut Side, moment: Moment<'_>) {
         if self.shares_mass() {
-            membership::announce(region, moment);
+            membership::announce(side, moment);
         } else {
-            halo::announce(region, moment.partition, moment.tick, moment.dt_s);
+            halo::announce(side, moment.partition, moment.tick, moment.dt_s);
         }
     }
 
     /// Before a step of the region.
     pub(super) fn prepare(self, region: &mut Region, dt_s: f32) {
         if self.shares_mass() {
-            share::prepare(region, dt_s);
+            for place in 0..region.held_elsewhere_count() {
+                region.prepare_copy(region.held_elsewhere_at(place).handle, dt_s);
+            }
         }
     }
 
-    /// Fills `region.outbox` after a step.
-    pub(super) fn gather(self, region: &mut Region, moment: Moment<'_>) {
+    /// Fills the outbox after a step.
+    pub(super) fn gather(self, side: &mut Side, moment: Moment<'_>) {
         if moment.partition.len() == 1 {
-            region.fresh.clear();
+            side.region.take_fresh();
         } else if self.shares_mass() {
-            overlap::gather(region, moment);
+            overlap::gather(side, moment);
         } else {
-            owner::gather(region, moment.partition, moment.tick, moment.dt_s);
+            owner::gather(side, moment.partition, moment.tick, moment.dt_s);
         }
     }
 
     /// Takes in what the neighbours said, in rank order.
     pub(super) fn apply<'a>(
         self,
-        region: &mut Region,
+        side: &mut Side,
         inbox: impl Iterator<Item = &'a BorderMessage> + Clone,
         ground: Ground<'_>,
         moment: Moment<'_>,
-    ) -> Result<(), super::ShapeError> {
+    ) -> Result<(), ShapeError> {
         match self {
-            Self::Owner => owner::apply(region, inbox, ground),
-            Self::Proxy => proxy::apply(region, inbox, ground),
-            Self::Overlap | Self::Island | Self::Auto => overlap::apply(region, inbox, ground, moment),
+            Self::Owner => owner::apply(side, inbox, ground),
+            Self::Proxy => proxy::apply(side, inbox, ground),
+            Self::Overlap | Self::Island | Self::Auto => overlap::apply(side, inbox, ground, moment),
         }
     }
 }
@@ -144,6 +129,8 @@ impl Coupling {
 /// What a region keeps for its borders from one exchange to the next.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct Border {
+    /// What is known of each body that other regions hold too.
+    shared: SharedBodies,
     sights: sight::Sights,
     reach: reach::Reach,
     islands: island::Islands,
@@ -155,11 +142,20 @@ pub(super) struct Border {
     pub pace: auto::Pace,
     /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
     disagreement: Vec<Option<f32>>,
+    /// Bodies that must be looked at once, asleep or not, since the border or another region's bodies have come to them.
+    overlooked: Vec<RigidBodyHandle>,
+    /// Bodies that became the region's own in the exchange under way.
+    arrived: Vec<Link>,
+    /// Scratch, kept for its memory.
+    #[serde(skip)]
+    looked_at: Vec<RigidBodyHandle>,
+    #[serde(skip)]
+    changes: Vec<halo::Change>,
 }
 
 impl Border {
     /// For a world of so many regions that take so many micro-steps a tick at first.
-    pub(super) fn new(regions: usize, steps: usize) -> Self {
+    fn new(regions: usize, steps: usize) -> Self {
         Self {
             sights: sight::Sights::new(regions),
             pace: auto::Pace::new(regions, steps),
@@ -167,11 +163,10 @@ impl Border {
             ..Self::default()
         }
     }
-}
 
-impl Border {
     /// Ranks have changed.
-    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
+    fn renumber(&mut self, ranks: &Renumbering) {
+        self.shared.renumber(ranks);
         self.sights.renumber(ranks);
         self.pace.renumber(ranks);
         self.islands.renumber(ranks);
@@ -180,8 +175,31 @@ impl Border {
     }
 
     /// Whether a body here is about to meet another region's.
-    pub(super) fn awaits_any(&self) -> bool {
+    fn awaits_any(&self) -> bool {
         !self.sights.meetings.is_empty()
+    }
+
+    /// These bodies must be looked at in the next exchange, asleep or not.
+    pub(super) fn overlook(&mut self, bodies: Vec<RigidBodyHandle>) {
+        self.overlooked = bodies;
+    }
+
+    /// Those of them that are still here.
+    fn take_overlooked(&mut self, region: &Region) -> Vec<RigidBodyHandle> {
+        let mut handles = std::mem::take(&mut self.overlooked);
+        handles
+            .retain(|&handle| region.role_of(handle).is_some() && region.physics().bodies.contains(handle));
+        handles
+    }
+
+    /// A body has become the region's own.
+    pub(super) fn note_arrival(&mut self, link: Link) {
+        self.arrived.push(link);
+    }
+
+    /// Bodies that became the region's own since this was asked last.
+    pub(super) fn take_arrived(&mut self) -> Vec<Link> {
+        std::mem::take(&mut self.arrived)
     }
 }
 
@@ -211,6 +229,16 @@ impl<'a> Moment<'a> {
     ) -> Self {
         let last = round == 0 || round >= rounds;
         Self { partition, settings, tick, dt_s: settings.dt_s, rounds, round, last }
+    }
+
+    /// The region of a body's centre; the present one until the centre has left it for good.
+    fn home_of(&self, region: &Region, handle: RigidBodyHandle) -> usize {
+        let centre = region.centre_of(handle);
+        if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
+            self.partition.rank_at(centre)
+        } else {
+            region.rank()
+        }
     }
 
     /// Whether what happens so many times a tick happens in this round.

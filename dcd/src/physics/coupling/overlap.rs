@@ -5,7 +5,7 @@
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Ground, Moment, agree, held, membership, share, sight};
+use super::{Border, Ground, Moment, Side, agree, held, membership, share, sight};
 use crate::physics::ShapeError;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
@@ -13,75 +13,71 @@ use crate::protocol::{BorderMessage, CopyState};
 use crate::space::RegionSet;
 
 /// Says how the copies here moved, and after the last step of a tick who shall hold what.
-pub(super) fn gather(region: &mut Region, moment: Moment<'_>) {
-    region.outbox.clear(moment.tick);
+pub(super) fn gather(side: &mut Side, moment: Moment<'_>) {
+    side.outbox.clear(moment.tick);
     if moment.last {
-        membership::survey(region, moment);
+        membership::survey(side, moment);
     }
-    for index in 0..region.shared.len() + region.replicas.len() {
-        tell_copy(region, share::held(region, index), moment);
+    for place in 0..side.region.held_elsewhere_count() {
+        tell_copy(side, side.region.held_elsewhere_at(place), moment);
     }
-    for message in region.outbox.begun() {
+    for message in side.outbox.begun() {
         // Owned and replicated bodies come one after the other.
         message.copies.sort_unstable_by_key(|copy| copy.id);
     }
     if moment.last {
-        let islands = std::mem::take(&mut region.border.islands);
-        islands.tell(region);
-        region.border.islands = islands;
-        membership::decide(region, moment);
-        let steps = region.border.pace.tell(region.rank());
+        side.border.islands.tell(&side.region, &mut side.outbox);
+        membership::decide(side, moment);
+        let steps = side.border.pace.tell(side.region.rank());
         if steps > 0 {
-            region.outbox.tell_all(|message| message.steps = steps);
+            side.outbox.tell_all(|message| message.steps = steps);
         }
     }
 }
 
 /// Takes in the others' copies and what owners decided.
 pub(super) fn apply<'a>(
-    region: &mut Region,
+    side: &mut Side,
     inbox: impl Iterator<Item = &'a BorderMessage> + Clone,
     ground: Ground<'_>,
     moment: Moment<'_>,
 ) -> Result<(), ShapeError> {
+    let Side { region, border, .. } = side;
     held::cover_hubs(region, ground)?;
-    cover_far(region, ground)?;
+    cover_far(region, border, ground)?;
     // Before a tick nobody tells of islands.
     let tells = moment.last && moment.round > 0;
     if tells {
-        region.border.islands.forget_told();
+        border.islands.forget_told();
     }
     for message in inbox.clone() {
         let sender = rank_of(ground.partition, message);
-        held::arrive(region, message, sender, ground, true)?;
-        hear(region, &message.copies, sender);
-        sight::see(region, sender, message);
+        held::arrive(region, border, message, sender, ground, true)?;
+        hear(region, border, &message.copies, sender);
+        sight::see(region, border, sender, message);
         if tells {
-            region.border.islands.hear(sender, message);
+            border.islands.hear(sender, message);
         }
-        region.border.pace.hear(sender, message.steps);
+        border.pace.hear(sender, message.steps);
     }
     // Before a tick nobody has told where copies are: what was heard last is from before the user's changes.
     if moment.round > 0 {
-        let mut border = std::mem::take(&mut region.border);
-        agree::agree(region, &border.pace, moment, &mut border.disagreement);
+        agree::agree(region, border, moment);
         border.pace.judge(&border.disagreement, moment);
-        region.border = border;
     }
-    membership::commit(region, inbox.flat_map(|message| &message.members));
+    membership::commit(region, border, inbox.flat_map(|message| &message.members));
     if moment.last {
-        region.border.sights.meet();
-        region.border.pace.turn();
+        border.sights.meet();
+        border.pace.turn();
     }
     Ok(())
 }
 
 /// An island that is computed whole may reach far out of the cell.
-fn cover_far(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError> {
-    for index in 0..region.border.sights.near.len() {
-        let bounds = region.border.sights.near[index].swept;
-        if !region.cell().contains_box(&bounds) {
-            ground.statics.cover_box(region, &bounds, ground.shapes)?;
+fn cover_far(region: &mut Region, border: &Border, ground: Ground<'_>) -> Result<(), ShapeError> {
+    for near in &border.sights.near {
+        if !region.cell().contains_box(&near.swept) {
+            ground.statics.cover_box(region, &near.swept, ground.shapes)?;
         }
     }
     Ok(())
@@ -92,51 +88,47 @@ fn rank_of(partition: &Partition, message: &BorderMessage) -> usize {
 }
 
 /// Sends a copy to all who hold the body; what a shadow of a split body became, to the owner alone; once only when it falls asleep.
-fn tell_copy(region: &mut Region, link: Link, moment: Moment<'_>) {
-    let Some(shared) = region.slot(link.handle).shared.as_deref() else { return };
-    if !moment.is_due(region.border.pace.exchanges_among(shared.members)) {
+fn tell_copy(side: &mut Side, link: Link, moment: Moment<'_>) {
+    let Side { region, border, outbox } = side;
+    let Border { shared, pace, islands, .. } = border;
+    let Some(shared) = shared.get_mut(link.handle) else { return };
+    if !moment.is_due(pace.exchanges_among(shared.members)) {
         return;
     }
-    let Some(mut shared) = region.slot_mut(link.handle).shared.take() else { return };
     let asleep = region.physics().bodies[link.handle].is_sleeping();
-    let told = region.slot(link.handle).told_asleep;
-    if !(asleep && told) {
-        let islands = &region.border.islands;
-        let (part, seen, size) =
-            (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
-        share::read(region, link.handle, &mut shared, moment.settings.dt_s);
-        let knows = shared.followed || region.slot(link.handle).role == Role::Owner;
-        shared.own = CopyState { part, seen: if knows { seen } else { 0 }, size, ..shared.own };
-        region.slot_mut(link.handle).told_asleep = asleep;
-        let hearers = match region.slot(link.handle).role {
-            Role::Replica { owner } if shared.is_split() && shared.shadows.contains(region.rank()) => {
-                RegionSet::only(owner)
-            }
-            _ => shared.members.without(RegionSet::only(region.rank())),
-        };
-        for rank in hearers.iter() {
-            region.outbox.to(rank).copies.push(shared.own);
-        }
+    let slot = region.slot_mut(link.handle);
+    if std::mem::replace(&mut slot.told_asleep, asleep) && asleep {
+        return;
     }
-    region.slot_mut(link.handle).shared = Some(shared);
+    let role = slot.role;
+    let (part, seen, size) =
+        (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
+    let copy = share::read(region, link.handle, shared, moment.settings.dt_s);
+    let knows = shared.followed || role == Role::Owner;
+    shared.own = CopyState { part, seen: if knows { seen } else { 0 }, size, ..copy };
+    let hearers = match role {
+        Role::Replica { owner } if shared.is_split() && shared.shadows.contains(region.rank()) => {
+            RegionSet::only(owner)
+        }
+        _ => shared.members.without(RegionSet::only(region.rank())),
+    };
+    for rank in hearers.iter() {
+        outbox.to(rank).copies.push(shared.own);
+    }
 }
 
 /// Keeps the others' copies; both lists are in id order, so there is no look-up a body.
-fn hear(region: &mut Region, copies: &[CopyState], sender: usize) {
+fn hear(region: &Region, border: &mut Border, copies: &[CopyState], sender: usize) {
     let (mut in_shared, mut in_replicas) = (0, 0);
     for copy in copies {
-        let handle =
-            [(true, &mut in_shared), (false, &mut in_replicas)].into_iter().find_map(|(owned, at)| {
-                let list = if owned { &region.shared } else { &region.replicas };
-                while list.get(*at).is_some_and(|link| link.id < copy.id) {
-                    *at += 1;
-                }
-                list.get(*at).filter(|link| link.id == copy.id).map(|link| link.handle)
-            });
-        let Some(handle) = handle else { continue };
-        let slot = region.slot_mut(handle);
-        debug_assert!(slot.role != Role::Immovable);
-        let Some(shared) = slot.shared.as_deref_mut() else { continue };
+        let lists = [(region.shared(), &mut in_shared), (region.replicas(), &mut in_replicas)];
+        let handle = lists.into_iter().find_map(|(list, at)| {
+            while list.get(*at).is_some_and(|link| link.id < copy.id) {
+                *at += 1;
+            }
+            list.get(*at).filter(|link| link.id == copy.id).map(|link| link.handle)
+        });
+        let Some(shared) = handle.and_then(|handle| border.shared.get_mut(handle)) else { continue };
         match shared.heard.binary_search_by_key(&sender, |(rank, _)| *rank) {
             Ok(place) => shared.heard[place].1 = *copy,
             Err(place) => shared.heard.insert(place, (sender, *copy)),

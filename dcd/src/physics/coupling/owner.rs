@@ -2,9 +2,10 @@
 //! and is felt until the owner's word overwrites it after the step. It does not conserve momentum across a border: each
 //! side solves the contact with its own copy of the other body.
 
-use super::{Ground, halo, held};
+use super::{Ground, Side, halo, held};
 use crate::physics::ShapeError;
 use crate::physics::convert;
+use crate::physics::outbox::Outbox;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{BorderMessage, SharedState};
@@ -19,24 +20,26 @@ const DEAD_BAND_RAD_S: f32 = 0.1;
 const WAKE_M_S: f32 = 0.05;
 
 /// Says how owned bodies moved, and to whom they must go.
-pub(super) fn gather(region: &mut Region, partition: &Partition, tick: Tick, dt_s: f32) {
-    region.outbox.clear(tick);
+pub(super) fn gather(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
+    let Side { region, outbox, .. } = side;
+    outbox.clear(tick);
     region.update_assemblies();
-    tell_states(region);
-    tell_wakes(region);
-    halo::tell(region, partition, tick, dt_s);
+    tell_states(region, outbox);
+    tell_wakes(region, outbox);
+    halo::tell(side, partition, tick, dt_s);
 }
 
 /// Takes in the word of the owners.
 pub(super) fn apply<'a>(
-    region: &mut Region,
+    side: &mut Side,
     inbox: impl Iterator<Item = &'a BorderMessage>,
     ground: Ground<'_>,
 ) -> Result<(), ShapeError> {
+    let Side { region, border, .. } = side;
     held::cover_hubs(region, ground)?;
     for message in inbox {
         let sender = ground.partition.rank_of(message.from).expect("messages come from regions of this tree");
-        held::arrive(region, message, sender, ground, false)?;
+        held::arrive(region, border, message, sender, ground, false)?;
         write_states(region, &message.states, sender);
         held::depart(region, message, sender);
     }
@@ -44,9 +47,9 @@ pub(super) fn apply<'a>(
 }
 
 /// Every body held elsewhere: where it is, and once that it fell asleep.
-fn tell_states(region: &mut Region) {
-    for index in 0..region.shared.len() {
-        let link = region.shared[index];
+fn tell_states(region: &mut Region, outbox: &mut Outbox) {
+    for index in 0..region.shared().len() {
+        let link = region.shared()[index];
         if region.slot(link.handle).told_asleep && region.physics().bodies[link.handle].is_sleeping() {
             continue;
         }
@@ -54,15 +57,14 @@ fn tell_states(region: &mut Region) {
         let slot = region.slot_mut(link.handle);
         slot.told_asleep = state.sleeping;
         for rank in slot.holders.iter() {
-            region.outbox.to(rank).states.push(state);
+            outbox.to(rank).states.push(state);
         }
     }
 }
 
 /// Replicas that something here has stirred although their owner sleeps.
-fn tell_wakes(region: &mut Region) {
-    for index in 0..region.replicas.len() {
-        let link = region.replicas[index];
+fn tell_wakes(region: &Region, outbox: &mut Outbox) {
+    for link in region.replicas() {
         let slot = region.slot(link.handle);
         let (Some(asleep_at), Role::Replica { owner }) = (slot.asleep_at, slot.role) else { continue };
         let body = &region.physics().bodies[link.handle];
@@ -70,7 +72,7 @@ fn tell_wakes(region: &mut Region) {
             && (body.linvel().length() > WAKE_M_S
                 || (body.translation() - asleep_at.translation).length() > DEAD_BAND_M);
         if stirred {
-            region.outbox.to(owner).wakes.push(link.id);
+            outbox.to(owner).wakes.push(link.id);
         }
     }
 }
@@ -79,10 +81,10 @@ fn tell_wakes(region: &mut Region) {
 fn write_states(region: &mut Region, states: &[SharedState], sender: usize) {
     let mut at = 0;
     for state in states {
-        while at < region.replicas.len() && region.replicas[at].id < state.id {
+        while region.replicas().get(at).is_some_and(|link| link.id < state.id) {
             at += 1;
         }
-        let Some(&link) = region.replicas.get(at) else { return };
+        let Some(&link) = region.replicas().get(at) else { return };
         if link.id == state.id {
             write_state(region, link, state, sender);
         }

@@ -4,22 +4,23 @@
 
 use rapier3d::prelude::*;
 
-use super::{Ground, owner};
+use super::{Ground, Side, owner};
 use crate::physics::ShapeError;
 use crate::physics::region::{Region, Role};
 use crate::protocol::{BodyKind, BorderMessage};
 
 /// Takes in the word of the owners, and makes ghosts of what is owned elsewhere.
 pub(super) fn apply<'a>(
-    region: &mut Region,
+    side: &mut Side,
     inbox: impl Iterator<Item = &'a BorderMessage>,
     ground: Ground<'_>,
 ) -> Result<(), ShapeError> {
-    owner::apply(region, inbox, ground)?;
-    for link in region.replicas.clone() {
+    owner::apply(side, inbox, ground)?;
+    let Side { region, border, .. } = side;
+    for link in region.replicas().to_vec() {
         set_kind(region, link.handle, RigidBodyType::KinematicVelocityBased);
     }
-    for link in region.arrived.clone() {
+    for link in &border.arrived {
         if region.slot(link.handle).role == Role::Owner {
             set_kind(region, link.handle, RigidBodyType::Dynamic);
         }

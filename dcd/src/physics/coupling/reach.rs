@@ -43,7 +43,7 @@ impl Reach {
             self.marks[handle.into_raw_parts().0 as usize] = RegionSet::EMPTY;
         }
         self.frontier.clear();
-        for link in &region.replicas {
+        for link in region.replicas() {
             if let Role::Replica { owner } = region.slot(link.handle).role {
                 self.frontier.push((link.handle, RegionSet::only(owner)));
             }
@@ -55,7 +55,7 @@ impl Reach {
             for index in 0..self.frontier.len() {
                 let (handle, set) = self.frontier[index];
                 if passes_on(region, handle) {
-                    for_each_neighbour(region, handle, |other| {
+                    region.for_each_neighbour(handle, |other| {
                         if !region.is_articulated(other) {
                             self.mark(other, set);
                         }
@@ -87,15 +87,15 @@ impl Reach {
     /// Marks what no contact moves with the regions of those that it carries: with all that hold what touches it, though
     /// they only follow it there, and with those that `met` names. It must be there before what it carries is owned there.
     pub(super) fn carry(&mut self, region: &Region, met: Vec<(RigidBodyHandle, RegionSet)>) {
-        if !region.guide.any_kinematic() {
+        if !region.has_kinematic() {
             return;
         }
         let own = RegionSet::only(region.rank());
         let mut carriers = met;
-        for link in region.shared.iter().chain(&region.replicas) {
+        for link in region.held_elsewhere() {
             let slot = region.slot(link.handle);
             if slot.traits.kind == BodyKind::Dynamic {
-                for_each_contact(region, link.handle, |other, _| carriers.push((other, slot.holders)));
+                region.for_each_contact(link.handle, |other, _| carriers.push((other, slot.holders)));
             }
         }
         for (handle, set) in carriers {
@@ -127,66 +127,4 @@ impl Reach {
 fn passes_on(region: &Region, handle: RigidBodyHandle) -> bool {
     let slot = region.slot(handle);
     slot.reach_m <= HUB_REACH_M && slot.traits.kind == BodyKind::Dynamic
-}
-
-/// Every movable body that is near enough to touch this one, to overlap it as a sensor, or is tied to it; some may come
-/// twice.
-fn for_each_neighbour(region: &Region, handle: RigidBodyHandle, mut visit: impl FnMut(RigidBodyHandle)) {
-    for_each_contact(region, handle, |other, _| visit(other));
-    let world = region.physics();
-    for &collider in world.bodies[handle].colliders() {
-        for (first, second, _) in world.narrow_phase.intersection_pairs_with(collider) {
-            let other = if first == collider { second } else { first };
-            visit_parent(region, handle, other, &mut visit);
-        }
-    }
-}
-
-/// Every movable body that is near enough to touch this one or is tied to it, and whether it does touch it; some may come
-/// twice.
-pub(super) fn for_each_contact(
-    region: &Region,
-    handle: RigidBodyHandle,
-    mut visit: impl FnMut(RigidBodyHandle, bool),
-) {
-    let world = region.physics();
-    for &collider in world.bodies[handle].colliders() {
-        for pair in world.narrow_phase.contact_pairs_with(collider) {
-            let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
-            visit_parent(region, handle, other, |other| visit(other, pair.has_any_active_contact()));
-        }
-    }
-    for &joint in &region.slot(handle).joints {
-        if let Some((a, b)) = region.joint_ends(joint) {
-            let other = if a == handle { b } else { a };
-            if is_movable(region, other) {
-                visit(other, true);
-            }
-        }
-    }
-}
-
-/// Whether anything touches the body, what is immovable too, or a joint holds it.
-pub(super) fn is_pressed(region: &Region, handle: RigidBodyHandle) -> bool {
-    let world = region.physics();
-    let touches = |&collider: &ColliderHandle| {
-        world.narrow_phase.contact_pairs_with(collider).any(ContactPair::has_any_active_contact)
-    };
-    !region.slot(handle).joints.is_empty() || world.bodies[handle].colliders().iter().any(touches)
-}
-
-fn visit_parent(
-    region: &Region,
-    of: RigidBodyHandle,
-    other: ColliderHandle,
-    visit: impl FnOnce(RigidBodyHandle),
-) {
-    let parent = region.physics().colliders.get(other).and_then(Collider::parent);
-    if let Some(parent) = parent.filter(|&parent| parent != of && is_movable(region, parent)) {
-        visit(parent);
-    }
-}
-
-fn is_movable(region: &Region, handle: RigidBodyHandle) -> bool {
-    region.role_of(handle).is_some_and(|(_, role)| role != Role::Immovable)
 }

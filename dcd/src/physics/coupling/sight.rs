@@ -5,8 +5,10 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Moment;
+use super::share::SharedBodies;
+use super::{Border, Moment};
 use crate::physics::convert;
+use crate::physics::outbox::Outbox;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Link, Region, Role};
 use crate::physics::renumber::Renumbering;
@@ -152,10 +154,9 @@ impl Sights {
 
     /// Bodies owned here that will meet one whose contacts another region solves though it is owned here, with that region's rank: it
     /// must have them by then.
-    pub(super) fn joining(&self, region: &Region) -> Vec<(RigidBodyHandle, usize)> {
-        let led = region.shared.iter().filter_map(|&link| {
-            let rank =
-                region.slot(link.handle).shared.as_ref()?.led_by.filter(|rank| *rank != region.rank())?;
+    pub(super) fn joining(&self, region: &Region, shared: &SharedBodies) -> Vec<(RigidBodyHandle, usize)> {
+        let led = region.shared().iter().filter_map(|&link| {
+            let rank = shared.get(link.handle)?.led_by.filter(|rank| *rank != region.rank())?;
             Some(Sighting { goes: RegionSet::only(rank), ..near(region, link, self.tick_s).sighting() })
         });
         let led: Vec<_> = led.collect();
@@ -260,9 +261,9 @@ fn cut(inner: &mut Bounds, away: &Bounds) {
 
 /// Takes in what another region shows. Bodies here that it did not reach before are to be looked at once: what sleeps is not
 /// looked at by itself, nor for some ticks what was far from any border.
-pub(super) fn see(region: &mut Region, rank: usize, message: &BorderMessage) {
+pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &BorderMessage) {
     let Some(sight) = &message.sight else { return };
-    let before = region.border.sights.seen[rank].extent;
+    let before = border.sights.seen[rank].extent;
     for part in sight.extent.iter().flat_map(|extent| beyond(extent, before.as_ref())) {
         let part = part.grown(MARGIN_M);
         let aabb = Aabb::new(
@@ -270,10 +271,9 @@ pub(super) fn see(region: &mut Region, rank: usize, message: &BorderMessage) {
             convert::region_point(region.anchor(), part.max),
         );
         let found = region.physics().intersect_aabb_conservative(aabb, QueryFilter::exclude_fixed());
-        let found: Vec<_> = found.filter_map(|(_, collider)| collider.parent()).collect();
-        region.overlooked.extend(found);
+        border.overlooked.extend(found.filter_map(|(_, collider)| collider.parent()));
     }
-    let sights = &mut region.border.sights;
+    let sights = &mut border.sights;
     sights.seen[rank] = sight.clone();
     sights.changed.insert(rank);
 }
@@ -322,7 +322,7 @@ pub(super) fn look(
         let place = sights.near.binary_search_by_key(&link.id, |near| near.link.id);
         let rest = sights.rest_of(region, handle, tick_s);
         if rest > 0 {
-            region.due[handle.into_raw_parts().0 as usize] = now + rest;
+            region.rest_until(handle, now + rest);
             if let Ok(place) = place {
                 sights.near.remove(place);
             }
@@ -364,7 +364,7 @@ fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
 }
 
 /// Says to every other region what it must see, if that changed.
-pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>) {
+pub(super) fn show(region: &Region, sights: &mut Sights, outbox: &mut Outbox, moment: Moment<'_>) {
     let own = RegionSet::only(region.rank());
     let mut extent: Option<Bounds> = None;
     let fast: Vec<_> = sights.seen.iter().map(|sight| fast_bounds(sight, sights.tick_s)).collect();
@@ -412,7 +412,7 @@ pub(super) fn show(region: &mut Region, sights: &mut Sights, moment: Moment<'_>)
         if (shown.extent, shown.visitors) != (extent, met) || shown.bodies != *list {
             *shown = Sight { extent, visitors: met, bodies: std::mem::take(list) };
             sights.changed.insert(rank);
-            region.outbox.to(rank).sight = Some(sights.shown[rank].clone());
+            outbox.to(rank).sight = Some(sights.shown[rank].clone());
         }
         list.clear();
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Region, RegionHost};
+use super::{RegionHost, Side};
 use crate::space::{BodyId, Cell, RegionId, RegionSet};
 
 /// The border of two regions.
@@ -30,20 +30,20 @@ impl RegionHost {
     /// hold the same body.
     pub fn borders(&self) -> Vec<BorderView> {
         let mut shared = self.bodies_shared();
-        for (at, a) in self.regions.iter().enumerate() {
-            for b in self.regions[at + 1..].iter().filter(|b| share_a_face(a.cell(), b.cell())) {
+        for (at, a) in self.regions().enumerate() {
+            for b in self.regions().skip(at + 1).filter(|b| share_a_face(a.cell(), b.cell())) {
                 shared.entry((a.rank(), b.rank())).or_default();
             }
         }
-        let here = |rank: usize| self.place_of[rank].map(|place| &self.regions[place]);
+        let here = |rank: usize| self.place_of[rank].map(|place| &self.sides[place]);
         let view = |((a, b), bodies)| {
             let (a, b) = (here(a)?, here(b)?);
             let agrees = self.settings.coupling.shares_mass();
             let deeper = a.border.pace.extra_depth().max(b.border.pace.extra_depth());
-            let from = |one: &Region, other: &Region| one.border.pace.disagreement_with_m_s(other.rank());
+            let from = |one: &Side, other: &Side| one.border.pace.disagreement_with_m_s(other.region.rank());
             Some(BorderView {
-                a: a.id(),
-                b: b.id(),
+                a: a.region.id(),
+                b: b.region.id(),
                 bodies,
                 exchanges: a.steps().min(b.steps()),
                 depth: if agrees { self.settings.depth + deeper } else { 0 },
@@ -57,15 +57,15 @@ impl RegionHost {
     pub fn holders(&self, id: BodyId) -> usize {
         match self.owned(id) {
             Some((region, handle)) => 1 + region.slot(handle).holders.len(),
-            None => self.regions.iter().filter(|region| region.handle_of(id).is_some()).count(),
+            None => self.regions().filter(|region| region.handle_of(id).is_some()).count(),
         }
     }
 
     /// By ranks in ascending order: how many bodies both hold.
     fn bodies_shared(&self) -> BTreeMap<(usize, usize), usize> {
         let mut shared = BTreeMap::new();
-        for region in &self.regions {
-            for link in &region.shared {
+        for region in self.regions() {
+            for link in region.shared() {
                 let own = RegionSet::only(region.rank());
                 let ranks: Vec<_> = region.slot(link.handle).holders.union(own).iter().collect();
                 for (at, &a) in ranks.iter().enumerate() {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
-use super::{HostError, RegionHost};
+use super::{HostError, RegionHost, Side};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Region, Role};
@@ -17,7 +17,7 @@ impl RegionHost {
     /// change returned for the owner's copy, or for the first other copy when the owner is elsewhere.
     pub fn update<R>(&mut self, id: BodyId, mut change: impl FnMut(&mut RigidBody) -> R) -> Option<R> {
         let mut result = None;
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
             let returned = region.change(handle, &mut change);
@@ -43,7 +43,7 @@ impl RegionHost {
         let shape_of = |body: &BodyRecord| body.traits.colliders.get(index).map(|collider| collider.shape);
         let shape = self.record(id).as_ref().and_then(shape_of);
         let (mut result, mut reach_m) = (None, 0.0f32);
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
             let Some(returned) = region.update_collider(handle, index, &mut self.shapes, &mut change) else {
@@ -57,7 +57,7 @@ impl RegionHost {
         }
         match self.statics.body(id).cloned() {
             Some(known) => {
-                let copies = self.regions.iter().filter_map(|region| Some((region, region.handle_of(id)?)));
+                let copies = self.regions().filter_map(|region| Some((region, region.handle_of(id)?)));
                 let Some(traits) = copies.map(|(region, handle)| region.slot(handle).traits.clone()).next()
                 else {
                     return Ok(result);
@@ -82,7 +82,7 @@ impl RegionHost {
     /// Applies a change to every copy of a joint held here.
     pub fn update_joint(&mut self, id: JointId, mut change: impl FnMut(&mut GenericJoint)) -> bool {
         let mut found = false;
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             found |= region.change_joint(id, &mut change);
         }
         found
@@ -91,7 +91,7 @@ impl RegionHost {
     /// Changes what a multibody joint has besides what every joint has. Returns whether there is such a joint.
     pub fn update_link(&mut self, id: JointId, settings: &LinkSettings) -> bool {
         let mut found = false;
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             found |= region.change_link(id, settings);
         }
         found
@@ -99,13 +99,13 @@ impl RegionHost {
 
     /// Where a link of a multibody is and how it moves, if its region is computed here and has stepped.
     pub fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
-        self.regions.iter().find_map(|region| region.link_motion(id))
+        self.regions().find_map(|region| region.link_motion(id))
     }
 
     /// Sets how fast a link of a multibody moves. Returns whether there is such a joint.
     pub fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
         let mut found = false;
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             found |= region.set_link_velocity(id, velocity);
         }
         found
@@ -113,13 +113,13 @@ impl RegionHost {
 
     /// A joint, whole, if any region here holds it.
     pub fn joint(&self, id: JointId) -> Option<JointRecord> {
-        self.regions.iter().find_map(|region| region.joint_record(id))
+        self.regions().find_map(|region| region.joint_record(id))
     }
 
     /// The joints of a body, whole, by id; an immovable one has them in many regions, each of which has those of its own
     /// bodies.
     pub fn all_joints_of(&self, id: BodyId) -> BTreeMap<JointId, JointRecord> {
-        let holders = self.regions.iter().filter_map(|region| Some((region, region.handle_of(id)?)));
+        let holders = self.regions().filter_map(|region| Some((region, region.handle_of(id)?)));
         let joints = holders.flat_map(|(region, handle)| region.joints_of(handle));
         joints.map(|joint| (joint.id, joint)).collect()
     }
@@ -128,7 +128,7 @@ impl RegionHost {
     /// about them. Summed over the regions here that hold it. Rapier makes
     /// what it solves orthogonal first, so the numbers of several axes are mixed.
     pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
-        let loads = self.regions.iter().filter_map(|region| region.joint_load(id));
+        let loads = self.regions().filter_map(|region| region.joint_load(id));
         loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
     }
 
@@ -139,7 +139,7 @@ impl RegionHost {
             return Err(HostError::NotFinite(id));
         }
         let mut held = false;
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             if let Some(handle) = region.handle_of(id) {
                 let pose = convert::region_from_world(region.anchor(), &pose);
                 region.change(handle, |body| body.set_next_kinematic_position(pose));
@@ -161,7 +161,7 @@ impl RegionHost {
             if is_sent {
                 let (rank, to) =
                     (owner.rank(), convert::world_from_region(owner.anchor(), body.next_position()));
-                for region in self.regions.iter_mut().filter(|region| region.rank() != rank) {
+                for Side { region, .. } in self.sides.iter_mut().filter(|side| side.region.rank() != rank) {
                     if let Some(handle) = region.handle_of(id) {
                         let to = convert::region_from_world(region.anchor(), &to);
                         region.change(handle, |body| body.set_next_kinematic_position(to));
@@ -176,7 +176,7 @@ impl RegionHost {
         let of = |region: &Region, handle: RigidBodyHandle| {
             region.physics().bodies[handle].mass() * region.share_of(handle) as f32
         };
-        let here = || self.regions.iter().find_map(|region| Some(of(region, region.handle_of(id)?)));
+        let here = || self.regions().find_map(|region| Some(of(region, region.handle_of(id)?)));
         self.owned(id).map(|(region, handle)| of(region, handle)).or_else(here)
     }
 
@@ -184,7 +184,7 @@ impl RegionHost {
     pub fn region_pose(&self, id: BodyId, pose: &WorldPose) -> Option<Pose> {
         let holds = |region: &&Region| region.handle_of(id).is_some();
         let owner = self.owned(id).map(|(region, _)| region);
-        let region = owner.or_else(|| self.regions.iter().find(holds))?;
+        let region = owner.or_else(|| self.regions().find(holds))?;
         Some(convert::region_from_world(region.anchor(), pose))
     }
 
@@ -219,7 +219,7 @@ impl RegionHost {
     /// any region here holds it.
     pub fn move_copies(&mut self, id: BodyId, pose: WorldPose) -> bool {
         let mut held = false;
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             if let Some(handle) = region.handle_of(id) {
                 let pose = convert::region_from_world(region.anchor(), &pose);
                 region.change(handle, |body| body.set_position(pose, true));
@@ -271,7 +271,7 @@ mod tests {
         let id = BodyId::persistent(1);
         let (region, handle) = host.owned(id).unwrap();
         let (rank, transfers) = (region.rank(), host.transfers());
-        host.regions[rank].arrived.push(Link { id, handle });
+        host.sides[rank].border.note_arrival(Link { id, handle });
         host.note_arrivals();
         assert_eq!(host.owned(id).map(|(region, _)| region.rank()), Some(rank));
         host.remove(id);
@@ -284,11 +284,11 @@ mod tests {
     fn a_copy_that_is_not_finite_is_restored_from_the_others() {
         let mut host = pair();
         let id = BodyId::persistent(1);
-        let handle = host.regions[0].handle_of(id).unwrap();
-        assert_eq!(host.regions[0].share_of(handle), 2);
-        host.regions[0].world_mut().bodies[handle].set_linvel(Vector::splat(f32::NAN), true);
+        let handle = host.sides[0].region.handle_of(id).unwrap();
+        assert_eq!(host.sides[0].region.share_of(handle), 2);
+        host.sides[0].region.world_mut().bodies[handle].set_linvel(Vector::splat(f32::NAN), true);
         host.step().unwrap();
-        assert_eq!(host.regions[0].quarantined(), [id]);
+        assert_eq!(host.sides[0].region.quarantined(), [id]);
         for _ in 0..60 {
             host.step().unwrap();
         }

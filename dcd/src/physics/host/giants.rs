@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use rapier3d::prelude::*;
 
+use crate::physics::coupling::Side;
 use crate::physics::region::{Region, Role};
 use crate::protocol::BodyKind;
 use crate::space::{BodyId, Bounds};
@@ -18,11 +19,11 @@ pub(super) struct Giants {
 }
 
 impl Giants {
-    pub(super) fn find(regions: &[Region], limit: usize) -> Self {
-        let mut bodies: Vec<_> = regions
+    pub(super) fn find(sides: &[Side], limit: usize) -> Self {
+        let mut bodies: Vec<_> = sides
             .iter()
             .enumerate()
-            .flat_map(|(place, region)| {
+            .flat_map(|(place, Side { region, .. })| {
                 let owned = region
                     .bodies()
                     .filter(move |(_, role, handle, _)| *role == Role::Owner && is_part(region, *handle));
@@ -34,7 +35,7 @@ impl Giants {
         }
         bodies.sort_unstable_by_key(|&(id, ..)| id);
         let mut groups = Groups((0..bodies.len()).collect());
-        for region in regions {
+        for Side { region, .. } in sides {
             join(region, |id| bodies.binary_search_by_key(&id, |&(id, ..)| id).ok(), &mut groups);
         }
         let mut sizes = vec![0; bodies.len()];
@@ -44,7 +45,7 @@ impl Giants {
         for (body, &(id, place, handle)) in bodies.iter().enumerate() {
             let root = groups.root(body);
             if sizes[root] > limit {
-                let bounds = regions[place].world_bounds(handle);
+                let bounds = sides[place].region.world_bounds(handle);
                 let island = *of_root[root].get_or_insert_with(|| {
                     giants.boxes.push(bounds);
                     giants.boxes.len() - 1
@@ -83,8 +84,8 @@ fn join(region: &Region, place_of: impl Fn(BodyId) -> Option<usize>, groups: &mu
             groups.join(a, b);
         }
     }
-    for joint in region.joints.values() {
-        if let (Some(a), Some(b)) = (place_of(joint.record.a), place_of(joint.record.b)) {
+    for (a, b) in region.ties() {
+        if let (Some(a), Some(b)) = (place_of(a), place_of(b)) {
             groups.join(a, b);
         }
     }

@@ -19,106 +19,17 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::threads::{Threads, Trial, WORTH_WAKING};
-use super::coupling::{Coupling, Ground, Moment};
+use super::coupling::{Ground, Moment, Side};
 use super::directory::{Directory, Home};
-use super::follow;
 use super::hooks::ContactHooks;
 use super::outbox::Outbox;
 use super::partition::Partition;
 use super::region::{Region, Role};
+use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
-use crate::protocol::{
-    BIG_ISLAND, BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose,
-};
+use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, Tick};
-
-/// No island is too large to be in one region whole: the most that may be asked for.
-const WHOLE: usize = BIG_ISLAND as usize - 1;
-
-/// How a world is stepped.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StepSettings {
-    /// m/s².
-    pub gravity: [f32; 3],
-    /// Seconds a tick.
-    pub dt_s: f32,
-    /// Solver iterations a tick, shared out among its micro-steps.
-    pub solver_iterations: usize,
-    /// How regions agree.
-    pub coupling: Coupling,
-    /// Micro-steps a tick, with an exchange after each; with [`Coupling::Auto`] the most that a border may take.
-    pub exchanges: usize,
-    /// Contact hops across a border within which bodies live in both regions, for couplings that overlap.
-    pub depth: usize,
-    /// The most bodies of an island that moves whole, for couplings that move islands; up to 65,534, which is as good as no limit.
-    pub island_limit: usize,
-    /// The disagreement of replicas that [`Coupling::Auto`] tolerates, in metres per second.
-    pub tolerance_m_s: f32,
-    /// All else that Rapier's solver may be told, in every region alike; its `dt` and `num_solver_iterations` are those above. A
-    /// served world has Rapier's own.
-    pub integration: IntegrationParameters,
-}
-
-impl Default for StepSettings {
-    fn default() -> Self {
-        Self {
-            gravity: [0.0, -9.81, 0.0],
-            dt_s: 1.0 / 60.0,
-            solver_iterations: 4,
-            coupling: Coupling::default(),
-            exchanges: Coupling::default().usual_exchanges(),
-            depth: 2,
-            island_limit: WHOLE,
-            tolerance_m_s: 0.03,
-            integration: IntegrationParameters::default(),
-        }
-    }
-}
-
-/// How much accuracy a world asks of [`Coupling::Auto`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Preset {
-    /// Speed first: islands of more than 256 bodies are cut, and the copies at such a cut may differ by 0.1 m/s.
-    Draft,
-    /// What games want: every island whole in one region; 0.03 m/s where one is cut all the same.
-    #[default]
-    Game,
-    /// As `Game`, but 0.01 m/s and three hops deep where an island is cut all the same.
-    Precise,
-}
-
-impl Preset {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Draft, Self::Game, Self::Precise];
-
-    /// Its name on the command line and in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Draft => "draft",
-            Self::Game => "game",
-            Self::Precise => "precise",
-        }
-    }
-}
-
-impl StepSettings {
-    /// The same with another coupling, and the exchanges that are usual for it.
-    pub fn with_coupling(self, coupling: Coupling) -> Self {
-        Self { coupling, exchanges: coupling.usual_exchanges(), ..self }
-    }
-
-    /// The same with [`Coupling::Auto`] and what the preset stands for.
-    pub fn with_preset(self, preset: Preset) -> Self {
-        let (exchanges, depth, island_limit, tolerance_m_s) = match preset {
-            Preset::Draft => (2, 2, 256, 0.1),
-            Preset::Game => (4, 2, WHOLE, 0.03),
-            Preset::Precise => (4, 3, WHOLE, 0.01),
-        };
-        Self { coupling: Coupling::Auto, exchanges, depth, island_limit, tolerance_m_s, ..self }
-    }
-}
 
 /// Why a host cannot do what it is asked.
 #[derive(Debug, thiserror::Error)]
@@ -170,9 +81,9 @@ pub struct RegionHost {
     settings: StepSettings,
     shapes: ShapeLibrary,
     statics: Statics,
-    /// Those computed here, in rank order.
-    regions: Vec<Region>,
-    /// By rank: where in `regions`.
+    /// The regions computed here with their sides of borders, in rank order.
+    sides: Vec<Side>,
+    /// By rank: where in `sides`.
     place_of: Vec<Option<usize>>,
     directory: Directory,
     #[serde(skip)]
@@ -212,7 +123,7 @@ impl RegionHost {
             settings,
             shapes: ShapeLibrary::default(),
             statics: Statics::default(),
-            regions: Vec::new(),
+            sides: Vec::new(),
             directory: Directory::default(),
             hooks: None,
             threads: Threads::default(),
@@ -235,13 +146,13 @@ impl RegionHost {
 
     /// Restored from a snapshot: Rapier hears again what its own part of the snapshot left out.
     pub(crate) fn resume(&mut self) {
-        self.regions.iter_mut().for_each(Region::repeat_joint_changes);
+        self.sides.iter_mut().for_each(|side| side.region.repeat_joint_changes());
     }
 
     /// Steps by so many threads from now on; 1 uses the calling thread, which few bodies do anyhow. What happens does not depend
     /// on it. With the feature `parallel` the only region has all of them, several share them out; without, each has one.
     pub fn set_threads(&mut self, threads: usize) -> Result<(), HostError> {
-        self.threads = Threads::new(threads, self.regions.len())?;
+        self.threads = Threads::new(threads, self.sides.len())?;
         Ok(())
     }
 
@@ -254,12 +165,12 @@ impl RegionHost {
     pub(crate) fn serve_as(&mut self, former: &Self) -> Result<(), HostError> {
         self.threads = former.threads.clone();
         self.set_hooks(former.hooks.clone());
-        self.threads.suit(self.regions.len())
+        self.threads.suit(self.sides.len())
     }
 
     /// Whether so much is awake that it may be worth waking other threads.
     fn is_busy(&self) -> bool {
-        let awake = self.regions.iter().flat_map(|region| region.physics().islands.active_bodies());
+        let awake = self.regions().flat_map(|region| region.physics().islands.active_bodies());
         self.threads.are_teams() && awake.take(WORTH_WAKING).count() == WORTH_WAKING
     }
 
@@ -277,8 +188,8 @@ impl RegionHost {
 
     /// Asks these hooks about contacts in every region from now on; `None` asks nobody.
     pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) {
-        for region in &mut self.regions {
-            region.hooks = hooks.clone();
+        for side in &mut self.sides {
+            side.region.set_hooks(hooks.clone());
         }
         self.hooks = hooks;
     }
@@ -304,59 +215,62 @@ impl RegionHost {
         let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
         let partition = Arc::clone(&self.partition);
         if round == 1 {
-            for region in &mut self.regions {
-                region.rests = region.is_idle();
+            for side in &mut self.sides {
+                let rests = side.is_idle();
+                side.region.begin_tick(rests);
             }
         }
         let is_due =
-            move |region: &Region, moment: &Moment<'_>| !region.rests && moment.is_due(region.steps());
+            move |side: &Side, moment: &Moment<'_>| !side.region.rests() && moment.is_due(side.steps());
         let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
         let mut any_is_due = false;
-        for region in &mut self.regions {
-            if is_due(region, &moment) {
+        for side in &mut self.sides {
+            if is_due(side, &moment) {
                 any_is_due = true;
             } else {
-                region.be_silent(tick);
+                side.outbox.clear(tick);
             }
         }
-        let step = move |region: &mut Region| {
+        let step = move |side: &mut Side| {
             let start = Instant::now();
             let moment = Moment::new(&partition, &settings, tick, rounds, round);
-            let steps = region.steps();
+            let steps = side.steps();
+            let region = &mut side.region;
             if round == 1 {
-                follow::follow(region, tick);
+                region.follow_bodies(tick);
             }
             let moment = Moment { dt_s: settings.dt_s / steps as f32, ..moment };
             settings.coupling.prepare(region, moment.dt_s);
-            region.step(&IntegrationParameters {
+            let parameters = IntegrationParameters {
                 dt: moment.dt_s,
                 num_solver_iterations: settings.solver_iterations.div_ceil(steps).max(1),
                 ..settings.integration
-            });
-            settings.coupling.gather(region, moment);
-            region.count_time(start.elapsed(), round == 1);
+            };
+            region.step(&parameters, steps);
+            settings.coupling.gather(side, moment);
+            side.region.count_time(start.elapsed(), round == 1);
         };
         if self.threads.are_entered() {
-            let heaviest = heaviest(&self.regions);
-            let due = self.regions.iter_mut().enumerate().filter(|(_, region)| is_due(region, &moment));
+            let heaviest = heaviest(self.regions());
+            let due = self.sides.iter_mut().enumerate().filter(|(_, side)| is_due(side, &moment));
             let (heavy, others): (Vec<_>, Vec<_>) = due.partition(|(place, _)| Some(*place) == heaviest);
             // First, with all threads: one alone would be at it when all others have long been done.
-            for (_, region) in heavy {
-                self.threads.together(|| step(region));
+            for (_, side) in heavy {
+                self.threads.together(|| step(side));
             }
-            self.threads.share_out(others.into_iter().map(|(_, region)| region).collect(), step);
+            self.threads.share_out(others.into_iter().map(|(_, side)| side).collect(), step);
         } else if any_is_due {
             let partition = Arc::clone(&self.partition);
-            threads::alone(&mut self.regions, move |regions| {
+            threads::alone(&mut self.sides, move |sides| {
                 let moment = Moment::new(&partition, &settings, tick, rounds, round);
-                regions.iter_mut().filter(|region| is_due(region, &moment)).for_each(step);
+                sides.iter_mut().filter(|side| is_due(side, &moment)).for_each(step);
             });
         }
     }
 
     /// What regions here have to say to regions elsewhere, non-empty messages only.
     pub fn outgoing(&self) -> impl Iterator<Item = &BorderMessage> {
-        let letters = self.regions.iter().flat_map(|region| region.outbox.letters());
+        let letters = self.sides.iter().flat_map(|side| side.outbox.letters());
         letters.filter(|(rank, _)| self.place_of[*rank].is_none()).map(|(_, message)| message)
     }
 
@@ -368,7 +282,7 @@ impl RegionHost {
     /// Takes in what was accepted, and nothing else: no tick ends with it.
     pub fn drain(&mut self) -> Result<(), HostError> {
         let tick = self.tick;
-        self.regions.iter_mut().for_each(|region| region.outbox.clear(tick));
+        self.sides.iter_mut().for_each(|side| side.outbox.clear(tick));
         self.exchange()
     }
 
@@ -384,13 +298,13 @@ impl RegionHost {
     fn exchange_here(&mut self) -> Result<(), HostError> {
         if self.partition.len() > 1 {
             let outboxes: Vec<_> =
-                self.regions.iter_mut().map(|region| std::mem::take(&mut region.outbox)).collect();
+                self.sides.iter_mut().map(|side| std::mem::take(&mut side.outbox)).collect();
             let ground = Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
             let (incoming, place_of, settings) = (&self.incoming, &self.place_of, self.settings);
             let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
             let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
             let failure = std::sync::Mutex::new(None);
-            let mut inboxes = vec![Vec::new(); self.regions.len()];
+            let mut inboxes = vec![Vec::new(); self.sides.len()];
             let here = outboxes.iter().flat_map(Outbox::letters);
             let elsewhere = incoming.iter().map(|message| {
                 (ground.partition.rank_of(message.to).expect("messages go to regions of this tree"), message)
@@ -403,19 +317,21 @@ impl RegionHost {
             // Ids are in rank order; what one region said in several ticks stays in order.
             inboxes.iter_mut().for_each(|inbox| inbox.sort_by_key(|message| message.from));
             let inbox_of = |region: &Region| &inboxes[place_of[region.rank()].expect("hosted here")];
-            let is_due = |region: &Region| {
-                moment.is_due(region.steps()) && !(region.rests && inbox_of(region).is_empty())
+            let is_due = |side: &Side| {
+                moment.is_due(side.steps()) && !(side.region.rests() && inbox_of(&side.region).is_empty())
             };
-            let due = self.regions.iter_mut().filter(|region| is_due(region)).collect();
-            self.threads.share_out(due, |region| {
-                let inbox = inbox_of(region);
-                region.stirred |= !inbox.is_empty();
-                if let Err(error) = settings.coupling.apply(region, inbox.iter().copied(), ground, moment) {
+            let due = self.sides.iter_mut().filter(|side| is_due(side)).collect();
+            self.threads.share_out(due, |side| {
+                let inbox = inbox_of(&side.region);
+                if !inbox.is_empty() {
+                    side.region.stir();
+                }
+                if let Err(error) = settings.coupling.apply(side, inbox.iter().copied(), ground, moment) {
                     failure.lock().expect("no panic while locked").get_or_insert(error);
                 }
             });
-            for (region, outbox) in self.regions.iter_mut().zip(outboxes) {
-                region.outbox = outbox;
+            for (side, outbox) in self.sides.iter_mut().zip(outboxes) {
+                side.outbox = outbox;
             }
             self.incoming.clear();
             self.note_arrivals();
@@ -429,7 +345,7 @@ impl RegionHost {
     /// A whole tick of a host that computes every region.
     pub fn step(&mut self) -> Result<(), HostError> {
         assert_eq!(
-            self.regions.len(),
+            self.sides.len(),
             self.partition.len(),
             "a node's exchange needs its neighbours' messages"
         );
@@ -439,8 +355,8 @@ impl RegionHost {
 
     fn step_all(&mut self) -> Result<(), HostError> {
         self.handovers.clear();
-        if self.partition.len() > 1 && self.regions.iter().any(|region| !region.fresh.is_empty()) {
-            let fresh = self.regions.iter().flat_map(|region| &region.fresh).map(|link| link.id);
+        if self.partition.len() > 1 && self.regions().any(|region| !region.fresh().is_empty()) {
+            let fresh = self.regions().flat_map(Region::fresh).map(|link| link.id);
             let fresh: Vec<_> = fresh.collect();
             self.announce();
             self.exchange_here()?;
@@ -465,14 +381,13 @@ impl RegionHost {
 
     /// What the regions saw of contacts since [`RegionHost::clear_events`], in rank order.
     pub fn events(&self) -> impl Iterator<Item = &RegionEvents> {
-        self.regions.iter().map(|region| &region.events)
+        self.regions().map(Region::events)
     }
 
     /// Forgets what the regions saw.
     pub fn clear_events(&mut self) {
-        for region in &mut self.regions {
-            region.events.touches.clear();
-            region.events.forces.clear();
+        for side in &mut self.sides {
+            side.region.clear_events();
         }
     }
 
@@ -497,8 +412,13 @@ impl RegionHost {
     }
 
     /// The regions computed here, in rank order.
-    pub fn regions(&self) -> &[Region] {
-        &self.regions
+    pub fn regions(&self) -> impl ExactSizeIterator<Item = &Region> + Clone {
+        self.sides.iter().map(|side| &side.region)
+    }
+
+    /// The region of a rank, if it is computed here.
+    fn region_at(&self, rank: usize) -> Option<&Region> {
+        Some(&self.sides[self.place_of[rank]?].region)
     }
 
     /// Bodies that changed owner since the host was made, counted by the new owner.
@@ -515,8 +435,7 @@ impl RegionHost {
     #[inline]
     pub fn owned(&self, id: BodyId) -> Option<(&Region, RigidBodyHandle)> {
         let home = self.directory.home(id)?;
-        let region = &self.regions[self.place_of[home.rank]?];
-        Some((region, home.handle))
+        Some((self.region_at(home.rank)?, home.handle))
     }
 
     /// An immovable body by name.
@@ -532,12 +451,12 @@ impl RegionHost {
         if let Some((region, handle)) = self.owned(id) {
             return Some(region.body_record(handle));
         }
-        self.regions.iter().find_map(|region| Some(region.body_record(region.handle_of(id)?)))
+        self.regions().find_map(|region| Some(region.body_record(region.handle_of(id)?)))
     }
 
     /// The joints of one body, whole, in order of insertion.
     pub fn joints_of(&self, id: BodyId) -> impl Iterator<Item = JointRecord> {
-        let held = self.regions.iter().find_map(|region| Some((region, region.handle_of(id)?)));
+        let held = self.regions().find_map(|region| Some((region, region.handle_of(id)?)));
         held.into_iter().flat_map(|(region, handle)| region.joints_of(handle))
     }
 
@@ -551,14 +470,12 @@ impl RegionHost {
 
     /// Every movable body owned here in id order, with its region and Rapier's handle there.
     pub fn owned_bodies(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
-        self.directory
-            .homes()
-            .filter_map(|(id, home)| Some((id, &self.regions[self.place_of[home.rank]?], home.handle)))
+        self.directory.homes().filter_map(|(id, home)| Some((id, self.region_at(home.rank)?, home.handle)))
     }
 
     /// Every movable body held here, owned or replica, in id order.
     pub fn held_bodies(&self) -> BTreeSet<BodyId> {
-        let held = self.regions.iter().flat_map(Region::bodies);
+        let held = self.regions().flat_map(Region::bodies);
         held.map(|(id, ..)| id).filter(|&id| self.statics.body(id).is_none()).collect()
     }
 
@@ -574,11 +491,11 @@ impl RegionHost {
 
     fn index(&mut self) {
         self.place_of.fill(None);
-        for (place, region) in self.regions.iter().enumerate() {
-            self.place_of[region.rank()] = Some(place);
+        for (place, side) in self.sides.iter().enumerate() {
+            self.place_of[side.region.rank()] = Some(place);
         }
         self.directory = Directory::default();
-        for region in &self.regions {
+        for Side { region, .. } in &self.sides {
             for (id, role, handle, _) in region.bodies() {
                 if role == Role::Owner {
                     self.directory.set(id, Home { rank: region.rank(), handle });
@@ -588,26 +505,27 @@ impl RegionHost {
     }
 
     fn note_arrivals(&mut self) {
-        for (_, message) in self.regions.iter().flat_map(|region| region.outbox.letters()) {
+        for (_, message) in self.sides.iter().flat_map(|side| side.outbox.letters()) {
             for transfer in &message.transfers {
                 self.directory.remove(transfer.body.id);
                 self.handovers.push(Handover { body: transfer.body.id, from: message.from, to: message.to });
             }
         }
-        for region in &mut self.regions {
-            let rank = region.rank();
-            self.transfers += region.arrived.len() as u64;
+        for side in &mut self.sides {
+            let rank = side.region.rank();
             // Once: what arrived may be gone when the region, at rest, has not looked at its letters since.
-            for link in region.arrived.drain(..) {
+            for link in side.border.take_arrived() {
+                self.transfers += 1;
                 self.directory.set(link.id, Home { rank, handle: link.handle });
             }
         }
     }
 }
+
 /// The region that has more than half of all awake bodies, if it is worth more than one thread.
-fn heaviest(regions: &[Region]) -> Option<usize> {
-    let awake = |region: &Region| region.physics().islands.active_bodies().count();
-    let (place, most) = regions.iter().map(awake).enumerate().max_by_key(|&(_, awake)| awake)?;
-    let all: usize = regions.iter().map(awake).sum();
+fn heaviest<'a>(regions: impl Iterator<Item = &'a Region> + Clone) -> Option<usize> {
+    let awake = regions.map(|region| region.physics().islands.active_bodies().count());
+    let (place, most) = awake.clone().enumerate().max_by_key(|&(_, awake)| awake)?;
+    let all: usize = awake.sum();
     (2 * most > all && most >= 4 * WORTH_WAKING).then_some(place)
 }

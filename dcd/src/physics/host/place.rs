@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::{HostError, RegionHost, StepSettings};
-use crate::physics::coupling::Moment;
+use crate::physics::coupling::{Moment, Side};
 use crate::physics::directory::Home;
-use crate::physics::follow;
 use crate::physics::placement::Placement;
-use crate::physics::region::{Region, Role};
+use crate::physics::region::{Region, Role, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};
@@ -23,18 +22,17 @@ impl RegionHost {
         let cell = *self.partition.cell(rank);
         let StepSettings { gravity, coupling, exchanges, .. } = self.settings;
         let steps = coupling.first_steps(exchanges);
-        let mut region = Region::new(id, rank, cell, &part, gravity, self.partition.leaves(), steps);
-        region.shares_mass = coupling.shares_mass();
-        region.hooks = self.hooks.clone();
-        let place = self.regions.partition_point(|other| other.rank() < rank);
-        self.regions.insert(place, region);
+        let mut region = Region::new(id, rank, cell, &part, gravity);
+        region.set_hooks(self.hooks.clone());
+        let place = self.sides.partition_point(|other| other.region.rank() < rank);
+        self.sides.insert(place, Side::new(region, self.partition.leaves(), steps));
         self.index();
     }
 
     /// Gives a region up, with all that it holds.
     fn remove_region(&mut self, id: RegionId) {
         if let Some(place) = self.partition.rank_of(id).and_then(|rank| self.place_of[rank]) {
-            self.regions.remove(place);
+            self.sides.remove(place);
             self.index();
         }
     }
@@ -65,7 +63,7 @@ impl RegionHost {
         joints: &[JointRecord],
         dropped: &[BodyId],
     ) -> Result<(), HostError> {
-        for region in self.regions.iter().map(Region::id).collect::<Vec<_>>() {
+        for region in self.regions().map(Region::id).collect::<Vec<_>>() {
             if !hosted.contains(&region) {
                 self.remove_region(region);
             }
@@ -75,22 +73,22 @@ impl RegionHost {
         placed
             .retain(|(_, body)| body.traits.kind != BodyKind::Fixed || self.statics.body(body.id).is_none());
         for id in placed.iter().map(|(_, body)| body.id).chain(dropped.iter().copied()) {
-            for region in &mut self.regions {
-                region.remove(id);
+            for side in &mut self.sides {
+                side.region.remove(id);
             }
             self.directory.remove(id);
         }
         let steps = self.settings.coupling.first_steps(self.settings.exchanges);
         self.rounds = steps;
-        for region in &mut self.regions {
-            region.forget_holders(self.partition.len(), steps);
+        for side in &mut self.sides {
+            side.forget_holders(self.partition.len(), steps);
         }
         for &id in hosted {
-            if !self.regions.iter().any(|region| region.id() == id) {
+            if !self.regions().any(|region| region.id() == id) {
                 self.add_region(id);
             }
         }
-        self.threads.suit(self.regions.len())?;
+        self.threads.suit(self.sides.len())?;
         // New regions get what is immovable in the same pass, so that all is inserted in id order, as in a new world.
         placed.extend(self.statics.bodies().map(|body| (RegionId(0), body.clone())));
         placed.sort_by_key(|(_, body)| body.id);
@@ -126,14 +124,14 @@ impl RegionHost {
     pub fn announce(&mut self) {
         let settings = self.settings;
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0);
-        let all = self.regions.iter_mut().collect();
-        self.threads.share_out(all, |region| settings.coupling.announce(region, moment));
+        let all = self.sides.iter_mut().collect();
+        self.threads.share_out(all, |side| settings.coupling.announce(side, moment));
     }
 
     /// Lets go of replicas that no owner has announced since [`RegionHost::rebuild`].
     pub fn drop_unconfirmed(&mut self) {
-        for region in &mut self.regions {
-            for link in region.replicas.clone() {
+        for Side { region, .. } in &mut self.sides {
+            for link in region.replicas().to_vec() {
                 if !region.slot(link.handle).confirmed {
                     region.remove(link.id);
                 }
@@ -144,7 +142,7 @@ impl RegionHost {
     /// Takes a body out of every region. Returns whether any held it.
     pub fn remove(&mut self, id: BodyId) -> bool {
         let mut held = self.statics.remove(id);
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             held |= region.remove(id);
             region.forget_ties(id);
         }
@@ -211,7 +209,7 @@ impl RegionHost {
     /// Takes a joint out of every region. Returns whether any held it.
     pub fn remove_joint(&mut self, id: JointId) -> bool {
         let mut held = false;
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             held |= region.has_joint(id);
             region.remove_joint(id);
         }
@@ -238,7 +236,7 @@ impl RegionHost {
             for body in [joint.a, joint.b] {
                 let new = bodies.binary_search_by_key(&body, |body| body.id).is_ok();
                 // On a node the other end may be held elsewhere: only a host of all regions can tell.
-                let all_here = self.regions.len() == self.partition.len();
+                let all_here = self.sides.len() == self.partition.len();
                 if !new && all_here && !self.held(body) {
                     return Err(HostError::Untied { joint: joint.id, body });
                 }
@@ -248,7 +246,7 @@ impl RegionHost {
     }
 
     pub(super) fn held(&self, id: BodyId) -> bool {
-        self.statics.body(id).is_some() || self.regions.iter().any(|region| region.handle_of(id).is_some())
+        self.statics.body(id).is_some() || self.regions().any(|region| region.handle_of(id).is_some())
     }
 
     /// In id order, as one Rapier world would be filled; `owners` are ranks, `whole` are bodies whose island lies in one region.
@@ -268,7 +266,7 @@ impl RegionHost {
         }
         // Region by region: what Rapier allocates for the bodies of one world then lies together. Filled in turns, two
         // worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two regions).
-        for region in &mut self.regions {
+        for Side { region, .. } in &mut self.sides {
             if !region.owns_any() {
                 let movable = |body: &BodyRecord| body.traits.kind != BodyKind::Fixed;
                 let own = bodies
@@ -276,7 +274,7 @@ impl RegionHost {
                     .zip(owners)
                     .filter(|(body, owner)| **owner == region.rank() && movable(body));
                 let places = own.map(|(body, _)| body.state.pose.translation);
-                if let Some(anchor) = follow::better_anchor(region.anchor(), places) {
+                if let Some(anchor) = better_anchor(region.anchor(), places) {
                     region.set_anchor(anchor);
                 }
             }
@@ -292,7 +290,7 @@ impl RegionHost {
             }
         }
         for joint in joints {
-            for region in &mut self.regions {
+            for Side { region, .. } in &mut self.sides {
                 let movable = [joint.a, joint.b].into_iter().any(|id| {
                     let role = region.handle_of(id).and_then(|handle| region.role_of(handle));
                     role.is_some_and(|(_, role)| role != Role::Immovable)
@@ -319,9 +317,9 @@ impl RegionHost {
         }
         for (id, here, there) in [(joint.a, a, b), (joint.b, b, a)] {
             if let Some(place) = self.place_of.get(here).copied().flatten()
-                && let Some(handle) = self.regions[place].handle_of(id)
+                && let Some(handle) = self.sides[place].region.handle_of(id)
             {
-                self.regions[place].slot_mut(handle).holders.insert(there);
+                self.sides[place].region.slot_mut(handle).holders.insert(there);
             }
         }
     }

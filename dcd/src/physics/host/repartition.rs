@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::giants::Giants;
 use super::{HostError, RegionHost};
+use crate::physics::coupling::Side;
 use crate::physics::region::Region;
 use crate::physics::renumber::Renumbering;
 use crate::space::{Balance, Burden, Change, DistributionTree, Load, RegionId, plan};
@@ -43,7 +44,7 @@ impl RegionHost {
     /// load, islands are cut that have more than 256 bodies, or than a quarter of a region's awake ones and 16: in one region whole
     /// they would be its load.
     pub fn set_balance(&mut self, settings: Option<Balance>) {
-        assert_eq!(self.regions.len(), self.partition.len(), "balance needs all regions in one process");
+        assert_eq!(self.sides.len(), self.partition.len(), "balance needs all regions in one process");
         let island_limit = self.balancer.as_ref().map_or(self.settings.island_limit, |old| old.island_limit);
         self.settings.island_limit = island_limit;
         self.balancer = settings.map(|settings| Balancer::new(settings, island_limit));
@@ -54,8 +55,8 @@ impl RegionHost {
 
     /// Islands stay whole as far as their region stays in balance.
     fn limit_islands(&mut self, island_limit: usize) {
-        let awake: usize = self.regions.iter().map(Region::awake_count).sum();
-        let share = awake / self.regions.len() / ISLAND_SHARE;
+        let awake: usize = self.regions().map(Region::awake_count).sum();
+        let share = awake / self.sides.len() / ISLAND_SHARE;
         self.settings.island_limit = island_limit.min(share.clamp(LEAST_ISLAND, BALANCED_ISLAND));
     }
 
@@ -79,7 +80,7 @@ impl RegionHost {
 
     fn follow_load(&mut self, balancer: &mut Balancer) -> Result<Vec<(RegionId, RegionId)>, HostError> {
         let mut renamed = Vec::new();
-        self.regions.iter_mut().for_each(Region::wake_left_behind);
+        self.sides.iter_mut().for_each(|side| side.region.wake_left_behind());
         self.finish_merging(balancer, &mut renamed)?;
         let giants = self.giants();
         let burdens = self.burdens(balancer.settings.load, &giants);
@@ -100,7 +101,7 @@ impl RegionHost {
     /// Every awake body with its share of its region's load, and what sleeps of islands that are too large to move whole.
     fn burdens(&self, load: Load, giants: &Giants) -> Vec<Burden> {
         let mut burdens = Vec::new();
-        for region in &self.regions {
+        for region in self.regions() {
             let awake: Vec<_> = region.awake_places().collect();
             let weight = self.load_of(region, load) / awake.len() as f64;
             burdens.extend(awake.into_iter().map(|(id, place)| Burden {
@@ -121,7 +122,7 @@ impl RegionHost {
     /// held twice. Other couplings pay that at every border.
     fn giants(&self) -> Giants {
         if self.settings.coupling.moves_islands() {
-            Giants::find(&self.regions, self.settings.island_limit.max(BALANCED_ISLAND))
+            Giants::find(&self.sides, self.settings.island_limit.max(BALANCED_ISLAND))
         } else {
             Giants::default()
         }
@@ -169,14 +170,15 @@ impl RegionHost {
             let (left, right) =
                 self.partition.tree().children_of(vertex).expect("merged vertices are inner ones");
             let leaving = if heir == left { right } else { left };
-            let place = self.regions.iter().position(|region| region.id() == leaving).expect("all are here");
-            if self.regions[place].holds_movable() || self.regions[place].owes_word() {
+            let place = self.regions().position(|region| region.id() == leaving).expect("all are here");
+            let region = &self.sides[place].region;
+            if region.holds_movable() || region.owes_word() {
                 continue;
             }
             balancer.merging.remove(&vertex);
             let mut tree = self.partition.tree().clone();
             tree.merge(vertex).expect("its children are regions");
-            self.regions.remove(place);
+            self.sides.remove(place);
             self.adopt(tree.clone(), &[(heir, vertex)], None)?;
             renamed.push((heir, vertex));
             self.refit(tree)?;
@@ -201,20 +203,20 @@ impl RegionHost {
             leaves: self.partition.leaves().clone(),
             born: born.and_then(|(new, from)| Some((rank(new)?, rank(from)?))),
         };
-        self.regions.iter_mut().for_each(|region| region.renumber(&ranks));
-        self.regions.sort_by_key(Region::rank);
+        self.sides.iter_mut().for_each(|side| side.renumber(&ranks));
+        self.sides.sort_by_key(|side| side.region.rank());
         self.place_of = vec![None; self.partition.len()];
         if let Some((new, from)) = born {
             self.add_region(new);
-            let place = |id| self.regions.iter().position(|region| region.id() == id).expect("both are here");
+            let place = |id| self.regions().position(|region| region.id() == id).expect("both are here");
             let (new, from) = (place(new), place(from));
-            let (pace, anchor) = (self.regions[from].border.pace.clone(), self.regions[from].anchor());
-            let region = &mut self.regions[new];
-            region.border.pace = pace.of_newborn();
-            region.set_anchor(anchor);
-            self.statics.recover(region, &self.shapes)?;
+            let (pace, anchor) = (self.sides[from].border.pace.clone(), self.sides[from].region.anchor());
+            let side = &mut self.sides[new];
+            side.border.pace = pace.of_newborn();
+            side.region.set_anchor(anchor);
+            self.statics.recover(&mut side.region, &self.shapes)?;
         }
-        self.threads.suit(self.regions.len())?;
+        self.threads.suit(self.sides.len())?;
         self.index();
         Ok(())
     }
@@ -222,10 +224,12 @@ impl RegionHost {
     /// The tree has the same leaves, but its planes are elsewhere: gives every region its cell, with the ground there.
     pub(crate) fn refit(&mut self, tree: DistributionTree) -> Result<(), HostError> {
         Arc::make_mut(&mut self.partition).set_tree(tree);
-        for region in &mut self.regions {
+        for Side { region, border, .. } in &mut self.sides {
             let cell = *self.partition.cell(region.rank());
             if *region.cell() != cell {
                 region.set_cell(cell);
+                // What sleeps too is looked at anew.
+                border.overlook(region.own_sleepers());
                 self.statics.recover(region, &self.shapes)?;
             }
         }
@@ -279,14 +283,14 @@ mod tests {
             let mut cells = Vec::new();
             for _ in 0..60 {
                 world.step().unwrap();
-                let now: Vec<_> = world.regions().iter().map(|region| *region.cell()).collect();
+                let now: Vec<_> = world.regions().map(|region| *region.cell()).collect();
                 if cells.last() != Some(&now) {
                     cells.push(now);
                 }
             }
             assert!(cells.len() <= 3, "{regions} regions: the planes went to and fro: {cells:?}");
             let heap = Bounds::new([-5.25, 0.0, -5.25], [5.25, 6.0, 5.25]);
-            let touched = world.regions().iter().filter(|region| region.cell().touches(&heap)).count();
+            let touched = world.regions().filter(|region| region.cell().touches(&heap)).count();
             assert_eq!(touched, 1, "{regions} regions: {cells:?}");
         }
     }

@@ -17,7 +17,7 @@ impl RegionHost {
         let known = self.statics.body(id);
         let copy = self
             .owned(id)
-            .or_else(|| self.regions.iter().find_map(|region| Some((region, region.handle_of(id)?))));
+            .or_else(|| self.regions().find_map(|region| Some((region, region.handle_of(id)?))));
         let Some((region, handle)) = copy else { return Ok(()) };
         let mut record = region.body_record(handle);
         if (record.traits.kind == BodyKind::Fixed) == known.is_some() {

@@ -1,12 +1,12 @@
 //! How many rounds of exchange a tick has: as many as the region that takes most micro-steps. A region that takes fewer
 //! steps only in some of them.
 
-use super::RegionHost;
+use super::{RegionHost, Side};
 
 impl RegionHost {
     /// Micro-steps that the regions computed here want in the next tick, at most; known once a tick has been completed.
     pub fn rounds_wanted(&self) -> usize {
-        self.regions.iter().map(|region| region.steps_next()).max().unwrap_or(1)
+        self.sides.iter().map(Side::steps_next).max().unwrap_or(1)
     }
 
     /// Sets the rounds of the tick to come: the most that any region of the world wants.
@@ -23,7 +23,7 @@ impl RegionHost {
     /// m/s: the error estimate that [`Coupling::Auto`](super::Coupling::Auto) steers by. 0 with couplings that do not agree
     /// on means.
     pub fn disagreement_m_s(&self) -> f32 {
-        let all = self.regions.iter().map(|region| region.disagreement_m_s());
+        let all = self.sides.iter().map(|side| side.border.pace.disagreement_m_s());
         // A number that travels, whatever a copy has come to.
         all.fold(0.0, f32::max).min(f32::MAX)
     }

@@ -117,7 +117,7 @@ impl Measured for PhysicsWorld {
 
 impl Measured for RegionHost {
     fn views(&self) -> Vec<View<'_>> {
-        self.regions().iter().map(View::Region).collect()
+        self.regions().map(View::Region).collect()
     }
 }
 

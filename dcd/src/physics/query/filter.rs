@@ -2,16 +2,8 @@
 
 use rapier3d::prelude::*;
 
+use crate::physics::collider_id::ColliderId;
 use crate::space::BodyId;
-
-/// A collider by its body and its place on it, counted from 0 in order of insertion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct ColliderId {
-    /// Which body.
-    pub body: BodyId,
-    /// Which of its colliders.
-    pub index: usize,
-}
 
 /// Rapier's `QueryFilter` with bodies by name; the default lets everything be found, sensors too.
 ///

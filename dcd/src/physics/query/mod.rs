@@ -8,7 +8,6 @@ mod asked;
 mod cast;
 mod check;
 mod filter;
-mod moved;
 mod overlap;
 mod point;
 mod ray;
@@ -16,16 +15,16 @@ mod ray;
 pub use cast::{ShapeHit, WorldMotion};
 pub use check::QueryError;
 pub(super) use check::{pose as check_pose, vector as check_vector};
-pub use filter::{BodyFilter, ColliderId};
-pub(super) use moved::Moved;
+pub use filter::BodyFilter;
 pub use point::PointHit;
 pub use ray::{RayHit, WorldRay};
 
 use rapier3d::prelude::*;
 
+use super::collider_id::ColliderId;
 use super::convert;
 use super::host::RegionHost;
-use super::region::{Region, Role};
+use super::region::{Moved, Region, Role};
 use crate::space::Bounds;
 
 /// All queries of a world, or of the regions that one node computes. Made by [`RegionHost::queries`] and

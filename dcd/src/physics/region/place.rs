@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use rapier3d::prelude::*;
 
-use super::{COVER_M, Link, Region, Role, Slot};
+use super::{COVER_M, Link, Region, Role, anchor};
+use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
-use crate::physics::{convert, follow};
-use crate::space::{BodyId, Bounds, Cell, RegionId};
+use crate::physics::renumber::Renumbering;
+use crate::space::{BodyId, Bounds, Cell};
 
 /// A sleeping body may lie so far outside the cell.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
@@ -17,21 +18,27 @@ const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
 const TIME_MEMORY: f64 = 0.1;
 
 impl Region {
-    /// A plane has moved: everything here is looked at anew, what sleeps too.
+    /// A plane has moved: everything here is looked at anew.
     pub(in crate::physics) fn set_cell(&mut self, cell: Cell) {
         self.cell = cell;
         self.stirred = true;
         self.due.fill(0);
-        self.overlooked = self.own_sleepers();
     }
 
-    /// What it is called from now on.
-    pub(in crate::physics) fn rename(&mut self, id: RegionId, rank: usize) {
-        (self.id, self.rank) = (id, rank);
-    }
-
-    pub(in crate::physics) fn slots_mut(&mut self) -> impl Iterator<Item = &mut Slot> {
-        self.slots.iter_mut().flatten()
+    /// Takes the new ranks over; its own id may have changed too.
+    pub(in crate::physics) fn renumber(&mut self, ranks: &Renumbering) {
+        self.rank = ranks.rank(self.rank);
+        self.id = ranks.leaves[self.rank];
+        self.events.region = self.id;
+        for slot in self.slots.iter_mut().flatten() {
+            slot.holders = ranks.set(slot.holders);
+            if let Role::Replica { owner } = &mut slot.role {
+                *owner = ranks.rank(*owner);
+            }
+            if let Some(division) = slot.division.as_deref_mut() {
+                division.among = ranks.set(division.among);
+            }
+        }
     }
 
     /// Whether it holds anything that can move.
@@ -55,7 +62,8 @@ impl Region {
         }
     }
 
-    fn own_sleepers(&self) -> Vec<RigidBodyHandle> {
+    /// Its own bodies that sleep, in id order.
+    pub(in crate::physics) fn own_sleepers(&self) -> Vec<RigidBodyHandle> {
         let owned = self.slots.iter().flatten().filter(|slot| slot.role == Role::Owner);
         let mut asleep: Vec<_> =
             owned.map(|slot| Link { id: slot.id, handle: self.by_id[&slot.id] }).collect();
@@ -91,13 +99,6 @@ impl Region {
     /// Where a body's centre of mass is, in world space.
     pub(in crate::physics) fn centre_of(&self, handle: RigidBodyHandle) -> [f64; 3] {
         convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass())
-    }
-
-    /// Those of the bodies to be looked at that are still here.
-    pub(in crate::physics) fn take_overlooked(&mut self) -> Vec<RigidBodyHandle> {
-        let mut handles = std::mem::take(&mut self.overlooked);
-        handles.retain(|&handle| self.slot_at(handle).is_some() && self.world.bodies.contains(handle));
-        handles
     }
 
     /// Counts the time of a round.
@@ -138,7 +139,7 @@ impl Region {
             let pose = convert::world_from_region(anchor, body.position());
             for &collider in body.colliders() {
                 if self.world.colliders[collider].shape().as_halfspace().is_some() {
-                    follow::fetch_plane(&mut self.world.colliders[collider], &pose, anchor);
+                    anchor::fetch_plane(&mut self.world.colliders[collider], &pose, anchor);
                 }
             }
         }

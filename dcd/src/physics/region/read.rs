@@ -8,17 +8,6 @@ use crate::protocol::{BodyRecord, BodyState, SharedState, Velocity, WorldPose};
 use crate::space::{Bounds, Epoch};
 
 impl Region {
-    /// By how many regions the mass of a body held here is divided: Rapier's body in each of them has that share of it.
-    pub fn share_of(&self, handle: RigidBodyHandle) -> usize {
-        self.slot_at(handle).and_then(|slot| slot.shared.as_deref()).map_or(1, |shared| shared.parts)
-    }
-
-    /// Whether the copy of a body here counts, with its share of the mass; a shadow only follows those that do.
-    pub(in crate::physics) fn counts(&self, handle: RigidBodyHandle) -> bool {
-        let shared = self.slot_at(handle).and_then(|slot| slot.shared.as_deref());
-        shared.is_none_or(|shared| !shared.shadows.contains(self.rank))
-    }
-
     /// The length of the micro-step in which the contacts of a body were solved last, in seconds: impulses that Rapier
     /// keeps for it are of that step, be it long ago.
     pub(in crate::physics) fn solved_dt_s(&self, handle: RigidBodyHandle) -> f32 {
@@ -64,8 +53,8 @@ impl Region {
     /// What a step changes of a body held here, in world space.
     pub fn body_state(&self, handle: RigidBodyHandle) -> BodyState {
         let mut state = record::state_of(&self.world.bodies[handle], self.anchor);
-        if let Some(shared) = &self.slot(handle).shared {
-            (state.force, state.torque) = (shared.user_force.to_array(), shared.user_torque.to_array());
+        if let Some((force, torque)) = self.user_load(handle) {
+            (state.force, state.torque) = (force.to_array(), torque.to_array());
         }
         state
     }

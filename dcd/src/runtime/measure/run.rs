@@ -85,7 +85,7 @@ impl Subject {
     /// How many times the mean the busiest region has to do; 1 where there is nothing to share out.
     fn imbalance(&self) -> f64 {
         let Self::Regions(world) = self else { return 1.0 };
-        let awake = world.regions().iter().map(|region| region.physics().islands.active_bodies().count());
+        let awake = world.regions().map(|region| region.physics().islands.active_bodies().count());
         let (sum, most) = awake.fold((0, 0), |(sum, most), count| (sum + count, most.max(count)));
         if sum == 0 { 1.0 } else { (most * world.regions().len()) as f64 / sum as f64 }
     }

@@ -4,7 +4,7 @@ use rapier3d::prelude::*;
 use serde::Deserialize;
 
 use super::collider::ColliderDef;
-use super::numbers::{Finite, NonNegative, Place, Positive, Quaternion, rotation, vector};
+use super::numbers::{Finite, NonNegative, Place, Positive, Quaternion, rotation, set, vector};
 use super::source::Fault;
 use crate::scene::SceneBody;
 use crate::scene::dice::Dice;
@@ -152,11 +152,5 @@ impl GridDef {
             push(self.body.name.as_ref().map(|name| format!("{name}[{i}]")).as_deref(), copy)?;
         }
         Ok(())
-    }
-}
-
-pub(super) fn set<T>(field: &mut T, value: Option<T>) {
-    if let Some(value) = value {
-        *field = value;
     }
 }

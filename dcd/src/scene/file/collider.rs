@@ -4,8 +4,7 @@ use rapier3d::parry::transformation::try_convex_hull;
 use rapier3d::prelude::*;
 use serde::Deserialize;
 
-use super::body::set;
-use super::numbers::{Direction, Finite, NonNegative, Positive, Quaternion, rotation, vector};
+use super::numbers::{Direction, Finite, NonNegative, Positive, Quaternion, rotation, set, vector};
 use super::source::Fault;
 
 #[derive(Deserialize)]

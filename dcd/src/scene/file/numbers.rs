@@ -120,3 +120,10 @@ pub(super) fn rotation(
         }
     }
 }
+
+/// Sets what the file gives a value for.
+pub(super) fn set<T>(field: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *field = value;
+    }
+}

@@ -10,13 +10,13 @@ use parry3d::bounding_volume::BoundingVolume;
 use parry3d::partitioning::Bvh;
 use rapier3d::prelude::*;
 
-use crate::physics::region::{Region, Role};
+use super::{Region, Role};
 
 /// Copies of these colliders at their places of now.
 #[derive(Default)]
 pub(in crate::physics) struct Moved {
-    pub(super) bvh: Bvh,
-    pub(super) colliders: ColliderSet,
+    pub(in crate::physics) bvh: Bvh,
+    pub(in crate::physics) colliders: ColliderSet,
     /// By Rapier's index of the copy.
     originals: HashMap<u32, ColliderHandle>,
     /// Rapier's indices of the bodies, ascending.
@@ -63,12 +63,12 @@ impl Moved {
     }
 
     /// Whether a body is among them, and not to be looked for in Rapier's own tree.
-    pub(super) fn holds(&self, body: RigidBodyHandle) -> bool {
+    pub(in crate::physics) fn holds(&self, body: RigidBodyHandle) -> bool {
         self.bodies.binary_search(&body.into_raw_parts().0).is_ok()
     }
 
     /// Rapier's own collider, of which this one is a copy.
-    pub(super) fn original(&self, copy: ColliderHandle) -> ColliderHandle {
+    pub(in crate::physics) fn original(&self, copy: ColliderHandle) -> ColliderHandle {
         self.originals[&copy.into_raw_parts().0]
     }
 }

@@ -3,8 +3,8 @@
 
 use rapier3d::prelude::*;
 
-use super::convert;
-use super::region::{Region, Role};
+use super::{Region, Role};
+use crate::physics::convert;
 use crate::protocol::WorldPose;
 use crate::space::{Bounds, Tick};
 
@@ -13,23 +13,28 @@ const EVERY_TICKS: u64 = 64;
 /// f32 resolves 0.06 mm here.
 const FAR_M: f64 = 1024.0;
 
-/// Moves the anchor to the middle of the region's own awake bodies when that brings all of them much nearer to it. Before
-/// the first step of a tick.
-pub(super) fn follow(region: &mut Region, tick: Tick) {
-    if !tick.0.is_multiple_of(EVERY_TICKS) {
-        return;
-    }
-    let awake = region.physics().islands.active_bodies();
-    let owned = awake.filter(|&handle| matches!(region.role_of(handle), Some((_, Role::Owner))));
-    let places = owned
-        .map(|handle| convert::world_point(region.anchor(), region.physics().bodies[handle].translation()));
-    if let Some(anchor) = better_anchor(region.anchor(), places) {
-        region.set_anchor(anchor);
+impl Region {
+    /// Moves the anchor to the middle of the region's own awake bodies when that brings all of them much nearer to it. Before
+    /// the first step of a tick.
+    pub(in crate::physics) fn follow_bodies(&mut self, tick: Tick) {
+        if !tick.0.is_multiple_of(EVERY_TICKS) {
+            return;
+        }
+        let awake = self.world.islands.active_bodies();
+        let owned = awake.filter(|&handle| matches!(self.role_of(handle), Some((_, Role::Owner))));
+        let places =
+            owned.map(|handle| convert::world_point(self.anchor, self.world.bodies[handle].translation()));
+        if let Some(anchor) = better_anchor(self.anchor, places) {
+            self.set_anchor(anchor);
+        }
     }
 }
 
 /// The anchor that suits these places, in world space, if the present one is far from them.
-pub(super) fn better_anchor(anchor: [f64; 3], places: impl Iterator<Item = [f64; 3]>) -> Option<[f64; 3]> {
+pub(in crate::physics) fn better_anchor(
+    anchor: [f64; 3],
+    places: impl Iterator<Item = [f64; 3]>,
+) -> Option<[f64; 3]> {
     let around = places.map(|place| Bounds::new(place, place)).reduce(|all, place| all.union(&place))?;
     let reach_m = |from: [f64; 3]| {
         let axis = |i: usize| (around.min[i] - from[i]).abs().max((around.max[i] - from[i]).abs());

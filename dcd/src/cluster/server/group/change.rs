@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::ServerOutput;
-use super::common::Common;
-use super::group::Group;
+use super::Group;
 use crate::cluster::Life;
+use crate::cluster::server::ServerOutput;
+use crate::cluster::server::common::Common;
 use crate::protocol::{BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks};
 use crate::space::{Allocation, BodyId, Epoch, NodeId, RegionId, Tick, allocate};
 
@@ -15,7 +15,7 @@ const MUTE: Duration = Duration::from_secs(5);
 
 /// A view change under way. A death begins it anew with the next number.
 #[derive(Clone, Debug)]
-pub(super) struct Change {
+pub(in crate::cluster::server) struct Change {
     pub number: ViewNumber,
     /// When somebody last did what was asked.
     at: Duration,
@@ -46,7 +46,7 @@ struct Owner {
 
 impl Group {
     /// Begins a view change, anew if one is under way.
-    pub(super) fn begin_change(&mut self, common: &mut Common) {
+    pub(in crate::cluster::server) fn begin_change(&mut self, common: &mut Common) {
         self.unsure = false;
         common.number = common.number.next();
         let number = common.number;
@@ -60,12 +60,12 @@ impl Group {
     }
 
     /// When members that owe an answer are given up.
-    pub(super) fn mute_at(&self) -> Option<Duration> {
+    pub(in crate::cluster::server) fn mute_at(&self) -> Option<Duration> {
         self.change.as_ref().filter(|change| !change.survivors.is_empty()).map(|change| change.at + MUTE)
     }
 
     /// Members that owe an answer for too long.
-    pub(super) fn mute(&mut self, now: Duration) -> Vec<NodeId> {
+    pub(in crate::cluster::server) fn mute(&mut self, now: Duration) -> Vec<NodeId> {
         if self.mute_at().is_none_or(|at| now < at) {
             return Vec::new();
         }
@@ -79,7 +79,12 @@ impl Group {
         change.survivors.iter().filter(owes).copied().collect()
     }
 
-    pub(super) fn settling(&mut self, common: &mut Common, node: NodeId, dispatches: Vec<Dispatch>) -> bool {
+    pub(in crate::cluster::server) fn settling(
+        &mut self,
+        common: &mut Common,
+        node: NodeId,
+        dispatches: Vec<Dispatch>,
+    ) -> bool {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.settled.contains_key(&node) => {
                 change.at = common.now;
@@ -113,7 +118,7 @@ impl Group {
         self.plan(common);
     }
 
-    pub(super) fn surveyed(
+    pub(in crate::cluster::server) fn surveyed(
         &mut self,
         common: &mut Common,
         node: NodeId,
@@ -201,7 +206,7 @@ impl Group {
         self.close_audit(&owners);
     }
 
-    pub(super) fn found(
+    pub(in crate::cluster::server) fn found(
         &mut self,
         common: &mut Common,
         node: NodeId,

@@ -7,9 +7,9 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::articulation::{self, LinkSettings};
-use super::joints;
-use super::region::{Region, Role};
+use super::{Region, Role};
+use crate::physics::articulation::{self, LinkSettings};
+use crate::physics::joints;
 use crate::protocol::{JointRecord, LinkMotion};
 use crate::space::{BodyId, JointId, RegionSet};
 
@@ -46,7 +46,7 @@ pub(super) struct JointNews {
 
 impl Region {
     /// Tells Rapier which joints have come and gone. A step follows.
-    pub(super) fn tell_joints(&mut self) {
+    pub(in crate::physics) fn tell_joints(&mut self) {
         let mut news = std::mem::take(&mut self.joint_news);
         for handle in news.untied.drain(..) {
             match handle {
@@ -120,7 +120,7 @@ impl Region {
     }
 
     /// Authority over a body has changed: only its owner solves the multibody that it is part of.
-    pub(super) fn relink(&mut self, handle: RigidBodyHandle) {
+    pub(in crate::physics) fn relink(&mut self, handle: RigidBodyHandle) {
         for id in self.slot(handle).joints.clone() {
             let Some(mut held) = self.joints.remove(&id) else { continue };
             if held.record.link.is_some() {
@@ -140,7 +140,7 @@ impl Region {
     }
 
     /// Takes a body out of Rapier's world; its joints stay until the next step begins.
-    pub(super) fn remove_from_rapier(&mut self, handle: RigidBodyHandle) {
+    pub(in crate::physics) fn remove_from_rapier(&mut self, handle: RigidBodyHandle) {
         let PhysicsWorld {
             bodies, islands, colliders, impulse_joints, multibody_joints, soft_bodies, ..
         } = self.world_mut();
@@ -153,14 +153,14 @@ impl Region {
     }
 
     /// Restored from a snapshot: Rapier hears again which joints were changed since the last step.
-    pub(super) fn repeat_joint_changes(&mut self) {
+    pub(in crate::physics) fn repeat_joint_changes(&mut self) {
         for handle in self.joint_news.changed.clone() {
             let _ = self.world_mut().impulse_joints.get_mut(handle, false);
         }
     }
 
     /// Ties two bodies, if the joint is not there yet: as soon as both are held here.
-    pub(super) fn insert_joint(&mut self, joint: &JointRecord) {
+    pub(in crate::physics) fn insert_joint(&mut self, joint: &JointRecord) {
         if let Some(held) = self.joints.get_mut(&joint.id) {
             // The owner's word on where a link is, for whoever solves it next.
             if held.handle.is_none() && joint.link.is_some_and(|link| link.motion.is_some()) {
@@ -188,12 +188,12 @@ impl Region {
     }
 
     /// A body is no more: nothing waits for it.
-    pub(super) fn forget_ties(&mut self, id: BodyId) {
+    pub(in crate::physics) fn forget_ties(&mut self, id: BodyId) {
         self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
     }
 
     /// Unties two bodies and wakes them.
-    pub(super) fn remove_joint(&mut self, id: JointId) {
+    pub(in crate::physics) fn remove_joint(&mut self, id: JointId) {
         self.waiting.remove(&id);
         let Some(joint) = self.joints.remove(&id) else { return };
         if let Some(handle) = joint.handle {
@@ -212,7 +212,11 @@ impl Region {
     }
 
     /// Lets a user change a joint in place, whole; wakes what it ties. Returns whether it is held here, or waits.
-    pub(super) fn change_joint(&mut self, id: JointId, change: impl FnOnce(&mut GenericJoint)) -> bool {
+    pub(in crate::physics) fn change_joint(
+        &mut self,
+        id: JointId,
+        change: impl FnOnce(&mut GenericJoint),
+    ) -> bool {
         if let Some(record) = self.waiting.get_mut(&id) {
             let mut joint = joints::joint_of(record);
             change(&mut joint);
@@ -250,7 +254,7 @@ impl Region {
     }
 
     /// Who holds the ends of a joint has changed: shares its forces out anew.
-    pub(super) fn share_joint(&mut self, id: JointId) {
+    pub(in crate::physics) fn share_joint(&mut self, id: JointId) {
         let Some(mut held) = self.joints.remove(&id) else { return };
         let both = self.holders_of(held.record.a).intersection(self.holders_of(held.record.b));
         let parts = both.len().max(1);
@@ -276,12 +280,12 @@ impl Region {
         let slot = self.slot(handle);
         match slot.role {
             Role::Immovable => RegionSet::ALL,
-            _ => slot.shared.as_ref().map_or(own, |shared| shared.members.without(shared.shadows)),
+            _ => slot.division.as_ref().map_or(own, |division| division.among),
         }
     }
 
     /// A joint held here, whole: with the impulses of the last step, or as its multibody moves; or one that waits.
-    pub(super) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
+    pub(in crate::physics) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
         let held = self.joints.get(&id).map(|held| self.whole_record(held));
         held.or_else(|| self.waiting.get(&id).cloned())
     }
@@ -311,7 +315,7 @@ impl Region {
     }
 
     /// Changes what a multibody joint has besides what every joint has. Returns whether it is one, and held here.
-    pub(super) fn change_link(&mut self, id: JointId, settings: &LinkSettings) -> bool {
+    pub(in crate::physics) fn change_link(&mut self, id: JointId, settings: &LinkSettings) -> bool {
         let Some(mut held) = self.joints.remove(&id) else { return false };
         let is_link = held.record.link.is_some();
         if is_link {
@@ -330,13 +334,13 @@ impl Region {
     }
 
     /// Where a link is and how it moves, if it is solved here.
-    pub(super) fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
+    pub(in crate::physics) fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
         let held = self.joints.get(&id).filter(|held| matches!(held.handle, Some(Solver::Multibody(_))))?;
         self.whole_record(held).link?.motion
     }
 
     /// Sets how fast a link moves, by its degrees of freedom. Returns whether it is one, and held here.
-    pub(super) fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
+    pub(in crate::physics) fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
         let Some(mut held) = self.joints.remove(&id) else { return false };
         let is_link = held.record.link.is_some();
         if let Some(Solver::Multibody(handle)) = held.handle
@@ -356,7 +360,7 @@ impl Region {
     /// What this region's solver pressed on the locked axes of a joint in the last step: newtons along the three axes of
     /// its frame, newton metres about them; nothing while the joint waits. None for multibody joints, whose solver has no such
     /// impulses.
-    pub(super) fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
+    pub(in crate::physics) fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         if self.waiting.contains_key(&id) {
             return Some([0.0; 6]);
         }
@@ -374,18 +378,23 @@ impl Region {
     }
 
     /// The bodies that a joint held here ties.
-    pub(super) fn joint_ends(&self, id: JointId) -> Option<(RigidBodyHandle, RigidBodyHandle)> {
+    pub(in crate::physics) fn joint_ends(&self, id: JointId) -> Option<(RigidBodyHandle, RigidBodyHandle)> {
         let joint = &self.joints.get(&id)?.record;
         Some((self.handle_of(joint.a)?, self.handle_of(joint.b)?))
     }
 
+    /// The bodies that each joint held here ties, by name.
+    pub(in crate::physics) fn ties(&self) -> impl Iterator<Item = (BodyId, BodyId)> {
+        self.joints.values().map(|joint| (joint.record.a, joint.record.b))
+    }
+
     /// Whether a joint is held here, or waits for one of its ends.
-    pub(super) fn has_joint(&self, id: JointId) -> bool {
+    pub(in crate::physics) fn has_joint(&self, id: JointId) -> bool {
         self.joints.contains_key(&id) || self.waiting.contains_key(&id)
     }
 
     /// The joints that a body hangs on, whole.
-    pub(super) fn joints_of(&self, handle: RigidBodyHandle) -> impl Iterator<Item = JointRecord> {
+    pub(in crate::physics) fn joints_of(&self, handle: RigidBodyHandle) -> impl Iterator<Item = JointRecord> {
         let slot = self.slot(handle);
         let waiting = self.waiting.values().filter(|joint| joint.a == slot.id || joint.b == slot.id).cloned();
         slot.joints.iter().filter_map(|&id| self.joint_record(id)).chain(waiting)

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::region::Link;
+use super::slot::Link;
 use crate::space::BodyId;
 
 /// Bodies of one region that joints tie together, in id order.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Assembly {
+pub(in crate::physics) struct Assembly {
     pub members: Vec<Link>,
     /// Whether it has a multibody: then it is never shared.
     pub articulated: bool,
@@ -33,13 +33,13 @@ pub(super) fn connect(ties: impl IntoIterator<Item = (Link, Link)>) -> Vec<Assem
 
 /// Union-find over body ids; the root of a group is its lowest id.
 #[derive(Debug, Default)]
-pub(super) struct Groups {
+pub(in crate::physics) struct Groups {
     parents: BTreeMap<BodyId, BodyId>,
 }
 
 impl Groups {
     /// Puts both bodies into one group.
-    pub(super) fn join(&mut self, a: BodyId, b: BodyId) {
+    pub(in crate::physics) fn join(&mut self, a: BodyId, b: BodyId) {
         let (a, b) = (self.root(a), self.root(b));
         if a != b {
             self.parents.insert(a.max(b), a.min(b));
@@ -47,7 +47,7 @@ impl Groups {
     }
 
     /// The lowest id of the body's group.
-    pub(super) fn root(&mut self, id: BodyId) -> BodyId {
+    pub(in crate::physics) fn root(&mut self, id: BodyId) -> BodyId {
         let mut root = id;
         while let Some(&parent) = self.parents.get(&root) {
             root = parent;

@@ -4,7 +4,7 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::region::Region;
+use super::Region;
 use crate::protocol::BodyKind;
 
 /// What is on its way, and how many micro-steps of the tick are done.

@@ -1,12 +1,17 @@
-//! Why a process ends a link: a code for the program at the other end, words for people.
+//! Says why a link or a connection ended: a code for the program at the other end, a cause for this one's user, words for people.
 
+use std::time::Duration;
+
+use super::ProcessError;
 use crate::net::CloseCode;
 use crate::protocol::Farewell;
-use crate::runtime::connections::{Cause, Reason};
+
+/// How long a link that broke is waited for. A server that is started again is back by then.
+pub(super) const GIVE_UP: Duration = Duration::from_secs(30);
 
 /// Why a link is ended on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::runtime) enum Ending {
+pub(super) enum Ending {
     /// A node goes by its own wish.
     Left,
     /// The server's user does not want the process.
@@ -41,17 +46,17 @@ impl Ending {
     ];
 
     /// What the other end is told.
-    pub(in crate::runtime) fn code(self) -> CloseCode {
+    pub(super) fn code(self) -> CloseCode {
         CloseCode(CloseCode::FIRST_FREE + self as u32)
     }
 
     /// What a code says, if it is one of these.
-    pub(in crate::runtime) fn of(code: CloseCode) -> Option<Self> {
+    pub(super) fn of(code: CloseCode) -> Option<Self> {
         Self::ALL.into_iter().find(|ending| ending.code() == code)
     }
 
     /// What it means to the user of the connection.
-    pub(in crate::runtime) fn cause(self) -> Cause {
+    pub(super) fn cause(self) -> Cause {
         match self {
             Self::Left => Cause::Left,
             Self::SentAway => Cause::SentAway,
@@ -64,7 +69,7 @@ impl Ending {
     }
 
     /// The same for people, where there is nothing more to say.
-    pub(in crate::runtime) fn words(self) -> &'static str {
+    pub(super) fn words(self) -> &'static str {
         match self {
             Self::Left => "it has left",
             Self::SentAway => "the server sent it away",
@@ -79,7 +84,7 @@ impl Ending {
     }
 
     /// Both.
-    pub(in crate::runtime) fn reason(self) -> Reason {
+    pub(super) fn reason(self) -> Reason {
         Reason::new(self.cause(), self.words())
     }
 }
@@ -92,5 +97,57 @@ impl From<Farewell> for Ending {
             Farewell::Refused => Self::Refused,
             Farewell::Ended => Self::WorldEnded,
         }
+    }
+}
+
+/// Why a connection is lost or gone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reason {
+    /// For programs.
+    pub cause: Cause,
+    /// For people.
+    pub text: String,
+}
+
+/// The same in one word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// Its process went by its own wish, or this one did.
+    Left,
+    /// The server's user sent it away, or this process.
+    SentAway,
+    /// Nothing is heard of it.
+    Broken,
+    /// One of the two said what it may not, or is not what the other takes it for.
+    Refused,
+    /// The world has ended.
+    WorldEnded,
+    /// A newer link, or another process with the same identity, took its place.
+    Replaced,
+    /// It reads too slowly.
+    Slow,
+    /// This process's part in the world does not ask for it any more, or the other's.
+    Unneeded,
+    /// A fault ended this process's part in the world.
+    Failed,
+}
+
+impl Reason {
+    pub(super) fn new(cause: Cause, text: impl Into<String>) -> Self {
+        Self { cause, text: text.into() }
+    }
+
+    /// What the end of this process's own part in the world means for its connections.
+    pub(super) fn of_end(end: &Result<(), ProcessError>) -> Self {
+        let cause = match end {
+            Ok(()) => return Self::new(Cause::Left, "this process has left"),
+            Err(ProcessError::ServerGone { .. }) => Cause::Refused,
+            Err(ProcessError::GivenUp { .. }) => Cause::Broken,
+            Err(ProcessError::Superseded { .. }) => Cause::Replaced,
+            Err(ProcessError::Evicted { .. } | ProcessError::SentAway { .. }) => Cause::SentAway,
+            Err(ProcessError::NotReleased { .. }) => Cause::Left,
+            Err(_) => Cause::Failed,
+        };
+        Self::new(cause, end.as_ref().err().map_or(String::new(), ToString::to_string))
     }
 }

@@ -1,0 +1,104 @@
+//! Lets a user change bodies and colliders in place, and reads anew what a region knows of them.
+
+use std::sync::Arc;
+
+use rapier3d::prelude::*;
+
+use super::Region;
+use crate::physics::outline::Outline;
+use crate::physics::shapes::{ShapeError, ShapeLibrary};
+use crate::physics::{convert, record};
+use crate::protocol::BodyKind;
+
+impl Region {
+    /// A body is not, or may not be, what and where it was in the last step.
+    pub(in crate::physics) fn touch(&mut self, handle: RigidBodyHandle) {
+        self.moved.take();
+        if self.touched.last() != Some(&handle) {
+            self.touched.push(handle);
+        }
+    }
+
+    /// Lets a user change the body in place, whole even where it is shared; reads its traits anew, and lets the coupling
+    /// look at it soon.
+    pub(in crate::physics) fn change<R>(
+        &mut self,
+        handle: RigidBodyHandle,
+        change: impl FnOnce(&mut RigidBody) -> R,
+    ) -> R {
+        self.touch(handle);
+        // A dynamic body that is something else in Rapier is a ghost of the coupling, which its user must not see.
+        let ghost = self.world.bodies[handle].body_type();
+        let is_ghost = self.slot(handle).traits.kind == BodyKind::Dynamic && ghost != RigidBodyType::Dynamic;
+        if is_ghost {
+            self.world.bodies[handle].set_body_type(RigidBodyType::Dynamic, false);
+        }
+        let result = self.change_whole(handle, change);
+        if is_ghost && self.slot(handle).traits.kind == BodyKind::Dynamic {
+            self.world.bodies[handle].set_body_type(ghost, false);
+        }
+        result
+    }
+
+    /// Reads a body's traits anew.
+    pub(in crate::physics) fn refresh(&mut self, handle: RigidBodyHandle) {
+        self.due[handle.into_raw_parts().0 as usize] = 0;
+        let old = &self.slot(handle).traits;
+        let new = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
+        if new != **old {
+            self.guide.note(handle, new.kind);
+            self.slot_mut(handle).traits = Arc::new(new);
+        }
+    }
+
+    /// Changes one collider of a body, and its record with it. `None` if the body has no such collider. A shape that cannot
+    /// travel is refused: the collider keeps the one that it has.
+    pub(in crate::physics) fn update_collider<R>(
+        &mut self,
+        handle: RigidBodyHandle,
+        index: usize,
+        shapes: &mut ShapeLibrary,
+        change: impl FnOnce(&mut Collider) -> R,
+    ) -> Option<Result<R, ShapeError>> {
+        let collider = *self.world.bodies[handle].colliders().get(index)?;
+        self.touch(handle);
+        Some(self.change_colliders_whole(handle, |region| {
+            let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
+            region.stirred = true;
+            let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);
+            let old = &slot.traits.colliders[index];
+            let (mass, was_enabled) = (own.mass_properties(), own.is_enabled());
+            let (shape, place) = (own.shared_shape().clone(), own.position_wrt_parent().copied());
+            own.set_contact_force_event_threshold(old.force_event_threshold_n);
+            let mut result = Ok(change(own));
+            let shape_now = if Arc::ptr_eq(&own.shared_shape().0, &shape.0) {
+                old.shape
+            } else {
+                shapes.intern(own.shared_shape()).unwrap_or_else(|error| {
+                    own.set_shape(shape);
+                    result = Err(error);
+                    old.shape
+                })
+            };
+            let mut new = record::renewed(old, own, own.mass_properties() != mass);
+            new.shape = shape_now;
+            if let Some(now) = own.position_wrt_parent().filter(|&&now| Some(now) != place) {
+                new.pose = convert::pose_record(now);
+            }
+            // Rapier's colliders of a disabled body do not tell whether their user wants them.
+            if !body.is_enabled() && own.is_enabled() == was_enabled {
+                new.enabled = old.enabled;
+            }
+            region.watch.name(own, collider, (slot.id, index as u16), &new);
+            if new != *old {
+                Arc::make_mut(&mut slot.traits).colliders[index] = new;
+            }
+            body.recompute_mass_properties_from_colliders(&region.world.colliders);
+            // Its skin may reach farther than before.
+            slot.reach_m = record::reach_of(body, &region.world.colliders);
+            slot.outline = Outline::of(body, &region.world.colliders);
+            region.due[handle.into_raw_parts().0 as usize] = 0;
+            result
+        }))
+    }
+}

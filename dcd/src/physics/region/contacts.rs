@@ -1,0 +1,66 @@
+//! Walks along contacts and joints from body to body.
+
+use rapier3d::prelude::*;
+
+use super::{Region, Role};
+
+impl Region {
+    /// Visits every movable body that is near enough to touch this one, to overlap it as a sensor, or is tied to it; some may
+    /// come twice.
+    pub(in crate::physics) fn for_each_neighbour(
+        &self,
+        handle: RigidBodyHandle,
+        mut visit: impl FnMut(RigidBodyHandle),
+    ) {
+        self.for_each_contact(handle, |other, _| visit(other));
+        for &collider in self.world.bodies[handle].colliders() {
+            for (first, second, _) in self.world.narrow_phase.intersection_pairs_with(collider) {
+                let other = if first == collider { second } else { first };
+                self.movable_parent(handle, other).into_iter().for_each(&mut visit);
+            }
+        }
+    }
+
+    /// Visits every movable body that is near enough to touch this one or is tied to it, and says whether it does touch it; some
+    /// may come twice.
+    pub(in crate::physics) fn for_each_contact(
+        &self,
+        handle: RigidBodyHandle,
+        mut visit: impl FnMut(RigidBodyHandle, bool),
+    ) {
+        for &collider in self.world.bodies[handle].colliders() {
+            for pair in self.world.narrow_phase.contact_pairs_with(collider) {
+                let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
+                if let Some(other) = self.movable_parent(handle, other) {
+                    visit(other, pair.has_any_active_contact());
+                }
+            }
+        }
+        for &joint in &self.slot(handle).joints {
+            if let Some((a, b)) = self.joint_ends(joint) {
+                let other = if a == handle { b } else { a };
+                if self.is_movable(other) {
+                    visit(other, true);
+                }
+            }
+        }
+    }
+
+    /// Whether anything touches the body, what is immovable too, or a joint holds it.
+    pub(in crate::physics) fn is_pressed(&self, handle: RigidBodyHandle) -> bool {
+        let touches = |&collider: &ColliderHandle| {
+            let mut pairs = self.world.narrow_phase.contact_pairs_with(collider);
+            pairs.any(ContactPair::has_any_active_contact)
+        };
+        !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(touches)
+    }
+
+    fn movable_parent(&self, of: RigidBodyHandle, other: ColliderHandle) -> Option<RigidBodyHandle> {
+        let parent = self.world.colliders.get(other).and_then(Collider::parent);
+        parent.filter(|&parent| parent != of && self.is_movable(parent))
+    }
+
+    fn is_movable(&self, handle: RigidBodyHandle) -> bool {
+        self.role_of(handle).is_some_and(|(_, role)| role != Role::Immovable)
+    }
+}

@@ -1,0 +1,210 @@
+//! Puts bodies into a region and takes them out of it, and keeps note of whose they are.
+
+use rapier3d::prelude::*;
+
+use super::assembly::Assembly;
+use super::{Link, Region, Role, Slot, anchor, assembly};
+use crate::physics::outline::Outline;
+use crate::physics::shapes::{ShapeError, ShapeLibrary};
+use crate::physics::{convert, record};
+use crate::protocol::{BodyKind, BodyRecord, JointRecord};
+use crate::space::{BodyId, Epoch, JointId, RegionSet};
+
+impl Region {
+    /// Inserts a body that is not held here yet.
+    pub(in crate::physics) fn insert(
+        &mut self,
+        body: &BodyRecord,
+        role: Role,
+        holders: RegionSet,
+        shapes: &ShapeLibrary,
+    ) -> Result<RigidBodyHandle, ShapeError> {
+        assert!(!self.by_id.contains_key(&body.id), "{} is already held by {}", body.id, self.id);
+        let (rigid_body, colliders) = record::build(body, self.anchor, shapes)?;
+        self.stirred = true;
+        let handle = self.world.bodies.insert(rigid_body);
+        self.touch(handle);
+        for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
+            let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
+            let inserted = &mut self.world.colliders[collider];
+            if role == Role::Immovable {
+                anchor::fetch_plane(inserted, &body.state.pose, self.anchor);
+            }
+            self.watch.name(inserted, collider, (body.id, place as u16), record);
+        }
+        if body.traits.colliders.iter().any(|collider| !collider.enabled) {
+            // Rapier counts their mass until it steps.
+            self.world.bodies[handle].recompute_mass_properties_from_colliders(&self.world.colliders);
+        }
+        self.guide.note(handle, body.traits.kind);
+        let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
+        let outline = Outline::of(&self.world.bodies[handle], &self.world.colliders);
+        let index = handle.into_raw_parts().0 as usize;
+        if self.slots.len() <= index {
+            self.slots.resize_with(index + 1, || None);
+            self.due.resize(index + 1, 0);
+        }
+        self.due[index] = 0;
+        self.slots[index] = Some(Slot {
+            id: body.id,
+            epoch: body.epoch,
+            role,
+            holders,
+            traits: body.traits.clone(),
+            reach_m,
+            outline,
+            joints: Vec::new(),
+            assembly: None,
+            told_asleep: body.state.sleeping,
+            confirmed: true,
+            division: None,
+            whole: false,
+            doubt: 0,
+            asleep_at: (body.state.sleeping)
+                .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
+        });
+        self.by_id.insert(body.id, handle);
+        let link = Link { id: body.id, handle };
+        self.list(link);
+        if role == Role::Owner {
+            self.fresh.push(link);
+        }
+        let tied = |joint: &JointRecord| joint.a == body.id || joint.b == body.id;
+        for joint in self.waiting.values().filter(|joint| tied(joint)).cloned().collect::<Vec<_>>() {
+            self.insert_joint(&joint);
+        }
+        Ok(handle)
+    }
+
+    /// Takes a body out, with its joints. Returns whether it was held here.
+    pub(in crate::physics) fn remove(&mut self, id: BodyId) -> bool {
+        let Some(handle) = self.handle_of(id) else { return false };
+        let joints: Vec<_> = self.joints_of(handle).collect();
+        for joint in &joints {
+            self.remove_joint(joint.id);
+        }
+        self.by_id.remove(&id);
+        // What is still held here waits for it.
+        joints.iter().for_each(|joint| self.insert_joint(joint));
+        self.watch.forget(id);
+        self.guide.forget(handle);
+        self.fresh.retain(|link| link.handle != handle);
+        self.moved.take();
+        self.remove_from_rapier(handle);
+        self.slots[handle.into_raw_parts().0 as usize] = None;
+        self.unlist(id);
+        true
+    }
+
+    /// Changes who owns a body that is held here, and who else holds it.
+    pub(in crate::physics) fn set_role(
+        &mut self,
+        handle: RigidBodyHandle,
+        role: Role,
+        holders: RegionSet,
+        epoch: Epoch,
+    ) {
+        let slot = self.slot_mut(handle);
+        assert!(epoch >= slot.epoch, "{} would go back from epoch {} to {epoch}", slot.id, slot.epoch);
+        (slot.role, slot.epoch) = (role, epoch);
+        slot.asleep_at = None;
+        slot.told_asleep = false;
+        self.due[handle.into_raw_parts().0 as usize] = 0;
+        self.set_holders(handle, holders);
+        self.relink(handle);
+    }
+
+    /// Changes which other regions hold a body.
+    pub(in crate::physics) fn set_holders(&mut self, handle: RigidBodyHandle, holders: RegionSet) {
+        self.touch(handle);
+        let slot = self.slot_mut(handle);
+        slot.holders = holders;
+        let link = Link { id: slot.id, handle };
+        self.unlist(link.id);
+        self.list(link);
+    }
+
+    /// Membership changed: who holds replicas of this region's bodies, and whether its own replicas are still right, must
+    /// be told again.
+    pub(in crate::physics) fn forget_holders(&mut self) {
+        self.fresh.clear();
+        self.guide.reset();
+        for Link { id, handle } in self.links() {
+            let holders = self.slot(handle).holders;
+            let was_shared = self.division(handle).is_some();
+            if was_shared {
+                self.undivide(handle);
+                self.set_holders(handle, RegionSet::EMPTY);
+                self.slot_mut(handle).told_asleep = false;
+            }
+            let slot = self.slot_mut(handle);
+            match slot.role {
+                Role::Owner => {
+                    slot.holders = if was_shared { holders } else { RegionSet::EMPTY };
+                    self.fresh.push(Link { id, handle });
+                }
+                Role::Replica { .. } => slot.confirmed = false,
+                Role::Immovable => {}
+            }
+        }
+        self.shared.clear();
+    }
+
+    /// Finds again which bodies joints tie together, if joints changed.
+    pub(in crate::physics) fn update_assemblies(&mut self) {
+        if !std::mem::take(&mut self.assemblies_stale) {
+            return;
+        }
+        for assembly in std::mem::take(&mut self.assemblies) {
+            for link in assembly.members {
+                if self.handle_of(link.id) == Some(link.handle) {
+                    self.slot_mut(link.handle).assembly = None;
+                }
+            }
+        }
+        let movable = |id: BodyId| {
+            let handle = self.handle_of(id)?;
+            (self.slot(handle).traits.kind != BodyKind::Fixed).then_some(Link { id, handle })
+        };
+        let ties: Vec<_> = self
+            .joints
+            .values()
+            .filter_map(|joint| Some((movable(joint.record.a)?, movable(joint.record.b)?)))
+            .collect();
+        let single = self.joints.values().filter_map(|joint| {
+            // A body tied to something immovable is an assembly of one: its joint must travel with it.
+            movable(joint.record.a).xor(movable(joint.record.b))
+        });
+        self.assemblies = assembly::connect(ties.into_iter().chain(single.map(|link| (link, link))));
+        for index in 0..self.assemblies.len() {
+            let members = std::mem::take(&mut self.assemblies[index].members);
+            for member in &members {
+                self.slot_mut(member.handle).assembly = Some(index as u32);
+            }
+            let is_link = |id: &JointId| self.joints.get(id).is_some_and(|joint| joint.record.link.is_some());
+            let articulated = members.iter().any(|link| self.slot(link.handle).joints.iter().any(is_link));
+            self.assemblies[index] = Assembly { members, articulated };
+        }
+    }
+
+    /// Puts a body on the list of its role.
+    pub(in crate::physics) fn list(&mut self, link: Link) {
+        let slot = self.slot(link.handle);
+        let list = match slot.role {
+            Role::Owner if !slot.holders.is_empty() => &mut self.shared,
+            Role::Replica { .. } => &mut self.replicas,
+            _ => return,
+        };
+        if let Err(place) = list.binary_search_by_key(&link.id, |other| other.id) {
+            list.insert(place, link);
+        }
+    }
+
+    pub(in crate::physics) fn unlist(&mut self, id: BodyId) {
+        for list in [&mut self.shared, &mut self.replicas] {
+            if let Ok(place) = list.binary_search_by_key(&id, |other| other.id) {
+                list.remove(place);
+            }
+        }
+    }
+}

@@ -1,0 +1,386 @@
+//! Bodies that live in several regions: each copy that counts has its share of the mass, feels its share of the user's force,
+//! and is pushed by what evens out the missing neighbours of copies at the edge of an overlap.
+
+use rapier3d::dynamics::RigidBodyAdditionalMassProps;
+use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Region;
+use crate::physics::record;
+use crate::protocol::{BodyKind, BodyTraits, ColliderMass, ExtraMass, MassRecord};
+use crate::space::RegionSet;
+
+/// A remembered force may grow by this factor a step; more is an impact, and no load to be evened out.
+const IMPACT: f32 = 4.0;
+/// The memory of forces follows in this part of a tick, however many exchanges the tick has. What contacts press in shorter
+/// steps is rougher, and copies that answer to it at once drive each other apart: four exchanges squeezed boxes out from under a
+/// hundred courses and felled towers of 100:1, eight those of 10:1, all of which two held.
+const FORCE_MEMORY_TICKS: f32 = 0.5;
+/// By how much at most the memory of torques follows in an exchange. With more than two a tick it must follow still more slowly
+/// than that of forces: as the square did for up to sixteen, where a slowness in proportion fell at eight.
+const TORQUE_MEMORY: f32 = 0.3;
+
+/// How the mass and the user's force of one body are shared out among regions, and what presses on the copy here.
+#[derive(Debug, Serialize, Deserialize)]
+pub(in crate::physics) struct Division {
+    /// The regions whose copies have a part of the mass, this one perhaps not: its copy is a ghost then, and whole.
+    pub among: RegionSet,
+    /// By how many the mass of the copy here is divided.
+    parts: usize,
+    /// Rapier has set the copy here aside, as its numbers were no longer finite.
+    broken: bool,
+    /// What the user presses on the whole body.
+    user_force: Vector,
+    user_torque: Vector,
+    /// What evens out the edges of the overlap: on this copy, until the next exchange.
+    push: Vector,
+    twist: Vector,
+    /// How the copy began the steps since the last exchange.
+    start: Option<Start>,
+}
+
+/// Velocities at the beginning of the steps between two exchanges.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Start {
+    linear: Vector,
+    /// As gyroscopic forces alone would have it at the end.
+    angular: Vector,
+    elapsed_s: f32,
+}
+
+impl Division {
+    fn whole(body: &RigidBody, rank: usize) -> Self {
+        Self {
+            among: RegionSet::only(rank),
+            parts: 1,
+            broken: false,
+            user_force: body.user_force(),
+            user_torque: body.user_torque(),
+            push: Vector::ZERO,
+            twist: Vector::ZERO,
+            start: None,
+        }
+    }
+
+    /// Whether several copies count, each with its share of the mass; else the owner's does, and the others are ghosts of it.
+    pub(in crate::physics) fn is_split(&self) -> bool {
+        self.among.len() > 1
+    }
+
+    /// Whether Rapier has set the copy here aside.
+    pub(in crate::physics) fn is_broken(&self) -> bool {
+        self.broken
+    }
+}
+
+impl Region {
+    /// How a body held here is shared out; none while one region alone holds it.
+    #[inline]
+    pub(in crate::physics) fn division(&self, handle: RigidBodyHandle) -> Option<&Division> {
+        self.slot(handle).division.as_deref()
+    }
+
+    fn division_mut(&mut self, handle: RigidBodyHandle) -> Option<&mut Division> {
+        self.slot_mut(handle).division.as_deref_mut()
+    }
+
+    /// A copy has come to be held here whole, or is announced anew: what presses on it is its user's.
+    pub(in crate::physics) fn begin_division(&mut self, handle: RigidBodyHandle) {
+        let rank = self.rank;
+        let whole = Division::whole(&self.world.bodies[handle], rank);
+        let (force, torque) = (whole.user_force, whole.user_torque);
+        let division = self.slot_mut(handle).division.get_or_insert_with(|| Box::new(whole));
+        (division.user_force, division.user_torque) = (force, torque);
+    }
+
+    /// Shares a body out among these regions: from now on the copy here has its part of the mass and of joints' forces.
+    pub(in crate::physics) fn divide_among(&mut self, handle: RigidBodyHandle, among: RegionSet) {
+        if self.division(handle).is_none() {
+            let whole = Division::whole(&self.world.bodies[handle], self.rank);
+            self.slot_mut(handle).division = Some(Box::new(whole));
+        }
+        let parts = self.parts_among(handle, among);
+        let division = self.division_mut(handle).expect("it is shared out from now on");
+        division.among = among;
+        if std::mem::replace(&mut division.parts, parts) != parts {
+            self.divide(handle, parts);
+        }
+        for joint in self.slot(handle).joints.clone() {
+            self.share_joint(joint);
+        }
+    }
+
+    /// One region alone holds the body from now on, this one: it is whole, and pressed by nothing but its user's force.
+    pub(in crate::physics) fn undivide(&mut self, handle: RigidBodyHandle) {
+        self.divide_among(handle, RegionSet::only(self.rank));
+        self.push(handle, Vector::ZERO, Vector::ZERO);
+        self.press(handle);
+        self.slot_mut(handle).division = None;
+    }
+
+    /// Sets what evens out the edges of the overlap on a copy here, in newtons and newton metres, from the next step on.
+    pub(in crate::physics) fn push(&mut self, handle: RigidBodyHandle, push: Vector, twist: Vector) {
+        if let Some(division) = self.division_mut(handle) {
+            (division.push, division.twist) = (push, twist);
+        }
+    }
+
+    /// Before a step: presses on the copy what it must feel in it, and notes how it starts.
+    pub(in crate::physics) fn prepare_copy(&mut self, handle: RigidBodyHandle, dt_s: f32) {
+        let body = &self.world.bodies[handle];
+        if !body.is_dynamic() || body.is_sleeping() {
+            return;
+        }
+        let (linear, angular) = (body.linvel(), body.angvel_with_gyroscopic_forces(dt_s));
+        let Some(division) = self.division_mut(handle) else { return };
+        let start = division.start.get_or_insert(Start { linear, angular, elapsed_s: 0.0 });
+        start.elapsed_s += dt_s;
+        self.press(handle);
+    }
+
+    /// The steps since the last exchange are over: the next ones count from where the copy is then.
+    pub(in crate::physics) fn restart_copy(&mut self, handle: RigidBodyHandle) {
+        if let Some(division) = self.division_mut(handle) {
+            division.start = None;
+        }
+    }
+
+    /// Enables a copy that Rapier has set aside, to be written.
+    pub(in crate::physics) fn mend_copy(&mut self, handle: RigidBodyHandle) {
+        if self.division_mut(handle).is_some_and(|division| std::mem::take(&mut division.broken)) {
+            self.world_mut().bodies[handle].set_enabled(true);
+        }
+    }
+
+    /// Rapier has set every copy aside: so is the body, until its user enables it.
+    pub(in crate::physics) fn give_up_copies(&mut self, handle: RigidBodyHandle) {
+        if let Some(division) = self.division_mut(handle) {
+            (division.user_force, division.user_torque) = (Vector::ZERO, Vector::ZERO);
+        }
+        self.refresh(handle);
+    }
+
+    /// Rapier has set a copy aside that was no longer finite. Where regions share the body, the others decide.
+    pub(super) fn set_aside(&mut self, handle: RigidBodyHandle) {
+        let Some(slot) = self.slot_at(handle) else { return };
+        self.quarantined.push(slot.id);
+        match self.division_mut(handle) {
+            Some(division) => division.broken = true,
+            None => self.refresh(handle),
+        }
+    }
+
+    /// Force and torque of contacts and joints on a copy since the last exchange: what moved it besides gravity and what was
+    /// pressed on it. They follow what is measured now from what they were `before`.
+    pub(in crate::physics) fn strain(
+        &self,
+        handle: RigidBodyHandle,
+        before: (Vector, Vector),
+        tick_s: f32,
+    ) -> (Vector, Vector) {
+        let body = &self.world.bodies[handle];
+        let Some(division) = self.division(handle) else { return before };
+        // Frozen while asleep.
+        let Some(start) = division.start.filter(|_| body.is_dynamic() && !body.is_sleeping()) else {
+            return before;
+        };
+        let (parts, mass) = (division.parts.max(1) as f32, body.mass());
+        let gravity = self.world.gravity;
+        let gained = (body.linvel() - start.linear) / start.elapsed_s - gravity * body.gravity_scale();
+        let mut force = gained * mass - division.push - division.user_force / parts;
+        let spun = (body.angvel() - start.angular) / start.elapsed_s;
+        let mut torque = inertia_times(body, spun) - division.twist - division.user_torque / parts;
+        let most = IMPACT * (before.0.length() + mass * gravity.length().max(1.0));
+        if force.length() > most {
+            let cut = most / force.length();
+            force *= cut;
+            torque *= cut;
+        }
+        let follow = (start.elapsed_s / (FORCE_MEMORY_TICKS * tick_s)).min(1.0);
+        let twist = TORQUE_MEMORY * follow * follow;
+        (force * follow + before.0 * (1.0 - follow), before.1 + (torque - before.1) * twist)
+    }
+
+    /// What the user presses on the whole body, in newtons and newton metres, if it is shared out.
+    pub(super) fn user_load(&self, handle: RigidBodyHandle) -> Option<(Vector, Vector)> {
+        self.division(handle).map(|division| (division.user_force, division.user_torque))
+    }
+
+    /// By how many regions the mass of a body held here is divided: Rapier's body in each of them has that share of it.
+    pub fn share_of(&self, handle: RigidBodyHandle) -> usize {
+        self.slot_at(handle).and_then(|slot| slot.division.as_deref()).map_or(1, |division| division.parts)
+    }
+
+    /// Whether the copy of a body here counts, with its share of the mass; a ghost only follows those that do.
+    pub(in crate::physics) fn counts(&self, handle: RigidBodyHandle) -> bool {
+        let division = self.slot_at(handle).and_then(|slot| slot.division.as_deref());
+        division.is_none_or(|division| division.among.contains(self.rank))
+    }
+
+    /// Makes Rapier's forces on the copy what they must be.
+    fn press(&mut self, handle: RigidBodyHandle) {
+        let Some(division) = self.division(handle) else { return };
+        let parts = division.parts.max(1) as f32;
+        let (force, torque) =
+            (division.user_force / parts + division.push, division.user_torque / parts + division.twist);
+        let body = &self.world.bodies[handle];
+        if body.user_force() == force && body.user_torque() == torque {
+            return;
+        }
+        let body = &mut self.world_mut().bodies[handle];
+        body.reset_forces(false);
+        body.reset_torques(false);
+        body.add_force(force, false);
+        body.add_torque(torque, false);
+    }
+
+    /// Lets a user see and change the body whole: with all of its mass and none but the user's forces. Reads its traits anew.
+    pub(super) fn change_whole<R>(
+        &mut self,
+        handle: RigidBodyHandle,
+        change: impl FnOnce(&mut RigidBody) -> R,
+    ) -> R {
+        let Some(parts) = self.division(handle).map(|division| division.parts) else {
+            let extra_mass = self.slot(handle).traits.extra_mass;
+            let result = change(&mut self.world_mut().bodies[handle]);
+            self.refresh(handle);
+            if self.slot(handle).traits.extra_mass != extra_mass {
+                // Rapier itself does so only when it steps.
+                let PhysicsWorld { bodies, colliders, .. } = self.world_mut();
+                bodies[handle].recompute_mass_properties_from_colliders(colliders);
+            }
+            return result;
+        };
+        let before = self.lift(handle);
+        // To change colliders would wake the body, which its user may only look at, or have put to sleep. So all of the mass
+        // stands in for what the body has besides its colliders.
+        let all = all_of(self.world.bodies[handle].mass_properties().local_mprops, parts);
+        let body = &mut self.world_mut().bodies[handle];
+        if parts > 1 {
+            body.set_additional_mass_properties(all, false);
+            body.recompute_mass_properties_from_colliders(&ColliderSet::new());
+        }
+        let result = change(body);
+        let stood_in = RigidBodyAdditionalMassProps::MassProps(all);
+        if parts > 1 && body.mass_properties().additional_local_mprops.as_deref() == Some(&stood_in) {
+            let traits = self.slot(handle).traits.clone();
+            divide_extra(&mut self.world_mut().bodies[handle], &traits, 1.0);
+        }
+        self.refresh(handle);
+        let parts_now = self.parts_now(handle);
+        if parts_now == parts {
+            let traits = self.slot(handle).traits.clone();
+            let PhysicsWorld { bodies, colliders, .. } = self.world_mut();
+            divide_extra(&mut bodies[handle], &traits, 1.0 / parts as f32);
+            bodies[handle].recompute_mass_properties_from_colliders(colliders);
+        } else {
+            self.divide(handle, parts_now);
+        }
+        self.lower(handle, parts_now, before);
+        result
+    }
+
+    /// The same for its colliders, which have all of their mass meanwhile.
+    pub(super) fn change_colliders_whole<R>(
+        &mut self,
+        handle: RigidBodyHandle,
+        change: impl FnOnce(&mut Region) -> R,
+    ) -> R {
+        if self.division(handle).is_none() {
+            return change(self);
+        }
+        let before = self.lift(handle);
+        self.divide(handle, 1);
+        let result = change(self);
+        let parts = self.parts_now(handle);
+        self.divide(handle, parts);
+        self.lower(handle, parts, before);
+        result
+    }
+
+    /// Takes away what evens out the edges, and returns it.
+    fn lift(&mut self, handle: RigidBodyHandle) -> (Vector, Vector) {
+        let division = self.division_mut(handle).expect("only what is shared out is lifted");
+        let before = (division.push, division.twist);
+        (division.parts, division.push, division.twist) = (1, Vector::ZERO, Vector::ZERO);
+        self.press(handle);
+        before
+    }
+
+    /// Undoes [`Region::lift`], with the forces that the user left.
+    fn lower(&mut self, handle: RigidBodyHandle, parts: usize, before: (Vector, Vector)) {
+        let body = &self.world.bodies[handle];
+        let (force, torque) = (body.user_force(), body.user_torque());
+        let division = self.division_mut(handle).expect("only what is shared out was lifted");
+        (division.user_force, division.user_torque) = (force, torque);
+        (division.push, division.twist) = before;
+        division.parts = parts;
+        // What the user did is no contact's doing.
+        (division.start, division.broken) = (None, false);
+        self.press(handle);
+    }
+
+    /// By how many the mass of the copy is to be divided, as its traits are now.
+    fn parts_now(&self, handle: RigidBodyHandle) -> usize {
+        self.division(handle).map_or(1, |division| self.parts_among(handle, division.among))
+    }
+
+    fn parts_among(&self, handle: RigidBodyHandle, among: RegionSet) -> usize {
+        if self.slot(handle).traits.kind == BodyKind::Dynamic { among.len().max(1) } else { 1 }
+    }
+
+    /// Gives every source of the body's mass its share.
+    fn divide(&mut self, handle: RigidBodyHandle, parts: usize) {
+        let traits = self.slot(handle).traits.clone();
+        let share = 1.0 / parts as f32;
+        let PhysicsWorld { bodies, colliders, .. } = self.world_mut();
+        let body = &mut bodies[handle];
+        for (record, &collider) in traits.colliders.iter().zip(body.colliders()) {
+            let collider = &mut colliders[collider];
+            match &record.mass {
+                ColliderMass::Density(density) => collider.set_density(density * share),
+                ColliderMass::Mass(mass) => collider.set_mass(mass * share),
+                ColliderMass::Properties(props) => {
+                    collider.set_mass_properties(shared_properties(props, share));
+                }
+            }
+        }
+        divide_extra(body, &traits, share);
+        body.recompute_mass_properties_from_colliders(colliders);
+    }
+}
+
+fn inertia_times(body: &RigidBody, angular: Vector) -> Vector {
+    let local = &body.mass_properties().local_mprops;
+    let world_from_principal = *body.rotation() * local.principal_inertia_local_frame;
+    world_from_principal * (local.principal_inertia() * (world_from_principal.inverse() * angular))
+}
+
+/// The mass of so many equal parts.
+fn all_of(part: MassProperties, parts: usize) -> MassProperties {
+    let parts = parts as f32;
+    MassProperties {
+        inv_mass: part.inv_mass / parts,
+        inv_principal_inertia: part.inv_principal_inertia / parts,
+        ..part
+    }
+}
+
+fn divide_extra(body: &mut RigidBody, traits: &BodyTraits, share: f32) {
+    match &traits.extra_mass {
+        None => body.set_additional_mass_properties(MassProperties::default(), false),
+        Some(ExtraMass::Mass(mass)) => body.set_additional_mass(mass * share, false),
+        Some(ExtraMass::Properties(props)) => {
+            body.set_additional_mass_properties(shared_properties(props, share), false);
+        }
+    }
+}
+
+fn shared_properties(props: &MassRecord, share: f32) -> MassProperties {
+    let whole = record::mass_properties(props);
+    MassProperties {
+        inv_mass: whole.inv_mass / share,
+        inv_principal_inertia: whole.inv_principal_inertia / share,
+        ..whole
+    }
+}

@@ -1,0 +1,63 @@
+//! What a region knows of a body besides Rapier's own.
+
+use std::sync::Arc;
+
+use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::division::Division;
+use crate::physics::outline::Outline;
+use crate::protocol::BodyTraits;
+use crate::space::{BodyId, Epoch, JointId, RegionSet};
+
+/// What a region is to a body that it holds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Role {
+    /// The body never moves; every region near it holds it and none sends it.
+    Immovable,
+    /// This region has authority over it.
+    Owner,
+    /// The region of this rank has.
+    Replica {
+        /// Rank of the owner.
+        owner: usize,
+    },
+}
+
+/// A body by name and by Rapier's handle.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(in crate::physics) struct Link {
+    pub id: BodyId,
+    pub handle: RigidBodyHandle,
+}
+
+/// One body held by a region.
+#[derive(Debug, Serialize, Deserialize)]
+pub(in crate::physics) struct Slot {
+    pub id: BodyId,
+    pub epoch: Epoch,
+    pub role: Role,
+    /// The other regions that hold it; kept by the owner, and by replicas where regions agree on means.
+    pub holders: RegionSet,
+    pub traits: Arc<BodyTraits>,
+    /// Radius of a ball around the centre of mass that holds all colliders, in metres.
+    pub reach_m: f32,
+    /// What boxes around it are made from.
+    pub outline: Outline,
+    /// The joints it hangs on, in order of insertion.
+    pub joints: Vec<JointId>,
+    /// Index into the region's assemblies, if joints tie it to others.
+    pub assembly: Option<u32>,
+    /// Owner: whether the holders know that it sleeps.
+    pub told_asleep: bool,
+    /// Replica: where the owner's copy fell asleep.
+    pub asleep_at: Option<Pose>,
+    /// Replica: whether its owner has announced it since membership changed last.
+    pub confirmed: bool,
+    /// How its mass and its user's force are shared out, while several regions hold it.
+    pub division: Option<Box<Division>>,
+    /// Whether its island was small enough to be computed whole, when it last came near a border.
+    pub whole: bool,
+    /// Ticks for which its island's size has said otherwise.
+    pub doubt: u16,
+}

@@ -1,0 +1,69 @@
+//! Steps a region's Rapier world, and takes in what it says of contacts.
+
+use rapier3d::prelude::*;
+
+use super::division::Division;
+use super::{Region, Role, guide};
+use crate::physics::hooks::Named;
+
+impl Region {
+    /// Steps the Rapier world by one of so many micro-steps of a tick.
+    pub(in crate::physics) fn step(&mut self, parameters: &IntegrationParameters, steps: usize) {
+        let dt_before_s = std::mem::replace(&mut self.world.integration_parameters, *parameters).dt;
+        if self.guide.is_first() {
+            self.quarantined.clear();
+        }
+        guide::guide(self, steps);
+        self.tell_joints();
+        self.stirred = false;
+        self.touched.clear();
+        self.moved.take();
+        match self.hooks.as_deref() {
+            Some(hooks) => {
+                let named = Named { hooks, watch: &self.watch, anchor: self.anchor };
+                self.world.step_with_events(&named, &self.watch);
+            }
+            None => self.world.step_with_events(&(), &self.watch),
+        }
+        self.note_solved(dt_before_s);
+        self.watch.remind(&mut self.world.colliders);
+        let heard = self.events.forces.len();
+        self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
+        self.events.make_tellable();
+        self.answer_for_forces(heard);
+        for handle in self.world.quarantine().bodies().to_vec() {
+            self.set_aside(handle);
+        }
+    }
+
+    /// Notes in how long a micro-step the contacts of what is awake have been solved. What sleeps keeps its impulses, of a
+    /// micro-step that may have been longer or shorter than the present one. Rapier lets bodies fall asleep before it solves:
+    /// what is awake after a step has been solved in it.
+    pub(in crate::physics) fn note_solved(&mut self, dt_before_s: f32) {
+        let dt_s = self.world.integration_parameters.dt;
+        if self.solved_dt_s.is_empty() && dt_s == dt_before_s {
+            return;
+        }
+        self.solved_dt_s.resize(self.slots.len(), dt_before_s);
+        for handle in self.world.islands.active_bodies() {
+            self.solved_dt_s[handle.into_raw_parts().0 as usize] = dt_s;
+        }
+    }
+
+    /// Keeps the forces that this region answers for. Where each copy has all of the mass, that is the owner of the first
+    /// movable body; where masses are split, all whose copies count.
+    pub(in crate::physics) fn answer_for_forces(&mut self, from: usize) {
+        let mut forces = std::mem::take(&mut self.events.forces);
+        let heard = forces.split_off(from);
+        let role = |id| self.handle_of(id).map_or(Role::Immovable, |handle| self.slot(handle).role);
+        let copy = |id| self.handle_of(id);
+        let splits = |id| copy(id).and_then(|handle| self.division(handle)).is_some_and(Division::is_split);
+        let counts = |id| copy(id).is_none_or(|handle| self.counts(handle));
+        forces.extend(heard.into_iter().filter(|force| match role(force.key.a) {
+            _ if splits(force.key.a) || splits(force.key.b) => counts(force.key.a) && counts(force.key.b),
+            Role::Immovable => role(force.key.b) == Role::Owner,
+            role => role == Role::Owner,
+        }));
+        self.events.forces = forces;
+    }
+}

@@ -1,0 +1,46 @@
+//! Opens scenes: those of the library by name, others from files.
+
+use std::path::Path;
+
+use super::{Params, Scene, SceneError, file, library};
+
+/// Of MJCF and URDF.
+const MODEL_EXTENSIONS: [&str; 3] = ["xml", "mjcf", "urdf"];
+
+impl Scene {
+    /// A scene of the [`library`](super::library()).
+    pub fn named(name: &str, params: &Params) -> Result<Self, SceneError> {
+        library::build(name, params)
+    }
+
+    /// A scene file: MJCF (`.xml`, `.mjcf`) or URDF (`.urdf`) with the feature `models`, TOML otherwise. Parameters of a TOML file
+    /// are those of the library scene that it starts from, if it does; all model files have the same.
+    pub fn load(path: impl AsRef<Path>, params: &Params) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        #[cfg(feature = "models")]
+        if super::models::handles(path) {
+            return super::models::load(path, params);
+        }
+        #[cfg(not(feature = "models"))]
+        if MODEL_EXTENSIONS.iter().any(|known| has_extension(path, known)) {
+            return Err(SceneError::File {
+                path: path.to_owned(),
+                line: None,
+                cause: "this build reads no MJCF and URDF".to_owned(),
+                remedy: "build dcd with its feature `models`".to_owned(),
+            });
+        }
+        file::load(path, params)
+    }
+
+    /// A file if the text ends as scene files do or such a file exists, else a scene of the library.
+    pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
+        let path = Path::new(name_or_path);
+        let is_scene = MODEL_EXTENSIONS.iter().chain(&["toml"]).any(|known| has_extension(path, known));
+        if is_scene || path.is_file() { Self::load(path, params) } else { Self::named(name_or_path, params) }
+    }
+}
+
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
+}

@@ -1,0 +1,158 @@
+//! Files of the library depend on each other in one direction only.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A module by its names from the crate's root.
+type Module = Vec<String>;
+
+/// What stands after each `use` of a file outside its tests, one path an item, without what a crate of others would begin with.
+fn imports(source: &str) -> Vec<Vec<String>> {
+    let code = source.split("#[cfg(test)]\nmod tests {").next().unwrap_or(source);
+    let mut paths = Vec::new();
+    for statement in code.split(';') {
+        let lines = statement.lines().filter(|line| !line.trim_start().starts_with("//"));
+        let statement = lines.collect::<Vec<_>>().join(" ");
+        let begins = |(at, _): &(usize, &str)| *at == 0 || statement[..*at].ends_with([' ', ')']);
+        if let Some((at, _)) = statement.match_indices("use ").find(begins) {
+            spell_out(&[], statement[at + 4..].trim(), &mut paths);
+        }
+    }
+    paths
+}
+
+/// One path for each name in a tree of imports.
+fn spell_out(before: &[String], tree: &str, paths: &mut Vec<Vec<String>>) {
+    let (head, group) = tree.split_once('{').map_or((tree, None), |(head, group)| (head, Some(group)));
+    let mut path = before.to_vec();
+    let head = head.split(" as ").next().unwrap_or(head);
+    path.extend(head.split("::").map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned));
+    let Some(group) = group else { return paths.push(path) };
+    let group = group.trim_end().strip_suffix('}').expect("a group of imports ends");
+    let (mut depth, mut from) = (0, 0);
+    for (at, letter) in group.char_indices().chain([(group.len(), ',')]) {
+        match letter {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                let item = group[from..at].trim();
+                if !item.is_empty() {
+                    spell_out(&path, item, paths);
+                }
+                from = at + 1;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The file that a path leads to, seen from a module: the longest beginning that is one.
+fn target(from: &Module, path: &[String], files: &BTreeMap<Module, PathBuf>) -> Option<Module> {
+    let mut at: Module = match path.first()?.as_str() {
+        "crate" => Vec::new(),
+        "self" => from.clone(),
+        "super" => from[..from.len().checked_sub(1)?].to_vec(),
+        child if files.contains_key(&[&from[..], &[child.to_owned()]].concat()) => {
+            [&from[..], &[child.to_owned()]].concat()
+        }
+        _ => return None,
+    };
+    for name in &path[1..] {
+        match name.as_str() {
+            "super" => drop(at.pop()),
+            _ => at.push(name.clone()),
+        }
+    }
+    while !files.contains_key(&at) {
+        at.pop()?;
+    }
+    Some(at)
+}
+
+/// All files below a folder, by module.
+fn files_below(folder: &Path, module: &Module, files: &mut BTreeMap<Module, PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        let below = || [&module[..], std::slice::from_ref(&name)].concat();
+        if path.is_dir() {
+            files_below(&path, &below(), files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") && name != "tests" {
+            let of = if ["mod", "lib"].contains(&name.as_str()) { module.clone() } else { below() };
+            files.insert(of, path);
+        }
+    }
+}
+
+/// Groups of modules that lead to each other, a module and its own children aside.
+fn circles(sources: &BTreeMap<Module, String>, files: &BTreeMap<Module, PathBuf>) -> Vec<BTreeSet<Module>> {
+    let kin = |a: &Module, b: &Module| a.starts_with(b) || b.starts_with(a);
+    let leads_to: BTreeMap<&Module, BTreeSet<Module>> = sources
+        .iter()
+        .map(|(module, source)| {
+            let targets = imports(source).into_iter().filter_map(|path| target(module, &path, files));
+            (module, targets.filter(|other| !kin(module, other)).collect())
+        })
+        .collect();
+    let reached = |from: &Module| {
+        let (mut seen, mut open) = (BTreeSet::new(), vec![from.clone()]);
+        while let Some(module) = open.pop() {
+            for next in leads_to.get(&module).into_iter().flatten() {
+                if seen.insert(next.clone()) {
+                    open.push(next.clone());
+                }
+            }
+        }
+        seen
+    };
+    let reach: BTreeMap<&Module, BTreeSet<Module>> =
+        sources.keys().map(|module| (module, reached(module))).collect();
+    let mut found: Vec<BTreeSet<Module>> = Vec::new();
+    for (module, reached) in reach.iter().filter(|(module, reached)| reached.contains(**module)) {
+        let circle = reached.iter().filter(|other| reach[other].contains(*module)).cloned().collect();
+        if !found.contains(&circle) {
+            found.push(circle);
+        }
+    }
+    found
+}
+
+#[test]
+fn no_two_files_import_each_other_but_a_module_and_its_own_children() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../dcd/src");
+    let mut files = BTreeMap::new();
+    files_below(&root, &Vec::new(), &mut files);
+    let sources: BTreeMap<Module, String> =
+        files.iter().map(|(module, path)| (module.clone(), fs::read_to_string(path).unwrap())).collect();
+    let edges: usize = sources.values().map(|source| imports(source).len()).sum();
+    assert!(files.len() > 100 && edges > 1_000, "{} files with {edges} imports were found", files.len());
+    let circles = circles(&sources, &files);
+    assert!(circles.is_empty(), "these lead to each other: {circles:#?}");
+}
+
+#[test]
+fn a_circle_is_found_through_groups_and_over_several_files() {
+    let module = |name: &str| name.split("::").map(str::to_owned).collect::<Module>();
+    let of = |texts: &[(&str, &str)]| {
+        let sources: BTreeMap<Module, String> =
+            texts.iter().map(|(name, text)| (module(name), (*text).to_owned())).collect();
+        let files = sources.keys().map(|module| (module.clone(), PathBuf::new())).collect();
+        circles(&sources, &files)
+    };
+    let pair = [
+        ("physics", "mod a;\nmod b;\npub use a::A;\n"),
+        ("physics::a", "use std::fmt;\n\nuse super::{b::{B, C as D}, c};\n"),
+        ("physics::b", "//! use crate::nothing;\npub(super) use crate::physics::a::A;\n"),
+    ];
+    assert_eq!(of(&pair), [BTreeSet::from([module("physics::a"), module("physics::b")])]);
+    assert!(of(&pair[..2]).is_empty());
+    let three = [
+        ("a", "use crate::b::x;\n"),
+        ("b", "use crate::c;\n"),
+        ("c", "use super::a;\n\n#[cfg(test)]\nmod tests {\n    use crate::b;\n}\n"),
+        ("c::d", "use super::super::b;\n"),
+    ];
+    assert_eq!(of(&three).len(), 1);
+    assert_eq!(of(&three)[0].len(), 3, "a child of one of them is only led to");
+}

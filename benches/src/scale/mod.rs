@@ -71,7 +71,7 @@ pub(crate) struct Row {
     threads: usize,
     /// Milliseconds a step, median of the fastest run.
     ms_p50: f64,
-    /// How many times as fast as one bare world, by medians.
+    /// Of the time that one bare world takes, by medians: below 1 is faster.
     over_bare: f64,
     /// Of two regions over one bare world.
     instructions_over_bare: Option<f64>,
@@ -170,7 +170,7 @@ impl Scale {
                     regions,
                     threads: setting.threads(threads),
                     ms_p50: step.p50_ms,
-                    over_bare: bare_ms / step.p50_ms,
+                    over_bare: step.p50_ms / bare_ms,
                     instructions_over_bare,
                     error,
                     r1_spread,

@@ -70,7 +70,7 @@ impl Coupling {
 }
 
 /// No island is too large to be in one region whole: the most that may be asked for.
-const WHOLE: usize = BIG_ISLAND as usize - 1;
+pub(super) const WHOLE: usize = BIG_ISLAND as usize - 1;
 
 /// How a world is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -16,6 +16,7 @@ use super::share::SharedBodies;
 use crate::physics::outbox::Outbox;
 use crate::physics::region::{Link, Region, Role};
 use crate::physics::renumber::Renumbering;
+use crate::physics::settings::WHOLE;
 use crate::protocol::{BIG_ISLAND, BodyKind, BorderMessage, IslandPart};
 use crate::space::{BodyId, RegionSet};
 
@@ -109,10 +110,14 @@ impl Islands {
         for &handle in &self.touched {
             // Some have gone since.
             let here = region.physics().bodies.contains(handle);
-            if here && region.role_of(handle).is_some_and(|(_, role)| role == Role::Owner) {
-                let place = self.of[handle.into_raw_parts().0 as usize] as usize - 1;
-                hearers[place] = hearers[place].union(region.slot(handle).holders);
-            }
+            let concerned = match region.role_of(handle).filter(|_| here) {
+                Some((_, Role::Owner)) => region.slot(handle).holders,
+                // It may hold nothing of what touches its body here.
+                Some((_, Role::Replica { owner })) => RegionSet::only(owner),
+                _ => continue,
+            };
+            let place = self.of[handle.into_raw_parts().0 as usize] as usize - 1;
+            hearers[place] = hearers[place].union(concerned);
         }
         // What belongs to an endless island has its name, and is told of once.
         let mut endless: Vec<(Option<BodyId>, RegionSet)> = Vec::new();
@@ -282,9 +287,17 @@ impl Islands {
             match slot.role {
                 Role::Owner => {
                     island.members.push(Link { id: slot.id, handle });
-                    island.pressed |= region.is_pressed(handle);
+                    island.pressed = island.pressed || region.is_pressed(handle);
                     island.whole |= slot.whole;
                     island.doubt = island.doubt.max(slot.doubt);
+                    let heard = shared.get(handle).into_iter().flat_map(|shared| &shared.heard);
+                    for (rank, copy) in heard.filter(|(_, copy)| !copy.sleeping) {
+                        if let Some(part) =
+                            copy.part.filter(|&part| self.told_by(*rank, part).next().is_some())
+                        {
+                            island.beside.push((*rank, part));
+                        }
+                    }
                 }
                 Role::Replica { owner } => {
                     island.ghosts += 1;
@@ -372,7 +385,19 @@ impl Islands {
 impl Island {
     /// Whether bodies of other regions belong to it.
     pub(super) fn spans(&self) -> bool {
-        self.ghosts > 0
+        self.ghosts > 0 || !self.beside.is_empty()
+    }
+
+    /// Whether it, or a part of it that this region hears of at first hand, is too large to be looked at whole in every tick.
+    pub(super) fn is_large(&self) -> bool {
+        let large = |part: &IslandPart| part.hops <= 1 && usize::from(part.size) > LARGE;
+        self.members.len() > LARGE || self.parts.iter().any(large)
+    }
+
+    /// Whether regions with less of it need not hold any of it: they follow what this one computes, and what they have of it comes
+    /// here.
+    pub(super) fn draws(&self, own: usize) -> bool {
+        self.members.len() > LARGE && !self.big && self.target == own
     }
 
     /// What touches it belongs to it.
@@ -414,8 +439,8 @@ impl Island {
     /// Decides whether it is to be whole, by the sizes of its parts and by what these take it for.
     fn judge(&mut self, limit: usize) {
         let total = self.total();
-        let split =
-            total > limit || total as f32 > ENTER * limit as f32 && !self.parts.iter().all(|part| part.whole);
+        let close = total as f32 > ENTER * limit as f32 && !self.parts.iter().all(|part| part.whole);
+        let split = limit < WHOLE && (total > limit || close);
         if split != self.whole {
             self.doubt = 0;
             return;
@@ -440,7 +465,10 @@ impl Island {
         }
         self.judge(limit);
         let mut here = 0;
-        for part in &self.parts {
+        let large = self.is_large();
+        // What others say of others is late: in a large island that comes together and apart, parts that are no more would count.
+        for part in self.parts.iter().filter(|part| !large || part.hops <= 1 || usize::from(part.rank) == own)
+        {
             let (rank, size) = (usize::from(part.rank), usize::from(part.size));
             match self.elsewhere.iter_mut().find(|(other, _)| *other == rank) {
                 _ if rank == own => here += size,

@@ -12,12 +12,12 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::island::{Island, LARGE};
+use super::island::Island;
 use super::share::SharedBodies;
 use super::sight::{self, Near, Sights};
 use super::{Border, Moment, Side};
 use crate::physics::outbox::Outbox;
-use crate::physics::region::{Link, Region, Role};
+use crate::physics::region::{Link, Region, Role, Slot};
 use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, Membership, Transfer};
 use crate::space::{BodyId, Bounds, RegionSet};
 
@@ -32,6 +32,9 @@ const FOLLOW_TICKS: u32 = 120;
 /// After so many ticks that it has been to go somewhere, a body goes as it is: who holds it may change with every swing of a rope,
 /// and nothing would ever settle.
 const LONGEST_AWAY_TICKS: u32 = 60;
+/// Of a large island goes at once what is faster than this, in m/s, when it has been to go for as long as others are held first: what
+/// contacts remember of it is of impacts, and worth nothing in the next tick.
+const LIVELY_M_S: f32 = 1.0;
 
 /// Who will hold a body from the end of this exchange on.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -57,6 +60,8 @@ struct Wish {
     pressed: bool,
     /// Whether it, and its island if that moves whole, is where it goes, with its contacts.
     ready: bool,
+    /// Whether it goes without having been held there.
+    lively: bool,
 }
 
 /// Says which regions must hold the bodies inserted since the last step: all whose cell they come near.
@@ -107,7 +112,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         let home = moment.home_of(region, handle);
         (home != region.rank() && !region.physics().bodies[handle].is_sleeping()).then_some((handle, home))
     });
-    reach.spread(region, depth, leaving, met);
+    reach.spread(region, islands, depth, leaving, met);
     reach.complete(region, islands);
     reach.carry(region, sights.carriers(region, moment.partition));
     let candidates = candidates(region, border);
@@ -119,7 +124,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
             shared.joined = if spans { shared.joined + 1 } else { 0 };
         }
     }
-    find_ready(region, border);
+    find_ready(region, border, moment.tick.0 as u32);
     let mut leaving = Vec::new();
     for link in candidates {
         leaving.extend(decide_on(side, moment, link));
@@ -239,11 +244,14 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: Link) -> Option<(Link, u
     let wish = wish_for(region, border, moment, link.handle);
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
+    let away = note_away(region, link, wish.owner, moment);
+    let flies = wish.lively && away >= SETTLE_TICKS;
     let slot = region.slot(link.handle);
     let (held, epoch) = (slot.holders, slot.epoch);
     let asleep = region.physics().bodies[link.handle].is_sleeping();
     let alone = wish.holders == RegionSet::only(wish.owner);
-    if alone && wish.owner != own_rank && goes_at_once(region, link.handle) {
+    let at_once = alone && goes_at_once(region, link.handle) || flies && held.is_empty();
+    if wish.owner != own_rank && at_once {
         return Some((link, wish.owner));
     }
     let (mut members, mut owner) = (held.union(wish.holders).union(own), own_rank);
@@ -256,7 +264,6 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: Link) -> Option<(Link, u
     let mut ready = false;
     if let Some(shared) = shared {
         (before, shadows_before) = (shared.members, shared.shadows);
-        shared.away = if wish.owner == own_rank { 0 } else { shared.away.saturating_add(1) };
         // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
         let needless = !held.without(wish.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
@@ -264,7 +271,7 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: Link) -> Option<(Link, u
         if shared.idle > if wish.pressed || carries { KEEP_TICKS } else { 0 } {
             members = wish.holders.union(own);
         }
-        ready = wish.ready && held.contains(wish.owner) && members.contains(wish.owner) && !asleep;
+        ready = (wish.ready || flies) && held.contains(wish.owner) && members.contains(wish.owner) && !asleep;
     }
     // Whom contacts reach comes to count: at once where all others' mean is what the owner sends, else after one exchange.
     let counting = before.without(shadows_before);
@@ -320,9 +327,9 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     };
     let pressed = island.map_or_else(|| region.is_pressed(handle), |island| island.pressed);
     let ready = match (island, region.slot(handle).assembly) {
-        (Some(island), _) if island.members.len() <= LARGE || region.is_articulated(handle) => island.ready,
+        (Some(island), _) if !island.is_large() || region.is_articulated(handle) => island.ready,
         (Some(_), Some(assembly)) => border.ready_assemblies[assembly as usize],
-        (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed),
+        (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed, moment.tick.0 as u32),
     };
     // What no contact moves is held by those who come near it, and draws nobody along.
     let id = region.slot(handle).id;
@@ -332,9 +339,31 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
         .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)).union(meeting.goes));
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
     let reached = border.reach.of(handle).union(met).without(own);
-    let holders = reached.union(RegionSet::only(owner)).without(own);
+    let lively = island.is_some_and(Island::is_large)
+        && region.slot(handle).assembly.is_none()
+        && body.linvel().length() > LIVELY_M_S;
+    let there = if lively { RegionSet::EMPTY } else { RegionSet::only(owner) };
+    let holders = reached.union(there).without(own);
     let split = splits(border, moment, id, handle);
-    Wish { holders, reached, owner, whole: island.is_some(), split, pressed, ready }
+    Wish { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }
+}
+
+/// For how many ticks another region has been to own the body.
+fn note_away(region: &mut Region, link: Link, owner: usize, moment: Moment<'_>) -> u32 {
+    if owner == region.rank() {
+        return 0;
+    }
+    let now = moment.tick.0 as u32;
+    let slot = region.slot_mut(link.handle);
+    let before = away_ticks(slot, now);
+    slot.away = (now - before, now);
+    before
+}
+
+/// The same as of the tick before.
+fn away_ticks(slot: &Slot, now: u32) -> u32 {
+    let (first, last) = slot.away;
+    if last + 1 == now { now - first } else { 0 }
 }
 
 /// Whether a body is held where it is to be owned, with its contacts.
@@ -345,6 +374,7 @@ fn is_ready(
     handle: RigidBodyHandle,
     owner: usize,
     pressed: bool,
+    now: u32,
 ) -> bool {
     // It goes in one piece, when all else is ready.
     if region.is_articulated(handle) {
@@ -356,22 +386,23 @@ fn is_ready(
         // What only bounces off another region's body has parted from it before it would go.
         let lasts = !island.is_some_and(Island::spans) || shared.joined >= SETTLE_TICKS;
         let follows = shared.settled >= if strays { FOLLOW_TICKS } else { SETTLE_TICKS };
-        lasts && follows || shared.away >= LONGEST_AWAY_TICKS
+        lasts && follows || away_ticks(slot, now) >= LONGEST_AWAY_TICKS
     });
     slot.holders.contains(owner) && (settled || !pressed)
 }
 
 /// Finds which islands are ready to go. A small one goes when all of it is. What comes to a large one would keep it for ever: of
 /// that goes what is ready, joints' ends together.
-fn find_ready(region: &Region, border: &mut Border) {
+fn find_ready(region: &Region, border: &mut Border, now: u32) {
     let Border { islands, ready_assemblies, shared, .. } = border;
     let own = region.rank();
     ready_assemblies.clear();
     ready_assemblies.resize(region.assemblies().len(), true);
     for island in islands.found.iter_mut().filter(|island| !island.big && island.target != own) {
-        let ready =
-            |link: &Link| is_ready(region, shared, Some(island), link.handle, island.target, island.pressed);
-        if island.members.len() > LARGE {
+        let ready = |link: &Link| {
+            is_ready(region, shared, Some(island), link.handle, island.target, island.pressed, now)
+        };
+        if island.is_large() {
             for link in &island.members {
                 if let Some(assembly) = region.slot(link.handle).assembly {
                     ready_assemblies[assembly as usize] &= ready(link);

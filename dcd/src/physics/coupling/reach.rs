@@ -35,10 +35,12 @@ impl Reach {
     pub(super) fn spread(
         &mut self,
         region: &Region,
+        islands: &Islands,
         depth: usize,
         leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
         met: impl Iterator<Item = (RigidBodyHandle, usize)>,
     ) {
+        let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
         for handle in self.reached.drain(..) {
             self.marks[handle.into_raw_parts().0 as usize] = RegionSet::EMPTY;
         }
@@ -56,14 +58,15 @@ impl Reach {
                 let (handle, set) = self.frontier[index];
                 if passes_on(region, handle) {
                     region.for_each_neighbour(handle, |other| {
-                        if !region.is_articulated(other) {
+                        if !region.is_articulated(other) && !draws(other) {
                             self.mark(other, set);
                         }
                     });
                 }
             }
             let met = met.take().into_iter().flatten();
-            for (handle, rank) in met.filter(|(handle, _)| !region.is_articulated(*handle)) {
+            for (handle, rank) in met.filter(|(handle, _)| !region.is_articulated(*handle) && !draws(*handle))
+            {
                 self.mark(handle, RegionSet::only(rank));
             }
             std::mem::swap(&mut self.frontier, &mut self.next);

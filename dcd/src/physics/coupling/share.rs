@@ -34,8 +34,6 @@ pub(super) struct Shared {
     pub joined: u32,
     /// Ticks for which some member has had no reason to be one.
     pub idle: u32,
-    /// Ticks for which another region has been to own it.
-    pub away: u32,
 }
 
 impl Shared {

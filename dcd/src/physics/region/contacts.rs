@@ -12,7 +12,7 @@ impl Region {
         handle: RigidBodyHandle,
         mut visit: impl FnMut(RigidBodyHandle),
     ) {
-        self.for_each_contact(handle, |other, _| visit(other));
+        self.for_each_pair(handle, |other, _| visit(other));
         for &collider in self.world.bodies[handle].colliders() {
             for (first, second, _) in self.world.narrow_phase.intersection_pairs_with(collider) {
                 let other = if first == collider { second } else { first };
@@ -28,11 +28,21 @@ impl Region {
         handle: RigidBodyHandle,
         mut visit: impl FnMut(RigidBodyHandle, bool),
     ) {
+        let touches = |pair: Option<&ContactPair>| pair.is_none_or(ContactPair::has_any_active_contact);
+        self.for_each_pair(handle, |other, pair| visit(other, touches(pair)));
+    }
+
+    /// The same, with the pair of colliders if it is no joint that ties the two.
+    fn for_each_pair(
+        &self,
+        handle: RigidBodyHandle,
+        mut visit: impl FnMut(RigidBodyHandle, Option<&ContactPair>),
+    ) {
         for &collider in self.world.bodies[handle].colliders() {
             for pair in self.world.narrow_phase.contact_pairs_with(collider) {
                 let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
                 if let Some(other) = self.movable_parent(handle, other) {
-                    visit(other, pair.has_any_active_contact());
+                    visit(other, Some(pair));
                 }
             }
         }
@@ -40,7 +50,7 @@ impl Region {
             if let Some((a, b)) = self.joint_ends(joint) {
                 let other = if a == handle { b } else { a };
                 if self.is_movable(other) {
-                    visit(other, true);
+                    visit(other, None);
                 }
             }
         }

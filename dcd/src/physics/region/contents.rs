@@ -60,6 +60,7 @@ impl Region {
             division: None,
             whole: false,
             doubt: 0,
+            away: (0, 0),
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });

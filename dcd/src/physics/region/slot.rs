@@ -60,4 +60,6 @@ pub(in crate::physics) struct Slot {
     pub whole: bool,
     /// Ticks for which its island's size has said otherwise.
     pub doubt: u16,
+    /// Owner: the first tick and the last one of those in which another region was to own it.
+    pub away: (u32, u32),
 }

@@ -142,7 +142,6 @@ fn a_sleeping_body_stays_asleep_when_its_neighbour_is_cut_off_by_a_border() {
         assert_eq!(world.stats().replicas, replicas, "{coupling:?}");
         let replicas_asleep = world
             .regions()
-            .iter()
             .flat_map(|region| region.bodies())
             .all(|(_, _, _, body)| body.is_fixed() || body.is_sleeping());
         assert!(replicas_asleep, "{coupling:?}: replicas must sleep with their owners");
@@ -284,7 +283,6 @@ fn immovable_geometry_is_one_object_in_all_regions() {
     let floor = insert_floor(&mut world);
     let shapes: Vec<_> = world
         .regions()
-        .iter()
         .filter_map(|region| {
             let body = &region.physics().bodies[region.handle_of(floor)?];
             Some(std::sync::Arc::as_ptr(&region.physics().colliders[body.colliders()[0]].shared_shape().0))

@@ -26,7 +26,7 @@ const ENTER: f32 = 0.85;
 const STAY: f32 = 0.25;
 /// Islands of more bodies than this are walked through every so many ticks only. What is hidden from a border for so long stays
 /// held at it.
-pub(super) const LARGE: usize = 256;
+const LARGE: usize = 256;
 const WALK_TICKS: u64 = 8;
 /// Ticks from when a region finds its islands to when its neighbours have used what it told of them.
 const TICKS_PER_HOP: u32 = 2;
@@ -388,16 +388,16 @@ impl Island {
         self.ghosts > 0 || !self.beside.is_empty()
     }
 
-    /// Whether it, or a part of it that this region hears of at first hand, is too large to be looked at whole in every tick.
+    /// Whether it is too large to go as one, by what this region has of it and hears of it at first hand.
     pub(super) fn is_large(&self) -> bool {
-        let large = |part: &IslandPart| part.hops <= 1 && usize::from(part.size) > LARGE;
-        self.members.len() > LARGE || self.parts.iter().any(large)
+        let known = self.parts.iter().filter(|part| part.hops <= 1).map(|part| usize::from(part.size));
+        self.members.len() > LARGE || known.sum::<usize>() > LARGE
     }
 
     /// Whether regions with less of it need not hold any of it: they follow what this one computes, and what they have of it comes
     /// here.
     pub(super) fn draws(&self, own: usize) -> bool {
-        self.members.len() > LARGE && !self.big && self.target == own
+        self.is_large() && !self.big && self.target == own
     }
 
     /// What touches it belongs to it.

@@ -3,7 +3,7 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::island::{Island, Islands, LARGE};
+use super::island::{Island, Islands};
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{Link, Region, Role};
 use crate::protocol::BodyKind;
@@ -77,7 +77,7 @@ impl Reach {
     /// they see less than its owner does, whose word stands.
     pub(super) fn complete(&mut self, region: &Region, islands: &Islands) {
         self.next.clear();
-        let small = |island: &&Island| !island.big && (2..=LARGE).contains(&island.members.len());
+        let small = |island: &&Island| !island.big && island.members.len() > 1 && !island.is_large();
         for island in islands.found.iter().filter(small) {
             let reached = |link: &Link| self.of(link.handle);
             let all = island.members.iter().map(reached).fold(RegionSet::EMPTY, RegionSet::union);

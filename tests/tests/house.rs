@@ -10,13 +10,16 @@ type Module = Vec<String>;
 /// What stands after each `use` of a file outside its tests, one path an item, without what a crate of others would begin with.
 fn imports(source: &str) -> Vec<Vec<String>> {
     let code = source.split("#[cfg(test)]\nmod tests {").next().unwrap_or(source);
-    let mut paths = Vec::new();
-    for statement in code.split(';') {
-        let lines = statement.lines().filter(|line| !line.trim_start().starts_with("//"));
-        let statement = lines.collect::<Vec<_>>().join(" ");
-        let begins = |(at, _): &(usize, &str)| *at == 0 || statement[..*at].ends_with([' ', ')']);
-        if let Some((at, _)) = statement.match_indices("use ").find(begins) {
-            spell_out(&[], statement[at + 4..].trim(), &mut paths);
+    let (mut paths, mut statement) = (Vec::new(), String::new());
+    for line in code.lines().map(str::trim) {
+        let begins = line.starts_with("use ") || line.starts_with("pub") && line.contains(" use ");
+        if begins || !statement.is_empty() {
+            statement.push_str(line);
+        }
+        if let Some((import, _)) = statement.split_once(';') {
+            let tree = import.split_once("use ").expect("it began so").1;
+            spell_out(&[], tree, &mut paths);
+            statement.clear();
         }
     }
     paths

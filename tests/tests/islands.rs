@@ -3,7 +3,7 @@
 use dcd::physics::{Measured, StepSettings};
 use dcd::protocol::WorldPose;
 use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
-use dcd::scene::{Scene, SceneJoint};
+use dcd::scene::{Params, Scene, SceneJoint};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
 
@@ -215,4 +215,22 @@ fn an_island_that_stays_whole_comes_to_the_bits_of_one_world_in_any_number_of_re
             assert_eq!(hash(&scene, regions), alone, "{} in {regions} regions", scene.name);
         }
     }
+}
+
+/// Sizes that regions heard of one another counted what comes together and apart in every tick many times, and parts of up to 256
+/// bodies were held by whoever held one of them: seven copies of each body.
+#[test]
+fn a_heap_that_falls_into_the_corner_of_eight_regions_is_not_held_by_all_of_them() {
+    let scene = Scene::named("heap", &Params::new().with("n", 1200).with("slenderness", 1.07)).unwrap();
+    let config = WorldConfig { partitioning: Partitioning::Regions(8), ..WorldConfig::for_scene(&scene) };
+    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    let (ticks, mut copies) = (90, 0);
+    for _ in 0..ticks {
+        world.step().unwrap();
+        copies += world.stats().replicas;
+    }
+    let moves = world.stats().transfers;
+    assert!(moves > 600, "most of it must have come to one region: {moves}");
+    assert!(moves < 2 * 1200, "{moves} moves of 1,200 bodies");
+    assert!(copies < ticks * 1200 * 5 / 4, "{} copies of 1,200 bodies", copies / ticks);
 }

@@ -69,7 +69,7 @@ impl Side {
     /// Ranks have changed.
     pub(super) fn renumber(&mut self, ranks: &Renumbering) {
         self.region.renumber(ranks);
-        self.border.renumber(ranks);
+        self.border.renumber(&self.region, ranks);
         self.outbox = Outbox::new(self.region.id(), ranks.leaves.clone());
     }
 
@@ -165,8 +165,8 @@ impl Border {
     }
 
     /// Ranks have changed.
-    fn renumber(&mut self, ranks: &Renumbering) {
-        self.shared.renumber(ranks);
+    fn renumber(&mut self, region: &Region, ranks: &Renumbering) {
+        self.shared.renumber(region, ranks);
         self.sights.renumber(ranks);
         self.pace.renumber(ranks);
         self.islands.renumber(ranks);

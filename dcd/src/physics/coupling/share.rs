@@ -125,9 +125,15 @@ impl SharedBodies {
         }
     }
 
-    /// Ranks have changed.
-    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
-        self.of.iter_mut().flatten().for_each(|(_, shared)| shared.renumber(ranks));
+    /// Ranks have changed. Forgets what is left of bodies that are here no more: it may speak of regions that are none either.
+    pub(super) fn renumber(&mut self, region: &Region, ranks: &Renumbering) {
+        for place in &mut self.of {
+            if place.as_ref().is_some_and(|(handle, _)| !region.physics().bodies.contains(*handle)) {
+                *place = None;
+            } else if let Some((_, shared)) = place {
+                shared.renumber(ranks);
+            }
+        }
     }
 }
 

@@ -244,7 +244,7 @@ fn planes_move_within_reason_only() {
     let wrong = Balance { merge_below: 2.0, split_above: 1.0, ..Balance::default() };
     assert!(world.set_balance(Some(wrong)).unwrap_err().to_string().contains("merge_below"));
     world.move_plane(RegionId(0), 1.0).unwrap();
-    assert_eq!(world.regions().nth(0).unwrap().cell().max[0], 1.0);
+    assert_eq!(world.regions().next().unwrap().cell().max[0], 1.0);
 }
 
 #[test]
@@ -349,7 +349,7 @@ fn the_ground_goes_with_the_plane() {
         world.step().unwrap();
         assert!((world.pose(ball).unwrap().translation[1] - 0.5).abs() < 0.01, "it has ground under it");
     }
-    assert_eq!(world.owner_of(ball), Some(world.regions().nth(0).unwrap().id()));
+    assert_eq!(world.owner_of(ball), Some(world.regions().next().unwrap().id()));
     world.move_plane(RegionId(0), 140.0).unwrap();
     let after = tiles(&world);
     assert!(after[0] > 85 && after[1] < 30, "each has the ground of its own cell: {after:?}");

@@ -109,7 +109,7 @@ impl Fleet {
             }
         }
         for message in messages {
-            let to = self.hosts.iter_mut().find(|host| host.regions().nth(0).unwrap().id() == message.to);
+            let to = self.hosts.iter_mut().find(|host| host.regions().next().unwrap().id() == message.to);
             to.expect("messages go to regions").accept(message);
         }
         for host in &mut self.hosts {

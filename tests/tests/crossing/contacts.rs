@@ -64,7 +64,7 @@ fn a_sensor_across_a_border_is_entered_and_left_once() {
             assert!(seen.iter().all(|touch| (touch.1, touch.2) == (zone, ball)), "{what}");
             let inside_s = (seen[1].0 - seen[0].0) as f32 / 60.0;
             assert!((inside_s - 4.5 / speed).abs() < 3.0 / 60.0, "{what}");
-            assert_ne!(world.owner_of(ball), Some(world.regions().nth(0).unwrap().id()));
+            assert_ne!(world.owner_of(ball), Some(world.regions().next().unwrap().id()));
         }
     }
 }

@@ -200,7 +200,7 @@ fn across_a_border_each_contact_is_counted_once_and_forces_add_up() {
     for _ in 0..STEPS {
         world.step().unwrap();
     }
-    let lower = &world.regions().nth(0).unwrap();
+    let lower = world.regions().next().unwrap();
     let up_on = |below: u32| {
         let pair_of = |pair: &&ContactPair| {
             let named = |c: ColliderHandle| {

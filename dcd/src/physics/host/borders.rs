@@ -14,7 +14,7 @@ pub struct BorderView {
     pub b: RegionId,
     /// Movable bodies that both hold, whoever owns them.
     pub bodies: usize,
-    /// How often a tick they agree, as of the tick to come; with [`Coupling::Auto`](super::Coupling::Auto) as often as the
+    /// How often a tick they agree, as of the tick to come; with [`Coupling::Auto`](crate::physics::Coupling::Auto) as often as the
     /// border came to need.
     pub exchanges: usize,
     /// Contact hops across the border within which bodies live in both, at the side where it is more; 0 with couplings

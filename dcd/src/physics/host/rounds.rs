@@ -20,7 +20,7 @@ impl RegionHost {
     }
 
     /// How far the copies of a body were from their mean in the last tick at the worst border, summed over its exchanges, in
-    /// m/s: the error estimate that [`Coupling::Auto`](super::Coupling::Auto) steers by. 0 with couplings that do not agree
+    /// m/s: the error estimate that [`Coupling::Auto`](crate::physics::Coupling::Auto) steers by. 0 with couplings that do not agree
     /// on means.
     pub fn disagreement_m_s(&self) -> f32 {
         let all = self.sides.iter().map(|side| side.border.pace.disagreement_m_s());

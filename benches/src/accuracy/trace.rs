@@ -52,9 +52,9 @@ pub(crate) struct Look {
     pub energy_j: f64,
     /// Deepest penetration, metres.
     pub penetration_m: f64,
-    /// How deep each pair that touches overlaps, metres, from the least to the deepest.
+    /// Lists how deep each pair that touches overlaps, metres, from the least to the deepest.
     pub depths_m: Vec<f64>,
-    /// How many bodies sleep.
+    /// Counts the bodies that sleep.
     pub asleep: usize,
 }
 

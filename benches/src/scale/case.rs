@@ -9,17 +9,17 @@ use crate::accuracy;
 
 /// A scene of the library in two sizes.
 pub(super) struct Case {
-    /// What the rows call it.
+    /// Names it in the rows.
     pub(super) name: &'static str,
     library: &'static str,
     full: Size,
     /// For `--quick`, and to count instructions.
     small: Size,
-    /// What one world's own runs agree on, however chaotic the scene is.
+    /// Lists the figures on which one world's own runs agree, however chaotic the scene is.
     pub(super) statistics: &'static [Statistic],
 }
 
-/// What makes a run long.
+/// Says how large a scene is and how long it runs.
 pub(super) struct Size {
     params: &'static [&'static str],
     /// Simulated.

@@ -16,7 +16,7 @@ use crate::accuracy::{Bare, Figure, Setup, Trace, finite, trace};
 /// One world's own runs may differ by so much more.
 const SLACK: f64 = 1.1;
 
-/// What one bare world makes of a scene, by several seeds.
+/// Holds what one bare world makes of a scene, by several seeds.
 pub(super) struct Reference<'a> {
     case: &'a Case,
     seconds: f64,

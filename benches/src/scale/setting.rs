@@ -31,7 +31,7 @@ pub(super) const SETTINGS: [Setting; 9] = [
 ];
 
 impl Setting {
-    /// What the rows call it; the number of regions stands beside.
+    /// Names it in the rows; the number of regions stands beside.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Bare => "bare",

@@ -24,8 +24,8 @@ use crate::space::{BodyId, RegionSet};
 const ENTER: f32 = 0.85;
 /// An island stays where it is as long as this part of its bodies lies there, or half as many as in the region with most of them.
 const STAY: f32 = 0.25;
-/// Islands of more bodies than this are walked through every so many ticks only. What is hidden from a border for so long stays
-/// held at it.
+/// Islands of more bodies than this go body by body, and those that stay here are walked through every so many ticks only. What is hidden
+/// from a border for so long stays held at it.
 const LARGE: usize = 256;
 const WALK_TICKS: u64 = 8;
 /// Ticks from when a region finds its islands to when its neighbours have used what it told of them.
@@ -56,6 +56,8 @@ pub(super) struct Island {
     ghosts: usize,
     /// Too large to move whole.
     pub big: bool,
+    /// Too large to go as one, by what this region has of it and hears of it at first hand.
+    pub large: bool,
     /// There are too many bodies in this region alone: it was not followed to its end.
     endless: bool,
     /// Its lowest member, or that of the endless island which it belongs to.
@@ -388,16 +390,10 @@ impl Island {
         self.ghosts > 0 || !self.beside.is_empty()
     }
 
-    /// Whether it is too large to go as one, by what this region has of it and hears of it at first hand.
-    pub(super) fn is_large(&self) -> bool {
-        let known = self.parts.iter().filter(|part| part.hops <= 1).map(|part| usize::from(part.size));
-        self.members.len() > LARGE || known.sum::<usize>() > LARGE
-    }
-
     /// Whether regions with less of it need not hold any of it: they follow what this one computes, and what they have of it comes
     /// here.
     pub(super) fn draws(&self, own: usize) -> bool {
-        self.is_large() && !self.big && self.target == own
+        self.large && !self.big && self.target == own
     }
 
     /// What touches it belongs to it.
@@ -460,12 +456,14 @@ impl Island {
         let own = region.rank();
         let limit = moment.settings.island_limit;
         self.target = own;
+        let known = self.parts.iter().filter(|part| part.hops <= 1).map(|part| usize::from(part.size));
+        self.large = known.sum::<usize>() > LARGE;
         if self.members.is_empty() {
             return;
         }
         self.judge(limit);
         let mut here = 0;
-        let large = self.is_large();
+        let large = self.large;
         // What others say of others is late: in a large island that comes together and apart, parts that are no more would count.
         for part in self.parts.iter().filter(|part| !large || part.hops <= 1 || usize::from(part.rank) == own)
         {

@@ -327,7 +327,7 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     };
     let pressed = island.map_or_else(|| region.is_pressed(handle), |island| island.pressed);
     let ready = match (island, region.slot(handle).assembly) {
-        (Some(island), _) if !island.is_large() || region.is_articulated(handle) => island.ready,
+        (Some(island), _) if !island.large || region.is_articulated(handle) => island.ready,
         (Some(_), Some(assembly)) => border.ready_assemblies[assembly as usize],
         (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed, moment.tick.0 as u32),
     };
@@ -339,7 +339,7 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
         .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)).union(meeting.goes));
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
     let reached = border.reach.of(handle).union(met).without(own);
-    let lively = island.is_some_and(Island::is_large)
+    let lively = island.is_some_and(|island| island.large)
         && region.slot(handle).assembly.is_none()
         && body.linvel().length() > LIVELY_M_S;
     let there = if lively { RegionSet::EMPTY } else { RegionSet::only(owner) };
@@ -402,7 +402,7 @@ fn find_ready(region: &Region, border: &mut Border, now: u32) {
         let ready = |link: &Link| {
             is_ready(region, shared, Some(island), link.handle, island.target, island.pressed, now)
         };
-        if island.is_large() {
+        if island.large {
             for link in &island.members {
                 if let Some(assembly) = region.slot(link.handle).assembly {
                     ready_assemblies[assembly as usize] &= ready(link);

@@ -77,7 +77,7 @@ impl Reach {
     /// they see less than its owner does, whose word stands.
     pub(super) fn complete(&mut self, region: &Region, islands: &Islands) {
         self.next.clear();
-        let small = |island: &&Island| !island.big && island.members.len() > 1 && !island.is_large();
+        let small = |island: &&Island| !island.big && island.members.len() > 1 && !island.large;
         for island in islands.found.iter().filter(small) {
             let reached = |link: &Link| self.of(link.handle);
             let all = island.members.iter().map(reached).fold(RegionSet::EMPTY, RegionSet::union);

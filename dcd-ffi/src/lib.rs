@@ -58,6 +58,10 @@ pub mod connection;
 
 pub mod message;
 
+#[cfg(feature = "mimalloc")]
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 pub mod event;
 
 pub mod query;

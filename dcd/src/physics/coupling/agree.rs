@@ -13,11 +13,20 @@ use crate::physics::region::{Link, Region, Role};
 use crate::protocol::{CopyState, Velocity, WorldPose};
 use crate::space::RegionSet;
 
-/// Below these a copy's pose is left alone: a pose written every step would never let it sleep.
+/// Below these a ghost's pose is left alone: a pose written every step would never let it sleep.
 const STILL_M_S: f32 = 0.05;
 const STILL_RAD_S: f32 = 0.1;
 const MOVED_M: f32 = 2e-3;
 const TURNED_RAD: f32 = 2e-3;
+/// Copies that count may be so far from their mean and are left alone: friction may hold them there, and to draw at what is held would
+/// wind up the memory of forces until it slips.
+const SLACK_M: f32 = 1e-3;
+const SLACK_RAD: f32 = 1e-3;
+/// Those farther from it are drawn there in so many ticks, by their velocities.
+const DRAW_TICKS: f32 = 16.0;
+/// Those still farther are put there: an impact has parted them, and no load.
+const FAR_M: f32 = 0.01;
+const FAR_RAD: f32 = 0.05;
 /// A sleeping copy is left alone unless the others differ by more than this.
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
@@ -33,7 +42,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
         let Some(shared) = all.get_mut(link.handle) else { continue };
         let is_due = moment.is_due(pace.exchanges_among(shared.members));
         if is_due && shared.is_split() {
-            let worst = agree_on(region, link, shared);
+            let worst = agree_on(region, link, shared, moment);
             for rank in shared.members.without(own).iter() {
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
             }
@@ -43,7 +52,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
     }
 }
 
-fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
+fn agree_on(region: &mut Region, link: Link, shared: &mut Shared, moment: Moment<'_>) -> f32 {
     if shared.heard.is_empty() {
         return 0.0;
     }
@@ -94,7 +103,8 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared) -> f32 {
     let following = shared.heard.iter().filter(|(rank, _)| shadows.contains(*rank));
     let strayed_m_s = following.map(|(_, copy)| off(copy)).fold(0.0, f32::max);
     shared.strayed_m_s = strayed_m_s;
-    write(region, link, &pose, &velocity);
+    let apart = Apart::of(copies(), &pose);
+    draw(region, link, &pose, &velocity, apart, moment.settings.dt_s);
     region.restart_copy(link.handle);
     worst
 }
@@ -170,6 +180,60 @@ fn mean<'a, I: Iterator<Item = &'a CopyState>>(copies: impl Fn() -> I) -> (World
         pose,
         Velocity { linear: linear.map(|v| (v / count) as f32), angular: angular.map(|v| (v / count) as f32) },
     )
+}
+
+/// How far copies that count are from their mean at most.
+#[derive(Clone, Copy)]
+struct Apart {
+    by_m: f32,
+    by_rad: f32,
+}
+
+impl Apart {
+    fn of<'a>(copies: impl Iterator<Item = &'a CopyState>, mean: &WorldPose) -> Self {
+        let mut apart = Self { by_m: 0.0, by_rad: 0.0 };
+        for copy in copies.filter(|copy| copy.pose != *mean) {
+            // It stays where it is, and nothing is drawn to it for ever.
+            if copy.sleeping {
+                return Self { by_m: 0.0, by_rad: 0.0 };
+            }
+            let squares = |i: usize| (copy.pose.translation[i] - mean.translation[i]).powi(2);
+            let cosine: f32 = copy.pose.rotation.iter().zip(mean.rotation).map(|(a, b)| a * b).sum();
+            apart.by_m = apart.by_m.max((0..3).map(squares).sum::<f64>().sqrt() as f32);
+            apart.by_rad = apart.by_rad.max(2.0 * cosine.abs().min(1.0).acos());
+        }
+        apart
+    }
+
+    fn is_far(self) -> bool {
+        self.by_m > FAR_M || self.by_rad > FAR_RAD
+    }
+}
+
+/// Gives a copy of what is split the mean velocity, and draws it to the mean pose. What presses on a copy moves it ahead of the mean or
+/// behind it, by the push on it times dt²/m: the work of pushes lies there, and comes back when the push ends. A copy that is put to
+/// the mean under its load keeps the push and loses the way, so that work was done for nothing, at every exchange anew: walls
+/// trembled for ever and fell apart. The draw is in proportion for all copies, so it leaves their momentum as it is.
+fn draw(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity, apart: Apart, tick_s: f32) {
+    if apart.is_far() || region.physics().bodies[link.handle].is_sleeping() {
+        return write(region, link, pose, velocity);
+    }
+    let pose = convert::region_from_world(region.anchor(), pose);
+    let (mut linear, mut angular) = (convert::vector(velocity.linear), convert::vector(velocity.angular));
+    let body = &region.physics().bodies[link.handle];
+    let rate = |apart: f32, slack: f32| (1.0 - slack / apart) / (DRAW_TICKS * tick_s);
+    if apart.by_m > SLACK_M {
+        linear += (pose.translation - body.translation()) * rate(apart.by_m, SLACK_M);
+    }
+    if apart.by_rad > SLACK_RAD {
+        angular +=
+            (pose.rotation * body.rotation().inverse()).to_scaled_axis() * rate(apart.by_rad, SLACK_RAD);
+    }
+    if body.linvel() != linear || body.angvel() != angular {
+        let body = &mut region.world_mut().bodies[link.handle];
+        body.set_linvel(linear, false);
+        body.set_angvel(angular, false);
+    }
 }
 
 fn write(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity) {

@@ -1,0 +1,73 @@
+//! Islands that lie in several regions for good, because no region takes them whole: they come to rest as in one world, and stay there.
+
+use dcd::physics::{Coupling, StepSettings};
+use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::scene::{Params, Scene};
+use dcd::space::{Axis, BodyId};
+
+/// A thousand bricks in bond, 40 wide and 25 high: one island.
+fn wall() -> Scene {
+    Scene::named("wall", &Params::new().with("width", 40).with("height", 25)).unwrap()
+}
+
+/// A world that is cut like this, in which islands of any size are cut.
+fn cut(scene: &Scene, partitioning: Partitioning, coupling: Coupling, exchanges: usize) -> DcdWorld {
+    let config = WorldConfig::for_scene(scene);
+    let step = StepSettings { exchanges, island_limit: 0, ..config.step.with_coupling(coupling) };
+    DcdWorld::from_scene(scene, WorldConfig { partitioning, step, ..config }).unwrap()
+}
+
+fn movable(world: &DcdWorld) -> Vec<BodyId> {
+    world.states().map(|(id, ..)| id).collect()
+}
+
+fn awake(world: &DcdWorld) -> usize {
+    movable(world).into_iter().filter(|&body| !world.body(body).unwrap().is_sleeping()).count()
+}
+
+fn steps(world: &mut DcdWorld, count: usize) {
+    for _ in 0..count {
+        world.step().unwrap();
+    }
+}
+
+/// How far bodies are at most from where they began.
+fn moved_m(world: &DcdWorld, scene: &Scene) -> f64 {
+    let began = DcdWorld::from_scene(scene, WorldConfig::for_scene(scene)).unwrap();
+    let off = |&body: &BodyId| {
+        let (at, was) = (world.pose(body).unwrap().translation, began.pose(body).unwrap().translation);
+        (0..3).map(|i| (at[i] - was[i]).powi(2)).sum::<f64>().sqrt()
+    };
+    movable(world).iter().map(off).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_wall_that_is_cut_falls_asleep_and_moves_no_farther_than_one_world_lets_it() {
+    let scene = wall();
+    let mut alone = cut(&scene, Partitioning::Regions(1), Coupling::Auto, 1);
+    steps(&mut alone, 600);
+    let sag_m = moved_m(&alone, &scene);
+    let many = [
+        (Partitioning::Regions(2), Coupling::Overlap, 1),
+        (Partitioning::Regions(8), Coupling::Overlap, 1),
+        (Partitioning::Regions(8), Coupling::Auto, 2),
+        (
+            Partitioning::Cuts(vec![(Axis::X, -3.0), (Axis::Y, 4.0), (Axis::X, 2.2), (Axis::Y, 1.7)]),
+            Coupling::Overlap,
+            2,
+        ),
+    ];
+    for (partitioning, coupling, exchanges) in many {
+        let what = format!("{partitioning:?} {coupling:?} {exchanges}");
+        let mut world = cut(&scene, partitioning, coupling, exchanges);
+        steps(&mut world, 600);
+        let moved_m = moved_m(&world, &scene);
+        println!("{what}: {} awake, moved {moved_m} of {sag_m} m", awake(&world));
+        assert!(world.stats().replicas > 0, "{what}");
+        assert_eq!(awake(&world), 0, "{what}");
+        assert!(
+            moved_m < sag_m + 0.05,
+            "{what}: bricks moved by {moved_m:.3} m, in one world by {sag_m:.3} m"
+        );
+    }
+}

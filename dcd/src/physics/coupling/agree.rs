@@ -6,6 +6,7 @@
 
 use rapier3d::prelude::*;
 
+use super::auto::{self, Disagreement};
 use super::share::Shared;
 use super::{Border, Moment};
 use crate::physics::convert;
@@ -24,15 +25,19 @@ const SLACK_M: f32 = 1e-3;
 const SLACK_RAD: f32 = 1e-3;
 /// Those farther from it are drawn there in so many ticks, by their velocities.
 const DRAW_TICKS: f32 = 16.0;
-/// Those still farther are put there: an impact has parted them, and no load.
+/// Those still farther, or in motion, are put there: no load has parted them, and what is put right later is seen.
 const FAR_M: f32 = 0.01;
 const FAR_RAD: f32 = 0.05;
+const MOTION_M_S: f32 = 0.5;
+const MOTION_RAD_S: f32 = 1.0;
+/// Lasting disagreement up to this part of a body's speed is none: beside how it moves nobody sees it.
+const IN_MOTION: f32 = 0.1;
 /// A sleeping copy is left alone unless the others differ by more than this.
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
 
 /// Agrees on every body held here and elsewhere that is exchanged in this round. Notes, for each other region, how far the
-/// velocities of the copies of bodies held by both were from their means at most, in m/s; none where nothing is.
+/// velocities of the copies of bodies held by both were from their means; none where nothing is.
 pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
     let Border { shared: all, pace, disagreement, .. } = border;
     disagreement.fill(None);
@@ -40,9 +45,10 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
     for place in 0..region.held_elsewhere_count() {
         let link = region.held_elsewhere_at(place);
         let Some(shared) = all.get_mut(link.handle) else { continue };
-        let is_due = moment.is_due(pace.exchanges_among(shared.members));
+        let exchanges = pace.exchanges_among(shared.members);
+        let is_due = moment.is_due(exchanges);
         if is_due && shared.is_split() {
-            let worst = agree_on(region, link, shared, moment);
+            let worst = agree_on(region, link, shared, exchanges, moment);
             for rank in shared.members.without(own).iter() {
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
             }
@@ -52,15 +58,22 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
     }
 }
 
-fn agree_on(region: &mut Region, link: Link, shared: &mut Shared, moment: Moment<'_>) -> f32 {
+fn agree_on(
+    region: &mut Region,
+    link: Link,
+    shared: &mut Shared,
+    exchanges: usize,
+    moment: Moment<'_>,
+) -> Disagreement {
     if shared.heard.is_empty() {
-        return 0.0;
+        return Disagreement::default();
     }
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
     let counts = !shared.shadows.contains(own_rank);
     if body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
-        return 0.0;
+        shared.lasting = Vector::ZERO;
+        return Disagreement::default();
     }
     if !body.is_dynamic() {
         // What its user moves is where its owner says.
@@ -69,7 +82,7 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared, moment: Moment
         {
             write(region, link, &copy.pose, &copy.velocity);
         }
-        return 0.0;
+        return Disagreement::default();
     }
     let own = (counts && !is_broken(region, link)).then_some((own_rank, shared.own));
     let at = shared.heard.partition_point(|(rank, _)| *rank < own_rank);
@@ -81,7 +94,7 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared, moment: Moment
     };
     if copies().next().is_none() {
         region.give_up_copies(link.handle);
-        return 0.0;
+        return Disagreement::default();
     }
     let (pose, velocity) = mean(copies);
     let count = copies().count() as f32;
@@ -99,14 +112,17 @@ fn agree_on(region: &mut Region, link: Link, shared: &mut Shared, moment: Moment
     }
     let z = Vector::from_array(velocity.linear);
     let off = |copy: &CopyState| (Vector::from_array(copy.velocity.linear) - z).length();
-    let worst = copies().map(off).fold(0.0, f32::max);
+    let most_m_s = copies().map(off).fold(0.0, f32::max);
+    let first = copies().next().map_or(Vector::ZERO, |copy| Vector::from_array(copy.velocity.linear) - z);
+    auto::average(&mut shared.lasting, first, exchanges);
     let following = shared.heard.iter().filter(|(rank, _)| shadows.contains(*rank));
     let strayed_m_s = following.map(|(_, copy)| off(copy)).fold(0.0, f32::max);
     shared.strayed_m_s = strayed_m_s;
     let apart = Apart::of(copies(), &pose);
     draw(region, link, &pose, &velocity, apart, moment.settings.dt_s);
     region.restart_copy(link.handle);
-    worst
+    let lasting_m_s = (shared.lasting.length() - IN_MOTION * z.length()).max(0.0);
+    Disagreement { most_m_s, lasting_m_s }
 }
 
 fn is_broken(region: &Region, link: Link) -> bool {
@@ -215,12 +231,13 @@ impl Apart {
 /// the mean under its load keeps the push and loses the way, so that work was done for nothing, at every exchange anew: walls
 /// trembled for ever and fell apart. The draw is in proportion for all copies, so it leaves their momentum as it is.
 fn draw(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity, apart: Apart, tick_s: f32) {
-    if apart.is_far() || region.physics().bodies[link.handle].is_sleeping() {
+    let (mut linear, mut angular) = (convert::vector(velocity.linear), convert::vector(velocity.angular));
+    let in_motion = linear.length() > MOTION_M_S || angular.length() > MOTION_RAD_S;
+    let body = &region.physics().bodies[link.handle];
+    if in_motion || apart.is_far() || body.is_sleeping() {
         return write(region, link, pose, velocity);
     }
     let pose = convert::region_from_world(region.anchor(), pose);
-    let (mut linear, mut angular) = (convert::vector(velocity.linear), convert::vector(velocity.angular));
-    let body = &region.physics().bodies[link.handle];
     let rate = |apart: f32, slack: f32| (1.0 - slack / apart) / (DRAW_TICKS * tick_s);
     if apart.by_m > SLACK_M {
         linear += (pose.translation - body.translation()) * rate(apart.by_m, SLACK_M);

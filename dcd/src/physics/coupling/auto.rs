@@ -1,28 +1,57 @@
 //! How many micro-steps a region takes and how deep its overlaps are: as much as its borders need, each by how far the
-//! copies at it disagree. The disagreement of copies before they agree is an estimate of the error that the border makes
-//! (rank correlation with the true deviation about 0.9); where it is small, one exchange a tick does.
+//! copies at it disagree for long. What shakes cancels out; what sags or creeps stays.
 //!
 //! A border climbs by steps: one exchange, two, a deeper overlap, four exchanges, and so on. Depth comes before four, since
-//! it costs a few copies more, and four exchanges find all contacts of a region twice as often.
+//! it costs a few copies more, and four exchanges find all contacts of a region twice as often. Each step is a trial: one that does
+//! not let copies agree better is taken back, and it is long until the next.
 //!
 //! Both sides of a border see the same copies, so both come to the same result. A region says in the last exchange of a
 //! tick how many micro-steps it will take in the next; a body is exchanged as often as all its members step.
 
+use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Coupling, Moment};
 use crate::physics::renumber::Renumbering;
 use crate::space::RegionSet;
 
-/// How fast the averaged disagreement follows one that is higher, and one that is lower.
-const ATTACK: f32 = 0.3;
-const RELEASE: f32 = 0.1;
+/// Ticks over which disagreement is averaged.
+const AVERAGED_TICKS: f32 = 15.0;
 /// Below this part of the tolerance a border is calm.
 const CALM: f32 = 0.2;
-/// Ticks that a border must have been calm for to descend a rung, at first. A change of rung stirs what lies at the border:
-/// when the border has to climb again soon after, it takes four times as long the next time, up to the longest.
-const CALM_TICKS: u32 = 60;
-const LONGEST_CALM_TICKS: u32 = 64 * CALM_TICKS;
+/// Ticks after a climb until it must have paid: lasting disagreement is down to this part of what it was, and copies shake no more.
+const TRIAL_TICKS: u32 = 30;
+const PAYS: f32 = 0.7;
+/// Ticks that a border must have been calm for to descend a rung, and rests for after a climb that did not pay, at first. A change
+/// of rung stirs what lies at the border: when it comes to nothing, the next takes four times as long, up to the longest. So it does
+/// when the border must climb again.
+const PATIENCE_TICKS: u32 = 60;
+const LONGEST_PATIENCE_TICKS: u32 = 64 * PATIENCE_TICKS;
+
+/// How far copies are from their mean at the border with another region, in m/s.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Disagreement {
+    /// Of any copy, in an exchange.
+    pub most_m_s: f32,
+    /// Of any body's first copy, as a vector, averaged over a quarter of a second and summed over the exchanges of a tick, less
+    /// what is little beside the body's motion.
+    pub lasting_m_s: f32,
+}
+
+impl Disagreement {
+    /// The worst of two bodies.
+    pub(super) fn max(self, other: Self) -> Self {
+        Self {
+            most_m_s: self.most_m_s.max(other.most_m_s),
+            lasting_m_s: self.lasting_m_s.max(other.lasting_m_s),
+        }
+    }
+}
+
+/// Takes the disagreement of one of so many exchanges of a tick into its average.
+pub(super) fn average(of: &mut Vector, disagreement: Vector, exchanges: usize) {
+    *of += (disagreement - *of / exchanges as f32) / AVERAGED_TICKS;
+}
 
 /// What a region knows of the micro-steps at its borders.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -43,12 +72,21 @@ struct BorderPace {
     sum: f32,
     /// Of the last tick.
     last: f32,
+    /// Of the last ticks.
     average: f32,
+    /// After the last exchange of this tick, m/s.
+    lasting: f32,
     calm: u32,
-    /// Calm ticks before the next descent.
+    /// The highest rung that has paid: to climb there again is no trial.
+    proven: u8,
+    /// Lasting and average disagreement when it climbed last, until that has paid or not.
+    trial: Option<(f32, f32)>,
+    /// Ticks since it last changed its rung.
+    since: u32,
+    /// Ticks before it may climb again.
+    rest: u32,
+    /// Calm ticks before the next descent, and the next rest.
     patience: u32,
-    /// Ticks since the last descent.
-    descended: u32,
     /// Whether anything is shared across it.
     used: bool,
 }
@@ -118,13 +156,14 @@ impl Pace {
         self.steps[own].1.into()
     }
 
-    /// Takes in how far copies shared with each other region disagreed in an exchange, in m/s; none where nothing is
+    /// Takes in how far copies shared with each other region disagreed in an exchange; none where nothing is
     /// shared. After the last of a tick decides what to want, if that is left to it.
-    pub(super) fn judge(&mut self, disagreement: &[Option<f32>], moment: Moment<'_>) {
+    pub(super) fn judge(&mut self, disagreement: &[Option<Disagreement>], moment: Moment<'_>) {
         let top = top_rung(moment.settings.exchanges);
         let decides = moment.settings.coupling == Coupling::Auto;
         for (border, disagreement) in self.borders.iter_mut().zip(disagreement) {
-            border.sum += disagreement.unwrap_or(0.0);
+            let Disagreement { most_m_s, lasting_m_s } = disagreement.unwrap_or_default();
+            (border.sum, border.lasting) = (border.sum + most_m_s, lasting_m_s);
             border.used |= disagreement.is_some();
             if moment.last && decides {
                 border.settle(moment.settings.tolerance_m_s, top);
@@ -156,31 +195,59 @@ impl Pace {
 
 impl BorderPace {
     fn idle() -> Self {
-        let (patience, descended) = (CALM_TICKS, CALM_TICKS);
-        Self { rung: 0, sum: 0.0, last: 0.0, average: 0.0, calm: 0, patience, descended, used: false }
+        Self {
+            rung: 0,
+            sum: 0.0,
+            last: 0.0,
+            average: 0.0,
+            lasting: 0.0,
+            calm: 0,
+            proven: 0,
+            trial: None,
+            since: PATIENCE_TICKS,
+            rest: 0,
+            patience: PATIENCE_TICKS,
+            used: false,
+        }
     }
 
     fn settle(&mut self, tolerance_m_s: f32, top: u8) {
-        let (error, used) = (std::mem::take(&mut self.sum), std::mem::take(&mut self.used));
-        self.last = error;
-        if !used {
-            *self = Self { last: error, ..Self::idle() };
+        self.last = std::mem::take(&mut self.sum);
+        self.rest = self.rest.saturating_sub(1);
+        if !std::mem::take(&mut self.used) {
+            *self = Self { last: self.last, rest: self.rest, patience: self.patience, ..Self::idle() };
             return;
         }
-        self.average += (error - self.average) * if error > self.average { ATTACK } else { RELEASE };
-        self.calm = if self.average < CALM * tolerance_m_s { self.calm + 1 } else { 0 };
-        self.descended = self.descended.saturating_add(1);
-        if self.average > tolerance_m_s && self.rung < top {
-            self.rung += 1;
-            if self.descended < CALM_TICKS {
-                self.patience = (4 * self.patience).min(LONGEST_CALM_TICKS);
-                self.descended = CALM_TICKS;
+        self.average += (self.last - self.average) / AVERAGED_TICKS;
+        self.since = self.since.saturating_add(1);
+        self.calm = if self.lasting < CALM * tolerance_m_s { self.calm + 1 } else { 0 };
+        match self.trial {
+            Some(_) if self.since < TRIAL_TICKS => {}
+            Some((lasting, average)) if self.lasting > PAYS * lasting || self.average > average => {
+                self.rest = self.patience;
+                self.lose_patience();
+                self.turn_to(self.rung - 1);
             }
-            // The finer steps are to show first what they do.
-            (self.average, self.calm) = (0.5 * tolerance_m_s, 0);
-        } else if self.calm >= self.patience && self.rung > 0 {
-            (self.rung, self.calm, self.descended) = (self.rung - 1, 0, 0);
+            Some(_) => (self.trial, self.proven) = (None, self.proven.max(self.rung)),
+            None if self.lasting > tolerance_m_s && self.rung < self.proven.min(top) => {
+                self.lose_patience();
+                self.turn_to(self.rung + 1);
+            }
+            None if self.lasting > tolerance_m_s && self.rung < top && self.rest == 0 => {
+                self.turn_to(self.rung + 1);
+                self.trial = Some((self.lasting, self.average));
+            }
+            None if self.calm >= self.patience && self.rung > 0 => self.turn_to(self.rung - 1),
+            None => {}
         }
+    }
+
+    fn turn_to(&mut self, rung: u8) {
+        (self.rung, self.calm, self.since, self.trial) = (rung, 0, 0, None);
+    }
+
+    fn lose_patience(&mut self) {
+        self.patience = (4 * self.patience).min(LONGEST_PATIENCE_TICKS);
     }
 }
 
@@ -209,38 +276,79 @@ fn largest_power(most: usize) -> u8 {
 mod tests {
     use super::*;
 
-    fn settled(border: &mut BorderPace, error: f32, ticks: usize) -> u8 {
-        for _ in 0..ticks {
-            (border.sum, border.used) = (error, true);
+    /// So many ticks in which copies disagree like this on each rung; how many of them were not on the lowest.
+    fn ticks(border: &mut BorderPace, count: usize, disagreement: impl Fn(u8) -> f32) -> usize {
+        let tick = |_: &usize| {
+            let now = disagreement(border.rung);
+            (border.sum, border.lasting, border.used) = (now, now, true);
             border.settle(0.03, top_rung(4));
-        }
-        border.rung
+            border.rung > 0
+        };
+        (0..count).filter(tick).count()
+    }
+
+    /// More exchanges help.
+    fn eased(rung: u8) -> f32 {
+        [0.5, 0.25, 0.1, 0.01][usize::from(rung)]
     }
 
     #[test]
-    fn a_border_climbs_while_its_copies_disagree_and_descends_when_they_have_long_agreed() {
+    fn a_border_climbs_while_that_pays_and_descends_when_its_copies_have_long_agreed() {
         let mut border = BorderPace::idle();
-        assert_eq!(settled(&mut border, 0.02, 100), 0);
-        assert_eq!(settled(&mut border, 0.5, 1), 1);
-        assert_eq!(settled(&mut border, 0.5, 20), 3);
-        assert_eq!(settled(&mut border, 0.01, 200), 3, "between calm and the tolerance nothing changes");
-        assert_eq!(settled(&mut border, 0.0, 59), 3);
-        assert_eq!(settled(&mut border, 0.0, 200), 0);
-        settled(&mut border, 0.5, 20);
+        assert_eq!(ticks(&mut border, 100, |_| 0.02), 0, "within the tolerance");
+        ticks(&mut border, 1, eased);
+        assert_eq!(border.rung, 1);
+        ticks(&mut border, 200, eased);
+        assert_eq!(border.rung, 3);
+        ticks(&mut border, 59, |_| 0.0);
+        assert_eq!(border.rung, 3);
+        ticks(&mut border, 200, |_| 0.0);
+        assert_eq!(border.rung, 0);
+        ticks(&mut border, 200, eased);
         border.settle(0.03, 3);
         assert_eq!(border.rung, 0, "nothing is shared any more");
     }
 
     #[test]
+    fn a_climb_that_does_not_pay_is_taken_back_within_a_second_and_seldom_tried_again() {
+        let mut border = BorderPace::idle();
+        for unmoved in [|_| 0.5, |rung| 0.5 + 0.2 * f32::from(rung)] {
+            assert!((1..60).contains(&ticks(&mut border, 60, unmoved)));
+            assert_eq!(border.rung, 0);
+        }
+        let in_vain = ticks(&mut border, 36_000, |_| 0.5);
+        assert!((1..360).contains(&in_vain), "{in_vain} of ten minutes' ticks");
+    }
+
+    #[test]
+    fn what_shakes_cancels_out_and_what_sags_does_not_however_many_exchanges_a_tick_has() {
+        for exchanges in [1, 2, 4] {
+            let (mut shaking, mut sagging) = (Vector::ZERO, Vector::ZERO);
+            for i in 0..120 * exchanges {
+                let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+                average(&mut shaking, Vector::X * sign, exchanges);
+                average(&mut sagging, Vector::X * 0.3 / exchanges as f32, exchanges);
+            }
+            assert!(shaking.length() < 0.05, "{shaking:?}");
+            assert!((sagging.x - 0.3).abs() < 0.01, "{sagging:?}");
+        }
+    }
+
+    #[test]
     fn a_border_that_must_climb_again_soon_after_descending_waits_longer_the_next_time() {
         let mut border = BorderPace::idle();
-        settled(&mut border, 0.5, 20);
+        ticks(&mut border, 200, eased);
         let descent = |border: &mut BorderPace| {
             let from = border.rung;
-            (0..10_000).find(|_| settled(border, 0.0, 1) < from).expect("it descends")
+            let descends = |_: &usize| {
+                ticks(border, 1, |_| 0.0);
+                border.rung < from
+            };
+            (0..10_000).find(descends).expect("it descends")
         };
         let first = descent(&mut border);
-        settled(&mut border, 0.5, 20);
+        ticks(&mut border, 1, |_| 0.5);
+        ticks(&mut border, 200, eased);
         assert!(descent(&mut border) > 2 * first);
     }
 

@@ -141,7 +141,7 @@ pub(super) struct Border {
     /// How many micro-steps regions take.
     pub pace: auto::Pace,
     /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
-    disagreement: Vec<Option<f32>>,
+    disagreement: Vec<Option<auto::Disagreement>>,
     /// Bodies that must be looked at once, asleep or not, since the border or another region's bodies have come to them.
     overlooked: Vec<RigidBodyHandle>,
     /// Bodies that became the region's own in the exchange under way.

@@ -28,6 +28,8 @@ pub(super) struct Shared {
     pub led_by: Option<usize>,
     /// How far the velocities of shadows were from what they follow, m/s; told to the owner.
     pub strayed_m_s: f32,
+    /// Averaged difference of its first copy's velocity from the mean while it is split, m/s.
+    pub lasting: Vector,
     /// Ticks since members changed.
     pub settled: u32,
     /// Ticks for which bodies of other regions have belonged to its island.

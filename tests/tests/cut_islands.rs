@@ -71,3 +71,33 @@ fn a_wall_that_is_cut_falls_asleep_and_moves_no_farther_than_one_world_lets_it()
         );
     }
 }
+
+/// One exchange a tick drops it, and a wall does not need more.
+#[test]
+fn auto_takes_more_exchanges_for_a_heavy_load_and_not_for_a_wall() {
+    let tower = Scene::named("tower", &Params::new().with("top_mass_ratio", 100).with("sleep", 0)).unwrap();
+    let through = || Partitioning::Cuts(vec![(Axis::Y, 5.0)]);
+    let height_m = |world: &DcdWorld| {
+        let top = *movable(world).last().unwrap();
+        world.pose(top).unwrap().translation[1]
+    };
+    let mut falls = cut(&tower, through(), Coupling::Overlap, 1);
+    steps(&mut falls, 1200);
+    assert!(height_m(&falls) < 8.0, "one exchange holds it: {} m", height_m(&falls));
+    let mut alone = cut(&tower, Partitioning::Regions(1), Coupling::Auto, 1);
+    let mut stands = cut(&tower, through(), Coupling::Auto, 4);
+    for world in [&mut alone, &mut stands] {
+        steps(world, 3600);
+    }
+    let lower_m = height_m(&alone) - height_m(&stands);
+    assert!(lower_m.abs() < 0.1, "the top is {lower_m:.3} m lower than in one world");
+
+    let wall = wall();
+    let mut world = cut(&wall, Partitioning::Regions(4), Coupling::Auto, 4);
+    let (ticks, mut exchanges) = (180, 0);
+    for _ in 0..ticks {
+        world.step().unwrap();
+        exchanges += world.stats().exchanges;
+    }
+    assert!(exchanges < ticks * 3 / 2, "{exchanges} exchanges in {ticks} ticks");
+}

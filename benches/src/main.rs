@@ -10,6 +10,8 @@ mod faults;
 mod machine;
 mod maps;
 mod page;
+#[cfg(feature = "peers")]
+mod peers;
 mod results;
 mod scale;
 mod speed;
@@ -42,6 +44,9 @@ enum Suite {
     Consistency(consistency::Consistency),
     /// Whole clusters in virtual time under every kind of fault, a thousand seeds each.
     Faults(faults::Faults),
+    /// The same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time beside penetration, energy and sag.
+    #[cfg(feature = "peers")]
+    Peers(peers::Peers),
     /// Scenes of 180 to 40,000 bodies with bodies at every border: time and error of the same settings in the same row.
     Scale(scale::Scale),
     #[command(hide = true)]
@@ -61,6 +66,8 @@ fn main() -> ExitCode {
         Suite::Chart(chart) => chart.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
         Suite::Faults(faults) => faults.run(),
+        #[cfg(feature = "peers")]
+        Suite::Peers(peers) => peers.run().map(done),
         Suite::Scale(scale) => scale.run().map(done),
         Suite::ScaleWorker(worker) => worker.run().map(done),
         Suite::Speed(speed) => speed.run().map(done),

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use dcd::physics::Measured as _;
+use dcd::physics::{Coupling, Measured as _};
 use dcd::runtime::measure::{Cast, Plan};
 use dcd::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -55,7 +55,8 @@ pub(crate) struct Scale {
     /// How often each setting is timed; the fastest counts [default: 6, with `--quick` 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     repeats: Option<u16>,
-    /// Counts instructions of two regions over one bare world, of the scenes' small sizes on one thread; needs valgrind.
+    /// Counts instructions of two regions over one bare world, of the scenes' small sizes on one thread; needs valgrind. Fails where
+    /// they are more than they were.
     #[arg(long)]
     instructions: bool,
 }
@@ -128,7 +129,10 @@ impl Scale {
         if self.json {
             println!("{}", json!({ "rows": fresh }));
         }
-        Ok(())
+        let auto = fresh.iter().filter(|row| row.setting == Coupling::Auto.name());
+        let above = auto.filter_map(|row| instructions::above(&row.scene, row.instructions_over_bare?));
+        let above: Vec<_> = above.collect();
+        if above.is_empty() { Ok(()) } else { Err(above.join("; ").into()) }
     }
 
     fn cases(&self) -> Result<Vec<&'static Case>, Box<dyn Error>> {

@@ -81,7 +81,7 @@ struct BorderPace {
     proven: u8,
     /// Lasting and average disagreement when it climbed last, until that has paid or not.
     trial: Option<(f32, f32)>,
-    /// Ticks since it last changed its rung.
+    /// Ticks since it last changed its rung, or came to be used.
     since: u32,
     /// Ticks before it may climb again.
     rest: u32,
@@ -204,7 +204,7 @@ impl BorderPace {
             calm: 0,
             proven: 0,
             trial: None,
-            since: PATIENCE_TICKS,
+            since: 0,
             rest: 0,
             patience: PATIENCE_TICKS,
             used: false,
@@ -231,15 +231,20 @@ impl BorderPace {
             Some(_) => (self.trial, self.proven) = (None, self.proven.max(self.rung)),
             None if self.lasting > tolerance_m_s && self.rung < self.proven.min(top) => {
                 self.lose_patience();
-                self.turn_to(self.rung + 1);
+                self.turn_to(self.proven.min(top));
             }
-            None if self.lasting > tolerance_m_s && self.rung < top && self.rest == 0 => {
+            None if self.lasting > tolerance_m_s && self.rung < top && self.may_climb() => {
                 self.turn_to(self.rung + 1);
-                self.trial = Some((self.lasting, self.average));
+                self.trial = Some((self.lasting, self.average.max(self.last)));
             }
             None if self.calm >= self.patience && self.rung > 0 => self.turn_to(self.rung - 1),
             None => {}
         }
+    }
+
+    /// Averages that have just begun would show a loss in any trial.
+    fn may_climb(&self) -> bool {
+        self.rest == 0 && self.since >= TRIAL_TICKS
     }
 
     fn turn_to(&mut self, rung: u8) {
@@ -296,28 +301,27 @@ mod tests {
     fn a_border_climbs_while_that_pays_and_descends_when_its_copies_have_long_agreed() {
         let mut border = BorderPace::idle();
         assert_eq!(ticks(&mut border, 100, |_| 0.02), 0, "within the tolerance");
-        ticks(&mut border, 1, eased);
-        assert_eq!(border.rung, 1);
-        ticks(&mut border, 200, eased);
+        ticks(&mut border, 300, eased);
         assert_eq!(border.rung, 3);
         ticks(&mut border, 59, |_| 0.0);
         assert_eq!(border.rung, 3);
         ticks(&mut border, 200, |_| 0.0);
         assert_eq!(border.rung, 0);
-        ticks(&mut border, 200, eased);
+        ticks(&mut border, 1, eased);
+        assert_eq!(border.rung, 3, "it has paid before");
         border.settle(0.03, 3);
         assert_eq!(border.rung, 0, "nothing is shared any more");
     }
 
     #[test]
     fn a_climb_that_does_not_pay_is_taken_back_within_a_second_and_seldom_tried_again() {
-        let mut border = BorderPace::idle();
-        for unmoved in [|_| 0.5, |rung| 0.5 + 0.2 * f32::from(rung)] {
-            assert!((1..60).contains(&ticks(&mut border, 60, unmoved)));
-            assert_eq!(border.rung, 0);
+        for in_vain in [|_| 0.5, |rung| 0.5 + 0.2 * f32::from(rung)] {
+            let mut border = BorderPace::idle();
+            let tried = ticks(&mut border, 90, in_vain);
+            assert!((1..60).contains(&tried) && border.rung == 0, "{tried} ticks, {border:?}");
+            let tried = ticks(&mut border, 36_000, in_vain);
+            assert!((1..600).contains(&tried), "{tried} of ten minutes' ticks");
         }
-        let in_vain = ticks(&mut border, 36_000, |_| 0.5);
-        assert!((1..360).contains(&in_vain), "{in_vain} of ten minutes' ticks");
     }
 
     #[test]
@@ -337,7 +341,7 @@ mod tests {
     #[test]
     fn a_border_that_must_climb_again_soon_after_descending_waits_longer_the_next_time() {
         let mut border = BorderPace::idle();
-        ticks(&mut border, 200, eased);
+        ticks(&mut border, 300, eased);
         let descent = |border: &mut BorderPace| {
             let from = border.rung;
             let descends = |_: &usize| {

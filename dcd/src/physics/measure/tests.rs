@@ -1,7 +1,7 @@
 //! Formulas against closed forms, in one world and cut in two.
 
 use super::*;
-use crate::physics::StepSettings;
+use crate::physics::{Coupling, StepSettings};
 use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
 use crate::space::{Axis, Bounds};
@@ -145,7 +145,7 @@ fn a_tower_presses_with_its_weight_also_when_a_border_runs_up_through_it() {
 }
 
 /// Two towers of six boxes on one floor, cut by these planes, of which the second falls asleep only if it may. Islands are
-/// never moved whole, and regions take as many as `exchanges` micro-steps as soon as copies disagree at all.
+/// never moved whole, and regions that share anything take `exchanges` micro-steps.
 fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> DcdWorld {
     let mut scene = Scene::empty("two towers");
     scene.push_fixed_box([0.0, -0.5, 0.0], [20.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
@@ -158,7 +158,7 @@ fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> DcdWo
     }
     scene.bounds = Bounds::new([-4.0, -1.0, -4.0], [12.0, 8.0, 4.0]);
     let config = WorldConfig::for_scene(&scene);
-    let step = StepSettings { exchanges, island_limit: 0, tolerance_m_s: 1e-5, ..config.step };
+    let step = StepSettings { exchanges, ..config.step.with_coupling(Coupling::Overlap) };
     let partitioning = Partitioning::Cuts(cuts.to_vec());
     DcdWorld::from_scene(&scene, WorldConfig { partitioning, step, ..config }).unwrap()
 }

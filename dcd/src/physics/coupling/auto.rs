@@ -81,7 +81,7 @@ struct BorderPace {
     proven: u8,
     /// Lasting and average disagreement when it climbed last, until that has paid or not.
     trial: Option<(f32, f32)>,
-    /// Ticks since it last changed its rung, or came to be used.
+    /// Ticks since it last changed its rung.
     since: u32,
     /// Ticks before it may climb again.
     rest: u32,
@@ -233,18 +233,13 @@ impl BorderPace {
                 self.lose_patience();
                 self.turn_to(self.proven.min(top));
             }
-            None if self.lasting > tolerance_m_s && self.rung < top && self.may_climb() => {
+            None if self.lasting > tolerance_m_s && self.rung < top && self.rest == 0 => {
                 self.turn_to(self.rung + 1);
                 self.trial = Some((self.lasting, self.average.max(self.last)));
             }
             None if self.calm >= self.patience && self.rung > 0 => self.turn_to(self.rung - 1),
             None => {}
         }
-    }
-
-    /// Averages that have just begun would show a loss in any trial.
-    fn may_climb(&self) -> bool {
-        self.rest == 0 && self.since >= TRIAL_TICKS
     }
 
     fn turn_to(&mut self, rung: u8) {

@@ -60,15 +60,6 @@
 // Every coordinate in world space lies within plus and minus this, metres.
 #define DCD_MAX_COORDINATE 1.0e9
 
-// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
-#define DCD_SERVER_FRESH 1
-
-// In DcdServerDef.flags: as fast as the nodes can, rather than in real time.
-#define DCD_SERVER_UNPACED 2
-
-// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
-#define DCD_MIN_SIZE 1.0e-4
-
 // In DcdBodyDef.flags: never jumps through moving bodies either, at some cost. Through fixed ones no body does.
 #define DCD_BODY_CCD 1
 
@@ -119,6 +110,15 @@
 
 // As DcdBodyInfo.region of a fixed body, which has no owner.
 #define DCD_NO_REGION UINT32_MAX
+
+// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
+#define DCD_SERVER_FRESH 1
+
+// In DcdServerDef.flags: as fast as the nodes can, rather than in real time.
+#define DCD_SERVER_UNPACED 2
+
+// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
+#define DCD_MIN_SIZE 1.0e-4
 
 // In place of a part's number: all shapes of the body.
 #define DCD_ALL_PARTS UINT32_MAX
@@ -1344,6 +1344,21 @@ typedef struct DcdForce {
 // Everything.
 #define DCD_LOG_TRACE 5
 
+// Computes all of it.
+#define DCD_ROLE_LOCAL 0
+
+// Hosts avatars in it; others compute it.
+#define DCD_ROLE_CLIENT 1
+
+// Hosts avatars in it, and computes a share of it.
+#define DCD_ROLE_PARTICIPANT 2
+
+// Holds it: decides who computes what, and lets others in.
+#define DCD_ROLE_SERVER 3
+
+// Computes a share of it.
+#define DCD_ROLE_NODE 4
+
 // Done.
 #define DCD_OK 0
 
@@ -1387,20 +1402,17 @@ typedef struct DcdForce {
 // The system or the world has no more: threads, ids.
 #define DCD_ERR_LIMIT (-14)
 
-// Computes all of it.
-#define DCD_ROLE_LOCAL 0
+// Never. Ground and walls.
+#define DCD_FIXED 0
 
-// Hosts avatars in it; others compute it.
-#define DCD_ROLE_CLIENT 1
+// By forces.
+#define DCD_DYNAMIC 1
 
-// Hosts avatars in it, and computes a share of it.
-#define DCD_ROLE_PARTICIPANT 2
+// At the velocity that you give, whatever it meets. Doors and lifts.
+#define DCD_KINEMATIC 2
 
-// Holds it: decides who computes what, and lets others in.
-#define DCD_ROLE_SERVER 3
-
-// Computes a share of it.
-#define DCD_ROLE_NODE 4
+// To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
+#define DCD_KINEMATIC_POSE 3
 
 // What the scene says, else DCD_COUPLING_AUTO.
 #define DCD_COUPLING_DEFAULT 0
@@ -1431,18 +1443,6 @@ typedef struct DcdForce {
 
 // Accuracy first: 4 exchanges at most, 3 hops deep, islands of 1024 bodies, 0.01 m/s.
 #define DCD_PRESET_PRECISE 3
-
-// Never. Ground and walls.
-#define DCD_FIXED 0
-
-// By forces.
-#define DCD_DYNAMIC 1
-
-// At the velocity that you give, whatever it meets. Doors and lifts.
-#define DCD_KINEMATIC 2
-
-// To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
-#define DCD_KINEMATIC_POSE 3
 
 // (a + b) / 2.
 #define DCD_COMBINE_AVERAGE 0

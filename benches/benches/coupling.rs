@@ -71,7 +71,7 @@ fn regions(method: Coupling, shared: usize) -> RegionHost {
         .enumerate()
         .map(|(index, (pose, body, collider))| {
             let id = BodyId::persistent(index as u32);
-            host.shapes_mut().describe(id, pose, &body, &[collider]).expect("boxes can be held")
+            host.shapes_mut().describe(id, pose, &body.build(), &[collider]).expect("boxes can be held")
         })
         .collect();
     host.insert(records, &[]).expect("every body has one id");

@@ -8,74 +8,17 @@ use rapier3d::prelude::*;
 
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
-use crate::motion::{check_pose, check_velocity};
+use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
 use crate::part::{DCD_PART_ANY_GROUP, DCD_PART_SENSOR, DcdCombineRule, DcdPartProperties};
 use crate::pointer::{self, Out, Sized32, check_reserved};
 use crate::properties::DcdBodyProperties;
-use crate::shape::{self, DcdShapeId};
+use crate::registry::{World, find, with};
+use crate::shape;
 use crate::status::{DcdStatus, Failure};
-use crate::types::{DcdFrame, DcdPose, DcdVelocity};
-use crate::world::{DcdWorld, World, with};
-
-/// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
-/// is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
-/// later handles of the same world, know it by other ids.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DcdBodyId {
-    /// Opaque.
-    pub v: u64,
-}
-
-/// How a body moves.
-pub type DcdBodyType = u32;
-
-/// Never. Ground and walls.
-pub const DCD_FIXED: DcdBodyType = 0;
-/// By forces.
-pub const DCD_DYNAMIC: DcdBodyType = 1;
-/// At the velocity that you give, whatever it meets. Doors and lifts.
-pub const DCD_KINEMATIC: DcdBodyType = 2;
-/// To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
-pub const DCD_KINEMATIC_POSE: DcdBodyType = 3;
-
-/// In DcdBodyDef.flags: never jumps through moving bodies either, at some cost. Through fixed ones no body does.
-pub const DCD_BODY_CCD: u32 = 1;
-/// In DcdBodyDef.flags: detects and does not push.
-pub const DCD_BODY_SENSOR: u32 = 2;
-/// In DcdBodyDef.flags: does not fall asleep by itself.
-pub const DCD_BODY_NO_SLEEP: u32 = 4;
-/// In DcdBodyDef.flags: sleeps until something wakes it.
-pub const DCD_BODY_ASLEEP: u32 = 8;
-/// In DcdBodyDef.flags: is not there until dcd_body_set_properties takes this away; it keeps its place, its joints wait.
-pub const DCD_BODY_DISABLED: u32 = 16;
-/// In DcdBodyDef.flags: may turn by more than a quarter turn a step, as wheels and propellers.
-pub const DCD_BODY_FAST_SPIN: u32 = 32;
-/// In DcdBodyDef.flags: its spin is not changed by its own inertia, as that of a thrown book is.
-pub const DCD_BODY_NO_GYRO: u32 = 64;
-/// In DcdBodyDef.flags: one match of groups and mask is enough for two bodies that both say so; else both must match.
-pub const DCD_BODY_ANY_GROUP: u32 = 128;
-
-/// In DcdBodyDef.events: dcd_events tells of contacts that begin and end.
-pub const DCD_EVENT_CONTACT: u32 = 1;
-/// In DcdBodyDef.events: dcd_events tells of contacts that press harder than force_threshold.
-pub const DCD_EVENT_FORCE: u32 = 2;
-
-/// In DcdBodyDef.locked: no movement along x.
-pub const DCD_LOCK_X: u32 = 1;
-/// In DcdBodyDef.locked: no movement along y.
-pub const DCD_LOCK_Y: u32 = 2;
-/// In DcdBodyDef.locked: no movement along z.
-pub const DCD_LOCK_Z: u32 = 4;
-/// In DcdBodyDef.locked: no turning about x.
-pub const DCD_LOCK_TURN_X: u32 = 8;
-/// In DcdBodyDef.locked: no turning about y.
-pub const DCD_LOCK_TURN_Y: u32 = 16;
-/// In DcdBodyDef.locked: no turning about z.
-pub const DCD_LOCK_TURN_Z: u32 = 32;
-
-/// As DcdBodyInfo.region of a fixed body, which has no owner.
-pub const DCD_NO_REGION: u32 = u32::MAX;
+use crate::types::{
+    DCD_BODY_ANY_GROUP, DCD_BODY_ASLEEP, DCD_BODY_SENSOR, DCD_DYNAMIC, DcdBodyType, DcdFrame, DcdPose,
+    DcdVelocity, check_pose, check_velocity,
+};
 
 /// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
 /// dcd_part_set_properties change it later.
@@ -219,13 +162,13 @@ unsafe fn create(
             .collect::<Result<_, _>>()?;
         let mut made = Vec::with_capacity(count);
         for body in parsed {
-            match world.backend.insert(body) {
+            match world.dcd.insert_at(body.pose, body.body, [body.collider]) {
                 Ok(id) => made.push(id),
                 Err(failure) => {
                     for id in made {
-                        world.backend.remove(id)?;
+                        world.dcd.remove(id)?;
                     }
-                    return Err(failure);
+                    return Err(failure.into());
                 }
             }
         }
@@ -240,9 +183,8 @@ unsafe fn create(
 /// A checked definition.
 pub(crate) struct NewBody {
     pub pose: WorldPose,
-    pub body: RigidBodyBuilder,
+    pub body: RigidBody,
     pub collider: ColliderBuilder,
-    pub properties: DcdBodyProperties,
 }
 
 impl DcdBodyDef {
@@ -317,13 +259,15 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
     if def.body_type == DCD_DYNAMIC && def.density == 0.0 && def.mass == 0.0 && def.extra_mass == 0.0 {
         return Err(Failure::argument("density is 0; a dynamic body needs some mass, water has 1000 kg/m³"));
     }
-    let body = properties
+    let mut body = properties
         .builder()?
         .linvel(Vector::from_array(def.velocity.linear))
         .angvel(Vector::from_array(def.velocity.angular))
-        .sleeping(def.flags & DCD_BODY_ASLEEP != 0);
+        .sleeping(def.flags & DCD_BODY_ASLEEP != 0)
+        .build();
+    properties.set_thresholds(&mut body);
     let collider = part.builder(shape::find(world, def.shape)?.clone());
-    Ok(NewBody { pose: def.pose.into(), body, collider, properties })
+    Ok(NewBody { pose: def.pose.into(), body, collider })
 }
 
 /// Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
@@ -358,8 +302,8 @@ fn destroy(world: DcdWorld, bodies: &[DcdBodyId]) -> Result<(), Failure> {
             }
         }
         for id in ids {
-            world.events.departs(id, world.backend.user_data(id).unwrap_or(0));
-            world.backend.remove(id)?;
+            world.events.departs(id, world.dcd.user_data(id).unwrap_or(0) as u64);
+            world.dcd.remove(id)?;
         }
         Ok(())
     })
@@ -381,31 +325,12 @@ pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdB
         let out = unsafe { Out::new(out, "out")? };
         with(world, |world| {
             let id = BodyId::persistent(index);
-            if !world.backend.contains(id) {
-                world.backend.check_sees()?;
+            if !world.dcd.contains(id) {
+                world.dcd.sees("see the bodies of its world")?;
                 return Err(stale("body number", u64::from(index)));
             }
             out.write(world.mark.body(id));
             Ok(())
         })
     })
-}
-
-/// The body behind a handle.
-pub(crate) fn find(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
-    let id = world.mark.body_id(body)?;
-    if world.backend.contains(id) { Ok(id) } else { Err(missing(world, body)) }
-}
-
-/// Why a handle names no body: its world shows none, or it is stale.
-#[cold]
-pub(crate) fn missing(world: &World, body: DcdBodyId) -> Failure {
-    world.backend.check_sees().err().unwrap_or_else(|| stale("body", body.v))
-}
-
-pub(crate) fn check_bits(bits: u32, known: u32, name: &str) -> Result<(), Failure> {
-    if bits & !known == 0 {
-        return Ok(());
-    }
-    Err(Failure::argument(format!("{name} has bits {:#x} that mean nothing; clear them", bits & !known)))
 }

@@ -1,31 +1,18 @@
 //! Other processes that a served world connects this one with.
 
+mod calls;
+
 use std::ffi::c_char;
-use std::time::Duration;
 
 use dcd::net::PeerName;
-use dcd::runtime::{
-    Cause, Connection, ConnectionChange, ConnectionError, ConnectionEvent, Connections, ProgramMessage,
-};
+use dcd::runtime::{Cause, Connection, ConnectionChange, ConnectionError, ConnectionEvent};
 
-use crate::guard::guard;
 use crate::handle::stale;
-use crate::pointer::{self, Out, Room, Sized32};
-use crate::status::{
-    self, DCD_ERR_ARGUMENT, DCD_ERR_BUSY, DCD_ERR_NETWORK, DCD_ERR_TIMEOUT, DCD_ERR_UNSUPPORTED, DcdStatus,
-    Failure,
-};
-use crate::world::{
-    DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DCD_ROLE_SERVER, DcdRole, DcdWorld, with,
-};
-
-/// A connection of one world with another process; 0 is null. It outlives a link that breaks and is made anew.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DcdConnectionId {
-    /// Opaque.
-    pub v: u64,
-}
+use crate::ids::DcdConnectionId;
+use crate::pointer::Sized32;
+use crate::role::{DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DCD_ROLE_SERVER, DcdRole};
+use crate::status::{self, Failure};
+pub use calls::*;
 
 /// What became of a connection, or how it is.
 pub type DcdConnectionState = u32;
@@ -127,28 +114,6 @@ unsafe impl Sized32 for DcdConnectionInfo {
     const NAME: &'static str = "DcdConnectionInfo";
 }
 
-/// A served world's connections, and what came over them up to its last step.
-pub(crate) struct Network {
-    pub connections: Connections,
-    /// How much had come by then.
-    seen: u64,
-    pub events: Vec<ConnectionEvent>,
-    pub messages: Vec<ProgramMessage>,
-}
-
-impl Network {
-    pub(crate) fn new(connections: Connections) -> Self {
-        Self { connections, seen: 0, events: Vec::new(), messages: Vec::new() }
-    }
-
-    /// Takes in what has come since the last step.
-    pub(crate) fn listen(&mut self) {
-        self.seen = self.connections.arrivals();
-        self.events = self.connections.take_events();
-        self.messages = self.connections.take_messages();
-    }
-}
-
 /// What a process is, and its numbers as a node and as a client.
 pub(crate) fn names(who: PeerName) -> (DcdRole, u32, u32) {
     let role = match who {
@@ -219,114 +184,9 @@ impl From<&Connection> for DcdConnectionInfo {
 }
 
 /// Why something cannot be done with a connection.
-pub(crate) fn failure(connection: DcdConnectionId, error: ConnectionError) -> Failure {
-    let status = match error {
-        ConnectionError::Gone => return stale("connection", connection.v),
-        ConnectionError::NotServer | ConnectionError::NotByServer => DCD_ERR_UNSUPPORTED,
-        ConnectionError::Lost => DCD_ERR_NETWORK,
-        ConnectionError::TooLong { .. } => DCD_ERR_ARGUMENT,
-        ConnectionError::Full => DCD_ERR_BUSY,
-    };
-    Failure::new(status, error.to_string())
-}
-
-/// Lists the connections of a world into `out`, which has `cap` entries, the oldest first, and their number into `count`. With
-/// `cap` 0 `out` may be null, to ask for the number. A server has one with each node, client and participant; others have one
-/// with their server, and those with nodes and clients that their share of the world, or their avatars, ask for. A local world
-/// has none.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_connections(
-    world: DcdWorld,
-    out: *mut DcdConnectionId,
-    cap: usize,
-    count: *mut usize,
-) -> DcdStatus {
-    guard("dcd_connections", || {
-        // SAFETY: the caller vouches for `cap` entries and for `count`.
-        let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
-            let network = world.backend.network();
-            let connections = network.map(|network| network.connections.list()).unwrap_or_default();
-            out.fill(connections.into_iter().map(|connection| world.mark.connection(connection.id)))
-        })
-    })
-}
-
-/// Says how a connection is.
-///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, also once it is gone, DCD_ERR_STRUCT.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_connection_info(
-    world: DcdWorld,
-    connection: DcdConnectionId,
-    out: *mut DcdConnectionInfo,
-) -> DcdStatus {
-    guard("dcd_connection_info", || {
-        // SAFETY: the caller vouches for the pointer.
-        let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
-            let id = world.mark.connection_id(connection)?;
-            let found = world.backend.network().and_then(|network| network.connections.get(id));
-            out.write((&found.ok_or_else(|| stale("connection", connection.v))?).into());
-            Ok(())
-        })
-    })
-}
-
-/// Sends a process away from a server's world. It is told `reason`, a text shorter than DCD_MAX_REASON, or null for none; a node's
-/// regions are handed over first, a client's avatars wait for its return, which takes a new token. Returns at once;
-/// DCD_CONNECTION_GONE tells when it is gone, and there its dcd_step says DCD_ERR_NETWORK with the reason.
-///
-/// Who wants to leave a world calls dcd_world_destroy.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a reason that is too long, DCD_ERR_UNSUPPORTED for a world that
-/// is not a server.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_disconnect(
-    world: DcdWorld,
-    connection: DcdConnectionId,
-    reason: *const c_char,
-) -> DcdStatus {
-    guard("dcd_disconnect", || {
-        let reason = match reason.is_null() {
-            true => "no reason is given",
-            // SAFETY: the caller vouches for the text.
-            false => unsafe { pointer::text(reason, "reason")? },
-        };
-        if reason.len() >= DCD_MAX_REASON {
-            let length = reason.len();
-            return Err(Failure::argument(format!(
-                "a reason of {length} bytes is too long; give less than DCD_MAX_REASON ({DCD_MAX_REASON})"
-            )));
-        }
-        with(world, |world| {
-            let network = world.backend.networked("send processes away")?;
-            let id = world.mark.connection_id(connection)?;
-            network.connections.disconnect(id, reason).map_err(|error| failure(connection, error))
-        })
-    })
-}
-
-/// Waits until something has come that the next dcd_step would take in: states and events of a client's world, messages,
-/// changes of connections, the end of the world; not longer than `timeout_ms` milliseconds, and not at all in a local world.
-/// Once the world has ended or the server is given up it returns at once: dcd_step says why. Other calls on the world do not wait
-/// for this one.
-///
-/// Errors: DCD_ERR_TIMEOUT when nothing has come, DCD_ERR_NULL, DCD_ERR_STALE_ID.
-#[unsafe(no_mangle)]
-pub extern "C" fn dcd_poll(world: DcdWorld, timeout_ms: u32) -> DcdStatus {
-    guard("dcd_poll", || {
-        let network = |network: &Network| (network.connections.clone(), network.seen);
-        let Some((connections, seen)) = with(world, |world| Ok(world.backend.network().map(network)))? else {
-            return Ok(());
-        };
-        match connections.wait(seen, Duration::from_millis(timeout_ms.into())) {
-            true => Ok(()),
-            false => {
-                let message = format!("nothing has come within {timeout_ms} ms; go on, and ask again");
-                Err(Failure::new(DCD_ERR_TIMEOUT, message))
-            }
-        }
-    })
+pub(crate) fn failure(connection: DcdConnectionId, error: dcd::Error) -> Failure {
+    match error {
+        dcd::Error::Connection(ConnectionError::Gone) => stale("connection", connection.v),
+        error => error.into(),
+    }
 }

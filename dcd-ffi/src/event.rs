@@ -1,21 +1,20 @@
 //! What happened in the last step.
 
+mod calls;
+
 use std::collections::BTreeMap;
 
 use dcd::protocol::{ContactKey, Refusal};
 use dcd::space::BodyId;
+use dcd::{BodyChange, World as Dcd};
 
-use crate::backend::Backend;
-use crate::body::DcdBodyId;
 use crate::connection::DcdConnectionEvent;
-use crate::guard::guard;
 use crate::handle::Mark;
+use crate::ids::DcdBodyId;
 use crate::message::{DcdMessage, Messages};
 use crate::pinned::Pinned;
-use crate::pointer::{Out, Sized32};
-use crate::served::Change;
-use crate::status::DcdStatus;
-use crate::world::{DcdWorld, with};
+use crate::pointer::Sized32;
+pub use calls::*;
 
 /// In DcdContact.kind: two bodies began to touch.
 pub const DCD_CONTACT_BEGAN: u32 = 0;
@@ -207,19 +206,28 @@ impl EventBuffers {
     }
 
     /// Takes down what happened in the step just done.
-    pub(crate) fn fill(&mut self, backend: &Backend, mark: Mark) {
+    pub(crate) fn fill(&mut self, world: &Dcd, mark: Mark) {
         self.newest = 1 - self.newest;
         let arrays = &mut self.sets[self.newest];
-        let events = backend.events();
-        let user = |id| backend.user_data(id).or_else(|| self.departed.get(&id).copied()).unwrap_or(0);
-        arrays.tick = backend.tick();
-        arrays.flags = if backend.is_lost() { DCD_EVENTS_LOST } else { 0 };
-        let changes = backend.changes();
+        let events = world.events();
+        let user = |id| {
+            world
+                .user_data(id)
+                .map(|data| data as u64)
+                .or_else(|| self.departed.get(&id).copied())
+                .unwrap_or(0)
+        };
+        arrays.tick = world.tick().0;
+        arrays.flags = if world.is_lost() { DCD_EVENTS_LOST } else { 0 };
+        let changes = world.changes();
         arrays.changes.refill(changes.len()).extend(changes.iter().map(|change| {
             let (body, kind, reason, user_data) = match *change {
-                Change::Appeared(id) => (Some(id), DCD_BODY_APPEARED, 0, user(id)),
-                Change::Removed(id) => (Some(id), DCD_BODY_REMOVED, 0, user(id)),
-                Change::Refused(id, reason, user_data) => (id, DCD_BODY_REFUSED, code_of(reason), user_data),
+                BodyChange::Appeared(id) => (Some(id), DCD_BODY_APPEARED, 0, user(id)),
+                BodyChange::Removed(id) => (Some(id), DCD_BODY_REMOVED, 0, user(id)),
+                BodyChange::Refused { body, why, user_data } => {
+                    (body, DCD_BODY_REFUSED, code_of(why), user_data as u64)
+                }
+                _ => unreachable!("dcd and dcd-ffi are of one version"),
             };
             let body = body.map_or(DcdBodyId { v: 0 }, |id| mark.body(id));
             DcdBodyChange { body, user_data, kind, reason }
@@ -253,18 +261,17 @@ impl EventBuffers {
                 part_b: u32::from(collider_b),
             }
         }));
-        let handovers = backend.handovers();
+        let handovers = world.handovers();
         arrays.transfers.refill(handovers.len()).extend(handovers.iter().map(|handover| DcdTransfer {
             body: mark.body(handover.body),
             user_data: user(handover.body),
             from: handover.from.0,
             to: handover.to.0,
         }));
-        let network = backend.network();
-        let changes = network.map_or(&[][..], |network| &network.events);
+        let changes = world.connection_events();
         let told = changes.iter().map(|event| DcdConnectionEvent::new(event, mark.connection(event.id)));
         arrays.connections.refill(changes.len()).extend(told);
-        arrays.messages.refill(network.map_or(&[], |network| &network.messages), mark);
+        arrays.messages.refill(world.messages(), mark);
         self.departed.clear();
     }
 
@@ -301,21 +308,4 @@ fn code_of(refusal: Refusal) -> u32 {
         Refusal::Shape => DCD_REFUSED_SHAPE,
         Refusal::TooMany => DCD_REFUSED_TOO_MANY,
     }
-}
-
-/// Lends what happened in the last step; nothing before the first. Poll it once a step: a step without a look loses its
-/// events, and the messages that came.
-///
-/// The arrays are the library's, and live as those of dcd_state_view do.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_events(world: DcdWorld, out: *mut DcdEventView) -> DcdStatus {
-    guard("dcd_events", || {
-        // SAFETY: the caller vouches for the pointer.
-        let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
-            out.write(world.events.view());
-            Ok(())
-        })
-    })
 }

@@ -3,11 +3,7 @@
 use dcd::runtime::ConnectionId;
 use dcd::space::{BodyId, JointId};
 
-use crate::body::DcdBodyId;
-use crate::connection::DcdConnectionId;
-use crate::joint::DcdJointId;
-use crate::query::DcdQueryId;
-use crate::shape::DcdShapeId;
+use crate::ids::{DcdBodyId, DcdConnectionId, DcdJointId, DcdQueryId, DcdShapeId};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STALE_ID, Failure};
 
 /// Things by index and generation: the generation grows when a place is used again.

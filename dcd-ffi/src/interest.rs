@@ -3,9 +3,10 @@
 use dcd::protocol::{Area, WORLD_REACH_M};
 
 use crate::guard::guard;
+use crate::ids::DcdWorld;
 use crate::pointer::{self, check_point};
+use crate::registry::with;
 use crate::status::{DcdStatus, Failure};
-use crate::world::{DcdWorld, with};
 
 /// Sets what a client or participant wants to hear of from now on: bodies whose origin is within `radius` metres of `centre`
 /// (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is farther off may touch
@@ -36,6 +37,6 @@ pub unsafe extern "C" fn dcd_interest_set(world: DcdWorld, centre: *const f64, r
             check_point(&centre, "centre")?;
             Some(Area { centre, radius_m: radius.min(WORLD_REACH_M) })
         };
-        with(world, |world| world.backend.turn_to(area))
+        with(world, |world| world.dcd.set_interest(area).map_err(Failure::from))
     })
 }

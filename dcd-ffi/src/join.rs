@@ -4,15 +4,15 @@ use std::ffi::c_char;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
-use dcd::runtime::{ClientWorld, JoinConfig};
+use dcd::World as Dcd;
+use dcd::network::JoinConfig;
 
-use crate::backend::Backend;
-use crate::body::DcdBodyId;
 use crate::guard::guard;
+use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out, Room, Sized32};
-use crate::served::Served;
+use crate::registry::{self, with};
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_NULL, DCD_ERR_TIMEOUT, DcdStatus, Failure};
-use crate::world::{self, DcdWorld, with};
+use crate::world;
 
 /// How a client joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
 #[repr(C)]
@@ -97,7 +97,7 @@ pub unsafe extern "C" fn dcd_client_connect(def: *const DcdClientDef, out: *mut 
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
             (entry, Out::new(out, "out")?)
         };
-        entry.enter(1, out, |config| served(ClientWorld::connect(config)?))
+        entry.enter(1, out, Dcd::connect)
     })
 }
 
@@ -120,7 +120,7 @@ pub unsafe extern "C" fn dcd_participant_join(
             (entry, def.threads, Out::new(out, "out")?)
         };
         let threads = world::asked_threads(threads)?;
-        entry.enter(threads, out, |config| served(ClientWorld::participate(config)?))
+        entry.enter(threads, out, Dcd::participate)
     })
 }
 
@@ -140,14 +140,10 @@ pub unsafe extern "C" fn dcd_own_avatars(
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
         with(world, |world| {
-            let avatars = world.backend.own_avatars();
+            let avatars = world.dcd.own_avatars();
             out.fill(avatars.into_iter().map(|id| world.mark.body(id)))
         })
     })
-}
-
-fn served(world: ClientWorld) -> Result<Backend, Failure> {
-    Ok(Backend::Served(Box::new(Served::new(world)?)))
 }
 
 /// The checked members that all definitions of who joins share.
@@ -190,7 +186,7 @@ impl Entry {
         self,
         threads: usize,
         out: Out<DcdWorld>,
-        join: impl Fn(&JoinConfig) -> Result<Backend, Failure>,
+        join: impl Fn(&JoinConfig) -> Result<Dcd, dcd::Error>,
     ) -> Result<(), Failure> {
         let deadline = Instant::now() + self.timeout;
         let addresses = resolve(&self.server)?;
@@ -205,11 +201,11 @@ impl Entry {
                 threads,
                 ..JoinConfig::new(server, "")
             };
-            match join(&config) {
+            match join(&config).map_err(Failure::from) {
                 // Nobody answers there.
                 Err(failure) if failure.status == DCD_ERR_TIMEOUT && left > 1 => {}
                 result => {
-                    out.write(world::add(result?, self.user_data));
+                    out.write(registry::add(result?, self.user_data));
                     return Ok(());
                 }
             }

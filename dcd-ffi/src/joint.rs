@@ -4,21 +4,13 @@ use dcd::protocol::{JointRecord, WorldPose};
 use dcd::space::JointId;
 use rapier3d::prelude::*;
 
-use crate::body::{self, DcdBodyId, check_bits};
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
-use crate::pointer::{self, Out, Room, Sized32, check_not_negative, check_numbers, is_in_range};
+use crate::ids::{DcdBodyId, DcdJointId, DcdWorld};
+use crate::pointer::{self, Out, Room, Sized32, check_bits, check_not_negative, check_numbers, is_in_range};
+use crate::registry::{self, World, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
-use crate::world::{DcdWorld, World, with};
-
-/// A joint. 0 is null; an id is never given again.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DcdJointId {
-    /// Opaque.
-    pub v: u64,
-}
 
 /// What a joint lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
 pub type DcdJointType = u32;
@@ -198,18 +190,18 @@ pub unsafe extern "C" fn dcd_joint_create(
         let (def, out) = unsafe { (pointer::read_sized(def, "def")?, Out::new(out, "out")?) };
         let joint = parse(&def)?;
         with(world, |world| {
-            world.backend.check_joints()?;
+            world.dcd.ties_bodies()?;
             let find = |body, name: &str| {
                 let named = |failure: Failure| {
                     Failure::new(failure.status, format!("def->{name}: {}", failure.message))
                 };
-                body::find(world, body).map_err(named)
+                registry::find(world, body).map_err(named)
             };
             let (a, b) = (find(def.a, "a")?, find(def.b, "b")?);
             if a == b {
                 return Err(Failure::argument("a and b are one body; a joint needs two"));
             }
-            out.write(world.mark.joint(world.backend.insert_joint(a, b, joint)?));
+            out.write(world.mark.joint(world.dcd.insert_joint(a, b, joint)?));
             Ok(())
         })
     })
@@ -223,7 +215,7 @@ pub extern "C" fn dcd_joint_destroy(world: DcdWorld, joint: DcdJointId) -> DcdSt
     guard("dcd_joint_destroy", || {
         with(world, |world| {
             let id = find(world, joint)?.id;
-            world.backend.remove_joint(id)
+            world.dcd.remove_joint(id).map_err(Failure::from)
         })
     })
 }
@@ -275,10 +267,13 @@ pub unsafe extern "C" fn dcd_joint_set_limit(
             let record = find(world, joint)?;
             let axis = free_axis(&record, axis)?;
             let range = limit.map(|limit| check_limit(axis, axes(record.coupled_axes), limit)).transpose()?;
-            world.backend.update_joint(record.id, |joint| match range {
-                Some(range) => drop(joint.set_limits(axis, range)),
-                None => joint.limit_axes.remove(axis.into()),
-            })
+            world
+                .dcd
+                .update_joint(record.id, |joint| match range {
+                    Some(range) => drop(joint.set_limits(axis, range)),
+                    None => joint.limit_axes.remove(axis.into()),
+                })
+                .map_err(Failure::from)
         })
     })
 }
@@ -305,10 +300,13 @@ pub unsafe extern "C" fn dcd_joint_set_motor(
             if (axes(record.coupled_axes) & JointAxesMask::ANG_AXES).contains(axis.into()) {
                 return Err(Failure::argument("no motor turns coupled axes; drive free ones"));
             }
-            world.backend.update_joint(record.id, |joint| match &motor {
-                Some(motor) => drive(joint, axis, motor),
-                None => joint.motor_axes.remove(axis.into()),
-            })
+            world
+                .dcd
+                .update_joint(record.id, |joint| match &motor {
+                    Some(motor) => drive(joint, axis, motor),
+                    None => joint.motor_axes.remove(axis.into()),
+                })
+                .map_err(Failure::from)
         })
     })
 }
@@ -399,10 +397,13 @@ pub unsafe extern "C" fn dcd_joint_set_frames(
         let (a, b) = (given(frame_a, "frame_a")?, given(frame_b, "frame_b")?);
         with(world, |world| {
             let id = find(world, joint)?.id;
-            world.backend.update_joint(id, |joint| {
-                joint.local_frame1 = a.unwrap_or(joint.local_frame1);
-                joint.local_frame2 = b.unwrap_or(joint.local_frame2);
-            })
+            world
+                .dcd
+                .update_joint(id, |joint| {
+                    joint.local_frame1 = a.unwrap_or(joint.local_frame1);
+                    joint.local_frame2 = b.unwrap_or(joint.local_frame2);
+                })
+                .map_err(Failure::from)
         })
     })
 }
@@ -417,10 +418,13 @@ pub extern "C" fn dcd_joint_set_flags(world: DcdWorld, joint: DcdJointId, flags:
         check_bits(flags, DCD_JOINT_COLLIDE | DCD_JOINT_DISABLED, "flags")?;
         with(world, |world| {
             let id = find(world, joint)?.id;
-            world.backend.update_joint(id, |joint| {
-                joint.set_contacts_enabled(flags & DCD_JOINT_COLLIDE != 0);
-                joint.set_enabled(flags & DCD_JOINT_DISABLED == 0);
-            })
+            world
+                .dcd
+                .update_joint(id, |joint| {
+                    joint.set_contacts_enabled(flags & DCD_JOINT_COLLIDE != 0);
+                    joint.set_enabled(flags & DCD_JOINT_DISABLED == 0);
+                })
+                .map_err(Failure::from)
         })
     })
 }
@@ -439,7 +443,7 @@ pub extern "C" fn dcd_joint_set_softness(
         let softness = softness(natural_frequency, damping_ratio)?;
         with(world, |world| {
             let id = find(world, joint)?.id;
-            world.backend.update_joint(id, |joint| joint.softness = softness)
+            world.dcd.update_joint(id, |joint| joint.softness = softness).map_err(Failure::from)
         })
     })
 }
@@ -460,9 +464,9 @@ pub unsafe extern "C" fn dcd_body_joints(
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
         with(world, |world| {
-            world.backend.check_joints()?;
-            let id = body::find(world, body)?;
-            let joints = world.backend.joints_of(id);
+            world.dcd.ties_bodies()?;
+            let id = registry::find(world, body)?;
+            let joints = world.dcd.joints_of(id);
             out.fill(joints.into_iter().map(|id| world.mark.joint(id)))
         })
     })
@@ -470,9 +474,9 @@ pub unsafe extern "C" fn dcd_body_joints(
 
 /// The joint behind a handle.
 fn find(world: &World, joint: DcdJointId) -> Result<JointRecord, Failure> {
-    world.backend.check_joints()?;
+    world.dcd.ties_bodies()?;
     let id: JointId = world.mark.joint_id(joint)?;
-    world.backend.joint(id).ok_or_else(|| stale("joint", joint.v))
+    world.dcd.joint(id).ok_or_else(|| stale("joint", joint.v))
 }
 
 fn axes(bits: u8) -> JointAxesMask {
@@ -656,12 +660,12 @@ fn describe(world: &World, record: &JointRecord) -> Option<DcdJointInfo> {
     let frame = |pose: dcd::protocol::Pose| DcdFrame { p: pose.translation, q: pose.rotation };
     let placed = |body, frame: dcd::protocol::Pose| {
         let frame = WorldPose { translation: frame.translation.map(f64::from), rotation: frame.rotation };
-        Some(world.backend.pose(body)?.isometry() * frame.isometry())
+        Some(world.dcd.pose(body)?.isometry() * frame.isometry())
     };
     let between = placed(record.a, record.frame_a)?.inv_mul(&placed(record.b, record.frame_b)?);
     let (way, turn) = (between.translation.vector, between.rotation);
     let joint_type = type_of(record);
-    let load = world.backend.joint_load(record.id);
+    let load = world.dcd.joint_load(record.id).unwrap_or_default();
     let bit = |bit: u32, set: bool| if set { bit } else { 0 };
     Some(DcdJointInfo {
         struct_size: size_of::<DcdJointInfo>() as u32,

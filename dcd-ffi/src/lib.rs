@@ -2,7 +2,7 @@
 //! fails when the two differ, `UPDATE=1 cargo test -p dcd-ffi --test header` writes the header anew.
 //!
 //! Every entry point runs inside [`guard`](guard::guard): panics become `DCD_ERR_PANIC`, failures a status and a message.
-//! Pointers are checked in `pointer`, handles in `handle` and `world`; what a process can do in its role is `backend`.
+//! Pointers are checked in `pointer`, handles in `handle`, worlds found in `registry`; what a process can do in its role is [`dcd::World`]'s to say.
 //! All unsafe code of the project is here.
 // The comments of this crate become those of the C header, where brackets are only brackets.
 #![allow(rustdoc::broken_intra_doc_links, rustdoc::private_intra_doc_links)]
@@ -14,19 +14,18 @@ compile_error!(
     "dcd-ffi turns panics into DCD_ERR_PANIC, so it needs panic = \"unwind\"; remove panic = \"abort\""
 );
 
-mod backend;
-mod cell;
 mod guard;
 mod handle;
-mod hosted;
-mod log;
 mod pinned;
 mod pointer;
-mod served;
-mod view;
+mod registry;
 
 // In the order in which the header presents them, which `rustfmt` keeps within groups only.
+pub mod ids;
 pub mod library;
+pub mod limits;
+pub mod log;
+pub mod role;
 pub mod status;
 pub mod types;
 
@@ -58,10 +57,6 @@ pub mod connection;
 
 pub mod message;
 
-#[cfg(feature = "mimalloc")]
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 pub mod event;
 
 pub mod query;
@@ -73,3 +68,7 @@ pub mod interest;
 pub mod stats;
 
 pub mod snapshot;
+
+#[cfg(feature = "mimalloc")]
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;

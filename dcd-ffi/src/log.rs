@@ -10,11 +10,41 @@ use tracing::field::{Field, Visit};
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Level, Metadata, Subscriber};
 
-use crate::library::{
-    DCD_LOG_DEBUG, DCD_LOG_ERROR, DCD_LOG_INFO, DCD_LOG_OFF, DCD_LOG_TRACE, DCD_LOG_WARN, DcdLogFn,
-    DcdLogLevel,
-};
-use crate::status::{DCD_ERR_BUSY, DCD_ERR_UNSUPPORTED, Failure};
+use crate::guard::guard;
+use crate::status::{DCD_ERR_BUSY, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
+
+/// How grave a log line is; DCD_LOG_OFF to DCD_LOG_TRACE.
+pub type DcdLogLevel = u32;
+
+/// Nothing.
+pub const DCD_LOG_OFF: DcdLogLevel = 0;
+/// Something failed.
+pub const DCD_LOG_ERROR: DcdLogLevel = 1;
+/// Something is not as it should be.
+pub const DCD_LOG_WARN: DcdLogLevel = 2;
+/// What happened at large.
+pub const DCD_LOG_INFO: DcdLogLevel = 3;
+/// What happened in detail; every failed call.
+pub const DCD_LOG_DEBUG: DcdLogLevel = 4;
+/// Everything.
+pub const DCD_LOG_TRACE: DcdLogLevel = 5;
+
+/// Receives log lines: `user` as given, the level, `length` bytes of UTF-8 that end without NUL and are valid during the
+/// call. Any thread may call it, several at a time. It must return normally (no longjmp, no C++ exception), and calls on
+/// worlds from within it give DCD_ERR_BUSY.
+pub type DcdLogFn = Option<
+    unsafe extern "C" fn(user: *mut c_void, level: DcdLogLevel, message: *const c_char, length: usize),
+>;
+
+/// Sends log lines up to the level `most` to `function`, with `user` as its first argument; a null function turns the log
+/// off. When this returns, the former function is not running and will not be called again.
+///
+/// One function serves the whole process. Errors: DCD_ERR_ARGUMENT for an unknown level, DCD_ERR_BUSY from within the
+/// callback.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_log_set(function: DcdLogFn, user: *mut c_void, most: DcdLogLevel) -> DcdStatus {
+    guard("dcd_log_set", || set(function, user, most))
+}
 
 /// The user's function and what it is called with.
 struct Sink {

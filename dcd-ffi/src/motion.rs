@@ -1,16 +1,15 @@
 //! Where bodies are, how they move, whether they sleep.
 
-use dcd::protocol::WorldPose;
-use dcd::space::BodyId;
+use dcd::{BodyId, BodyKind, WorldPose};
 
-use crate::body::{DCD_FIXED, DCD_KINEMATIC_POSE, DCD_NO_REGION, DcdBodyId, DcdBodyType, find, missing};
 use crate::guard::guard;
-use crate::library::DCD_MAX_NUMBER;
-use crate::pointer::{self, Out, Sized32, check_numbers, check_point};
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::limits::DCD_MAX_NUMBER;
+use crate::pointer::{self, Out, Sized32, check_point};
+use crate::properties::type_of;
+use crate::registry::{World, find, missing, with};
 use crate::status::{DcdStatus, Failure};
-use crate::types::{DcdPose, DcdVelocity};
-use crate::view::BodyView;
-use crate::world::{DcdWorld, World, with};
+use crate::types::{DCD_NO_REGION, DcdBodyType, DcdPose, DcdVelocity, check_pose, check_velocity};
 
 /// What a body is now. Start from DCD_BODY_INFO_INIT.
 #[repr(C)]
@@ -59,13 +58,13 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
         with(world, |world| {
             let id = world.mark.body_id(body)?;
             let view = view(world, body)?;
-            let record = world.backend.record(id).ok_or_else(|| missing(world, body))?;
+            let record = world.dcd.record(id).ok_or_else(|| missing(world, body))?;
             out.write(DcdBodyInfo {
                 struct_size: size_of::<DcdBodyInfo>() as u32,
-                body_type: view.kind,
-                user_data: view.user_data,
-                centre: world.backend.centre_of_mass(id).unwrap_or(view.pose.translation),
-                mass: view.mass_kg,
+                body_type: type_of(view.kind),
+                user_data: view.user_data as u64,
+                centre: world.dcd.centre_of_mass(id).unwrap_or(view.pose.translation),
+                mass: view.mass_kg.unwrap_or(0.0),
                 region: view.owner.map_or(DCD_NO_REGION, |region| region.0),
                 force: record.state.force,
                 torque: record.state.torque,
@@ -102,10 +101,10 @@ pub unsafe extern "C" fn dcd_body_get(
             let id = world.mark.body_id(body)?;
             let missing = || missing(world, body);
             match (pose, velocity) {
-                (Some(pose), None) => pose.write(world.backend.pose(id).ok_or_else(missing)?.into()),
-                (None, Some(out)) => out.write(world.backend.velocity(id).ok_or_else(missing)?.into()),
+                (Some(pose), None) => pose.write(world.dcd.pose(id).ok_or_else(missing)?.into()),
+                (None, Some(out)) => out.write(world.dcd.velocity(id).ok_or_else(missing)?.into()),
                 (Some(pose), Some(out)) => {
-                    let (now, moves) = world.backend.motion(id).ok_or_else(missing)?;
+                    let (now, moves) = world.dcd.motion(id).ok_or_else(missing)?;
                     pose.write(now.into());
                     out.write(moves.into());
                 }
@@ -217,7 +216,7 @@ pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     guard("dcd_body_wake", || {
         with(world, |world| {
             let id = find(world, body)?;
-            world.backend.update(id, |body| body.wake_up(true))
+            world.dcd.update(id, |body| body.wake_up(true)).map_err(Failure::from)
         })
     })
 }
@@ -230,61 +229,48 @@ pub extern "C" fn dcd_body_sleep(world: DcdWorld, body: DcdBodyId) -> DcdStatus 
     guard("dcd_body_sleep", || {
         with(world, |world| {
             let id = find(world, body)?;
-            world.backend.update(id, |body| body.sleep())
+            world.dcd.update(id, |body| body.sleep()).map_err(Failure::from)
         })
     })
 }
 
 /// What there is to say of a body.
-pub(crate) fn view(world: &World, body: DcdBodyId) -> Result<BodyView, Failure> {
+pub(crate) fn view(world: &World, body: DcdBodyId) -> Result<dcd::Body, Failure> {
     let id = world.mark.body_id(body)?;
-    world.backend.body(id).ok_or_else(|| missing(world, body))
+    world.dcd.body(id).ok_or_else(|| missing(world, body))
 }
 
 pub(crate) fn set_pose(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {
     check_pose(&pose)?;
-    world.backend.set_pose(id, pose.into())
+    Ok(world.dcd.set_pose(id, pose.into())?)
 }
 
 pub(crate) fn set_velocity(world: &mut World, id: BodyId, velocity: DcdVelocity) -> Result<(), Failure> {
     check_velocity(&velocity)?;
-    match world.backend.body(id).map(|body| body.kind) {
-        Some(DCD_FIXED) => Err(Failure::argument("the body is fixed; make it kinematic to move it"))?,
-        Some(DCD_KINEMATIC_POSE) => {
+    match world.dcd.body(id).map(|body| body.kind) {
+        Some(BodyKind::Fixed) => Err(Failure::argument("the body is fixed; make it kinematic to move it"))?,
+        Some(BodyKind::KinematicPosition) => {
             Err(Failure::argument("the body follows poses; give it one by dcd_body_set_target"))?
         }
         _ => {}
     }
-    world.backend.set_velocity(id, velocity.into())
+    Ok(world.dcd.set_velocity(id, velocity.into())?)
 }
 
 pub(crate) fn set_target(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {
-    world.backend.check_changes()?;
+    world.dcd.changes_bodies()?;
     check_pose(&pose)?;
-    let Some(body) = world.backend.body(id).filter(|body| body.kind == DCD_KINEMATIC_POSE) else {
+    let Some(body) = world.dcd.body(id).filter(|body| body.kind == BodyKind::KinematicPosition) else {
         return Err(Failure::argument(
             "the body does not follow poses; make it DCD_KINEMATIC_POSE, or move it by dcd_body_set_pose",
         ));
     };
     let way: [f64; 3] = std::array::from_fn(|i| pose.p[i] - body.pose.translation[i]);
-    let speed = way.iter().map(|v| v * v).sum::<f64>().sqrt() / f64::from(world.backend.dt_s());
+    let speed = way.iter().map(|v| v * v).sum::<f64>().sqrt() / f64::from(world.dcd.dt_s());
     if speed > f64::from(DCD_MAX_NUMBER) {
         return Err(Failure::argument(format!(
             "to be there after a step it would move at {speed:.0} m/s; send it nearer, or put it there by dcd_body_set_pose"
         )));
     }
-    world.backend.set_target(id, pose.into())
-}
-
-pub(crate) fn check_pose(pose: &DcdPose) -> Result<(), Failure> {
-    check_point(&pose.p, "pose.p")?;
-    if WorldPose::from(*pose).is_valid() {
-        return Ok(());
-    }
-    Err(Failure::argument(format!("pose.q is {:?}; give a quaternion x, y, z, w of length 1", pose.q)))
-}
-
-pub(crate) fn check_velocity(velocity: &DcdVelocity) -> Result<(), Failure> {
-    check_numbers(&velocity.linear, "velocity.linear")?;
-    check_numbers(&velocity.angular, "velocity.angular")
+    Ok(world.dcd.set_next_pose(id, pose.into())?)
 }

@@ -3,13 +3,13 @@
 use dcd::protocol::{ColliderMass, ColliderRecord};
 use rapier3d::prelude::*;
 
-use crate::body::{self, DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdBodyId, check_bits};
 use crate::guard::guard;
-use crate::pointer::{self, Out, Sized32, check_not_negative, check_part, check_reserved};
-use crate::shape::{self, DcdShapeId};
+use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
+use crate::pointer::{self, Out, Sized32, check_bits, check_not_negative, check_part, check_reserved};
+use crate::registry::{self, World, with};
+use crate::shape;
 use crate::status::{DcdStatus, Failure};
-use crate::types::DcdFrame;
-use crate::world::{DcdWorld, World, with};
+use crate::types::{DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdFrame};
 
 /// In place of a part's number: all shapes of the body.
 pub const DCD_ALL_PARTS: u32 = u32::MAX;
@@ -299,10 +299,13 @@ pub unsafe extern "C" fn dcd_part_set_properties(
         // SAFETY: the caller vouches for the pointer.
         let after = unsafe { pointer::read_sized(properties, "properties")? };
         with(world, |world| {
-            world.backend.check_surfaces()?;
-            let (id, before) = (body::find(world, body)?, read(world, body, part)?);
+            world.dcd.changes_colliders()?;
+            let (id, before) = (registry::find(world, body)?, read(world, body, part)?);
             after.check()?;
-            world.backend.update_collider(id, part as usize, |collider| after.apply(&before, collider))
+            world
+                .dcd
+                .update_collider(id, part as usize, |collider| after.apply(&before, collider))
+                .map_err(Failure::from)
         })
     })
 }
@@ -331,13 +334,13 @@ pub unsafe extern "C" fn dcd_part_add(
         };
         properties.check()?;
         with(world, |world| {
-            world.backend.check_surfaces()?;
-            let (id, shape) = (body::find(world, body)?, shape::find(world, shape)?.clone());
-            let part = world.backend.parts(id);
+            world.dcd.changes_colliders()?;
+            let (id, shape) = (registry::find(world, body)?, shape::find(world, shape)?.clone());
+            let part = world.dcd.collider_count(id);
             if part >= DCD_MAX_PARTS as usize {
                 return Err(Failure::argument(format!("the body has {part} parts; make a compound of some")));
             }
-            world.backend.insert_collider(id, properties.builder(shape))?;
+            world.dcd.insert_collider(id, properties.builder(shape))?;
             if let Some(out) = out {
                 out.write(part as u32);
             }
@@ -355,12 +358,12 @@ pub unsafe extern "C" fn dcd_part_add(
 pub extern "C" fn dcd_part_remove(world: DcdWorld, body: DcdBodyId, part: u32) -> DcdStatus {
     guard("dcd_part_remove", || {
         with(world, |world| {
-            world.backend.check_surfaces()?;
-            let id = body::find(world, body)?;
-            if world.backend.parts(id) == 1 && part == 0 {
+            world.dcd.changes_colliders()?;
+            let id = registry::find(world, body)?;
+            if world.dcd.collider_count(id) == 1 && part == 0 {
                 return Err(Failure::argument("the body has no other part; destroy it, or disable the part"));
             }
-            world.backend.remove_collider(id, part as usize)
+            world.dcd.remove_collider(id, part as usize).map_err(Failure::from)
         })
     })
 }
@@ -378,9 +381,12 @@ pub extern "C" fn dcd_part_set_shape(
 ) -> DcdStatus {
     guard("dcd_part_set_shape", || {
         with(world, |world| {
-            world.backend.check_surfaces()?;
-            let (id, shape) = (body::find(world, body)?, shape::find(world, shape)?.clone());
-            world.backend.update_collider(id, part as usize, |collider| collider.set_shape(shape.clone()))
+            world.dcd.changes_colliders()?;
+            let (id, shape) = (registry::find(world, body)?, shape::find(world, shape)?.clone());
+            world
+                .dcd
+                .update_collider(id, part as usize, |collider| collider.set_shape(shape.clone()))
+                .map_err(Failure::from)
         })
     })
 }
@@ -479,7 +485,7 @@ const USUAL: DcdPartProperties = DcdPartProperties {
 
 fn read(world: &World, body: DcdBodyId, part: u32) -> Result<DcdPartProperties, Failure> {
     let id = world.mark.body_id(body)?;
-    let record = world.backend.record(id).ok_or_else(|| body::missing(world, body))?;
+    let record = world.dcd.record(id).ok_or_else(|| registry::missing(world, body))?;
     let parts = &record.traits.colliders;
     let collider = parts.get(part as usize).ok_or_else(|| {
         Failure::argument(format!(
@@ -505,14 +511,14 @@ fn change(
     mut change: impl FnMut(&mut Collider),
 ) -> Result<(), Failure> {
     with(world, |world| {
-        world.backend.check_surfaces()?;
-        let id = body::find(world, body)?;
+        world.dcd.changes_colliders()?;
+        let id = registry::find(world, body)?;
         let parts = match part {
-            DCD_ALL_PARTS => 0..world.backend.parts(id),
+            DCD_ALL_PARTS => 0..world.dcd.collider_count(id),
             part => part as usize..part as usize + 1,
         };
         for part in parts {
-            world.backend.update_collider(id, part, &mut change)?;
+            world.dcd.update_collider(id, part, &mut change)?;
         }
         Ok(())
     })

@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, c_char};
 
-use crate::library::{DCD_MAX_COORDINATE, DCD_MAX_ITEMS, DCD_MAX_NUMBER};
+use crate::limits::{DCD_MAX_COORDINATE, DCD_MAX_ITEMS, DCD_MAX_NUMBER};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STRUCT, Failure};
 
 /// A struct that begins with its own size, so that it can grow under old programs.
@@ -220,4 +220,11 @@ unsafe fn check_size<T: Sized32>(pointer: *const T, name: &str) -> Result<(), Fa
             size_of::<T>()
         ),
     ))
+}
+
+pub(crate) fn check_bits(bits: u32, known: u32, name: &str) -> Result<(), Failure> {
+    if bits & !known == 0 {
+        return Ok(());
+    }
+    Err(Failure::argument(format!("{name} has bits {:#x} that mean nothing; clear them", bits & !known)))
 }

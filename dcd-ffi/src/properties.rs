@@ -3,14 +3,15 @@
 use dcd::protocol::{BodyKind, BodyTraits, ExtraMass};
 use rapier3d::prelude::*;
 
-use crate::body::{
-    DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_BODY_NO_SLEEP, DCD_DYNAMIC,
-    DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyId, DcdBodyType, check_bits, find, missing,
-};
 use crate::guard::guard;
-use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers, check_reserved};
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::pointer::{self, Out, Sized32, check_bits, check_not_negative, check_numbers, check_reserved};
+use crate::registry::{World, find, missing, with};
 use crate::status::{DcdStatus, Failure};
-use crate::world::{DcdWorld, World, with};
+use crate::types::{
+    DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_BODY_NO_SLEEP, DCD_DYNAMIC,
+    DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType,
+};
 
 /// What a body is like, but for its shapes: the members of DcdBodyDef, to be read and changed later. Start from
 /// DCD_BODY_PROPERTIES_INIT and dcd_body_properties.
@@ -317,16 +318,16 @@ pub unsafe extern "C" fn dcd_body_set_properties(
         // SAFETY: the caller vouches for the pointer.
         let after = unsafe { pointer::read_sized(properties, "properties")? };
         with(world, |world| {
-            world.backend.check_changes()?;
+            world.dcd.changes_bodies()?;
             let (id, before) = (find(world, body)?, read(world, body)?);
             after.check()?;
-            world.backend.update(id, |body| after.apply(&before, body))
+            world.dcd.update(id, |body| after.apply(&before, body)).map_err(Failure::from)
         })
     })
 }
 
 fn read(world: &World, body: DcdBodyId) -> Result<DcdBodyProperties, Failure> {
     let id = world.mark.body_id(body)?;
-    let record = world.backend.record(id).ok_or_else(|| missing(world, body))?;
+    let record = world.dcd.record(id).ok_or_else(|| missing(world, body))?;
     Ok(DcdBodyProperties::of(&record.traits))
 }

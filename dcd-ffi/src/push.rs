@@ -1,14 +1,14 @@
 //! Forces and impulses.
 
-use dcd::space::BodyId;
+use dcd::{BodyId, BodyKind};
 use rapier3d::prelude::*;
 
-use crate::body::{self, DCD_DYNAMIC, DcdBodyId};
 use crate::guard::guard;
 use crate::handle::stale;
+use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, check_point, is_in_range};
+use crate::registry::{self, World, with};
 use crate::status::{DcdStatus, Failure};
-use crate::world::{DcdWorld, World, with};
 
 /// Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 /// is the centre of mass.
@@ -31,10 +31,13 @@ pub unsafe extern "C" fn dcd_body_apply_impulse(
             let impulse = Vector::from_array(impulse);
             let turn = turn_of(world, id, impulse, point);
             check_kick(world, id, impulse, turn, 1.0)?;
-            world.backend.update(id, |body| {
-                body.apply_impulse(impulse, true);
-                body.apply_torque_impulse(turn, true);
-            })
+            world
+                .dcd
+                .update(id, |body| {
+                    body.apply_impulse(impulse, true);
+                    body.apply_torque_impulse(turn, true);
+                })
+                .map_err(Failure::from)
         })
     })
 }
@@ -52,7 +55,7 @@ pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
         with(world, |world| {
             let (id, impulse) = (find_dynamic(world, body)?, Vector::from_array(impulse));
             check_kick(world, id, Vector::ZERO, impulse, 1.0)?;
-            world.backend.update(id, |body| body.apply_torque_impulse(impulse, true))
+            world.dcd.update(id, |body| body.apply_torque_impulse(impulse, true)).map_err(Failure::from)
         })
     })
 }
@@ -102,7 +105,7 @@ pub unsafe extern "C" fn dcd_body_add_force(
             let id = find_dynamic(world, body)?;
             let force = Vector::from_array(force);
             let turn = turn_of(world, id, force, point);
-            let state = world.backend.record(id).ok_or_else(|| stale("body", body.v))?.state;
+            let state = world.dcd.record(id).ok_or_else(|| stale("body", body.v))?.state;
             let (before, turned) = (Vector::from_array(state.force), Vector::from_array(state.torque));
             set_force(world, id, before + force, turned + turn)
         })
@@ -110,13 +113,16 @@ pub unsafe extern "C" fn dcd_body_add_force(
 }
 
 pub(crate) fn set_force(world: &mut World, id: BodyId, force: Vector, torque: Vector) -> Result<(), Failure> {
-    check_kick(world, id, force, torque, world.backend.dt_s())?;
-    world.backend.update(id, |body| {
-        body.reset_forces(true);
-        body.reset_torques(true);
-        body.add_force(force, true);
-        body.add_torque(torque, true);
-    })
+    check_kick(world, id, force, torque, world.dcd.dt_s())?;
+    world
+        .dcd
+        .update(id, |body| {
+            body.reset_forces(true);
+            body.reset_torques(true);
+            body.add_force(force, true);
+            body.add_torque(torque, true);
+        })
+        .map_err(Failure::from)
 }
 
 /// # Safety
@@ -132,7 +138,7 @@ unsafe fn read_point(point: *const f64) -> Result<Option<[f64; 3]>, Failure> {
 
 /// How a push at a point turns a body, about the centre of mass, which is the same in every region, whatever its anchor.
 fn turn_of(world: &World, id: BodyId, push: Vector, point: Option<[f64; 3]>) -> Vector {
-    match (point, world.backend.centre_of_mass(id)) {
+    match (point, world.dcd.centre_of_mass(id)) {
         (Some(point), Some(centre)) => {
             let arm: [f32; 3] = std::array::from_fn(|i| (point[i] - centre[i]) as f32);
             Vector::from_array(arm).cross(push)
@@ -142,14 +148,13 @@ fn turn_of(world: &World, id: BodyId, push: Vector, point: Option<[f64; 3]>) -> 
 }
 
 fn find_dynamic(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
-    let id = body::find(world, body)?;
+    let id = registry::find(world, body)?;
     check_dynamic(world, id).map(|()| id)
 }
 
 pub(crate) fn check_dynamic(world: &World, id: BodyId) -> Result<(), Failure> {
-    let instead = "it drives its own avatars, which push what they meet (dcd_body_set_velocity)";
-    world.backend.local("push bodies by force", instead)?;
-    if world.backend.body(id).is_none_or(|body| body.kind != DCD_DYNAMIC) {
+    world.dcd.pushes_bodies()?;
+    if world.dcd.body(id).is_none_or(|body| body.kind != BodyKind::Dynamic) {
         return Err(Failure::argument("the body is not dynamic; forces move dynamic bodies only"));
     }
     Ok(())
@@ -157,7 +162,7 @@ pub(crate) fn check_dynamic(world: &World, id: BodyId) -> Result<(), Failure> {
 
 /// Whether a body keeps a speed in range when it is pushed so for `seconds`; impulses last one.
 fn check_kick(world: &World, id: BodyId, push: Vector, turn: Vector, seconds: f32) -> Result<(), Failure> {
-    let Some(velocity) = world.backend.kicked(id, push * seconds, turn * seconds) else { return Ok(()) };
+    let Some(velocity) = world.dcd.velocity_after(id, push * seconds, turn * seconds) else { return Ok(()) };
     if velocity.linear.iter().chain(&velocity.angular).all(|v| is_in_range(*v)) {
         return Ok(());
     }

@@ -5,20 +5,19 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use dcd::cluster::Grouping;
-use dcd::net::Role;
+use dcd::network::{JoinConfig, JoinRole, ServeConfig};
 use dcd::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds};
-use dcd::runtime::{GroupConfig, Member, MemberConfig, Origin, ServeConfig, ServerProcess};
-use dcd::space::Tick;
+use dcd::runtime::GroupConfig;
+use dcd::{Tick, World as Dcd};
 
-use crate::backend::Backend;
 use crate::guard::guard;
-use crate::hosted::{Hosted, Process};
+use crate::ids::DcdWorld;
 use crate::join::Entry;
 use crate::pointer::{self, Out, Room, Sized32};
+use crate::registry::{self, with};
+use crate::role::{DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole};
 use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
-use crate::world::{
-    self, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole, DcdWorld, DcdWorldDef, Opened, with,
-};
+use crate::world::{self, DcdWorldDef, Opened};
 
 /// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
 pub const DCD_SERVER_FRESH: u32 = 1;
@@ -117,8 +116,6 @@ unsafe impl Sized32 for DcdNodeDef {
     const NAME: &'static str = "DcdNodeDef";
 }
 
-const MINTS: &str = "whoever runs the server can: its program by dcd_token_create, or `dcd token` beside it";
-
 /// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 /// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 ///
@@ -184,18 +181,11 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             avatar_speed_limit: def.avatar_speed,
             groups,
         };
-        let (server, step) = match opened {
-            Some(Opened { scene, config: world, .. }) => {
-                (ServerProcess::start(Origin::Scene(&scene, &world), config)?, world.step)
-            }
-            None => with(def.source, |source| {
-                let source =
-                    source.backend.local("be a source", "make the world anew with dcd_world_create")?;
-                Ok((ServerProcess::start(Origin::World(source), config)?, *source.host().settings()))
-            })?,
+        let server = match opened {
+            Some(Opened { scene, config: world, .. }) => Dcd::serve(&scene, &world, config)?,
+            None => with(def.source, |source| Ok(source.dcd.serve_copy(config)?))?,
         };
-        let hosted = Hosted::new(Process::Server(server), step.dt_s, step.gravity);
-        out.write(world::add(Backend::Hosted(Box::new(hosted)), def.user_data));
+        out.write(registry::add(server, def.user_data));
         Ok(())
     })
 }
@@ -219,9 +209,9 @@ pub unsafe extern "C" fn dcd_token_create(
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
         let role = match role {
-            DCD_ROLE_CLIENT => Role::Client,
-            DCD_ROLE_PARTICIPANT => Role::Participant,
-            DCD_ROLE_NODE => Role::Node,
+            DCD_ROLE_CLIENT => JoinRole::Client,
+            DCD_ROLE_PARTICIPANT => JoinRole::Participant,
+            DCD_ROLE_NODE => JoinRole::Node,
             role => {
                 let roles = "DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE";
                 return Err(Failure::argument(format!("role is {role}; give {roles}")));
@@ -231,11 +221,11 @@ pub unsafe extern "C" fn dcd_token_create(
             return Err(Failure::argument(format!("valid_seconds is {valid_seconds}; give 1 to 31536000")));
         }
         with(world, |world| {
-            let server = world.backend.hosted("mint tokens", MINTS)?.server("mint tokens", MINTS)?;
+            world.dcd.mints_tokens()?;
             if cap < TOKEN_ROOM {
                 return room.fill(std::iter::repeat_n(0, TOKEN_ROOM));
             }
-            let token = server.token(role, Duration::from_secs(valid_seconds.into()))?;
+            let token = world.dcd.token(role, Duration::from_secs(valid_seconds.into()))?;
             fill_text(room, &token)
         })
     })
@@ -256,12 +246,7 @@ pub unsafe extern "C" fn dcd_address(
     guard("dcd_address", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
-        with(world, |world| {
-            fill_text(
-                room,
-                &world.backend.hosted("be listened to", "a server or a node can")?.address().to_string(),
-            )
-        })
+        with(world, |world| fill_text(room, &world.dcd.address()?.to_string()))
     })
 }
 
@@ -286,13 +271,7 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
             (entry, listen, def.threads, Out::new(out, "out")?)
         };
         let threads = world::asked_threads(threads)?;
-        entry.enter(threads, out, |config| {
-            let mut member = MemberConfig::new(config.server, config.join(Role::Node)?);
-            member.threads = config.threads;
-            member.listen = listen.unwrap_or(member.listen);
-            let process = Process::Node(Member::start(member)?);
-            Ok(Backend::Hosted(Box::new(Hosted::new(process, 0.0, [0.0; 3]))))
-        })
+        entry.enter(threads, out, |config| Dcd::join_as_node(&JoinConfig { listen, ..config.clone() }))
     })
 }
 

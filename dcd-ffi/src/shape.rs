@@ -7,19 +7,12 @@ use rapier3d::prelude::{SharedShape, Vector};
 
 use crate::guard::guard;
 use crate::handle::stale;
-use crate::library::DCD_MAX_NUMBER;
+use crate::ids::{DcdShapeId, DcdWorld};
+use crate::limits::DCD_MAX_NUMBER;
 use crate::pointer::{self, Out, check_numbers};
+use crate::registry::{World, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
-use crate::world::{DcdWorld, World, with};
-
-/// A shape of one world. 0 is null.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DcdShapeId {
-    /// Opaque.
-    pub v: u64,
-}
 
 /// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
 pub const DCD_MIN_SIZE: f32 = 1.0e-4;

@@ -4,12 +4,13 @@ use std::ffi::{c_char, c_void};
 use std::io::Read;
 use std::path::Path;
 
-use dcd::runtime::{DcdWorld as LocalWorld, SnapshotError};
+use dcd::runtime::{LocalWorld, SnapshotError};
 
 use crate::guard::guard;
+use crate::ids::DcdWorld;
 use crate::pointer::{self, Room};
+use crate::registry::with;
 use crate::status::{DCD_ERR_ARGUMENT, DCD_ERR_IO, DCD_ERR_VERSION, DcdStatus, Failure};
-use crate::world::{DcdWorld, with};
 
 /// Saves a local world whole: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
 /// or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
@@ -30,7 +31,7 @@ pub unsafe extern "C" fn dcd_snapshot_save(
         let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
         with(world, |world| {
             let mut bytes = Vec::new();
-            world.backend.saved()?.save(&mut bytes)?;
+            world.dcd.save(&mut bytes)?;
             out.fill(bytes.into_iter())
         })
     })
@@ -45,10 +46,7 @@ pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_
     guard("dcd_snapshot_save_file", || {
         // SAFETY: the caller vouches for the text.
         let path = unsafe { pointer::text(path, "path")? };
-        with(world, |world| {
-            let saved = world.backend.saved()?.save_file(Path::new(path));
-            saved.map_err(|error| of_file(path, error.into()))
-        })
+        with(world, |world| world.dcd.save_file(path).map_err(|error| of_file(path, error.into())))
     })
 }
 
@@ -99,8 +97,8 @@ fn of_file(path: &str, failure: Failure) -> Failure {
 
 fn load<R: Read>(world: DcdWorld, open: impl FnOnce() -> Result<R, SnapshotError>) -> Result<(), Failure> {
     with(world, |world| {
-        world.backend.saved()?;
-        world.backend.reload(open()?)?;
+        world.dcd.can_be_saved()?;
+        world.dcd.reload(open()?)?;
         world.show();
         Ok(())
     })

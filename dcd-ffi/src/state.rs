@@ -1,19 +1,15 @@
 //! The state of many bodies at a time: lent as arrays, or copied by a list of ids.
 
-use dcd::space::BodyId;
-use rapier3d::prelude::Vector;
+mod calls;
 
-use crate::backend::Backend;
-use crate::body::{self, DcdBodyId};
-use crate::guard::guard;
+use dcd::World as Dcd;
+
 use crate::handle::Mark;
-use crate::motion;
+use crate::ids::DcdBodyId;
 use crate::pinned::Pinned;
-use crate::pointer::{self, Out, Sized32, check_count};
-use crate::push;
-use crate::status::{DCD_OK, DcdStatus, Failure, remember};
+use crate::pointer::Sized32;
 use crate::types::{DcdPose, DcdVelocity};
-use crate::world::{DcdWorld, World, with};
+pub use calls::*;
 
 /// In DcdStateView.flags: the body sleeps.
 pub const DCD_STATE_SLEEPING: u32 = 1;
@@ -97,9 +93,9 @@ struct StateArrays {
 }
 
 impl StateArrays {
-    fn fill(&mut self, backend: &Backend, mark: Mark) {
-        let count = backend.movable();
-        self.tick = backend.tick();
+    fn fill(&mut self, world: &Dcd, mark: Mark) {
+        let count = world.movable_count();
+        self.tick = world.tick().0;
         let ids = self.ids.refill(count);
         let poses = self.poses.refill(count);
         let velocities = self.velocities.refill(count);
@@ -107,11 +103,11 @@ impl StateArrays {
         let flags = self.flags.refill(count);
         let regions = self.regions.refill(count);
         // No more than `count`, which keeps the arrays where they are.
-        backend.each_state(count, |row| {
+        world.movable_bodies().take(count).for_each(|row| {
             ids.push(mark.body(row.id));
             poses.push(row.pose.into());
             velocities.push(row.velocity.into());
-            user_data.push(row.user_data);
+            user_data.push(row.user_data as u64);
             let flag = |is: bool, bit: u32| if is { bit } else { 0 };
             flags.push(flag(row.sleeping, DCD_STATE_SLEEPING) | flag(row.outside, DCD_STATE_OUTSIDE));
             regions.push(row.region.0);
@@ -120,18 +116,18 @@ impl StateArrays {
 }
 
 impl StateBuffers {
-    pub(crate) fn after_step(&mut self, backend: &Backend, mark: Mark) {
+    pub(crate) fn after_step(&mut self, world: &Dcd, mark: Mark) {
         if self.wanted {
             self.newest = 1 - self.newest;
-            self.sets[self.newest].fill(backend, mark);
+            self.sets[self.newest].fill(world, mark);
         }
     }
 
-    fn view(&mut self, backend: &Backend, mark: Mark) -> DcdStateView {
+    fn view(&mut self, world: &Dcd, mark: Mark) -> DcdStateView {
         // Before the first step there is no "after the last step", so it shows what was made up to now.
-        if !self.wanted || backend.tick() == 0 {
+        if !self.wanted || world.tick().0 == 0 {
             self.wanted = true;
-            self.sets[self.newest].fill(backend, mark);
+            self.sets[self.newest].fill(world, mark);
         }
         let arrays = &self.sets[self.newest];
         DcdStateView {
@@ -145,254 +141,6 @@ impl StateBuffers {
             user_data: arrays.user_data.as_ptr(),
             flags: arrays.flags.as_ptr(),
             regions: arrays.regions.as_ptr(),
-        }
-    }
-}
-
-/// Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
-/// since shows after the next one; before the first step (and in the first call of all) it shows the present.
-///
-/// The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
-/// they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
-/// this one makes one step. The first call makes every later dcd_step fill the arrays, some 30 ns a body.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_state_view(world: DcdWorld, out: *mut DcdStateView) -> DcdStatus {
-    guard("dcd_state_view", || {
-        // SAFETY: the caller vouches for the pointer.
-        let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
-            world.backend.check_sees()?;
-            out.write(world.states.view(&world.backend, world.mark));
-            Ok(())
-        })
-    })
-}
-
-/// Copies one field of `count` bodies into your memory, as it is now: that of bodies[i] goes to
-/// (char *)dst + i * stride. `stride` in bytes is at least the field's size; 0 is exactly that. `dst` needs no alignment.
-///
-/// With `each` null the first bad body fails the call and nothing is written. Else `each` has `count` entries that receive
-/// DCD_OK or what is wrong with that body, only good bodies are written, and the call is DCD_OK; dcd_last_error() tells of the
-/// last bad one.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an unknown field, a short stride, or more than DCD_MAX_ITEMS.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_state_read(
-    world: DcdWorld,
-    bodies: *const DcdBodyId,
-    count: usize,
-    field: DcdField,
-    dst: *mut std::ffi::c_void,
-    stride: usize,
-    each: *mut DcdStatus,
-) -> DcdStatus {
-    guard("dcd_state_read", || {
-        // SAFETY: the caller vouches for `count` entries of everything.
-        let bulk = unsafe { Bulk::new(bodies, count, field, dst, stride, each)? };
-        if field == DCD_FIELD_TARGET {
-            return Err(Failure::argument("targets are written and not read; read DCD_FIELD_POSE"));
-        }
-        with(world, |world| {
-            let backend = &world.backend;
-            // SAFETY: the caller vouches for both; the fields are as large as `Bulk::new` takes them to be.
-            unsafe {
-                match field {
-                    DCD_FIELD_POSE => {
-                        bulk.read(world, dst, each, |id| Some(DcdPose::from(backend.pose(id)?)))
-                    }
-                    DCD_FIELD_VELOCITY => {
-                        bulk.read(world, dst, each, |id| Some(DcdVelocity::from(backend.velocity(id)?)))
-                    }
-                    DCD_FIELD_FORCE => bulk.read(world, dst, each, |id| {
-                        let state = backend.record(id)?.state;
-                        Some(DcdForce { force: state.force, torque: state.torque })
-                    }),
-                    _ => bulk.read(world, dst, each, |id| backend.user_data(id)),
-                }
-            }
-        })
-    })
-}
-
-/// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose,
-/// dcd_body_set_velocity, dcd_body_set_force and dcd_body_set_target do.
-///
-/// With `each` null the first bad body or value fails the call; the bodies before it are changed already, unless the id was
-/// bad: ids are checked first. Else `each` has `count` entries that receive DCD_OK or what is wrong with that body, and the
-/// call is DCD_OK.
-/// Errors: as dcd_state_read, and those of the single calls.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_state_write(
-    world: DcdWorld,
-    bodies: *const DcdBodyId,
-    count: usize,
-    field: DcdField,
-    src: *const std::ffi::c_void,
-    stride: usize,
-    each: *mut DcdStatus,
-) -> DcdStatus {
-    guard("dcd_state_write", || {
-        // SAFETY: the caller vouches for `count` entries of everything.
-        let bulk = unsafe { Bulk::new(bodies, count, field, src.cast_mut(), stride, each)? };
-        with(world, |world| {
-            if each.is_null() {
-                bulk.check(world)?;
-            }
-            for (i, &body) in bulk.bodies.iter().enumerate() {
-                // SAFETY: place i lies in `src`, which the caller vouches for.
-                let value = unsafe { Value::load(field, bulk.place(src.cast_mut(), i)) };
-                let done = apply(world, body, value);
-                if each.is_null() {
-                    done?;
-                } else {
-                    // SAFETY: entry i lies in `each`, which the caller vouches for.
-                    unsafe { each.add(i).write(status_of("dcd_state_write", &done)) };
-                }
-            }
-            Ok(())
-        })
-    })
-}
-
-fn apply(world: &mut World, body: DcdBodyId, value: Value) -> Result<(), Failure> {
-    let id = body::find(world, body)?;
-    match value {
-        Value::Pose(pose) => motion::set_pose(world, id, pose),
-        Value::Velocity(velocity) => motion::set_velocity(world, id, velocity),
-        Value::Target(pose) => motion::set_target(world, id, pose),
-        Value::Force(DcdForce { force, torque }) => {
-            push::check_dynamic(world, id)?;
-            push::set_force(world, id, Vector::from_array(force), Vector::from_array(torque))
-        }
-        Value::UserData(data) => world.backend.update(id, |body| body.user_data = u128::from(data)),
-    }
-}
-
-/// One field of one body.
-#[derive(Clone, Copy)]
-enum Value {
-    Pose(DcdPose),
-    Velocity(DcdVelocity),
-    UserData(u64),
-    Force(DcdForce),
-    Target(DcdPose),
-}
-
-impl Value {
-    /// # Safety
-    /// `place` is valid for reading the field.
-    unsafe fn load(field: DcdField, place: *const u8) -> Self {
-        // SAFETY: the caller vouches for the place; none of the reads asks for alignment.
-        unsafe {
-            match field {
-                DCD_FIELD_POSE => Self::Pose(place.cast::<DcdPose>().read_unaligned()),
-                DCD_FIELD_VELOCITY => Self::Velocity(place.cast::<DcdVelocity>().read_unaligned()),
-                DCD_FIELD_FORCE => Self::Force(place.cast::<DcdForce>().read_unaligned()),
-                DCD_FIELD_TARGET => Self::Target(place.cast::<DcdPose>().read_unaligned()),
-                _ => Self::UserData(place.cast::<u64>().read_unaligned()),
-            }
-        }
-    }
-}
-
-/// The checked arguments of a strided call.
-struct Bulk<'a> {
-    bodies: &'a [DcdBodyId],
-    stride: usize,
-}
-
-impl<'a> Bulk<'a> {
-    /// # Safety
-    /// `bodies` has `count` entries.
-    unsafe fn new(
-        bodies: *const DcdBodyId,
-        count: usize,
-        field: DcdField,
-        memory: *mut std::ffi::c_void,
-        stride: usize,
-        each: *mut DcdStatus,
-    ) -> Result<Self, Failure> {
-        let size = match field {
-            DCD_FIELD_POSE | DCD_FIELD_TARGET => size_of::<DcdPose>(),
-            DCD_FIELD_FORCE => size_of::<DcdForce>(),
-            DCD_FIELD_VELOCITY => size_of::<DcdVelocity>(),
-            DCD_FIELD_USER_DATA => size_of::<u64>(),
-            other => {
-                return Err(Failure::argument(format!("field {other} is none; use a DCD_FIELD_… constant")));
-            }
-        };
-        if stride != 0 && stride < size {
-            return Err(Failure::argument(format!("stride {stride} is less than the field's {size} bytes")));
-        }
-        let stride = if stride == 0 { size } else { stride };
-        check_count(count, "bodies")?;
-        if stride.checked_mul(count).is_none_or(|bytes| bytes > isize::MAX as usize) {
-            return Err(Failure::argument(format!(
-                "{count} times a stride of {stride} is more than memory holds"
-            )));
-        }
-        if count > 0 {
-            pointer::check(memory.cast::<u8>(), "the caller's memory")?;
-            if !each.is_null() {
-                pointer::check(each, "each")?;
-            }
-        }
-        // SAFETY: the caller vouches for `count` entries.
-        Ok(Self { bodies: unsafe { pointer::slice(bodies, count, "bodies")? }, stride })
-    }
-
-    /// Whether all bodies are there.
-    fn check(&self, world: &World) -> Result<(), Failure> {
-        self.bodies.iter().try_for_each(|&body| body::find(world, body).map(drop))
-    }
-
-    /// Writes what `value` says of each body.
-    ///
-    /// # Safety
-    /// `dst` has `stride` bytes for each body, no less than a `T`; `each` is null or has an entry for each.
-    unsafe fn read<T>(
-        &self,
-        world: &World,
-        dst: *mut std::ffi::c_void,
-        each: *mut DcdStatus,
-        value: impl Fn(BodyId) -> Option<T>,
-    ) -> Result<(), Failure> {
-        if each.is_null() {
-            self.check(world)?;
-        }
-        for (i, &body) in self.bodies.iter().enumerate() {
-            let id = world.mark.body_id(body);
-            let value = id.and_then(|id| value(id).ok_or_else(|| body::missing(world, body)));
-            if each.is_null() {
-                // SAFETY: place i lies in `dst`, which the caller vouches for.
-                unsafe { self.place(dst, i).cast::<T>().write_unaligned(value?) };
-                continue;
-            }
-            // SAFETY: place i lies in `dst`, entry i in `each`; the caller vouches for both.
-            unsafe {
-                each.add(i).write(status_of("dcd_state_read", &value));
-                if let Ok(value) = value {
-                    self.place(dst, i).cast::<T>().write_unaligned(value);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// # Safety
-    /// `memory` has `stride` bytes for each body and `i` is one of them.
-    unsafe fn place(&self, memory: *mut std::ffi::c_void, i: usize) -> *mut u8 {
-        // SAFETY: `new` checked that the product fits.
-        unsafe { memory.cast::<u8>().add(i * self.stride) }
-    }
-}
-
-fn status_of<T>(function: &str, result: &Result<T, Failure>) -> DcdStatus {
-    match result {
-        Ok(_) => DCD_OK,
-        Err(failure) => {
-            remember(function, failure);
-            failure.status
         }
     }
 }

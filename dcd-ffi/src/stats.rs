@@ -3,11 +3,13 @@
 use std::ffi::c_char;
 use std::fmt::Write;
 
-use crate::backend::Backend;
+use dcd::World as Dcd;
+
 use crate::guard::guard;
+use crate::ids::DcdWorld;
 use crate::pointer::{Out, Room, Sized32};
+use crate::registry::with;
 use crate::status::DcdStatus;
-use crate::world::{DcdWorld, with};
 
 /// Counters of a world. Start from DCD_STATS_INIT.
 #[repr(C)]
@@ -59,16 +61,16 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
-            let (stats, traffic) = (world.backend.stats(), world.backend.traffic());
+            let (stats, traffic) = (world.dcd.stats(), world.dcd.traffic());
             out.write(DcdStats {
                 struct_size: size_of::<DcdStats>() as u32,
-                regions: world.backend.region_count() as u32,
+                regions: world.dcd.region_count() as u32,
                 ticks: stats.ticks,
                 bodies: stats.bodies as u64,
                 replicas: stats.replicas as u64,
                 transfers: stats.transfers,
                 quarantined: stats.quarantined as u64,
-                updates: world.backend.updates(),
+                updates: world.dcd.updates(),
                 bytes_in: traffic.bytes_in,
                 bytes_out: traffic.bytes_out,
                 rtt: traffic.rtt.as_secs_f64(),
@@ -96,7 +98,7 @@ pub unsafe extern "C" fn dcd_stats_text(
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
         with(world, |world| {
-            let mut text = describe(&world.backend).into_bytes();
+            let mut text = describe(&world.dcd).into_bytes();
             text.push(0);
             out.fill(text.into_iter())
         })
@@ -113,24 +115,24 @@ pub unsafe extern "C" fn dcd_state_hash(world: DcdWorld, out: *mut u64) -> DcdSt
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::new(out, "out")? };
         with(world, |world| {
-            out.write(world.backend.state_hash()?);
+            out.write(world.dcd.state_hash()?);
             Ok(())
         })
     })
 }
 
-fn describe(backend: &Backend) -> String {
-    let (stats, traffic) = (backend.stats(), backend.traffic());
+fn describe(world: &Dcd) -> String {
+    let (stats, traffic) = (world.stats(), world.traffic());
     let mut text = String::new();
     let rows = [
         ("ticks", stats.ticks),
-        ("regions", backend.region_count() as u64),
+        ("regions", world.region_count() as u64),
         ("bodies", stats.bodies as u64),
         ("replicas", stats.replicas as u64),
         ("transfers", stats.transfers),
         ("quarantined", stats.quarantined as u64),
         ("exchanges", stats.exchanges as u64),
-        ("updates", backend.updates()),
+        ("updates", world.updates()),
         ("bytes in", traffic.bytes_in),
         ("bytes out", traffic.bytes_out),
     ];
@@ -138,8 +140,7 @@ fn describe(backend: &Backend) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{name:<12} {value}");
     }
-    if let Backend::Local(world) = backend {
-        let chosen = world.chosen();
+    if let Some(chosen) = world.chosen() {
         let _ = writeln!(text, "{:<12} {}", "threads", chosen.threads);
         let _ = writeln!(text, "{:<12} {}", "regions by", chosen.why);
     }

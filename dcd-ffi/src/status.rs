@@ -5,8 +5,9 @@ use std::ffi::{CStr, c_char};
 
 use dcd::net::NetError;
 use dcd::physics::{HostError, ShapeError};
-use dcd::runtime::{ProcessError, SnapshotError, WorldError};
+use dcd::runtime::{ConnectionError, ProcessError, SnapshotError, WorldError};
 use dcd::scene::SceneError;
+use dcd::{Instead, Unsupported};
 
 /// What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 pub type DcdStatus = i32;
@@ -58,6 +59,75 @@ impl Failure {
     }
 }
 
+impl From<dcd::Error> for Failure {
+    fn from(error: dcd::Error) -> Self {
+        use dcd::Error;
+        match error {
+            Error::World(error) => error.into(),
+            Error::Shape(error) => error.into(),
+            Error::Snapshot(error) => error.into(),
+            Error::Scene(error) => error.into(),
+            Error::Process(error) => error.into(),
+            Error::Unsupported(error) => error.into(),
+            Error::Connection(error) => error.into(),
+            Error::Lost(why) => Self::new(DCD_ERR_NETWORK, why),
+            error => Self::argument(error.to_string()),
+        }
+    }
+}
+
+impl From<Unsupported> for Failure {
+    fn from(Unsupported { role, what, instead }: Unsupported) -> Self {
+        let in_c = match instead {
+            Instead::ComputeAlone => "this is for worlds that one process computes alone (dcd_world_create)",
+            Instead::JoinAsClient => {
+                "it works for others; join the world as a client (dcd_client_connect) to see it and play in it"
+            }
+            Instead::Serve => "it has no network; serve it (dcd_server_create)",
+            Instead::MakeSourceAnew => "make the world anew with dcd_world_create",
+            Instead::DriveAvatars => {
+                "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose"
+            }
+            Instead::PushByAvatars => {
+                "it drives its own avatars, which push what they meet (dcd_body_set_velocity)"
+            }
+            Instead::MakeAvatars => "it has its own avatars (dcd_own_avatars) to meet them with",
+            Instead::ShapeAtBirth => {
+                "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene"
+            }
+            Instead::UsualSleep => {
+                "leave sleep_linear, sleep_angular and sleep_after as DCD_BODY_DEF_INIT has them"
+            }
+            Instead::KinematicByVelocity => "make a DCD_KINEMATIC one and give it velocities",
+            Instead::CompareLocal => {
+                "it hears of bodies at different ticks; compare hashes of local worlds (dcd_world_create)"
+            }
+            Instead::SubmitQuestion => {
+                "it hears where bodies are and computes nothing; submit what you ask (dcd_rays_submit and the like)"
+            }
+            Instead::AskServer => {
+                "whoever runs the server can: its program by dcd_token_create, or `dcd token` beside it"
+            }
+            // The others name no function.
+            instead => &instead.to_string(),
+        };
+        Self::new(DCD_ERR_UNSUPPORTED, format!("a {role} cannot {what}: {in_c}"))
+    }
+}
+
+impl From<ConnectionError> for Failure {
+    fn from(error: ConnectionError) -> Self {
+        let status = match error {
+            ConnectionError::Gone => DCD_ERR_STALE_ID,
+            ConnectionError::NotServer | ConnectionError::NotByServer => DCD_ERR_UNSUPPORTED,
+            ConnectionError::Lost => DCD_ERR_NETWORK,
+            ConnectionError::TooLong { .. } => DCD_ERR_ARGUMENT,
+            ConnectionError::Full => DCD_ERR_BUSY,
+        };
+        Self::new(status, error.to_string())
+    }
+}
+
 impl From<WorldError> for Failure {
     fn from(error: WorldError) -> Self {
         let status = match &error {
@@ -106,6 +176,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::Evicted { .. }
             | ProcessError::SentAway { .. }
             | ProcessError::Refused(_)
+            | ProcessError::Ended(_)
             | ProcessError::Stopped => DCD_ERR_NETWORK,
         };
         Self::new(status, error.to_string())

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use crate::guard::guard;
 use crate::handle::stale;
+use crate::ids::DcdWorld;
+use crate::registry::{World, cell, with};
 use crate::status::DcdStatus;
-use crate::world::{DcdWorld, World, cell, with};
 
 /// As dcd_step_wait's timeout: until the step is done, however long it takes.
 pub const DCD_FOREVER: u64 = u64::MAX;

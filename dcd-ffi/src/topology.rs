@@ -1,13 +1,14 @@
 //! How the world is cut, who owns what, and what borders cost.
 
+use dcd::World as Dcd;
 use dcd::physics::BorderView;
 
-use crate::backend::Backend;
-use crate::body::{DCD_NO_REGION, DcdBodyId, find};
 use crate::guard::guard;
+use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{Out, Room, Sized32};
+use crate::registry::{find, with};
 use crate::status::{DcdStatus, Failure};
-use crate::world::{DcdWorld, with};
+use crate::types::DCD_NO_REGION;
 
 /// A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
 #[repr(C)]
@@ -97,13 +98,13 @@ pub unsafe extern "C" fn dcd_regions(
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
         with(world, |world| {
-            out.fill(world.backend.regions().into_iter().map(|region| DcdRegionInfo {
+            out.fill(world.dcd.regions().into_iter().map(|region| DcdRegionInfo {
                 region: region.id.0,
                 bodies: region.owned as u32,
                 replicas: region.replicas as u32,
                 node: region.node.map_or(DCD_NO_NODE, |node| node.0),
-                min: region.min,
-                max: region.max,
+                min: region.cell.min,
+                max: region.cell.max,
             }))
         })
     })
@@ -124,11 +125,11 @@ pub unsafe extern "C" fn dcd_borders(
     guard("dcd_borders", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| out.fill(borders(&world.backend)?.into_iter()))
+        with(world, |world| out.fill(borders(&world.dcd)?.into_iter()))
     })
 }
 
-fn borders(backend: &Backend) -> Result<Vec<DcdBorderInfo>, Failure> {
+fn borders(world: &Dcd) -> Result<Vec<DcdBorderInfo>, Failure> {
     let info = |border: BorderView| DcdBorderInfo {
         a: border.a.0,
         b: border.b.0,
@@ -137,7 +138,7 @@ fn borders(backend: &Backend) -> Result<Vec<DcdBorderInfo>, Failure> {
         depth: border.depth as u32,
         disagreement: border.disagreement_m_s,
     };
-    Ok(backend.borders()?.into_iter().map(info).collect())
+    Ok(world.borders()?.into_iter().map(info).collect())
 }
 
 /// Says who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
@@ -149,7 +150,7 @@ pub unsafe extern "C" fn dcd_body_owner(world: DcdWorld, body: DcdBodyId, out: *
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
-            let owner = world.backend.owner(find(world, body)?);
+            let owner = world.dcd.owner(find(world, body)?);
             let flag = |is: bool, bit: u32| if is { bit } else { 0 };
             out.write(DcdOwner {
                 struct_size: size_of::<DcdOwner>() as u32,

@@ -3,7 +3,7 @@
 use dcd::protocol::{Velocity, WorldPose};
 use rapier3d::prelude as rapier;
 
-use crate::pointer::check_numbers;
+use crate::pointer::{check_numbers, check_point};
 use crate::status::Failure;
 
 /// A place and a turn in world space.
@@ -73,4 +73,67 @@ impl DcdFrame {
     pub(crate) fn pose(&self) -> rapier::Pose {
         rapier::Pose::from_parts(rapier::Vector::from_array(self.p), rapier::Rotation::from_array(self.q))
     }
+}
+
+/// How a body moves.
+pub type DcdBodyType = u32;
+
+/// Never. Ground and walls.
+pub const DCD_FIXED: DcdBodyType = 0;
+/// By forces.
+pub const DCD_DYNAMIC: DcdBodyType = 1;
+/// At the velocity that you give, whatever it meets. Doors and lifts.
+pub const DCD_KINEMATIC: DcdBodyType = 2;
+/// To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
+pub const DCD_KINEMATIC_POSE: DcdBodyType = 3;
+
+/// In DcdBodyDef.flags: never jumps through moving bodies either, at some cost. Through fixed ones no body does.
+pub const DCD_BODY_CCD: u32 = 1;
+/// In DcdBodyDef.flags: detects and does not push.
+pub const DCD_BODY_SENSOR: u32 = 2;
+/// In DcdBodyDef.flags: does not fall asleep by itself.
+pub const DCD_BODY_NO_SLEEP: u32 = 4;
+/// In DcdBodyDef.flags: sleeps until something wakes it.
+pub const DCD_BODY_ASLEEP: u32 = 8;
+/// In DcdBodyDef.flags: is not there until dcd_body_set_properties takes this away; it keeps its place, its joints wait.
+pub const DCD_BODY_DISABLED: u32 = 16;
+/// In DcdBodyDef.flags: may turn by more than a quarter turn a step, as wheels and propellers.
+pub const DCD_BODY_FAST_SPIN: u32 = 32;
+/// In DcdBodyDef.flags: its spin is not changed by its own inertia, as that of a thrown book is.
+pub const DCD_BODY_NO_GYRO: u32 = 64;
+/// In DcdBodyDef.flags: one match of groups and mask is enough for two bodies that both say so; else both must match.
+pub const DCD_BODY_ANY_GROUP: u32 = 128;
+
+/// In DcdBodyDef.events: dcd_events tells of contacts that begin and end.
+pub const DCD_EVENT_CONTACT: u32 = 1;
+/// In DcdBodyDef.events: dcd_events tells of contacts that press harder than force_threshold.
+pub const DCD_EVENT_FORCE: u32 = 2;
+
+/// In DcdBodyDef.locked: no movement along x.
+pub const DCD_LOCK_X: u32 = 1;
+/// In DcdBodyDef.locked: no movement along y.
+pub const DCD_LOCK_Y: u32 = 2;
+/// In DcdBodyDef.locked: no movement along z.
+pub const DCD_LOCK_Z: u32 = 4;
+/// In DcdBodyDef.locked: no turning about x.
+pub const DCD_LOCK_TURN_X: u32 = 8;
+/// In DcdBodyDef.locked: no turning about y.
+pub const DCD_LOCK_TURN_Y: u32 = 16;
+/// In DcdBodyDef.locked: no turning about z.
+pub const DCD_LOCK_TURN_Z: u32 = 32;
+
+/// As DcdBodyInfo.region of a fixed body, which has no owner.
+pub const DCD_NO_REGION: u32 = u32::MAX;
+
+pub(crate) fn check_pose(pose: &DcdPose) -> Result<(), Failure> {
+    check_point(&pose.p, "pose.p")?;
+    if WorldPose::from(*pose).is_valid() {
+        return Ok(());
+    }
+    Err(Failure::argument(format!("pose.q is {:?}; give a quaternion x, y, z, w of length 1", pose.q)))
+}
+
+pub(crate) fn check_velocity(velocity: &DcdVelocity) -> Result<(), Failure> {
+    check_numbers(&velocity.linear, "velocity.linear")?;
+    check_numbers(&velocity.angular, "velocity.angular")
 }

@@ -1,48 +1,16 @@
 //! Worlds: making, finding, destroying.
 
-use std::cell::RefCell;
 use std::ffi::c_char;
-use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use dcd::physics::{Coupling, CouplingChoice, Method, Preset, StepSettings};
-use dcd::runtime::{DcdWorld as LocalWorld, Partitioning, WorldConfig};
-use dcd::scene::{Params, Scene};
-use dcd::space::Bounds;
-use rapier3d::prelude::SharedShape;
+use dcd::{Bounds, Params, Partitioning, Scene, World as Dcd, WorldConfig};
 
-use crate::backend::Backend;
-use crate::cell::Cell;
-use crate::event::EventBuffers;
 use crate::guard::{guard, guard_value};
-use crate::handle::{Mark, Slots, not_null, stale};
-use crate::log;
+use crate::ids::DcdWorld;
 use crate::pointer::{self, Out, Sized32};
-use crate::query::OpenQueries;
-use crate::state::StateBuffers;
+use crate::registry::{self, add, with};
+use crate::role::{DcdRole, number_of};
 use crate::status::{DcdStatus, Failure};
-
-/// A world, whatever its role. 0 is null.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DcdWorld {
-    /// Opaque.
-    pub v: u64,
-}
-
-/// What a process is to a world.
-pub type DcdRole = u32;
-
-/// Computes all of it.
-pub const DCD_ROLE_LOCAL: DcdRole = 0;
-/// Hosts avatars in it; others compute it.
-pub const DCD_ROLE_CLIENT: DcdRole = 1;
-/// Hosts avatars in it, and computes a share of it.
-pub const DCD_ROLE_PARTICIPANT: DcdRole = 2;
-/// Holds it: decides who computes what, and lets others in.
-pub const DCD_ROLE_SERVER: DcdRole = 3;
-/// Computes a share of it.
-pub const DCD_ROLE_NODE: DcdRole = 4;
 
 /// How regions agree on the bodies that they share.
 pub type DcdCoupling = u32;
@@ -143,88 +111,6 @@ unsafe impl Sized32 for DcdWorldInfo {
     const NAME: &'static str = "DcdWorldInfo";
 }
 
-/// A world with what C needs besides.
-pub(crate) struct World {
-    pub mark: Mark,
-    pub backend: Backend,
-    pub shapes: Slots<SharedShape>,
-    pub states: StateBuffers,
-    pub events: EventBuffers,
-    pub queries: OpenQueries,
-    user_data: u64,
-}
-
-impl World {
-    /// Advances the world, and shows what happened.
-    pub(crate) fn step(&mut self) -> Result<(), Failure> {
-        let stepped = self.backend.step();
-        self.show();
-        stepped
-    }
-
-    /// Takes down state and events of the last step for those who look.
-    pub(crate) fn show(&mut self) {
-        self.events.fill(&self.backend, self.mark);
-        self.states.after_step(&self.backend, self.mark);
-    }
-}
-
-static WORLDS: Mutex<Slots<Arc<Cell>>> = Mutex::new(Slots::new());
-
-fn worlds() -> MutexGuard<'static, Slots<Arc<Cell>>> {
-    // Nothing that can panic halfway runs under this lock.
-    WORLDS.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// The place of a world; for calls that do not take turns on it.
-pub(crate) fn cell(world: DcdWorld) -> Result<Arc<Cell>, Failure> {
-    log::check_outside()?;
-    not_null(world.v, "world")?;
-    worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))
-}
-
-/// Calls `work` with the world, after every other call on it.
-pub(crate) fn with<R>(
-    world: DcdWorld,
-    work: impl FnOnce(&mut World) -> Result<R, Failure>,
-) -> Result<R, Failure> {
-    log::check_outside()?;
-    not_null(world.v, "world")?;
-    LAST.with(|last| {
-        if last.borrow().as_ref().is_none_or(|(handle, _)| *handle != world.v) {
-            let found = cell(world)?;
-            last.replace(Some((world.v, found)));
-        }
-        // No call is made within another on this thread, so nobody replaces it meanwhile.
-        let last = last.borrow();
-        let done = last.as_ref().and_then(|(_, cell)| cell.with(work));
-        done.unwrap_or_else(|| Err(stale("world", world.v)))
-    })
-}
-
-thread_local! {
-    /// The world that this thread last called, so that it is not looked for again: handles are never given twice. Once it is
-    /// destroyed, nothing is left in its cell.
-    static LAST: RefCell<Option<(u64, Arc<Cell>)>> = const { RefCell::new(None) };
-}
-
-pub(crate) fn add(backend: Backend, user_data: u64) -> DcdWorld {
-    static COUNT: AtomicU32 = AtomicU32::new(1);
-    let mark = Mark::new(COUNT.fetch_add(1, Ordering::Relaxed));
-    let world = World {
-        mark,
-        backend,
-        shapes: Slots::new(),
-        states: StateBuffers::default(),
-        events: EventBuffers::default(),
-        queries: OpenQueries::new(),
-        user_data,
-    };
-    let handle = DcdWorld { v: worlds().insert(Arc::new(Cell::new(world))) };
-    tracing::info!(world = handle.v, "world made");
-    handle
-}
-
 /// How many threads a process that joins is to use.
 pub(crate) fn asked_threads(asked: u32) -> Result<usize, Failure> {
     if asked > 1024 {
@@ -305,8 +191,7 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
             step: choice(&def)?.applied_to(step),
             ..WorldConfig::default()
         };
-        let backend = Backend::Local(Box::new(LocalWorld::new(config)?));
-        out.write(add(backend, def.user_data));
+        out.write(add(Dcd::new(config)?, def.user_data));
         Ok(())
     })
 }
@@ -331,8 +216,7 @@ pub unsafe extern "C" fn dcd_world_open_scene(
         // SAFETY: the caller vouches for the pointers and the texts.
         let (opened, out) = unsafe { (open(name_or_path, params, param_count, def)?, Out::new(out, "out")?) };
         let Opened { scene, config, user_data } = opened;
-        let backend = Backend::Local(Box::new(LocalWorld::from_scene(&scene, config)?));
-        out.write(add(backend, user_data));
+        out.write(add(Dcd::from_scene(&scene, config)?, user_data));
         Ok(())
     })
 }
@@ -386,10 +270,7 @@ pub(crate) unsafe fn open(
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
     guard("dcd_world_destroy", || {
-        log::check_outside()?;
-        not_null(world.v, "world")?;
-        let cell = worlds().remove(world.v).ok_or_else(|| stale("world", world.v))?;
-        drop(cell.close());
+        registry::remove(world)?;
         tracing::info!(world = world.v, "world destroyed");
         Ok(())
     })
@@ -398,7 +279,7 @@ pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
 /// Whether the handle names a world. Never waits.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_world_is_valid(world: DcdWorld) -> bool {
-    guard_value(false, || worlds().get(world.v).is_some())
+    guard_value(false, || registry::contains(world))
 }
 
 /// Says what a world is.
@@ -412,13 +293,13 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
         with(world, |world| {
             out.write(DcdWorldInfo {
                 struct_size: size_of::<DcdWorldInfo>() as u32,
-                role: world.backend.role(),
-                tick: world.backend.tick(),
+                role: number_of(world.dcd.role()),
+                tick: world.dcd.tick().0,
                 user_data: world.user_data,
-                regions: world.backend.region_count() as u32,
-                dt: world.backend.dt_s(),
-                gravity: world.backend.gravity(),
-                client: world.backend.client(),
+                regions: world.dcd.region_count() as u32,
+                dt: world.dcd.dt_s(),
+                gravity: world.dcd.gravity(),
+                client: world.dcd.client().map_or(0, |client| client.0),
             });
             Ok(())
         })
@@ -449,7 +330,7 @@ mod tests {
 
     #[test]
     fn a_world_that_panicked_can_only_be_destroyed_and_others_go_on() {
-        let local = || Backend::Local(Box::new(LocalWorld::new(WorldConfig::default()).unwrap()));
+        let local = || Dcd::new(WorldConfig::default()).unwrap();
         let (broken, other) = (add(local(), 0), add(local(), 0));
         let status = guard("dcd_test", || with(broken, |_| panic!("a bug")));
         assert_eq!(status, DCD_ERR_PANIC);

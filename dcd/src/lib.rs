@@ -1,25 +1,132 @@
-#![doc = include_str!("../ARCHITECTURE.md")]
+//! One rigid-body world, computed by many [Rapier](https://rapier.rs) worlds: one per region of space, on the cores of one machine
+//! or on many machines. Every body has exactly one owner; contacts and joints hold across the borders of regions.
+//!
+//! ```
+//! use dcd::prelude::*;
+//!
+//! # fn main() -> Result<(), Error> {
+//! let mut world = World::new(WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::default() })?;
+//! world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
+//! let ball = world.insert(
+//!     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 5.0, 0.0)),
+//!     ColliderBuilder::ball(0.5),
+//! )?;
+//! for _ in 0..180 {
+//!     world.step()?;
+//! }
+//! assert!((world.pose(ball).unwrap().translation[1] - 1.0).abs() < 0.01);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! - [`World`] is the front for every role of a process: a local world, or the client, participant, server or node of a served one.
+//! - [`manual`] explains concepts, how to choose a coupling, serving, and limits. The crate's `examples/` are programs to begin from.
+//! - [`query`] holds what asks where things are, [`network`] what joins and serves worlds, [`error`] the causes inside [`Error`].
+//!
+//! | feature | gives | by default |
+//! |---|---|---|
+//! | `physics` | [`World`], scenes | yes |
+//! | `parallel` | Rapier's parallel solver inside a region: one region uses all threads, to the same bits | yes |
+//! | `net` | served worlds: QUIC, TLS, join tokens | yes |
+//! | `models` | scenes from MJCF and URDF files | no |
+//! | `cli` | the program `dcd`; implies all above | no |
+//! | `sim` | whole clusters in one thread from one seed, to test protocols under faults | no |
+//! | `enhanced-determinism` | equal bits on unlike machines, at 3 to 10 % of the speed | no |
 #![forbid(unsafe_code)]
 
 /// The Rapier that regions are made of: use this one, so that its builders fit.
 #[cfg(feature = "physics")]
 pub use rapier3d;
 
+pub mod manual;
+#[cfg(feature = "physics")]
+pub mod prelude;
+#[cfg(feature = "physics")]
+mod world;
+
+// The insides: no promise is made of them. They are public for the tests, the benches and the C API of this workspace.
+#[doc(hidden)]
 pub mod cluster;
+#[doc(hidden)]
 pub mod protocol;
+#[doc(hidden)]
 pub mod space;
 
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 #[cfg(feature = "net")]
+#[doc(hidden)]
 pub mod net;
 #[cfg(feature = "physics")]
+#[doc(hidden)]
 pub mod physics;
 #[cfg(feature = "physics")]
+#[doc(hidden)]
 pub mod runtime;
 #[cfg(feature = "physics")]
+#[doc(hidden)]
 pub mod scene;
+#[cfg(any(test, feature = "sim"))]
+#[doc(hidden)]
 pub mod sim;
+
+#[cfg(feature = "physics")]
+pub use physics::{
+    BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, HookedPair, Inconsistency,
+    LinkSettings, Preset, StepSettings, Vehicle,
+};
+#[cfg(feature = "physics")]
+pub use protocol::Area;
+pub use protocol::{
+    BodyKind, BodyRecord, BodyState, BodyTraits, ContactForce, ContactKey, Handover, JointRecord, LinkMotion,
+    Refusal, Touch, Velocity, WorldEvents, WorldPose,
+};
+#[cfg(feature = "physics")]
+pub use runtime::{Choice, Partitioning, Stats, Why, WorldConfig};
+#[cfg(feature = "physics")]
+pub use scene::{Params, Scene};
+pub use space::{Axis, Balance, BodyId, Bounds, Cell, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
+#[cfg(feature = "physics")]
+pub use world::{Body, BodyChange, Error, Instead, MovableBody, Owner, RegionInfo, Role, Unsupported, World};
+
+/// Rays, moving shapes, points and overlaps: what asks where things are, at once in a local world, later in any.
+#[cfg(feature = "physics")]
+pub mod query {
+    pub use crate::physics::{BodyFilter, PointHit, Queries, RayHit, ShapeHit, WorldMotion, WorldRay};
+    pub use crate::protocol::{
+        Asked, CastAnswer, CastQuestion, Found, Meets, Overlap, OverlapQuestion, Overlooks, Place, Question,
+        RayAnswer, RayQuestion,
+    };
+}
+
+/// Joining a served world, serving one, and what passes between programs.
+#[cfg(feature = "net")]
+pub mod network {
+    #[cfg(feature = "physics")]
+    pub use crate::cluster::Grouping;
+    pub use crate::net::{PeerName, PeerStats, Role as JoinRole};
+    #[cfg(feature = "physics")]
+    pub use crate::protocol::{DelayThresholds, Pace, Thresholds};
+    #[cfg(feature = "physics")]
+    pub use crate::runtime::{
+        Cause, Connection, ConnectionChange, ConnectionEvent, ConnectionId, Delivery, GroupConfig,
+        JoinConfig, ProgramMessage, Reason, ServeConfig,
+    };
+    #[cfg(feature = "physics")]
+    pub use crate::world::Arrivals;
+}
+
+/// The causes that [`Error`] tells apart.
+#[cfg(feature = "physics")]
+pub mod error {
+    pub use crate::physics::{ControlError, HostError, QueryError, ShapeError};
+    #[cfg(feature = "net")]
+    pub use crate::runtime::{ConnectionError, ProcessError};
+    pub use crate::runtime::{SnapshotError, WorldError};
+    pub use crate::scene::SceneError;
+    pub use crate::space::TreeError;
+}
 
 /// Runs the Rust code of the README.
 #[cfg(all(doctest, feature = "physics"))]

@@ -3,7 +3,7 @@
 use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::rapier3d::prelude::*;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, Balance, BodyId, Bounds, Load, RegionId};
 
@@ -13,24 +13,24 @@ fn scene(name: &str, params: &[&str]) -> Scene {
 }
 
 /// A flat world with one plane across x.
-fn cut_at(at: f64) -> DcdWorld {
+fn cut_at(at: f64) -> LocalWorld {
     coupled(at, Coupling::default())
 }
 
-fn coupled(at: f64, coupling: Coupling) -> DcdWorld {
+fn coupled(at: f64, coupling: Coupling) -> LocalWorld {
     let config = WorldConfig {
         bounds: Bounds::around([0.0; 3], [40.0; 3]),
         partitioning: Partitioning::Cuts(vec![(Axis::X, at)]),
         step: StepSettings::default().with_coupling(coupling),
         ..WorldConfig::default()
     };
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     let floor = ColliderBuilder::cuboid(40.0, 0.5, 40.0).translation(Vector::Y * -0.5);
     world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
     world
 }
 
-fn owned(world: &DcdWorld) -> Vec<usize> {
+fn owned(world: &LocalWorld) -> Vec<usize> {
     let mut counts = vec![0; world.regions().len()];
     for (_, owner, ..) in world.states() {
         counts[world.regions().position(|region| region.id() == owner).unwrap()] += 1;
@@ -39,7 +39,7 @@ fn owned(world: &DcdWorld) -> Vec<usize> {
 }
 
 /// People as balls who walk along x at 4 m/s, each with a little of their own.
-fn crowd(count: u32, threads: usize) -> DcdWorld {
+fn crowd(count: u32, threads: usize) -> LocalWorld {
     let config = WorldConfig {
         bounds: Bounds::new([0.0, -2.0, -10.0], [400.0, 6.0, 10.0]),
         partitioning: Partitioning::Regions(8),
@@ -47,7 +47,7 @@ fn crowd(count: u32, threads: usize) -> DcdWorld {
         threads,
         ..WorldConfig::default()
     };
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     let floor = ColliderBuilder::cuboid(300.0, 0.5, 40.0).translation(Vector::new(200.0, -0.5, 0.0));
     world.insert(RigidBodyBuilder::fixed(), floor.friction(0.0)).unwrap();
     for i in 0..count {
@@ -128,7 +128,7 @@ fn regions_come_as_bodies_are_inserted_and_go_as_they_are_removed() {
         }),
         ..WorldConfig::default()
     };
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     let floor = ColliderBuilder::cuboid(60.0, 0.5, 60.0).translation(Vector::Y * -0.5);
     world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
     let mut ids = Vec::new();
@@ -173,11 +173,11 @@ fn what_sleeps_stays_asleep_under_a_plane_that_moves_a_little_and_is_woken_to_fo
         })
         .collect();
     (0..200).for_each(|_| world.step().unwrap());
-    let asleep = |world: &DcdWorld| boxes.iter().all(|&id| world.body(id).unwrap().is_sleeping());
+    let asleep = |world: &LocalWorld| boxes.iter().all(|&id| world.body(id).unwrap().is_sleeping());
     assert!(asleep(&world));
     let (hash, owner) = (world.state_hash(), world.owner_of(boxes[0]));
     world.set_balance(Some(Balance { tolerance: 1e9, ..Balance::keeping(2) })).unwrap();
-    let rest = |world: &mut DcdWorld, at| {
+    let rest = |world: &mut LocalWorld, at| {
         world.move_plane(RegionId(0), at).unwrap();
         for tick in 0..150 {
             world.step().unwrap();
@@ -225,7 +225,7 @@ fn a_world_that_follows_its_load_goes_on_from_a_snapshot_to_the_same_bits() {
     (0..100).for_each(|_| world.step().unwrap());
     let mut saved = Vec::new();
     world.save(&mut saved).unwrap();
-    let mut again = DcdWorld::restore(&saved[..], 1).unwrap();
+    let mut again = LocalWorld::restore(&saved[..], 1).unwrap();
     for world in [&mut world, &mut again] {
         (0..100).for_each(|_| world.step().unwrap());
     }
@@ -255,7 +255,7 @@ fn a_convoy_keeps_its_four_regions_busy_along_the_road() {
         balance: Some(Balance { every_ticks: 10, ..Balance::keeping(4) }),
         ..WorldConfig::for_scene(&scene)
     };
-    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    let mut world = LocalWorld::from_scene(&scene, config).unwrap();
     (0..1200).for_each(|_| world.step().unwrap());
     let shares = owned(&world);
     assert!(shares.iter().all(|&count| count >= 24), "{shares:?} of {}", world.stats().bodies);
@@ -289,7 +289,7 @@ fn swept_tower(load_kg: f32, plane: bool, coupling: Coupling) -> f64 {
         step: StepSettings { gravity: scene.gravity, ..StepSettings::default().with_coupling(coupling) },
         ..WorldConfig::for_scene(&scene)
     };
-    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    let mut world = LocalWorld::from_scene(&scene, config).unwrap();
     for tick in 0..900 {
         world.move_plane(RegionId(0), 5.0 - 6.0 * (f64::from(tick) / 180.0).cos()).unwrap();
         world.step().unwrap();
@@ -317,7 +317,7 @@ fn regions_may_follow_measured_times() {
         balance: Some(balance),
         ..WorldConfig::for_scene(&scene)
     };
-    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    let mut world = LocalWorld::from_scene(&scene, config).unwrap();
     (0..600).for_each(|_| world.step().unwrap());
     let shares = owned(&world);
     assert_eq!(shares.iter().sum::<usize>(), world.stats().bodies);
@@ -332,7 +332,7 @@ fn the_ground_goes_with_the_plane() {
         partitioning: Partitioning::Cuts(vec![(Axis::X, -150.0)]),
         ..WorldConfig::default()
     };
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     for tile in 0..100 {
         let place = Vector::new(4.0 * tile as f32 - 198.0, -0.5, 0.0);
         world
@@ -341,7 +341,8 @@ fn the_ground_goes_with_the_plane() {
     }
     let ball = RigidBodyBuilder::dynamic().translation(Vector::new(100.0, 0.5, 0.0)).can_sleep(false);
     let ball = world.insert(ball, ColliderBuilder::ball(0.5)).unwrap();
-    let tiles = |world: &DcdWorld| world.regions().map(|region| region.bodies().count()).collect::<Vec<_>>();
+    let tiles =
+        |world: &LocalWorld| world.regions().map(|region| region.bodies().count()).collect::<Vec<_>>();
     let before = tiles(&world);
     assert!(before[0] < 30 && before[1] > 85, "{before:?}");
     world.move_plane(RegionId(0), 150.0).unwrap();

@@ -6,8 +6,8 @@ use dcd::net::Role;
 use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{BodyKind, DelayThresholds, Pace, Thresholds, Velocity, WorldPose};
 use dcd::runtime::{
-    ClientWorld, DcdWorld, GroupConfig, JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig,
-    ServerProcess, Stats, WorldConfig,
+    ClientWorld, GroupConfig, JoinConfig, LocalWorld, Member, MemberConfig, Origin, Partitioning,
+    ServeConfig, ServerProcess, Stats, WorldConfig,
 };
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, Tick};
@@ -88,7 +88,7 @@ fn a_networked_world_equals_a_local_one_bit_for_bit() {
         assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(200), 0, 0));
         let config =
             WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(&scene) };
-        let mut local = DcdWorld::from_scene(&scene, config).unwrap();
+        let mut local = LocalWorld::from_scene(&scene, config).unwrap();
         for _ in 0..200 {
             local.step().unwrap();
         }
@@ -102,7 +102,7 @@ fn a_networked_world_equals_a_local_one_bit_for_bit() {
 fn a_world_of_this_process_is_served_as_it_is() {
     let scene = Scene::named("ragdolls", &Params::new().with("count", 4)).unwrap();
     let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
-    let mut local = DcdWorld::from_scene(&scene, config).unwrap();
+    let mut local = LocalWorld::from_scene(&scene, config).unwrap();
     let made = local.insert_at(
         WorldPose::at([0.3, 6.0, 0.1]),
         RigidBodyBuilder::dynamic().user_data(77),
@@ -127,7 +127,7 @@ fn a_world_of_this_process_is_served_as_it_is() {
 fn a_world_that_has_run_goes_on_at_nodes() {
     let scene = Scene::named("terrain", &Params::new().with("n", 60)).unwrap();
     let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
-    let mut local = DcdWorld::from_scene(&scene, config).unwrap();
+    let mut local = LocalWorld::from_scene(&scene, config).unwrap();
     for _ in 0..90 {
         local.step().unwrap();
     }
@@ -156,7 +156,7 @@ fn equals_a_local_world(scene: &Scene, config: &WorldConfig, nodes: usize, ticks
     let summary = server.stop();
     let members: Vec<_> = members.into_iter().map(|member| member.finish().unwrap()).collect();
     assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(ticks), 0, 0));
-    let mut local = DcdWorld::from_scene(scene, config.clone()).unwrap();
+    let mut local = LocalWorld::from_scene(scene, config.clone()).unwrap();
     let (mut exchanges, mut disagreement) = (0, 0.0f32);
     for _ in 0..ticks {
         local.step().unwrap();
@@ -260,7 +260,7 @@ fn a_client_drives_an_avatar_through_a_served_world_and_continues_after_a_pause(
     let mut client = ClientWorld::connect(&config).unwrap();
     let ball = ColliderBuilder::ball(0.5).active_events(ActiveEvents::COLLISION_EVENTS);
     let body = RigidBodyBuilder::kinematic_velocity_based();
-    let avatar = client.spawn(WorldPose::at([-12.0, 1.0, 0.75]), &body, &[ball]).unwrap();
+    let avatar = client.spawn(WorldPose::at([-12.0, 1.0, 0.75]), &body.build(), &[ball]).unwrap();
     assert!(client.wait_body(avatar, LIMIT), "{:?}", client.take_events());
     let east = Velocity { linear: [10.0, 0.0, 0.0], angular: [0.0; 3] };
     let mut touches = Vec::new();
@@ -299,7 +299,8 @@ fn a_participant_computes_and_plays_in_one_process() {
     let token = server.token(Role::Participant, LIMIT).unwrap();
     let mut player = ClientWorld::participate(&JoinConfig::new(server.address, token)).unwrap();
     let body = RigidBodyBuilder::dynamic();
-    let avatar = player.spawn(WorldPose::at([0.0, 30.0, 0.0]), &body, &[ColliderBuilder::ball(0.5)]).unwrap();
+    let avatar =
+        player.spawn(WorldPose::at([0.0, 30.0, 0.0]), &body.build(), &[ColliderBuilder::ball(0.5)]).unwrap();
     assert!(player.wait_body(avatar, LIMIT), "{:?}", player.take_events());
     let start = player.body(avatar).unwrap().body.state.pose.translation[1];
     while player.body(avatar).unwrap().body.state.pose.translation[1] > start - 1.0 {

@@ -2,7 +2,7 @@
 
 use dcd::physics::{BodyFilter, CharacterMove, ControlError, Coupling, Vehicle};
 use dcd::protocol::WorldPose;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig, WorldError};
 use dcd::scene::{Scene, SceneBody};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::control::{
@@ -11,11 +11,11 @@ use rapier3d::control::{
 };
 use rapier3d::prelude::*;
 
-fn cut_at(scene: &Scene, planes: &[f64], coupling: Coupling) -> DcdWorld {
+fn cut_at(scene: &Scene, planes: &[f64], coupling: Coupling) -> LocalWorld {
     let config = WorldConfig::for_scene(scene);
     let planes = planes.iter().map(|&x| (Axis::X, x)).collect();
     let step = config.step.with_coupling(coupling);
-    DcdWorld::from_scene(scene, WorldConfig { partitioning: Partitioning::Cuts(planes), step, ..config })
+    LocalWorld::from_scene(scene, WorldConfig { partitioning: Partitioning::Cuts(planes), step, ..config })
         .unwrap()
 }
 
@@ -24,7 +24,7 @@ fn handles(world: &PhysicsWorld) -> Vec<RigidBodyHandle> {
 }
 
 /// How far each body of the world is from where the bare world has it.
-fn apart_m(world: &DcdWorld, bare: &PhysicsWorld) -> Vec<f32> {
+fn apart_m(world: &LocalWorld, bare: &PhysicsWorld) -> Vec<f32> {
     let apart = |(index, handle): (usize, RigidBodyHandle)| {
         let pose = world.pose(BodyId::persistent(index as u32)).unwrap();
         let place = Vector::from(pose.translation.map(|v| v as f32));
@@ -67,7 +67,7 @@ fn walker() -> KinematicCharacterController {
 
 const STRIDE_M: [f32; 3] = [0.05, -0.05, 0.0];
 
-fn walk(world: &mut DcdWorld) {
+fn walk(world: &mut LocalWorld) {
     let (controller, shape) = (walker(), Capsule::new_y(0.5, 0.3));
     let hero = BodyId::persistent(HERO);
     let pose = world.pose(hero).unwrap();
@@ -210,7 +210,7 @@ fn a_car_drives_over_borders_as_in_one_world() {
 
 #[test]
 fn a_vehicle_without_a_chassis_and_a_character_from_nowhere_are_refused() {
-    let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
     let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(1.0)).unwrap();
     for chassis in [floor, BodyId::persistent(77)] {
         let refused = world.update_vehicle(&mut Vehicle::new(chassis), &BodyFilter::default());

@@ -1,7 +1,7 @@
 //! Islands that lie in several regions for good, because no region takes them whole: they come to rest as in one world, and stay there.
 
 use dcd::physics::{Coupling, StepSettings};
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, BodyId};
 
@@ -11,29 +11,29 @@ fn wall() -> Scene {
 }
 
 /// A world that is cut like this, in which islands of any size are cut.
-fn cut(scene: &Scene, partitioning: Partitioning, coupling: Coupling, exchanges: usize) -> DcdWorld {
+fn cut(scene: &Scene, partitioning: Partitioning, coupling: Coupling, exchanges: usize) -> LocalWorld {
     let config = WorldConfig::for_scene(scene);
     let step = StepSettings { exchanges, island_limit: 0, ..config.step.with_coupling(coupling) };
-    DcdWorld::from_scene(scene, WorldConfig { partitioning, step, ..config }).unwrap()
+    LocalWorld::from_scene(scene, WorldConfig { partitioning, step, ..config }).unwrap()
 }
 
-fn movable(world: &DcdWorld) -> Vec<BodyId> {
+fn movable(world: &LocalWorld) -> Vec<BodyId> {
     world.states().map(|(id, ..)| id).collect()
 }
 
-fn awake(world: &DcdWorld) -> usize {
+fn awake(world: &LocalWorld) -> usize {
     movable(world).into_iter().filter(|&body| !world.body(body).unwrap().is_sleeping()).count()
 }
 
-fn steps(world: &mut DcdWorld, count: usize) {
+fn steps(world: &mut LocalWorld, count: usize) {
     for _ in 0..count {
         world.step().unwrap();
     }
 }
 
 /// How far bodies are at most from where they began.
-fn moved_m(world: &DcdWorld, scene: &Scene) -> f64 {
-    let began = DcdWorld::from_scene(scene, WorldConfig::for_scene(scene)).unwrap();
+fn moved_m(world: &LocalWorld, scene: &Scene) -> f64 {
+    let began = LocalWorld::from_scene(scene, WorldConfig::for_scene(scene)).unwrap();
     let off = |&body: &BodyId| {
         let (at, was) = (world.pose(body).unwrap().translation, began.pose(body).unwrap().translation);
         (0..3).map(|i| (at[i] - was[i]).powi(2)).sum::<f64>().sqrt()
@@ -65,10 +65,7 @@ fn a_wall_that_is_cut_falls_asleep_and_moves_no_farther_than_one_world_lets_it()
         println!("{what}: {} awake, moved {moved_m} of {sag_m} m", awake(&world));
         assert!(world.stats().replicas > 0, "{what}");
         assert_eq!(awake(&world), 0, "{what}");
-        assert!(
-            moved_m < sag_m + 0.05,
-            "{what}: bricks moved by {moved_m:.3} m, in one world by {sag_m:.3} m"
-        );
+        assert!(moved_m < sag_m, "{what}: bricks moved by {moved_m:.3} m, in one world by {sag_m:.3} m");
     }
 }
 
@@ -77,7 +74,7 @@ fn a_wall_that_is_cut_falls_asleep_and_moves_no_farther_than_one_world_lets_it()
 fn auto_takes_more_exchanges_for_a_heavy_load_and_not_for_a_wall() {
     let tower = Scene::named("tower", &Params::new().with("top_mass_ratio", 100).with("sleep", 0)).unwrap();
     let through = || Partitioning::Cuts(vec![(Axis::Y, 5.0)]);
-    let height_m = |world: &DcdWorld| {
+    let height_m = |world: &LocalWorld| {
         let top = *movable(world).last().unwrap();
         world.pose(top).unwrap().translation[1]
     };

@@ -2,7 +2,7 @@
 
 use dcd::physics::{Measured, StepSettings};
 use dcd::protocol::WorldPose;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene, SceneJoint};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
@@ -22,7 +22,7 @@ fn with_cut_islands(config: WorldConfig) -> WorldConfig {
     WorldConfig { step: StepSettings { island_limit: 256, ..config.step }, ..config }
 }
 
-fn steps(world: &mut DcdWorld, count: usize) {
+fn steps(world: &mut LocalWorld, count: usize) {
     for _ in 0..count {
         world.step().unwrap();
     }
@@ -90,11 +90,11 @@ fn tie(scene: &mut Scene, a: usize, b: usize, joint: impl Into<GenericJoint>) {
     scene.joints.push(SceneJoint { a, b, joint: joint.into(), multibody: None });
 }
 
-fn movable(world: &DcdWorld) -> Vec<BodyId> {
+fn movable(world: &LocalWorld) -> Vec<BodyId> {
     world.states().map(|(id, ..)| id).collect()
 }
 
-fn kinetic_energy_j(world: &DcdWorld, bodies: &[BodyId]) -> f32 {
+fn kinetic_energy_j(world: &LocalWorld, bodies: &[BodyId]) -> f32 {
     let energy = |&id: &BodyId| {
         let speed = Vector::from_array(world.velocity(id).unwrap().linear).length();
         0.5 * world.mass_kg(id).unwrap() * speed * speed
@@ -103,16 +103,16 @@ fn kinetic_energy_j(world: &DcdWorld, bodies: &[BodyId]) -> f32 {
 }
 
 /// Metres by which the centre of a body lies out of its owner's cell.
-fn out_of_cell_m(world: &DcdWorld, body: BodyId) -> f64 {
+fn out_of_cell_m(world: &LocalWorld, body: BodyId) -> f64 {
     let (owner, at) = (world.owner_of(body).unwrap(), world.pose(body).unwrap().translation);
     let region = world.regions().find(|region| region.id() == owner).unwrap();
     region.cell().excess_m(at)
 }
 
 /// How far bodies sink below where they stood after half a second, at most, in millimetres.
-fn sag_mm(world: &mut DcdWorld, bodies: &[BodyId], ticks: usize) -> f64 {
+fn sag_mm(world: &mut LocalWorld, bodies: &[BodyId], ticks: usize) -> f64 {
     steps(world, 30);
-    let height = |world: &DcdWorld, body| world.pose(body).unwrap().translation[1];
+    let height = |world: &LocalWorld, body| world.pose(body).unwrap().translation[1];
     let before: Vec<_> = bodies.iter().map(|&body| height(world, body)).collect();
     let mut worst = 0.0f64;
     for _ in 0..ticks {
@@ -124,13 +124,13 @@ fn sag_mm(world: &mut DcdWorld, bodies: &[BodyId], ticks: usize) -> f64 {
     worst
 }
 
-fn insert_box(world: &mut DcdWorld, x: f32, y: f32, vx: f32, half: f32) -> BodyId {
+fn insert_box(world: &mut LocalWorld, x: f32, y: f32, vx: f32, half: f32) -> BodyId {
     let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, y, 0.0)).linvel(Vector::X * vx);
     world.insert(body, ColliderBuilder::cuboid(half, half, half).density(100.0)).unwrap()
 }
 
 /// A long platform that moves along x under all regions, with boxes on it that are far from each other.
-fn insert_platform(world: &mut DcdWorld) -> Vec<BodyId> {
+fn insert_platform(world: &mut LocalWorld) -> Vec<BodyId> {
     let body = RigidBodyBuilder::kinematic_velocity_based()
         .translation(Vector::new(-14.0, -0.5, 0.0))
         .linvel(Vector::X * 3.0);
@@ -139,7 +139,7 @@ fn insert_platform(world: &mut DcdWorld) -> Vec<BodyId> {
 }
 
 /// Rollers one after the other along x, which turn, and boxes that ride on them.
-fn insert_rollers(world: &mut DcdWorld) -> Vec<BodyId> {
+fn insert_rollers(world: &mut LocalWorld) -> Vec<BodyId> {
     for i in 0..60 {
         let turn = Rotation::from_rotation_x(std::f32::consts::FRAC_PI_2);
         let body = RigidBodyBuilder::kinematic_velocity_based()
@@ -153,7 +153,7 @@ fn insert_rollers(world: &mut DcdWorld) -> Vec<BodyId> {
 #[test]
 fn what_rides_on_a_platform_does_not_sink_when_it_comes_into_another_region() {
     for regions in [3, 5] {
-        let mut world = DcdWorld::new(side_by_side(regions, 16.0)).unwrap();
+        let mut world = LocalWorld::new(side_by_side(regions, 16.0)).unwrap();
         let boxes = insert_platform(&mut world);
         let sag = sag_mm(&mut world, &boxes, 240);
         assert!(world.stats().transfers >= 2, "{} transfers", world.stats().transfers);
@@ -164,7 +164,7 @@ fn what_rides_on_a_platform_does_not_sink_when_it_comes_into_another_region() {
 #[test]
 fn what_rides_on_rollers_does_not_sink_when_it_comes_into_another_region() {
     for regions in [3, 5] {
-        let mut world = DcdWorld::new(side_by_side(regions, 16.0)).unwrap();
+        let mut world = LocalWorld::new(side_by_side(regions, 16.0)).unwrap();
         let boxes = insert_rollers(&mut world);
         let sag = sag_mm(&mut world, &boxes, 240);
         assert!(world.stats().transfers >= 2, "{} transfers", world.stats().transfers);
@@ -174,7 +174,8 @@ fn what_rides_on_rollers_does_not_sink_when_it_comes_into_another_region() {
 
 #[test]
 fn no_link_of_a_long_rope_stays_with_a_region_that_it_has_left() {
-    let mut world = DcdWorld::from_scene(&rope(300, true), with_cut_islands(side_by_side(7, 150.0))).unwrap();
+    let mut world =
+        LocalWorld::from_scene(&rope(300, true), with_cut_islands(side_by_side(7, 150.0))).unwrap();
     let links = movable(&world);
     let mut out_ticks = vec![0; links.len()];
     for _ in 0..210 {
@@ -191,7 +192,8 @@ fn no_link_of_a_long_rope_stays_with_a_region_that_it_has_left() {
 fn a_bridge_over_many_regions_swings_with_the_energy_that_it_has_in_one_world() {
     let energy_j = |regions| {
         let mut world =
-            DcdWorld::from_scene(&bridge(300, true), with_cut_islands(side_by_side(regions, 300.0))).unwrap();
+            LocalWorld::from_scene(&bridge(300, true), with_cut_islands(side_by_side(regions, 300.0)))
+                .unwrap();
         steps(&mut world, 120);
         let planks = movable(&world);
         let out_m = planks.iter().map(|&plank| out_of_cell_m(&world, plank)).fold(0.0, f64::max);
@@ -205,7 +207,7 @@ fn a_bridge_over_many_regions_swings_with_the_energy_that_it_has_in_one_world() 
 #[test]
 fn an_island_that_stays_whole_comes_to_the_bits_of_one_world_in_any_number_of_regions() {
     let hash = |scene: &Scene, regions| {
-        let mut world = DcdWorld::from_scene(scene, side_by_side(regions, 300.0)).unwrap();
+        let mut world = LocalWorld::from_scene(scene, side_by_side(regions, 300.0)).unwrap();
         steps(&mut world, 60);
         world.host().state_hash()
     };
@@ -223,7 +225,7 @@ fn an_island_that_stays_whole_comes_to_the_bits_of_one_world_in_any_number_of_re
 fn a_heap_that_falls_into_the_corner_of_eight_regions_is_not_held_by_all_of_them() {
     let scene = Scene::named("heap", &Params::new().with("n", 1200).with("slenderness", 1.07)).unwrap();
     let config = WorldConfig { partitioning: Partitioning::Regions(8), ..WorldConfig::for_scene(&scene) };
-    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    let mut world = LocalWorld::from_scene(&scene, config).unwrap();
     let (ticks, mut copies) = (90, 0);
     for _ in 0..ticks {
         world.step().unwrap();

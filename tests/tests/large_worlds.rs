@@ -2,12 +2,12 @@
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, BodyId, Bounds};
 
 /// Three boxes on a slab, at this place.
-fn stack(world: &mut DcdWorld, at: [f64; 3]) -> Vec<BodyId> {
+fn stack(world: &mut LocalWorld, at: [f64; 3]) -> Vec<BodyId> {
     let lifted = |y: f64| WorldPose::at([at[0], at[1] + y, at[2]]);
     let slab = ColliderBuilder::cuboid(5.0, 0.5, 5.0);
     world.insert_at(lifted(-0.5), RigidBodyBuilder::fixed(), vec![slab]).unwrap();
@@ -22,7 +22,7 @@ fn stack(world: &mut DcdWorld, at: [f64; 3]) -> Vec<BodyId> {
 fn bodies_100_km_apart_keep_millimetres() {
     let far = [100_000.3, 0.0, -70_000.7];
     let heights = |at: [f64; 3]| {
-        let mut world = DcdWorld::new(WorldConfig {
+        let mut world = LocalWorld::new(WorldConfig {
             bounds: Bounds::around([0.0; 3], [120_000.0; 3]),
             partitioning: Partitioning::Cuts(vec![(Axis::X, 50_000.0)]),
             ..WorldConfig::default()
@@ -44,14 +44,14 @@ fn bodies_100_km_apart_keep_millimetres() {
 #[test]
 fn a_stack_that_is_carried_a_hundred_kilometres_arrives_as_it_left() {
     // One region, whose anchor must follow.
-    let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
     let belt = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 400.0);
     world.insert(belt, ColliderBuilder::cuboid(5.0, 0.5, 5.0).translation(Vector::Y * -0.5)).unwrap();
     let boxes = [0.5, 1.5, 2.5].map(|y| {
         let body = RigidBodyBuilder::dynamic().translation(Vector::Y * y).linvel(Vector::X * 400.0);
         world.insert(body.can_sleep(false), ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap()
     });
-    let offsets = |world: &DcdWorld| {
+    let offsets = |world: &LocalWorld| {
         let place = |id| world.pose(id).unwrap().translation;
         let base = place(BodyId::persistent(0));
         boxes.map(|id| std::array::from_fn::<_, 3, _>(|i| place(id)[i] - base[i]))
@@ -99,7 +99,7 @@ fn a_convoy_drives_100_km_through_hundreds_of_regions_as_it_drives_at_the_origin
         }
     }
     let config = WorldConfig { partitioning: Partitioning::Regions(256), ..WorldConfig::for_scene(&scene) };
-    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    let mut world = LocalWorld::from_scene(&scene, config).unwrap();
     let cars: Vec<_> = (0..CARS).map(|car| BodyId::persistent(1 + 8 * car)).collect();
     let mut crossed = std::collections::BTreeSet::new();
     let mut rides = Vec::new();

@@ -2,7 +2,7 @@
 
 use dcd::physics::Measured;
 use dcd::protocol::{Velocity, WorldPose};
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
@@ -19,7 +19,7 @@ fn weightless(regions: usize, size_m: f64) -> WorldConfig {
     config
 }
 
-fn steps(world: &mut DcdWorld, count: usize) {
+fn steps(world: &mut LocalWorld, count: usize) {
     for _ in 0..count {
         world.step().unwrap();
     }
@@ -32,7 +32,7 @@ fn an_elastic_gas_keeps_its_energy_in_any_number_of_regions() {
     let left = |regions| {
         let config =
             WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(&scene) };
-        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
         let before = world.host().energy_j();
         steps(&mut world, 180);
         world.host().energy_j() / before
@@ -48,7 +48,7 @@ fn an_elastic_gas_keeps_its_energy_in_any_number_of_regions() {
 #[test]
 fn what_collides_in_pairs_at_borders_keeps_all_of_its_momentum() {
     for regions in REGIONS {
-        let mut world = DcdWorld::new(weightless(regions, 40.0)).unwrap();
+        let mut world = LocalWorld::new(weightless(regions, 40.0)).unwrap();
         // Spread evenly over 0 to 1, each number once.
         let mut drawn = 0;
         let mut roll = |from: f32, to: f32| {
@@ -81,7 +81,7 @@ fn what_collides_in_pairs_at_borders_keeps_all_of_its_momentum() {
     }
 }
 
-fn mass_times_speed(world: &DcdWorld, body: BodyId) -> f64 {
+fn mass_times_speed(world: &LocalWorld, body: BodyId) -> f64 {
     let (region, handle) = world.host().owned(body).unwrap();
     let rigid_body = &region.physics().bodies[handle];
     f64::from(rigid_body.mass() * rigid_body.linvel().length())
@@ -97,7 +97,7 @@ fn no_bullet_passes_a_loose_plate_beyond_a_border() {
             },
             regions => weightless(regions, 200.0),
         };
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         let mut plates = Vec::new();
         for i in 0..64 {
             let (row, column) = ((i / 8) as f32 - 3.5, (i % 8) as f32 - 3.5);
@@ -115,7 +115,7 @@ fn no_bullet_passes_a_loose_plate_beyond_a_border() {
     }
 }
 
-fn speed_of(world: &DcdWorld, body: BodyId) -> f32 {
+fn speed_of(world: &LocalWorld, body: BodyId) -> f32 {
     let Velocity { linear, .. } = world.velocity(body).unwrap();
     Vector::from_array(linear).length()
 }
@@ -127,7 +127,7 @@ fn a_wall_in_bond_is_the_same_wall_to_the_bit_in_any_number_of_regions() {
     let poses = |regions| -> Vec<(BodyId, WorldPose)> {
         let config =
             WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::for_scene(&scene) };
-        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
         steps(&mut world, 300);
         world.states().map(|(id, _, pose, _)| (id, pose)).collect()
     };
@@ -146,7 +146,7 @@ fn what_falls_on_an_island_of_another_region_does_not_sink_into_it() {
             partitioning: Partitioning::Regions(regions),
             ..WorldConfig::default()
         };
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         let floor = ColliderBuilder::cuboid(20.0, 0.5, 20.0).translation(Vector::Y * -0.5);
         world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
         for i in 0..150 {

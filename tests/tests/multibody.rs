@@ -3,7 +3,7 @@
 use dcd::physics::{Coupling, LinkSettings, StepSettings};
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Scene, SceneJoint};
 use dcd::space::{Axis, Balance, BodyId, Bounds};
 
@@ -37,14 +37,14 @@ fn flat(name: &str) -> Scene {
     scene
 }
 
-fn world_of(scene: &Scene, cuts: &[f64], coupling: Coupling) -> DcdWorld {
+fn world_of(scene: &Scene, cuts: &[f64], coupling: Coupling) -> LocalWorld {
     let cuts: Vec<_> = cuts.iter().map(|&at| (Axis::X, at)).collect();
     let config = WorldConfig {
         partitioning: if cuts.is_empty() { Partitioning::Regions(1) } else { Partitioning::Cuts(cuts) },
         step: StepSettings { gravity: scene.gravity, ..StepSettings::default().with_coupling(coupling) },
         ..WorldConfig::for_scene(scene)
     };
-    DcdWorld::from_scene(scene, config).unwrap()
+    LocalWorld::from_scene(scene, config).unwrap()
 }
 
 /// The worst distance between the two anchors of a joint, metres.
@@ -56,7 +56,7 @@ fn apart(scene: &Scene, pose: impl Fn(usize) -> Pose) -> f32 {
     scene.joints.iter().map(gap).fold(0.0, f32::max)
 }
 
-fn pose_in(world: &DcdWorld, body: usize) -> Pose {
+fn pose_in(world: &LocalWorld, body: usize) -> Pose {
     let pose = world.pose(BodyId::persistent(body as u32)).unwrap();
     Pose::from_parts(Vector::from(pose.translation.map(|v| v as f32)), Rotation::from_array(pose.rotation))
 }
@@ -143,7 +143,7 @@ fn a_multibody_is_carried_by_planes_that_move_and_by_snapshots() {
     (0..120).for_each(|_| world.step().unwrap());
     let mut saved = Vec::new();
     world.save(&mut saved).unwrap();
-    let mut again = DcdWorld::restore(&saved[..], 1).unwrap();
+    let mut again = LocalWorld::restore(&saved[..], 1).unwrap();
     for world in [&mut world, &mut again] {
         (0..120).for_each(|_| world.step().unwrap());
     }
@@ -154,7 +154,7 @@ fn a_multibody_is_carried_by_planes_that_move_and_by_snapshots() {
 
 #[test]
 fn what_rapier_cannot_have_in_a_multibody_is_refused_by_name_and_nothing_is_lost() {
-    let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
     let mut insert = |body| world.insert(body, ColliderBuilder::ball(0.2)).unwrap();
     let fixed = insert(RigidBodyBuilder::fixed());
     let bodies: Vec<_> =

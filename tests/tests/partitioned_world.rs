@@ -2,7 +2,7 @@
 
 use dcd::physics::Coupling;
 use dcd::protocol::{Velocity, WorldPose};
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig, WorldError};
 use dcd::scene::{Params, Scene};
 use dcd::sim::Random;
 use dcd::space::{Axis, BodyId, Bounds};
@@ -22,7 +22,7 @@ fn coupled(config: WorldConfig, coupling: Coupling) -> WorldConfig {
     WorldConfig { step: config.step.with_coupling(coupling), ..config }
 }
 
-fn steps(world: &mut DcdWorld, count: usize) {
+fn steps(world: &mut LocalWorld, count: usize) {
     for _ in 0..count {
         world.step().unwrap();
         for (id, ..) in world.states().collect::<Vec<_>>() {
@@ -35,12 +35,12 @@ fn ball_at(x: f32, y: f32) -> (RigidBodyBuilder, ColliderBuilder) {
     (RigidBodyBuilder::dynamic().translation(Vector::new(x, y, 0.0)), ColliderBuilder::ball(0.5))
 }
 
-fn insert_ball(world: &mut DcdWorld, x: f32, y: f32, vx: f32) -> BodyId {
+fn insert_ball(world: &mut LocalWorld, x: f32, y: f32, vx: f32) -> BodyId {
     let (body, collider) = ball_at(x, y);
     world.insert(body.linvel(Vector::new(vx, 0.0, 0.0)), collider).unwrap()
 }
 
-fn insert_floor(world: &mut DcdWorld) -> BodyId {
+fn insert_floor(world: &mut LocalWorld) -> BodyId {
     let body = RigidBodyBuilder::fixed().translation(Vector::new(0.0, -0.5, 0.0));
     world.insert(body, ColliderBuilder::cuboid(50.0, 0.5, 50.0)).unwrap()
 }
@@ -48,7 +48,7 @@ fn insert_floor(world: &mut DcdWorld) -> BodyId {
 #[test]
 fn a_body_leaving_a_region_is_owned_by_exactly_one_other() {
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(coupled(weightless(two_regions()), coupling)).unwrap();
+        let mut world = LocalWorld::new(coupled(weightless(two_regions()), coupling)).unwrap();
         let ball = insert_ball(&mut world, -3.0, 0.0, 2.0);
         let first = world.owner_of(ball).unwrap();
         let mut replicated_before_transfer = false;
@@ -69,7 +69,7 @@ fn a_body_leaving_a_region_is_owned_by_exactly_one_other() {
 
 #[test]
 fn a_body_resting_on_the_border_does_not_change_owner_to_and_fro() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut world = LocalWorld::new(weightless(two_regions())).unwrap();
     let ball = insert_ball(&mut world, -0.01, 0.0, 0.0);
     for step in 0..600 {
         let speed = if step % 20 < 10 { 0.06 } else { -0.06 };
@@ -81,7 +81,7 @@ fn a_body_resting_on_the_border_does_not_change_owner_to_and_fro() {
 
 #[test]
 fn a_transferred_body_keeps_everything() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut world = LocalWorld::new(weightless(two_regions())).unwrap();
     let body = RigidBodyBuilder::dynamic()
         .translation(Vector::new(-2.0, 0.0, 0.0))
         .linvel(Vector::new(3.0, 0.0, 0.0))
@@ -131,7 +131,7 @@ fn a_sleeping_body_stays_asleep_when_its_neighbour_is_cut_off_by_a_border() {
         (Coupling::Island, 0.5, 0),
         (Coupling::Auto, 0.5, 0),
     ] {
-        let mut world = DcdWorld::new(coupled(two_regions(), coupling)).unwrap();
+        let mut world = LocalWorld::new(coupled(two_regions(), coupling)).unwrap();
         insert_floor(&mut world);
         let left = insert_ball(&mut world, -x, 0.5, 0.0);
         let right = insert_ball(&mut world, x, 0.5, 0.0);
@@ -150,7 +150,7 @@ fn a_sleeping_body_stays_asleep_when_its_neighbour_is_cut_off_by_a_border() {
 
 #[test]
 fn waking_crosses_a_border() {
-    let mut world = DcdWorld::new(two_regions()).unwrap();
+    let mut world = LocalWorld::new(two_regions()).unwrap();
     insert_floor(&mut world);
     let row: Vec<_> = (-3..=3).map(|i| insert_ball(&mut world, i as f32 * 1.001, 0.5, 0.0)).collect();
     steps(&mut world, 120);
@@ -163,7 +163,7 @@ fn waking_crosses_a_border() {
 
 #[test]
 fn bodies_that_touch_across_a_border_feel_each_other_once() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut world = LocalWorld::new(weightless(two_regions())).unwrap();
     let bouncy = |builder: ColliderBuilder| {
         builder.restitution(1.0).friction(0.0).active_events(ActiveEvents::COLLISION_EVENTS)
     };
@@ -191,7 +191,7 @@ fn bodies_that_touch_across_a_border_feel_each_other_once() {
 
 #[test]
 fn a_stack_across_a_border_stands() {
-    let mut world = DcdWorld::new(WorldConfig {
+    let mut world = LocalWorld::new(WorldConfig {
         partitioning: Partitioning::Cuts(vec![(Axis::Y, 2.0)]),
         ..WorldConfig::default()
     })
@@ -218,7 +218,7 @@ fn a_tower_under_a_heavy_top_stands_however_many_exchanges_a_tick_has() {
         let mut config = coupled(WorldConfig::default(), Coupling::Overlap);
         config.partitioning = Partitioning::Cuts(vec![(Axis::Y, at)]);
         config.step.exchanges = exchanges;
-        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
         let before: Vec<_> = world.states().map(|(_, _, pose, _)| pose.translation).collect();
         steps(&mut world, 600);
         let gone = world.states().zip(&before).map(|((_, _, pose, _), before)| {
@@ -232,7 +232,7 @@ fn a_tower_under_a_heavy_top_stands_however_many_exchanges_a_tick_has() {
 
 #[test]
 fn an_assembly_is_owned_and_moved_whole() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut world = LocalWorld::new(weightless(two_regions())).unwrap();
     let links: Vec<_> = (0..5)
         .map(|i| {
             let body = RigidBodyBuilder::dynamic()
@@ -262,7 +262,7 @@ fn an_assembly_is_owned_and_moved_whole() {
 
 #[test]
 fn tying_two_bodies_of_different_regions_brings_them_together() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut world = LocalWorld::new(weightless(two_regions())).unwrap();
     let a = insert_ball(&mut world, -3.0, 0.0, 0.0);
     let b = insert_ball(&mut world, 4.0, 0.0, 0.0);
     assert_ne!(world.owner_of(a), world.owner_of(b));
@@ -278,7 +278,7 @@ fn tying_two_bodies_of_different_regions_brings_them_together() {
 #[test]
 fn immovable_geometry_is_one_object_in_all_regions() {
     let mut world =
-        DcdWorld::new(WorldConfig { partitioning: Partitioning::Regions(8), ..WorldConfig::default() })
+        LocalWorld::new(WorldConfig { partitioning: Partitioning::Regions(8), ..WorldConfig::default() })
             .unwrap();
     let floor = insert_floor(&mut world);
     let shapes: Vec<_> = world
@@ -294,7 +294,7 @@ fn immovable_geometry_is_one_object_in_all_regions() {
 
 #[test]
 fn a_body_larger_than_its_region_finds_its_ground_and_carries_others() {
-    let mut world = DcdWorld::new(WorldConfig {
+    let mut world = LocalWorld::new(WorldConfig {
         bounds: Bounds::around([0.0; 3], [20.0; 3]),
         partitioning: Partitioning::Cuts(vec![(Axis::X, -8.0), (Axis::X, 0.0), (Axis::X, 8.0)]),
         ..WorldConfig::default()
@@ -322,7 +322,7 @@ fn a_body_larger_than_its_region_finds_its_ground_and_carries_others() {
 #[test]
 fn a_projectile_crosses_several_regions_in_one_step() {
     let cuts = (-9..=9).map(|i| (Axis::X, f64::from(i))).collect();
-    let mut world = DcdWorld::new(weightless(WorldConfig {
+    let mut world = LocalWorld::new(weightless(WorldConfig {
         partitioning: Partitioning::Cuts(cuts),
         ..WorldConfig::default()
     }))
@@ -336,7 +336,7 @@ fn a_projectile_crosses_several_regions_in_one_step() {
 #[test]
 fn bits_do_not_depend_on_the_number_of_threads() {
     let run = |threads| {
-        let mut world = DcdWorld::new(WorldConfig {
+        let mut world = LocalWorld::new(WorldConfig {
             partitioning: Partitioning::Regions(8),
             bounds: Bounds::around([0.0, 4.0, 0.0], [6.0, 4.0, 6.0]),
             threads,
@@ -367,7 +367,7 @@ fn regions_with_several_threads_each_give_the_same_bits() {
     let run = |regions, threads| {
         let partitioning = Partitioning::Regions(regions);
         let config = WorldConfig { partitioning, threads, ..WorldConfig::for_scene(&scene) };
-        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
         for _ in 0..60 {
             world.step().unwrap();
         }
@@ -385,7 +385,7 @@ fn regions_with_several_threads_each_give_the_same_bits() {
 fn a_world_may_be_stepped_on_a_pool_of_the_users() {
     let worlds = || -> Vec<_> {
         let world = |threads| {
-            let mut world = DcdWorld::new(WorldConfig { threads, ..WorldConfig::default() }).unwrap();
+            let mut world = LocalWorld::new(WorldConfig { threads, ..WorldConfig::default() }).unwrap();
             insert_floor(&mut world);
             for i in 0..300 {
                 let at =
@@ -401,7 +401,7 @@ fn a_world_may_be_stepped_on_a_pool_of_the_users() {
         };
         [1, 1, 1, 2, 2].map(world).into()
     };
-    let step = |world: &mut DcdWorld| {
+    let step = |world: &mut LocalWorld| {
         for _ in 0..20 {
             world.step().unwrap();
         }
@@ -421,7 +421,7 @@ fn a_world_may_be_stepped_on_a_pool_of_the_users() {
 
 #[test]
 fn a_changed_collider_is_changed_in_every_region_and_stays_so() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut world = LocalWorld::new(weightless(two_regions())).unwrap();
     let ball = insert_ball(&mut world, -2.0, 0.0, 2.0);
     let wall = insert_floor(&mut world);
     for body in [ball, wall] {
@@ -457,7 +457,7 @@ fn a_changed_collider_is_changed_in_every_region_and_stays_so() {
 
 #[test]
 fn a_teleported_body_changes_region_at_once_and_keeps_its_epoch_growing() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut world = LocalWorld::new(weightless(two_regions())).unwrap();
     let ball = insert_ball(&mut world, -10.0, 0.0, 0.0);
     let first = world.owner_of(ball);
     world.set_pose(ball, WorldPose::at([10.0, 1.0, 0.0])).unwrap();
@@ -470,7 +470,7 @@ fn a_teleported_body_changes_region_at_once_and_keeps_its_epoch_growing() {
 fn a_body_that_regions_share_has_its_whole_mass_for_the_user() {
     let cut = Partitioning::Cuts(vec![(Axis::Y, 1.0)]);
     let config = WorldConfig { partitioning: cut, ..WorldConfig::default() };
-    let mut world = DcdWorld::new(coupled(config, Coupling::Overlap)).unwrap();
+    let mut world = LocalWorld::new(coupled(config, Coupling::Overlap)).unwrap();
     let floor = insert_floor(&mut world);
     let boxes = [0.5, 1.5].map(|y| {
         let body = RigidBodyBuilder::dynamic().can_sleep(false).translation(Vector::new(0.0, y, 0.0));
@@ -486,7 +486,7 @@ fn a_body_that_regions_share_has_its_whole_mass_for_the_user() {
 #[test]
 fn what_is_removed_before_its_first_step_leaves_nothing_behind() {
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(coupled(two_regions(), coupling)).unwrap();
+        let mut world = LocalWorld::new(coupled(two_regions(), coupling)).unwrap();
         let gone = insert_ball(&mut world, 0.1, 3.0, 0.0);
         world.remove(gone).unwrap();
         let stays = insert_ball(&mut world, 0.2, 5.0, 0.0);
@@ -503,7 +503,7 @@ fn changes_at_any_time_lose_and_double_nothing_in_any_coupling() {
         let mut random = Random::new(seed);
         let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Y, 1.5)]);
         let config = WorldConfig { partitioning: cuts, ..WorldConfig::default() };
-        let mut world = DcdWorld::new(coupled(config, coupling)).unwrap();
+        let mut world = LocalWorld::new(coupled(config, coupling)).unwrap();
         insert_floor(&mut world);
         let (mut bodies, mut joints) = (Vec::new(), Vec::new());
         let somewhere = |random: &mut Random| [random.unit() * 5.0 - 2.5, random.unit() * 4.0 + 0.5];
@@ -546,7 +546,7 @@ fn bodies_100_km_from_the_origin_keep_millimetres() {
     let mut config = weightless(two_regions());
     config.bounds = Bounds::around([99_000.0, -98_765.0, 0.0], [300.0; 3]);
     config.partitioning = Partitioning::Regions(8);
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     let pose = WorldPose::at([99_000.123_456, -98_765.432_1, 5.0]);
     let body = RigidBodyBuilder::dynamic().linvel(Vector::new(0.06, 0.0, 0.0));
     let id = world.insert_at(pose, body.can_sleep(false), vec![ColliderBuilder::ball(0.5)]).unwrap();
@@ -558,7 +558,7 @@ fn bodies_100_km_from_the_origin_keep_millimetres() {
 
 #[test]
 fn bad_input_is_refused_with_cause_and_remedy() {
-    let mut world = DcdWorld::new(two_regions()).unwrap();
+    let mut world = LocalWorld::new(two_regions()).unwrap();
     let (body, collider) = ball_at(0.0, 0.0);
     let nan = WorldPose::at([f64::NAN, 0.0, 0.0]);
     let error = world.insert_at(nan, body.clone(), vec![collider.clone()]).unwrap_err().to_string();
@@ -571,12 +571,12 @@ fn bad_input_is_refused_with_cause_and_remedy() {
     assert!(world.insert_joint(ghost, ghost, SphericalJointBuilder::new()).is_err());
     for regions in [0, 257] {
         let config = WorldConfig { partitioning: Partitioning::Regions(regions), ..WorldConfig::default() };
-        let error = DcdWorld::new(config).err().unwrap().to_string();
+        let error = LocalWorld::new(config).err().unwrap().to_string();
         assert!(error.contains("1 to 256"), "{error}");
     }
     let mut config = WorldConfig::default();
     config.step.dt_s = 0.0;
-    assert!(DcdWorld::new(config).err().unwrap().to_string().contains("dt_s"));
+    assert!(LocalWorld::new(config).err().unwrap().to_string().contains("dt_s"));
     // Nothing was lost by being refused: the next body gets the first id.
     let (body, collider) = ball_at(0.0, 0.0);
     assert_eq!(world.insert(body, collider).unwrap(), BodyId::persistent(0));
@@ -584,7 +584,7 @@ fn bad_input_is_refused_with_cause_and_remedy() {
 
 #[test]
 fn a_bullet_does_not_tunnel_through_a_wall_behind_a_border() {
-    let mut world = DcdWorld::new(weightless(two_regions())).unwrap();
+    let mut world = LocalWorld::new(weightless(two_regions())).unwrap();
     let wall = RigidBodyBuilder::fixed().translation(Vector::new(0.5, 0.0, 0.0));
     world.insert(wall, ColliderBuilder::cuboid(0.01, 5.0, 5.0)).unwrap();
     for (row, speed) in [50.0f32, 100.0, 200.0, 400.0].into_iter().enumerate() {
@@ -599,7 +599,7 @@ fn a_bullet_does_not_tunnel_through_a_wall_behind_a_border() {
 
 #[test]
 fn the_force_of_a_contact_across_a_border_is_reported_once() {
-    let mut world = DcdWorld::new(WorldConfig {
+    let mut world = LocalWorld::new(WorldConfig {
         partitioning: Partitioning::Cuts(vec![(Axis::Y, 1.0)]),
         ..WorldConfig::default()
     })
@@ -628,7 +628,7 @@ fn the_force_of_a_contact_across_a_border_is_reported_once() {
 
 #[test]
 fn a_joint_waits_while_it_has_nothing_to_move() {
-    let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
     let mut insert = |body: RigidBodyBuilder, x: f32| {
         world.insert(body.translation(Vector::X * x), ColliderBuilder::ball(0.1)).unwrap()
     };
@@ -644,4 +644,35 @@ fn a_joint_waits_while_it_has_nothing_to_move() {
     (0..60).for_each(|_| world.step().unwrap());
     assert!((world.pose(off).unwrap().translation[0] - 2.0).abs() < 0.01, "it hangs at its anchor");
     assert!(world.joint_load(tie).unwrap()[1].abs() > 0.01, "and weighs on it");
+}
+
+/// What another process says may be wrong, and must not end this one.
+#[test]
+fn a_transfer_of_what_is_owned_here_or_is_newer_here_is_refused() {
+    use dcd::physics::{Partition, RegionHost};
+    use dcd::protocol::{BorderMessage, Transfer};
+    use dcd::space::{Epoch, RegionSet};
+    let config = two_regions();
+    let partition = Partition::new(config.tree().unwrap(), None);
+    let [left, right] = [0, 1].map(|rank| partition.leaves()[rank]);
+    let mut host = RegionHost::new(partition, config.step, 1, &[right]).unwrap();
+    let (body, ball) = ball_at(5.0, 0.0);
+    let id = BodyId::persistent(0);
+    let place = WorldPose::at([5.0, 0.0, 0.0]);
+    let mut record = host.shapes_mut().describe(id, place, &body.build(), &[ball]).unwrap();
+    record.epoch = Epoch(3);
+    host.insert(vec![record.clone()], &[]).unwrap();
+    for epoch in [0, 3, 9] {
+        let elsewhere = WorldPose::at([7.0, 0.0, 0.0]);
+        let told = dcd::protocol::BodyState { pose: elsewhere, ..record.state };
+        let body = dcd::BodyRecord { epoch: Epoch(epoch), state: told, ..record.clone() };
+        let transfers = vec![Transfer { body, holders: RegionSet::EMPTY, whole: false }];
+        let tick = host.tick().next();
+        host.compute();
+        host.accept(BorderMessage { from: left, to: right, tick, transfers, ..BorderMessage::default() });
+        host.exchange().unwrap();
+        host.end_tick();
+        let (region, handle) = host.owned(id).expect("its owner stays");
+        assert!((region.world_pose(handle).translation[0] - 5.0).abs() < 0.1, "epoch {epoch}");
+    }
 }

@@ -2,7 +2,7 @@
 
 use dcd::physics::{Coupling, Measured};
 use dcd::rapier3d::prelude::*;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::Axis;
 
@@ -19,7 +19,7 @@ fn scene(set: &[&str]) -> Scene {
 }
 
 /// Quarters across the stairs, halves along them.
-fn eight_regions(scene: &Scene, coupling: Coupling) -> DcdWorld {
+fn eight_regions(scene: &Scene, coupling: Coupling) -> LocalWorld {
     let quarter = scene.bounds.size()[0] / 4.0;
     let across = [2.0, 1.0, 3.0].map(|count| (Axis::X, count * quarter));
     let mut config = WorldConfig {
@@ -29,7 +29,7 @@ fn eight_regions(scene: &Scene, coupling: Coupling) -> DcdWorld {
     (config.step.coupling, config.step.exchanges) = (coupling, coupling.usual_exchanges());
     // Those that lie on one another are not all to be one region's.
     config.step.island_limit = 256;
-    DcdWorld::from_scene(scene, config).unwrap()
+    LocalWorld::from_scene(scene, config).unwrap()
 }
 
 /// Runs a world, and says how far the two anchors of its joints were apart in all steps.

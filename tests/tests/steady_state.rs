@@ -4,7 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use dcd::physics::Coupling;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 
 /// Counts what this thread allocates; tests run on threads of their own.
@@ -56,7 +56,7 @@ fn allocations(coupling: Coupling, n: usize, regions: usize) -> (u64, u64, usize
     let config = WorldConfig::for_scene(&scene);
     let step = config.step.with_coupling(coupling);
     let config = WorldConfig { partitioning: Partitioning::Regions(regions), step, ..config };
-    let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+    let mut world = LocalWorld::from_scene(&scene, config).unwrap();
     let ours = allocations_per_step(|| world.step().unwrap());
     let mut bare = scene.bare_world();
     bare.clear_thread_pool();

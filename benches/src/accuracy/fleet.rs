@@ -164,7 +164,7 @@ impl Measured for Fleet {
 #[cfg(test)]
 mod tests {
     use dcd::physics::Coupling;
-    use dcd::runtime::{DcdWorld, Partitioning};
+    use dcd::runtime::{LocalWorld, Partitioning};
     use dcd::scene::Params;
     use dcd::space::Axis;
 
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn where_nothing_is_late_or_lost_hosts_apart_do_what_one_host_does() {
         let (scene, config) = tower();
-        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
         for _ in 0..60 {
             world.step().unwrap();
         }

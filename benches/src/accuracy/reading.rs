@@ -18,8 +18,9 @@ use dcd::runtime::measure::StepTimes;
 use dcd::scene::Scene;
 use rayon::prelude::*;
 
+use super::run::trace;
 use super::scene::{Case, Measure};
-use super::trace::{Trace, trace};
+use super::trace::Trace;
 use super::world::{Bare, Setup};
 
 /// What stands for an error that is no number: bodies lost, or thrown to infinity.

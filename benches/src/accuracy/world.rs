@@ -2,12 +2,10 @@
 
 use dcd::physics::{Measured, View};
 use dcd::rapier3d::prelude::*;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
-use dcd::scene::Scene;
+use dcd::runtime::{LocalWorld, WorldConfig, WorldError};
 use dcd::space::BodyId;
 
 use super::fleet::Fleet;
-use super::scene::Case;
 
 /// What a scene is computed by.
 #[derive(Clone, Copy)]
@@ -39,53 +37,12 @@ pub(crate) enum World {
     /// One bare Rapier world, none of our code in its step: the reference.
     Bare(Box<PhysicsWorld>),
     /// A world cut into regions.
-    Cut(Box<DcdWorld>),
+    Cut(Box<LocalWorld>),
     /// The same, each region by itself, with faults between them.
     Apart(Fleet),
 }
 
 impl World {
-    /// The world of a scene of a case, its dt and its solver iterations a tick.
-    pub(crate) fn new(
-        case: &Case,
-        scene: &Scene,
-        setup: &Setup<'_>,
-    ) -> Result<(Self, f32, usize), WorldError> {
-        match setup {
-            Setup::Bare(bare) => {
-                let mut scene = scene.clone();
-                scene.dt_s = bare.dt_s.unwrap_or(scene.dt_s);
-                scene.solver_iterations = bare.iterations.unwrap_or(scene.solver_iterations);
-                let mut world = scene.bare_world();
-                if let Some(hz) = bare.contact_hz {
-                    let parameters = &mut world.integration_parameters;
-                    parameters.contact_softness.natural_frequency = hz;
-                    parameters.static_contact_softness.natural_frequency = 2.0 * hz;
-                }
-                Ok((Self::Bare(Box::new(world)), scene.dt_s, scene.solver_iterations))
-            }
-            Setup::Cut { regions, adjust } => {
-                let mut config = WorldConfig::for_scene(scene);
-                config.partitioning = match regions {
-                    1 => Partitioning::Regions(1),
-                    _ => Partitioning::Cuts((case.cuts)(*regions)),
-                };
-                adjust(&mut config);
-                if case.early {
-                    config.step.exchanges = 1;
-                }
-                let step = config.step;
-                let world = match case.fault {
-                    Some(_) if *regions > 1 => Self::Apart(Fleet::new(scene, &config, case.fault)?),
-                    _ => Self::Cut(Box::new(DcdWorld::from_scene(scene, config)?)),
-                };
-                // As many as all micro-steps of a tick have together.
-                let iterations = step.exchanges * step.solver_iterations.div_ceil(step.exchanges);
-                Ok((world, step.dt_s, iterations))
-            }
-        }
-    }
-
     /// One tick.
     pub(crate) fn step(&mut self) -> Result<(), WorldError> {
         match self {

@@ -5,7 +5,7 @@ use std::time::Instant;
 use dcd::physics::{Coupling, Preset};
 use dcd::runtime::WorldConfig;
 
-use crate::accuracy::{Bare, Case, Setup, World};
+use crate::accuracy::{Bare, Case, Setup, world_of};
 use crate::timing::{StepMs, WARM_UP};
 
 /// What is set.
@@ -60,8 +60,7 @@ impl Setting {
     ) -> Result<StepMs, Box<dyn std::error::Error>> {
         let dt_s = self.dt_s(case);
         let ticks = ((seconds / dt_s).round() as usize).max(WARM_UP + 30);
-        let (mut world, ..) =
-            self.with_threads(threads, |setup| World::new(case, &case.scenes[0], &setup))?;
+        let (mut world, ..) = self.with_threads(threads, |setup| world_of(case, &case.scenes[0], &setup))?;
         let mut steps = Vec::with_capacity(ticks);
         for tick in 0..ticks {
             if let Some(drive) = &case.drive {

@@ -132,7 +132,7 @@ impl Running {
             .active_events(ActiveEvents::COLLISION_EVENTS);
         let builder = RigidBodyBuilder::dynamic().can_sleep(false);
         let place = self.somewhere();
-        let body = shapes.describe(id, WorldPose::at(place), &builder, &[ball])?;
+        let body = shapes.describe(id, WorldPose::at(place), &builder.build(), &[ball])?;
         self.sim.wish(client, ClientEvent::Spawn { body, shapes: shapes.records() });
         self.sim.run_until(|sim| sim.client(client).body(id).is_some())?;
         self.avatars.push((client, id, place));

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dcd::physics::Coupling;
 use dcd::runtime::measure::Subject;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig, WorldError};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig, WorldError};
 use dcd::scene::Scene;
 use dcd::space::Axis;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -174,7 +174,7 @@ fn subject(
         WorldConfig { partitioning: Partitioning::Cuts(planes), ..WorldConfig::for_scene(scene) };
     crate::accuracy::use_method(&mut config, method);
     adjust(&mut config);
-    Ok(Subject::Regions(Box::new(DcdWorld::from_scene(scene, config)?)))
+    Ok(Subject::Regions(Box::new(LocalWorld::from_scene(scene, config)?)))
 }
 
 /// Steps a world so often.

@@ -100,7 +100,7 @@ impl<'a> Looker<'a> {
             - mass * sum(&|i| f64::from(self.bodies.gravity[i]) * state.pose.translation[i])
     }
 
-    /// How deep each pair that overlaps does, fixed bodies among them.
+    /// Overlaps of all pairs that have one, fixed bodies among them, in metres.
     fn depths_m(&self, movers: &[(Solid, WorldPose)]) -> Vec<f64> {
         let mut depths: Vec<_> =
             near_pairs(movers).filter_map(|(a, b)| depth_m(&movers[a], &movers[b])).collect();

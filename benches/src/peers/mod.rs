@@ -4,6 +4,7 @@
 mod bodies;
 mod box3d;
 mod case;
+mod engine;
 mod jolt;
 mod look;
 mod picture;
@@ -20,8 +21,8 @@ use serde_json::json;
 
 use self::bodies::Bodies;
 use self::case::{CASES, Case};
+use self::engine::{ENGINES, Engine};
 use self::look::{Look, Looker};
-use self::world::{ENGINES, Engine};
 use crate::machine::Machine;
 use crate::page;
 use crate::results::{self, Measured, short};

@@ -6,6 +6,7 @@ use std::error::Error;
 use dcd::rapier3d::prelude::RigidBodyType;
 use dcd::runtime::WorldConfig;
 use dcd::scene::Scene;
+use dcd::space::mixed;
 use rayon::prelude::*;
 
 use super::case::Case;
@@ -124,19 +125,11 @@ fn nudged(scene: &Scene, seed: u64) -> Scene {
     let dynamic = scene.bodies.iter_mut().filter(|body| body.body.body_type == RigidBodyType::Dynamic);
     for (i, body) in (0u64..).zip(dynamic) {
         for (axis, place) in (0u64..).zip(&mut body.pose.translation) {
-            let random = mixed((seed << 40) | (i << 2) | axis) >> 11;
+            let random = mixed(((seed << 40) | (i << 2) | axis).wrapping_add(0x9E37_79B9_7F4A_7C15)) >> 11;
             *place += NUDGE_M * (random as f64 / (1u64 << 52) as f64 - 1.0);
         }
     }
     scene
-}
-
-/// All bits of a number depend on all of another (the finaliser of SplitMix64; Steele, Lea and Flood, 2014).
-fn mixed(number: u64) -> u64 {
-    let z = number.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -4,14 +4,13 @@ use dcd::protocol::{CastAnswer, CastQuestion, ShapeHash};
 use rapier3d::prelude::SharedShape;
 
 use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_LEAVE, DcdFilter, NOBODY, meets, refused, user_data};
-use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
-use crate::motion::check_pose;
-use crate::pointer::{check_not_negative, check_numbers, check_reserved};
-use crate::shape::{self, DcdShapeId};
+use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
+use crate::pointer::{check_bits, check_not_negative, check_numbers, check_reserved};
+use crate::registry::World;
+use crate::shape;
 use crate::status::{DcdStatus, Failure};
-use crate::types::DcdPose;
-use crate::world::{DcdWorld, World};
+use crate::types::{DcdPose, check_pose};
 
 /// A shape that moves straight, and may turn on the way. Start from DCD_SHAPE_CAST_INIT and give shape and motion.
 #[repr(C)]

@@ -1,14 +1,13 @@
 //! Rays, shapes that move, overlaps, nearest points: many questions a call, of the state as it is now.
 
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::pointer::{self, Room, Sized32, check_bits};
+use crate::registry::{self, World, with};
+use crate::status::Failure;
 use dcd::physics::{Queries, QueryError};
 use dcd::protocol::{Meets, Overlooks};
 use dcd::space::BodyId;
 use rapier3d::prelude::QueryFilterFlags;
-
-use crate::body::{self, DcdBodyId, check_bits};
-use crate::pointer::{self, Room, Sized32};
-use crate::status::Failure;
-use crate::world::{DcdWorld, World, with};
 
 /// In DcdFilter.flags: overlooks fixed bodies.
 pub const DCD_FILTER_NO_FIXED: u32 = 1;
@@ -65,6 +64,8 @@ pub use point::*;
 mod overlap;
 pub use overlap::*;
 
+pub(crate) mod open;
+
 mod submit;
 pub use submit::*;
 
@@ -108,7 +109,7 @@ impl<'a, Q> Batch<'a, Q> {
     }
 
     fn ask<'w>(&self, world: &'w World) -> Result<Asked<'w>, Failure> {
-        let queries = world.backend.queries()?;
+        let queries = world.dcd.queries()?;
         Ok(Asked { world, queries, overlooks: self.overlooks(world)?, mask: self.mask() })
     }
 
@@ -126,7 +127,7 @@ impl<'a, Q> Batch<'a, Q> {
 
     /// Bodies that all queries overlook, in order.
     fn excluded(&self, world: &World) -> Result<Vec<BodyId>, Failure> {
-        let found = self.exclude.iter().map(|&body| body::find(world, body));
+        let found = self.exclude.iter().map(|&body| registry::find(world, body));
         let mut exclude = found.collect::<Result<Vec<_>, _>>()?;
         exclude.sort_unstable();
         exclude.dedup();
@@ -213,7 +214,7 @@ unsafe fn write_ends(lengths: impl Iterator<Item = usize>, ends: *mut usize) {
 
 /// Whom a single query meets.
 fn meets(world: &World, all: u32, mask: u32, exclude: DcdBodyId) -> Result<Meets, Failure> {
-    let but = if exclude.v == 0 { None } else { Some(body::find(world, exclude)?) };
+    let but = if exclude.v == 0 { None } else { Some(registry::find(world, exclude)?) };
     Ok(Meets { mask: all & mask, but })
 }
 
@@ -222,5 +223,5 @@ fn refused(error: QueryError) -> Failure {
 }
 
 fn user_data(world: &World, id: BodyId) -> u64 {
-    world.backend.user_data(id).unwrap_or(0)
+    world.dcd.user_data(id).unwrap_or(0) as u64
 }

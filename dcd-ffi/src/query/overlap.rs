@@ -7,14 +7,12 @@ use rapier3d::prelude::SharedShape;
 
 use super::cast::solid;
 use super::{Batch, DcdFilter, DcdPointQuery, meets, refused, user_data};
-use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
-use crate::motion::check_pose;
-use crate::pointer::{Room, check_point, check_reserved};
-use crate::shape::DcdShapeId;
+use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
+use crate::pointer::{Room, check_bits, check_point, check_reserved};
+use crate::registry::World;
 use crate::status::{DcdStatus, Failure};
-use crate::types::DcdPose;
-use crate::world::{DcdWorld, World};
+use crate::types::{DcdPose, check_pose};
 
 /// A shape somewhere. Start from DCD_SHAPE_QUERY_INIT and give a shape.
 #[repr(C)]

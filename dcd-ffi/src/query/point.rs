@@ -1,11 +1,10 @@
 //! The places of bodies that are nearest to points.
 
 use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, meets, refused, user_data};
-use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
-use crate::pointer::{check_point, check_reserved};
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::pointer::{check_bits, check_point, check_reserved};
 use crate::status::DcdStatus;
-use crate::world::DcdWorld;
 
 /// A point. Start from DCD_POINT_QUERY_INIT.
 #[repr(C)]

@@ -4,11 +4,11 @@ use dcd::protocol::{RayAnswer, RayQuestion};
 use rapier3d::prelude::Vector;
 
 use super::{Batch, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, meets, refused, user_data};
-use crate::body::{DcdBodyId, check_bits};
 use crate::guard::guard;
-use crate::pointer::{Room, check_numbers, check_point};
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::pointer::{Room, check_bits, check_numbers, check_point};
+use crate::registry::World;
 use crate::status::{DcdStatus, Failure};
-use crate::world::{DcdWorld, World};
 
 /// A ray. Start from DCD_RAY_INIT and give a direction.
 #[repr(C)]

@@ -13,20 +13,13 @@ use super::{
     Batch, DCD_QUERY_LEAVE, DcdBoxQuery, DcdFilter, DcdOverlap, DcdPointQuery, DcdRay, DcdRayHit,
     DcdShapeCast, DcdShapeHit, DcdShapeQuery,
 };
-use crate::backend::Backend;
 use crate::guard::guard;
-use crate::handle::{Slots, stale};
+use crate::handle::stale;
+use crate::ids::{DcdQueryId, DcdWorld};
 use crate::pointer::{self, Out, Room};
+use crate::query::open::{Answer, Kind, Submitted};
+use crate::registry::{World, with};
 use crate::status::{DCD_ERR_BUSY, DCD_ERR_LIMIT, DcdStatus, Failure};
-use crate::world::{DcdWorld, World, with};
-
-/// Rays, casts or overlaps that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DcdQueryId {
-    /// Opaque.
-    pub v: u64,
-}
 
 /// The most that one submission may cost, and the most bodies of its filter. A ray costs 1, a shape that is cast or overlaps
 /// DCD_SHAPE_COST, a point or a box 1; overlaps that are submitted together cost DCD_OVERLAPS_COST at least.
@@ -57,38 +50,6 @@ const _: () = assert!(
         && DCD_MAX_SUBMITTED_TURN == MAX_TURN
         && DCD_MAX_TURNING_SIZE == MAX_TURNING_M
 );
-
-/// The open queries of a world.
-pub(crate) struct OpenQueries {
-    slots: Slots<Submitted>,
-    count: usize,
-    cost: usize,
-}
-
-impl OpenQueries {
-    pub(crate) const fn new() -> Self {
-        Self { slots: Slots::new(), count: 0, cost: 0 }
-    }
-}
-
-struct Submitted {
-    kind: Kind,
-    cost: usize,
-    answer: Answer,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Rays,
-    Casts,
-    Overlaps,
-}
-
-enum Answer {
-    /// By those who compute the world, under this number.
-    Awaited(u64),
-    Here(Found),
-}
 
 /// Asks what each of `count` rays meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
 /// client or participant asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
@@ -307,7 +268,7 @@ pub extern "C" fn dcd_query_cancel(world: DcdWorld, query: DcdQueryId) -> DcdSta
         with(world, |world| {
             let slot = slot(world, query)?;
             if let Some(Answer::Awaited(number)) = close(world, slot) {
-                world.backend.forget(number);
+                world.dcd.forget(number);
             }
             Ok(())
         })
@@ -327,9 +288,7 @@ fn submit<Q>(
         return Err(too_dear(&format!("{items} {}, or {bodies} bodies to overlook,", batch.name)));
     }
     with(world, |world| {
-        if !matches!(world.backend, Backend::Served(_)) {
-            world.backend.queries()?;
-        }
+        world.dcd.sees("ask by rays, shapes and points")?;
         let mut shapes = ShapeLibrary::default();
         let (overlooks, asked) = (batch.overlooks(world)?, ask(world, &mut shapes)?);
         // Its number is the client's to give.
@@ -343,10 +302,7 @@ fn submit<Q>(
             );
             return Err(Failure::new(DCD_ERR_BUSY, why));
         }
-        let answer = match &world.backend {
-            Backend::Served(_) => Answer::Awaited(world.backend.submit(question)?),
-            _ => Answer::Here(world.backend.queries()?.answer(&question)),
-        };
+        let answer = Answer::Awaited(world.dcd.submit(question)?);
         let open = &mut world.queries;
         (open.count, open.cost) = (open.count + 1, open.cost + cost);
         let slot = open.slots.insert(Submitted { kind, cost, answer });
@@ -399,7 +355,7 @@ fn fetch(
             return Err(Failure::argument(format!("the query is not of these; {}", here.kind.remedy())));
         }
         if let Answer::Awaited(number) = here.answer {
-            let Some(found) = world.backend.answer(number)? else {
+            let Some(found) = world.dcd.answer(number)? else {
                 let why = "the answer is not there yet; go on stepping, and poll again";
                 return Err(Failure::new(DCD_ERR_BUSY, why));
             };

@@ -196,7 +196,11 @@ impl Crowd {
             ColliderBuilder::cuboid(half.x, half.y, half.z).active_events(ActiveEvents::COLLISION_EVENTS);
         for _ in 0..missing {
             let place = somewhere(&bounds, &mut dice);
-            avatars.push(world.spawn(WorldPose::at(place), &body, std::slice::from_ref(&collider))?);
+            avatars.push(world.spawn(
+                WorldPose::at(place),
+                &body.build(),
+                std::slice::from_ref(&collider),
+            )?);
         }
         let start = Instant::now();
         let walkers = avatars

@@ -9,7 +9,7 @@ use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, Check, Chunk, Invalid, JointRecord, Placed, ShapeHash, ShapeRecord,
     ViewNumber, chunks, encode_value,
 };
-use crate::space::{BodyId, ClientId, DistributionTree, Epoch, JointId, RegionId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, Epoch, Groups, JointId, RegionId, Tick};
 
 /// Where a recorded body stands with the nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
@@ -325,17 +325,16 @@ impl Record {
     pub(super) fn place(&self, tree: &DistributionTree, ids: &BTreeSet<BodyId>) -> Vec<Placed> {
         let movable =
             |id| self.bodies.get(&id).is_some_and(|entry| entry.body.traits.kind != BodyKind::Fixed);
-        let mut parent: BTreeMap<BodyId, BodyId> = ids.iter().map(|&id| (id, id)).collect();
+        let mut groups = Groups::default();
         for joint in self.joints.values() {
-            let known = parent.contains_key(&joint.a) && parent.contains_key(&joint.b);
+            let known = ids.contains(&joint.a) && ids.contains(&joint.b);
             if known && movable(joint.a) && movable(joint.b) {
-                let (a, b) = (root(&mut parent, joint.a), root(&mut parent, joint.b));
-                parent.insert(a.max(b), a.min(b));
+                groups.join(joint.a, joint.b);
             }
         }
         ids.iter()
             .filter_map(|&id| {
-                let first = self.body(root(&mut parent, id))?;
+                let first = self.body(groups.root(id))?;
                 Some(Placed {
                     region: tree.leaf_at(first.state.pose.translation),
                     body: self.body(id)?.clone(),
@@ -352,20 +351,4 @@ impl Record {
         }
         loads
     }
-}
-
-fn root(parent: &mut BTreeMap<BodyId, BodyId>, id: BodyId) -> BodyId {
-    let above = parent[&id];
-    if above == id {
-        return id;
-    }
-    let top = {
-        let mut top = above;
-        while parent[&top] != top {
-            top = parent[&top];
-        }
-        top
-    };
-    parent.insert(id, top);
-    top
 }

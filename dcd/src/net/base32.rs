@@ -1,7 +1,8 @@
 //! Bytes as one line of text that survives terminals, shells and changes of case: base 32 of RFC 4648 in lower case without
 //! padding, closed by a checksum, so that a mistyped text is told from a refused one.
 
-const ALPHABET: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
+use data_encoding::{BASE32_NOPAD, DecodeKind};
+
 const CHECKSUM_BYTES: usize = 4;
 
 /// Why a text does not decode.
@@ -15,40 +16,24 @@ pub(super) enum Undecodable {
 
 /// `bytes` and their checksum.
 pub(super) fn encode(bytes: &[u8]) -> String {
-    let mut text = String::new();
-    let (mut bits, mut bit_count) = (0u32, 0);
-    for byte in bytes.iter().chain(&checksum(bytes)) {
-        bits = bits << 8 | u32::from(*byte);
-        bit_count += 8;
-        while bit_count >= 5 {
-            bit_count -= 5;
-            text.push(char::from(ALPHABET[(bits >> bit_count & 31) as usize]));
-        }
-    }
-    if bit_count > 0 {
-        text.push(char::from(ALPHABET[(bits << (5 - bit_count) & 31) as usize]));
-    }
-    text
+    BASE32_NOPAD.encode(&[bytes, &checksum(bytes)].concat()).to_ascii_lowercase()
 }
 
 /// The bytes of a text made by [`encode`].
 pub(super) fn decode(text: &str) -> Result<Vec<u8>, Undecodable> {
-    let mut bytes = Vec::with_capacity(text.len() * 5 / 8);
-    let (mut bits, mut bit_count) = (0u32, 0);
-    for character in text.bytes() {
-        let digit = ALPHABET.iter().position(|letter| *letter == character.to_ascii_lowercase());
-        bits = bits << 5 | digit.ok_or(Undecodable::Character)? as u32;
-        bit_count += 5;
-        if bit_count >= 8 {
-            bit_count -= 8;
-            bytes.push((bits >> bit_count) as u8);
-        }
+    // First, since what is no text of ours may have any length.
+    if !text.bytes().all(|letter| matches!(letter.to_ascii_lowercase(), b'a'..=b'z' | b'2'..=b'7')) {
+        return Err(Undecodable::Character);
     }
-    // What is left over must be the padding that `encode` makes, else one token would have several texts.
-    let leftover = bits & ((1 << bit_count) - 1);
+    let decoded = BASE32_NOPAD.decode(text.to_ascii_uppercase().as_bytes());
+    let mut bytes = decoded.map_err(|error| match error.kind {
+        DecodeKind::Symbol => Undecodable::Character,
+        // Cut, or with bits that no encoder leaves: else one token would have several texts.
+        DecodeKind::Length | DecodeKind::Trailing | DecodeKind::Padding => Undecodable::Checksum,
+    })?;
     let length = bytes.len().checked_sub(CHECKSUM_BYTES).ok_or(Undecodable::Checksum)?;
     let expected = bytes.split_off(length);
-    if leftover != 0 || bit_count >= 5 || expected != checksum(&bytes) {
+    if expected != checksum(&bytes) {
         return Err(Undecodable::Checksum);
     }
     Ok(bytes)
@@ -85,6 +70,8 @@ mod tests {
             );
             assert!(decode(&text[..at]).is_err());
         }
-        assert_eq!(decode("not base 32!"), Err(Undecodable::Character));
+        for no_text in ["not base 32!", "hello!"] {
+            assert_eq!(decode(no_text), Err(Undecodable::Character));
+        }
     }
 }

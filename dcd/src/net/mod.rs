@@ -1,7 +1,7 @@
 //! Byte frames between processes over QUIC, with an authority of our own, join tokens and mutual TLS.
 //!
 //! A server makes its own [`Authority`] on first start. The authority mints a [`Token`]; a new process trades it for an
-//! [`Identity`] with [`join`]; with an identity it starts its [`Net`] and dials others, each side proving its name.
+//! [`Identity`] with `join`; with an identity it starts its [`Net`] and dials others, each side proving its name.
 //! Frames are opaque here: this module knows neither messages nor physics. The interface is synchronous, with a small
 //! tokio runtime inside, so that a role's loop is a plain thread that reads [`NetEvents`].
 

@@ -42,6 +42,16 @@ pub struct HookedPair<'a> {
     pub anchor: [f64; 3],
 }
 
+impl std::fmt::Debug for HookedPair<'_> {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.debug_struct("HookedPair")
+            .field("first", &self.first)
+            .field("second", &self.second)
+            .field("anchor", &self.anchor)
+            .finish_non_exhaustive()
+    }
+}
+
 /// What a region hands to Rapier: finds the names and asks the user.
 pub(super) struct Named<'a> {
     pub hooks: &'a dyn ContactHooks,

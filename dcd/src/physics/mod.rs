@@ -33,7 +33,7 @@ pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;
 pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
 pub use hooks::{ContactHooks, HookedPair};
-pub use host::{BorderView, HostError, RegionHost};
+pub use host::{BorderView, HostError, Inconsistency, RegionHost};
 pub use joints::joint_record;
 pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;

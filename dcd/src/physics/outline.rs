@@ -93,7 +93,7 @@ mod tests {
 
     use super::*;
     use crate::protocol::WorldPose;
-    use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
+    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::scene::{Scene, SceneJoint};
     use crate::space::Axis;
 
@@ -206,9 +206,9 @@ mod tests {
                 threads: 1,
                 ..WorldConfig::for_scene(&scene)
             };
-            let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+            let mut world = LocalWorld::from_scene(&scene, config).unwrap();
             let regions = world.regions().len();
-            let held = |world: &DcdWorld| -> BTreeSet<_> {
+            let held = |world: &LocalWorld| -> BTreeSet<_> {
                 let of = |place: usize| {
                     let region = &world.regions().nth(place).unwrap();
                     let hulls = region.bodies().filter(|(_, _, _, body)| body.is_dynamic());

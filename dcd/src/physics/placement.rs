@@ -9,7 +9,7 @@ use super::record;
 use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};
-use crate::space::Bounds;
+use crate::space::{Bounds, PlaceGroups};
 
 /// Bodies closer than this touch.
 const NEAR_M: f64 = 0.02;
@@ -33,10 +33,10 @@ impl Placement {
         shapes: &ShapeLibrary,
         settings: &StepSettings,
     ) -> Result<Self, ShapeError> {
-        let mut groups = Groups { parents: (0..bodies.len() as u32).collect() };
+        let mut groups = PlaceGroups::new(bodies.len());
         let movable = |id| {
             let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
-            (bodies[place].traits.kind != BodyKind::Fixed).then_some(place as u32)
+            (bodies[place].traits.kind != BodyKind::Fixed).then_some(place)
         };
         for joint in joints {
             if let (Some(a), Some(b)) = (movable(joint.a), movable(joint.b)) {
@@ -47,7 +47,7 @@ impl Placement {
             join_touching(bodies, shapes, &mut groups)?;
         }
         let assembly = articulated(bodies, joints);
-        let group: Vec<_> = (0..bodies.len() as u32).map(|body| groups.root(body)).collect();
+        let group: Vec<_> = (0..bodies.len()).map(|body| groups.root(body) as u32).collect();
         let mut sizes = vec![0; bodies.len()];
         for &root in &group {
             sizes[root as usize] += 1;
@@ -107,10 +107,10 @@ impl Placement {
 
 /// The first body of each one's multibody, with what else is tied to it; a body without is by itself.
 fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
-    let mut groups = Groups { parents: (0..bodies.len() as u32).collect() };
+    let mut groups = PlaceGroups::new(bodies.len());
     let movable = |id| {
         let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
-        (bodies[place].traits.kind != BodyKind::Fixed).then_some(place as u32)
+        (bodies[place].traits.kind != BodyKind::Fixed).then_some(place)
     };
     let mut linked = vec![false; bodies.len()];
     for joint in joints {
@@ -119,10 +119,10 @@ fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
             groups.join(a, b);
         }
         if joint.link.is_some() {
-            ends.into_iter().flatten().for_each(|end| linked[end as usize] = true);
+            ends.into_iter().flatten().for_each(|end| linked[end] = true);
         }
     }
-    let roots: Vec<_> = (0..bodies.len() as u32).map(|body| groups.root(body)).collect();
+    let roots: Vec<_> = (0..bodies.len()).map(|body| groups.root(body) as u32).collect();
     let mut whole = vec![false; bodies.len()];
     for (&root, linked) in roots.iter().zip(linked) {
         whole[root as usize] |= linked;
@@ -137,7 +137,7 @@ fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
 fn join_touching(
     bodies: &[BodyRecord],
     shapes: &ShapeLibrary,
-    groups: &mut Groups,
+    groups: &mut PlaceGroups,
 ) -> Result<(), ShapeError> {
     let mut boxes = Vec::new();
     for (index, body) in bodies.iter().enumerate() {
@@ -159,32 +159,8 @@ fn join_touching(
     let bvh = Bvh::from_iter(BvhBuildStrategy::Binned, leaves);
     for (index, bounds) in &boxes {
         for leaf in bvh.intersect_aabb(&aabb(bounds)) {
-            groups.join(*index as u32, boxes[leaf as usize].0 as u32);
+            groups.join(*index, boxes[leaf as usize].0);
         }
     }
     Ok(())
-}
-
-/// Union-find; the root of a group is its first body.
-struct Groups {
-    parents: Vec<u32>,
-}
-
-impl Groups {
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b) as usize] = a.min(b);
-    }
-
-    fn root(&mut self, body: u32) -> u32 {
-        let mut root = body;
-        while self.parents[root as usize] != root {
-            root = self.parents[root as usize];
-        }
-        let mut at = body;
-        while at != root {
-            at = std::mem::replace(&mut self.parents[at as usize], root);
-        }
-        root
-    }
 }

@@ -15,20 +15,19 @@ use crate::protocol::{
 use crate::space::{BodyId, Bounds, Epoch};
 
 impl ShapeLibrary {
-    /// Records a body described by Rapier's builders; `pose`, in world space, replaces the builder's own position. Its
-    /// shapes are added to the library.
+    /// Records a body; `pose`, in world space, replaces its own position. Its shapes are added to the library. Colliders come as
+    /// builders, since built ones have forgotten where their mass is from.
     pub fn describe(
         &mut self,
         id: BodyId,
         pose: WorldPose,
-        body: &RigidBodyBuilder,
+        body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyRecord, ShapeError> {
-        let built = body.build();
         let colliders =
             colliders.iter().map(|collider| collider_record(collider, self)).collect::<Result<_, _>>()?;
-        let traits = Arc::new(traits_of(&built, colliders));
-        let state = BodyState { pose, ..state_of(&built, [0.0; 3]) };
+        let traits = Arc::new(traits_of(body, colliders));
+        let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
         Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
     }
 }
@@ -353,7 +352,7 @@ mod tests {
         let (body, colliders) = unusual();
         let mut shapes = ShapeLibrary::default();
         let pose = WorldPose { translation: [1.0, 2.0, 3.0], rotation: [0.5, 0.5, 0.5, 0.5] };
-        let mut record = shapes.describe(BodyId::persistent(9), pose, &body, &colliders).unwrap();
+        let mut record = shapes.describe(BodyId::persistent(9), pose, &body.build(), &colliders).unwrap();
         record.state.force = [1.0, -2.0, 3.0];
         record.state.torque = [0.0, 0.5, 0.0];
         record.state.still_s = 0.25;
@@ -390,7 +389,8 @@ mod tests {
         let mut shapes = ShapeLibrary::default();
         let floor = ColliderBuilder::new(SharedShape::halfspace(Vector::Y));
         let body = RigidBodyBuilder::fixed();
-        let record = shapes.describe(BodyId::default(), WorldPose::default(), &body, &[floor]).unwrap();
+        let record =
+            shapes.describe(BodyId::default(), WorldPose::default(), &body.build(), &[floor]).unwrap();
         assert_eq!(bounds_of(&record, &shapes).unwrap().min[0], f64::NEG_INFINITY);
     }
 }

@@ -157,7 +157,7 @@ impl Region {
         &self.world
     }
 
-    /// Every body held here in id order, with the part the region plays for it.
+    /// Every body held here, in no order, with the part that the region plays for it.
     pub fn bodies(&self) -> impl Iterator<Item = (BodyId, Role, RigidBodyHandle, &RigidBody)> {
         self.by_id
             .iter()

@@ -161,10 +161,12 @@ impl ClientWorld {
         let mut state = self.member.shared.lock();
         match &state.end {
             None => Ok(()),
-            Some(_) => match state.end.replace(Ok(())) {
-                Some(Err(error)) => Err(error),
-                _ => Err(ProcessError::Stopped),
-            },
+            Some(Ok(())) => Err(ProcessError::Stopped),
+            // Said in the same words every time.
+            Some(Err(error)) => {
+                let again = ProcessError::Ended(error.to_string());
+                state.end.replace(Err(again)).map_or(Ok(()), |end| end)
+            }
         }
     }
 
@@ -183,7 +185,7 @@ impl ClientWorld {
     pub fn spawn(
         &mut self,
         pose: WorldPose,
-        body: &RigidBodyBuilder,
+        body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyId, ProcessError> {
         // Avatars that an earlier stay left behind return some time after joining.

@@ -3,23 +3,23 @@
 use rapier3d::control::EffectiveCharacterMovement;
 use rapier3d::prelude::Pose;
 
-use super::local::{DcdWorld, WorldError};
+use super::local::{LocalWorld, WorldError};
 use crate::physics::{BodyFilter, CharacterHit, CharacterMove, Vehicle};
 use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
-impl DcdWorld {
+impl LocalWorld {
     /// How far a character comes that wants to go somewhere within one tick, by Rapier's character controller: it slides
     /// along walls, climbs steps, keeps to the ground. `met` hears of each collider in its way. The character need be no
-    /// body of the world; if it is one, exclude it by the filter and send it on by [`DcdWorld::set_next_pose`].
+    /// body of the world; if it is one, exclude it by the filter and send it on by [`LocalWorld::set_next_pose`].
     ///
     /// ```
     /// # use dcd::physics::{BodyFilter, CharacterMove};
     /// # use dcd::protocol::WorldPose;
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::control::KinematicCharacterController;
     /// # use rapier3d::prelude::*;
-    /// let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let mut world = LocalWorld::new(WorldConfig::default())?;
     /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
     /// let character = CharacterMove {
     ///     controller: &KinematicCharacterController::default(),
@@ -41,7 +41,7 @@ impl DcdWorld {
     }
 
     /// Pushes the dynamic bodies that a character of this mass met on its way: `hits` are those that
-    /// [`DcdWorld::move_character`] told of for the same movement.
+    /// [`LocalWorld::move_character`] told of for the same movement.
     pub fn push_by_character(
         &mut self,
         character: &CharacterMove<'_>,
@@ -51,15 +51,15 @@ impl DcdWorld {
         Ok(self.host_mut().push_by_character(character, mass_kg, hits)?)
     }
 
-    /// Lets a car's wheels act on its chassis, before each [`DcdWorld::step`]. The wheels stand on what the filter lets
+    /// Lets a car's wheels act on its chassis, before each [`LocalWorld::step`]. The wheels stand on what the filter lets
     /// through, and never on the chassis.
     ///
     /// ```
     /// # use dcd::physics::{BodyFilter, Vehicle};
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::control::WheelTuning;
     /// # use rapier3d::prelude::*;
-    /// let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let mut world = LocalWorld::new(WorldConfig::default())?;
     /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
     /// let body = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 1.5, 0.0));
     /// let mut car = Vehicle::new(world.insert(body, ColliderBuilder::cuboid(1.0, 0.2, 0.6).density(100.0))?);
@@ -83,15 +83,15 @@ impl DcdWorld {
         Ok(self.host_mut().update_vehicle(vehicle, filter)?)
     }
 
-    /// A pose of the world in the space of [`DcdWorld::body`]: what Rapier's `PidController` needs as its target.
+    /// A pose of the world in the space of [`LocalWorld::body`]: what Rapier's `PidController` needs as its target.
     ///
     /// ```
     /// # use dcd::protocol::WorldPose;
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::control::PidController;
     /// # use rapier3d::dynamics::RigidBodyVelocity;
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let drone = world.insert(RigidBodyBuilder::dynamic().gravity_scale(0.0), ColliderBuilder::ball(0.5))?;
     /// let mut pid = PidController::default();
     /// for _ in 0..120 {

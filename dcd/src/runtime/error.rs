@@ -123,6 +123,9 @@ pub enum ProcessError {
     /// The process's own thread is gone.
     #[error("this process has left the world already; join anew")]
     Stopped,
+    /// It has said before why it ended.
+    #[error("{0}")]
+    Ended(String),
     /// What is stored of a world cannot be gone on with.
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::local::DcdWorld;
+use super::local::LocalWorld;
 use crate::physics::ContactHooks;
 
-impl DcdWorld {
+impl LocalWorld {
     /// Asks these hooks about contacts from now on, and no others; `None` asks nobody. A collider is asked about if it has
     /// Rapier's `ActiveHooks`, which travel with it; hooks themselves do not: a served world has
     /// none, and a restored one has them when they are set again.
@@ -13,7 +13,7 @@ impl DcdWorld {
     /// ```
     /// # use std::sync::Arc;
     /// # use dcd::physics::{ContactHooks, HookedPair};
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use dcd::space::BodyId;
     /// # use rapier3d::prelude::*;
     /// struct Ghost(BodyId);
@@ -23,7 +23,7 @@ impl DcdWorld {
     ///         (!met).then_some(SolverFlags::COMPUTE_RIGID_IMPULSES)
     ///     }
     /// }
-    /// let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let floor = ColliderBuilder::cuboid(9.0, 0.5, 9.0).active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS);
     /// world.insert(RigidBodyBuilder::fixed(), floor)?;
     /// let ghost = world.insert(

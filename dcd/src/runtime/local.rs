@@ -165,10 +165,10 @@ pub struct Stats {
 /// One rigid-body world, computed by one Rapier world a region.
 ///
 /// ```
-/// use dcd::runtime::{DcdWorld, WorldConfig};
+/// use dcd::runtime::{LocalWorld, WorldConfig};
 /// use rapier3d::prelude::*;
 ///
-/// let mut world = DcdWorld::new(WorldConfig { threads: 2, ..WorldConfig::default() })?;
+/// let mut world = LocalWorld::new(WorldConfig { threads: 2, ..WorldConfig::default() })?;
 /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
 /// let ball = world.insert(
 ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 5.0, 0.0)),
@@ -180,7 +180,7 @@ pub struct Stats {
 /// assert!((world.pose(ball).unwrap().translation[1] - 1.0).abs() < 0.05);
 /// # Ok::<(), dcd::runtime::WorldError>(())
 /// ```
-pub struct DcdWorld {
+pub struct LocalWorld {
     pub(super) host: RegionHost,
     pub(super) ledger: ContactLedger,
     pub(super) events: WorldEvents,
@@ -190,7 +190,7 @@ pub struct DcdWorld {
     pub(super) why: Why,
 }
 
-impl DcdWorld {
+impl LocalWorld {
     /// An empty world.
     pub fn new(config: WorldConfig) -> Result<Self, WorldError> {
         let tree = config.tree()?;
@@ -234,27 +234,27 @@ impl DcdWorld {
         Ok(world)
     }
 
-    /// Inserts a body with one collider, at the builder's own position: in world space, exact near the origin.
+    /// Inserts a body with one collider, at the body's own position: in world space, exact near the origin.
     pub fn insert(
         &mut self,
-        body: RigidBodyBuilder,
+        body: impl Into<RigidBody>,
         collider: ColliderBuilder,
     ) -> Result<BodyId, WorldError> {
-        let position = body.position;
+        let body = body.into();
         let pose = WorldPose {
-            translation: position.translation.to_array().map(f64::from),
-            rotation: position.rotation.to_array(),
+            translation: body.translation().to_array().map(f64::from),
+            rotation: body.rotation().to_array(),
         };
-        self.insert_at(pose, body, vec![collider])
+        self.insert_at(pose, body, [collider])
     }
 
-    /// Inserts a body with any number of colliders at a pose of world space, which replaces the builder's position.
+    /// Inserts a body with any number of colliders at a pose of world space, which replaces the body's own position.
     ///
     /// ```
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use dcd::protocol::WorldPose;
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let far = WorldPose::at([100_000.0, 2.0, 0.25]);
     /// let id = world.insert_at(far, RigidBodyBuilder::dynamic(), vec![ColliderBuilder::ball(0.5)])?;
     /// assert_eq!(world.pose(id).unwrap().translation[2], 0.25);
@@ -263,12 +263,16 @@ impl DcdWorld {
     pub fn insert_at(
         &mut self,
         pose: WorldPose,
-        body: RigidBodyBuilder,
-        colliders: Vec<ColliderBuilder>,
+        body: impl Into<RigidBody>,
+        colliders: impl AsRef<[ColliderBuilder]>,
     ) -> Result<BodyId, WorldError> {
         let id = BodyId::persistent(self.next_body);
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
-        let record = self.host.shapes_mut().describe(id, pose, &body, &colliders).map_err(HostError::from)?;
+        let record = self
+            .host
+            .shapes_mut()
+            .describe(id, pose, &body.into(), colliders.as_ref())
+            .map_err(HostError::from)?;
         self.host.insert(vec![record], &[])?;
         self.next_body = next;
         Ok(id)
@@ -282,9 +286,9 @@ impl DcdWorld {
     /// Ties two bodies. The assemblies of both become one, which is owned and moved whole.
     ///
     /// ```
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let post = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
     /// let bob = world.insert(
     ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, -2.0, 0.0)),
@@ -309,10 +313,10 @@ impl DcdWorld {
     /// never shared, and when it moves on to another region its contacts begin there without memory.
     ///
     /// ```
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use dcd::physics::LinkSettings;
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let base = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
     /// let below = RigidBodyBuilder::dynamic().translation(Vector::Y * -0.5);
     /// let arm = world.insert(below, ColliderBuilder::capsule_y(0.4, 0.05))?;
@@ -422,8 +426,8 @@ impl DcdWorld {
     }
 
     /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space. Where regions
-    /// share the body, the copy has a share of its mass and of the forces on it: [`DcdWorld::mass_kg`] has the whole mass,
-    /// and [`DcdWorld::update`] shows the body whole.
+    /// share the body, the copy has a share of its mass and of the forces on it: [`LocalWorld::mass_kg`] has the whole mass,
+    /// and [`LocalWorld::update`] shows the body whole.
     pub fn body(&self, body: BodyId) -> Option<&RigidBody> {
         if let Some((region, handle)) = self.host.owned(body) {
             return region.physics().bodies.get(handle);
@@ -460,7 +464,7 @@ impl DcdWorld {
         }
     }
 
-    /// [`DcdWorld::pose`] and [`DcdWorld::velocity`] of a body, by one look-up.
+    /// [`LocalWorld::pose`] and [`LocalWorld::velocity`] of a body, by one look-up.
     #[inline]
     pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
         match self.host.owned(body) {
@@ -471,12 +475,12 @@ impl DcdWorld {
 
     /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may
     /// be called more than once and must do the same each time; positions in it are in region space, so use
-    /// [`DcdWorld::set_pose`] to move a body. A body that becomes fixed, or movable, is placed anew.
+    /// [`LocalWorld::set_pose`] to move a body. A body that becomes fixed, or movable, is placed anew.
     ///
     /// ```
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
     /// world.update(ball, |body| body.apply_impulse(Vector::new(1.0, 0.0, 0.0), true))?;
     /// assert!(world.velocity(ball).unwrap().linear[0] > 0.0);
@@ -496,9 +500,9 @@ impl DcdWorld {
     /// these begin again, without memory.
     ///
     /// ```
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
     /// world.insert_collider(ball, ColliderBuilder::ball(0.2).mass(3.0).translation(Vector::Y))?;
     /// assert!(world.mass_kg(ball).unwrap() > 3.0);
@@ -509,7 +513,7 @@ impl DcdWorld {
         if self.host.insert_collider(body, &collider)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
-    /// Takes a collider from a body, as [`DcdWorld::insert_collider`] gives it; those after it move up.
+    /// Takes a collider from a body, as [`LocalWorld::insert_collider`] gives it; those after it move up.
     pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
         if self.host.remove_collider(body, index)? {
@@ -523,9 +527,9 @@ impl DcdWorld {
     /// order of insertion.
     ///
     /// ```
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
     /// world.update_collider(ball, 0, |collider| collider.set_active_events(ActiveEvents::COLLISION_EVENTS))?;
     /// # Ok::<(), dcd::runtime::WorldError>(())
@@ -640,8 +644,8 @@ impl DcdWorld {
     /// How it is computed, and why so.
     ///
     /// ```
-    /// # use dcd::runtime::{DcdWorld, Why, WorldConfig};
-    /// let world = DcdWorld::new(WorldConfig { threads: 2, ..WorldConfig::default() })?;
+    /// # use dcd::runtime::{LocalWorld, Why, WorldConfig};
+    /// let world = LocalWorld::new(WorldConfig { threads: 2, ..WorldConfig::default() })?;
     /// let chosen = world.chosen();
     /// assert_eq!((chosen.regions, chosen.threads, chosen.why), (1, 2, Why::Exact));
     /// # Ok::<(), dcd::runtime::WorldError>(())

@@ -39,7 +39,7 @@ pub use directory::RedbDirectory;
 pub use ending::{Cause, Reason};
 #[cfg(feature = "net")]
 pub use error::ProcessError;
-pub use local::{DcdWorld, Partitioning, Stats, WorldConfig, WorldError};
+pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary};
 #[cfg(feature = "net")]

@@ -9,12 +9,13 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use rapier3d::prelude::IntegrationParameters;
 use tracing::{error, info, warn};
 
 use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
-use super::{Connections, DcdWorld, ProcessError, RedbDirectory, WorldConfig};
+use super::{Connections, LocalWorld, ProcessError, RedbDirectory, WorldConfig, WorldError};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
 use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::{
@@ -43,10 +44,11 @@ pub enum Origin<'a> {
     Scene(&'a Scene, &'a WorldConfig),
     /// A world as it is now, with its cut and settings, copied. What is not a property of a body or joint stays behind:
     /// contacts under load begin anew, and the tick begins at 0.
-    World(&'a DcdWorld),
+    World(&'a LocalWorld),
 }
 
 /// What a server is started with.
+#[derive(Clone, Debug)]
 pub struct ServeConfig {
     /// Where to listen; port 0 takes any free one.
     pub listen: SocketAddr,
@@ -65,6 +67,22 @@ pub struct ServeConfig {
     pub avatar_speed_limit: f32,
     /// How members of a group keep in step, who may share one, and how far apart groups may be.
     pub groups: GroupConfig,
+}
+
+impl ServeConfig {
+    /// On any free port of this machine alone, one node to wait for, in real time, until it is stopped, avatars of up to 20 m/s.
+    pub fn new(data: impl Into<PathBuf>) -> Self {
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 0)),
+            data: data.into(),
+            fresh: false,
+            nodes: 1,
+            pace: Pace::RealTime,
+            last_tick: None,
+            avatar_speed_limit: 20.0,
+            groups: GroupConfig::default(),
+        }
+    }
 }
 
 /// How nodes form groups and keep in step.
@@ -352,6 +370,11 @@ fn world_of(
     config: &ServeConfig,
 ) -> Result<(EnvironmentProperties, Record), ProcessError> {
     let Beginning { tree, halo_m, step, shapes, bodies, joints } = beginning;
+    if step.integration != IntegrationParameters::default() {
+        let range = "a served world is stepped with Rapier's own parameters: leave them at their defaults";
+        let (what, value) = ("step.integration", "changed".to_owned());
+        return Err(WorldError::Setting { what, value, range }.into());
+    }
     let mut host = RegionHost::new(Partition::new(tree.clone(), halo_m), step, 1, &[])?;
     for record in &shapes {
         host.shapes_mut().add(record.clone())?;

@@ -16,7 +16,7 @@ impl Scene {
             .bodies
             .iter()
             .enumerate()
-            .map(|(index, body)| shapes.describe(id(index), body.pose, &body.body, &body.colliders))
+            .map(|(index, body)| shapes.describe(id(index), body.pose, &body.body.build(), &body.colliders))
             .collect::<Result<_, _>>()?;
         let joints = self
             .joints

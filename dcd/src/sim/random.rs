@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use crate::space::mixed;
+
 /// A seeded source of numbers.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
@@ -15,10 +17,7 @@ impl Random {
     /// The next 64 bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        mixed(self.0)
     }
 
     /// A number below `bound`.

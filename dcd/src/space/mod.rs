@@ -3,13 +3,19 @@
 mod allocation;
 mod balance;
 mod cell;
+mod groups;
 mod ids;
+mod mix;
 mod region_set;
 mod tree;
 
 pub use allocation::{Allocation, allocate};
 pub use balance::{Balance, Burden, Change, Load, plan};
 pub use cell::{Axis, Bounds, Cell};
+pub(crate) use groups::Groups;
+#[cfg(feature = "physics")]
+pub(crate) use groups::PlaceGroups;
 pub use ids::{BodyId, ClientId, Epoch, GroupId, JointId, NodeId, RegionId, Tick};
+pub use mix::mixed;
 pub use region_set::{MAX_REGIONS, RegionSet};
 pub use tree::{DistributionTree, Limits, TreeError};

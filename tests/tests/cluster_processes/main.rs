@@ -110,7 +110,7 @@ fn a_killed_client_continues_where_it_was() {
     assert!(distance(now, last) < 1.0, "{now:?} {last:?}");
     let body = rapier3d::prelude::RigidBodyBuilder::kinematic_velocity_based();
     let ball = rapier3d::prelude::ColliderBuilder::ball(0.5);
-    let second = back.spawn(WorldPose::at([0.0, 20.0, 0.0]), &body, &[ball]).unwrap();
+    let second = back.spawn(WorldPose::at([0.0, 20.0, 0.0]), &body.build(), &[ball]).unwrap();
     assert_ne!(second, avatar);
     drop((back, observer));
     server.stop();

@@ -21,8 +21,9 @@ impl Witness {
         let config = JoinConfig { timeout: LIMIT, ..JoinConfig::new(server.parse().unwrap(), token) };
         let mut world = ClientWorld::connect(&config).unwrap();
         let body = RigidBodyBuilder::kinematic_velocity_based();
-        let avatar =
-            world.spawn(WorldPose::at([-4.0, 20.0, 0.0]), &body, &[ColliderBuilder::ball(0.5)]).unwrap();
+        let avatar = world
+            .spawn(WorldPose::at([-4.0, 20.0, 0.0]), &body.build(), &[ColliderBuilder::ball(0.5)])
+            .unwrap();
         let witness = Self { world, avatar };
         assert!(witness.world.wait_body(avatar, LIMIT));
         let sideways = Velocity { linear: [0.0, 0.0, 0.5], angular: [0.0; 3] };

@@ -53,10 +53,10 @@ impl Setup {
         handles.iter().map(|&handle| *world.bodies[handle].position()).collect()
     }
 
-    pub(crate) fn world(&self, mut config: WorldConfig) -> (DcdWorld, Vec<BodyId>) {
+    pub(crate) fn world(&self, mut config: WorldConfig) -> (LocalWorld, Vec<BodyId>) {
         config.step.gravity = self.gravity.to_array();
         config.step.integration = self.parameters;
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         let mut ids = Vec::new();
         for (body, colliders) in &self.bodies {
             let at = body.position;

@@ -102,7 +102,7 @@ fn a_wheel_that_may_spin_fast_does_on_both_sides_of_a_border_and_others_turn_a_q
             bare.gravity = Vector::ZERO;
             let (wheel, _) = bare.insert(body.clone(), ColliderBuilder::ball(0.3));
             (0..60).for_each(|_| bare.step());
-            let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+            let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
             let id = world.insert(body, ColliderBuilder::ball(0.3)).unwrap();
             let mut exchanges = 1;
             for _ in 0..60 {
@@ -139,7 +139,7 @@ fn soft_ccd_stops_a_fast_box_before_one_beyond_the_border() {
 fn a_sensor_on_a_kinematic_body_notices_what_is_fixed_beyond_a_border_if_its_types_say_so() {
     for coupling in Coupling::ALL {
         for types in [ActiveCollisionTypes::default(), ActiveCollisionTypes::KINEMATIC_FIXED] {
-            let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+            let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
             let post = world.insert(
                 RigidBodyBuilder::fixed().translation(Vector::X * 1.5),
                 ColliderBuilder::ball(0.2).active_collision_types(types),

@@ -10,7 +10,7 @@ use super::*;
 #[test]
 fn a_body_that_becomes_fixed_carries_over_a_border_and_falls_when_it_is_dynamic_again() {
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         insert_floor(&mut world);
         let plank = ColliderBuilder::cuboid(2.0, 0.1, 1.0);
         let plank = world.insert(body_at(0.0, 3.0, 0.0), plank).unwrap();
@@ -31,7 +31,7 @@ fn a_body_that_becomes_fixed_carries_over_a_border_and_falls_when_it_is_dynamic_
 #[test]
 fn a_fixed_hook_that_becomes_dynamic_keeps_what_hangs_on_it() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(cut(coupling, &[(Axis::Y, 4.5)])).unwrap();
+        let mut world = LocalWorld::new(cut(coupling, &[(Axis::Y, 4.5)])).unwrap();
         let hook = world.insert(fixed_at(5.0), ColliderBuilder::ball(0.1)).unwrap();
         let bob = world.insert(body_at(0.0, 4.0, 0.0), ColliderBuilder::ball(0.1)).unwrap();
         world.insert_joint(hook, bob, SphericalJointBuilder::new().local_anchor2(Vector::Y)).unwrap();
@@ -74,7 +74,7 @@ fn a_body_that_becomes_kinematic_pushes_over_a_border_and_can_be_pushed_afterwar
 
 #[test]
 fn a_link_of_a_multibody_does_not_become_fixed() {
-    let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
     let base = world.insert(fixed_at(2.0), ColliderBuilder::ball(0.1)).unwrap();
     let arm = world.insert(body_at(0.0, 1.0, 0.0), ColliderBuilder::ball(0.1)).unwrap();
     let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor2(Vector::Y);
@@ -89,7 +89,7 @@ fn a_link_of_a_multibody_does_not_become_fixed() {
 #[test]
 fn a_shape_that_changes_at_a_border_changes_in_every_copy_and_stays_so() {
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         insert_floor(&mut world);
         let body = body_at(-0.3, 0.5, 0.0).can_sleep(false);
         let grown = world.insert(body, cube().friction(0.0)).unwrap();
@@ -124,7 +124,7 @@ fn a_shape_that_changes_at_a_border_changes_in_every_copy_and_stays_so() {
 fn ground_that_changes_its_shape_or_place_changes_in_every_region() {
     for coupling in Coupling::ALL {
         // The other region has nothing of ground that lies so far from it, until it grows.
-        let mut world = DcdWorld::new(cut(coupling, &[(Axis::X, 30.0)])).unwrap();
+        let mut world = LocalWorld::new(cut(coupling, &[(Axis::X, 30.0)])).unwrap();
         let ground = world.insert(fixed_at(-0.5), ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
         let far: Vec<_> = [8.0, 45.0].map(|x| world.insert(body_at(x, 1.0, 0.0), cube()).unwrap()).into();
         assert!(world.regions().nth(1).unwrap().handle_of(ground).is_none(), "{coupling:?}");
@@ -144,7 +144,7 @@ fn ground_that_changes_its_shape_or_place_changes_in_every_region() {
 #[test]
 fn a_collider_comes_to_a_shared_body_and_goes_again() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         insert_floor(&mut world);
         let left = world.insert(body_at(-0.5, 0.5, 0.0).can_sleep(false), cube()).unwrap();
         let right = world.insert(body_at(0.5, 0.5, 0.0).can_sleep(false), cube()).unwrap();
@@ -216,7 +216,7 @@ fn the_solver_s_parameters_reach_every_region_and_travel_in_snapshots() {
     steps(&mut world, 10);
     let mut saved = Vec::new();
     world.save(&mut saved).unwrap();
-    let mut again = DcdWorld::restore(&saved[..], 1).unwrap();
+    let mut again = LocalWorld::restore(&saved[..], 1).unwrap();
     assert_eq!(again.host().settings().integration, slow);
     steps(&mut world, 60);
     steps(&mut again, 60);
@@ -227,7 +227,7 @@ fn the_solver_s_parameters_reach_every_region_and_travel_in_snapshots() {
 fn parameters_that_rapier_cannot_use_are_refused_by_name() {
     let refused = |integration| {
         let step = StepSettings { integration, ..StepSettings::default() };
-        DcdWorld::new(WorldConfig { step, ..WorldConfig::default() }).err().unwrap().to_string()
+        LocalWorld::new(WorldConfig { step, ..WorldConfig::default() }).err().unwrap().to_string()
     };
     let usual = IntegrationParameters::default();
     let soft = SpringCoefficients::new(f32::NAN, 1.0);

@@ -4,7 +4,7 @@ use dcd::protocol::{ContactForce, Velocity};
 
 use super::*;
 
-fn touches(world: &mut DcdWorld, count: usize) -> Vec<(u64, BodyId, BodyId, bool)> {
+fn touches(world: &mut LocalWorld, count: usize) -> Vec<(u64, BodyId, BodyId, bool)> {
     let mut all = Vec::new();
     for _ in 0..count {
         steps(world, 1);
@@ -14,7 +14,7 @@ fn touches(world: &mut DcdWorld, count: usize) -> Vec<(u64, BodyId, BodyId, bool
     all
 }
 
-fn forces(world: &mut DcdWorld, count: usize) -> Vec<(u64, ContactForce)> {
+fn forces(world: &mut LocalWorld, count: usize) -> Vec<(u64, ContactForce)> {
     let mut all = Vec::new();
     for _ in 0..count {
         steps(world, 1);
@@ -30,7 +30,7 @@ fn contacts_of_a_sliding_box_begin_and_cease_once_while_it_crosses() {
         for exchanges in [1, 2, 4] {
             let mut config = halves(coupling);
             config.step.exchanges = exchanges;
-            let mut world = DcdWorld::new(config).unwrap();
+            let mut world = LocalWorld::new(config).unwrap();
             insert_floor(&mut world);
             let below = ColliderBuilder::cuboid(3.0, 0.5, 1.0).friction(0.2);
             let below = world.insert(body_at(0.0, 0.5, 0.0).additional_mass(50.0), below).unwrap();
@@ -51,7 +51,7 @@ fn a_sensor_across_a_border_is_entered_and_left_once() {
     let watched = ActiveEvents::COLLISION_EVENTS;
     for coupling in SHARING {
         for (fixed, speed) in [(true, 2.0), (false, 2.0), (true, 30.0)] {
-            let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+            let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
             let holder =
                 if fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::kinematic_velocity_based() };
             let zone = ColliderBuilder::cuboid(2.0, 2.0, 2.0).sensor(true).active_events(watched);
@@ -71,7 +71,7 @@ fn a_sensor_across_a_border_is_entered_and_left_once() {
 
 #[test]
 fn a_removed_body_ends_its_contacts_in_the_next_tick() {
-    let mut world = DcdWorld::new(halves(Coupling::Overlap)).unwrap();
+    let mut world = LocalWorld::new(halves(Coupling::Overlap)).unwrap();
     insert_floor(&mut world);
     let watched = cube().active_events(ActiveEvents::COLLISION_EVENTS);
     let left = world.insert(body_at(-0.5, 0.5, 0.0), watched.clone()).unwrap();
@@ -85,8 +85,8 @@ fn a_removed_body_ends_its_contacts_in_the_next_tick() {
 }
 
 /// Boxes of 1 kg stacked over a border, which tell of forces above a threshold.
-fn stack(config: WorldConfig, threshold_n: f32) -> (DcdWorld, BodyId, Vec<BodyId>) {
-    let mut world = DcdWorld::new(config).unwrap();
+fn stack(config: WorldConfig, threshold_n: f32) -> (LocalWorld, BodyId, Vec<BodyId>) {
+    let mut world = LocalWorld::new(config).unwrap();
     let floor = insert_floor(&mut world);
     let told = || {
         cube().active_events(ActiveEvents::CONTACT_FORCE_EVENTS).contact_force_event_threshold(threshold_n)
@@ -160,7 +160,7 @@ fn owner_and_proxy_tell_each_force_once() {
 #[test]
 #[cfg_attr(debug_assertions, should_panic(expected = "force-event pair list diverged"))]
 fn forces_turned_on_while_another_contact_ends_are_told_in_a_release_build() {
-    let mut world = DcdWorld::new(cut(Coupling::Island, &[])).unwrap();
+    let mut world = LocalWorld::new(cut(Coupling::Island, &[])).unwrap();
     let floor = insert_floor(&mut world);
     let boxes: Vec<_> = (0..3)
         .map(|i| {

@@ -6,7 +6,7 @@ use dcd::space::Bounds;
 
 use super::*;
 
-fn heap(coupling: Coupling, threads: usize, island_limit: usize) -> DcdWorld {
+fn heap(coupling: Coupling, threads: usize, island_limit: usize) -> LocalWorld {
     let mut config = WorldConfig {
         partitioning: Partitioning::Regions(8),
         bounds: Bounds::around([0.0, 3.0, 0.0], [4.0, 3.0, 4.0]),
@@ -15,7 +15,7 @@ fn heap(coupling: Coupling, threads: usize, island_limit: usize) -> DcdWorld {
     };
     config.step = config.step.with_coupling(coupling);
     config.step.island_limit = island_limit;
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     insert_floor(&mut world);
     for i in 0..150 {
         let (x, y, z) =

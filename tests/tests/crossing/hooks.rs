@@ -27,7 +27,7 @@ impl ContactHooks for Ghosts {
 #[test]
 fn a_body_that_the_user_lets_through_falls_through_a_floor_that_two_regions_hold() {
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         let hooked = ActiveHooks::FILTER_CONTACT_PAIRS | ActiveHooks::FILTER_INTERSECTION_PAIR;
         let floor = ColliderBuilder::cuboid(60.0, 0.5, 60.0).active_hooks(hooked);
         world.insert(fixed_at(-0.5), floor).unwrap();
@@ -95,7 +95,7 @@ fn a_belt_carries_a_box_over_a_border_as_in_one_world() {
     let one = bare.bodies[carried].translation();
     assert!(one.x > 2.0, "the test needs a belt that carries: {one}");
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         world.set_hooks(Some(Arc::new(Belt)));
         insert_floor(&mut world);
         let carried = world.insert(body_at(-3.0, 0.5, 0.0), hooked()).unwrap();
@@ -122,7 +122,7 @@ fn a_ball_jumps_through_a_one_way_platform_at_a_border_and_lands_on_it() {
     let platform = ColliderBuilder::cuboid(5.0, 0.1, 5.0).user_data(7);
     let platform = platform.active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         world.set_hooks(Some(Arc::new(OneWay)));
         world.insert(fixed_at(1.0), platform.clone()).unwrap();
         let jump = |x: f32| body_at(x, 0.0, 0.0).linvel(Vector::new(-x, 7.0, 0.0)).can_sleep(false);

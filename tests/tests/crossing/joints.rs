@@ -4,7 +4,7 @@ use super::bare::{Setup, as_in_bare_rapier};
 use super::*;
 
 /// Two bodies with the border between them, tied.
-fn tied(world: &mut DcdWorld, joint: impl Into<GenericJoint>) -> (BodyId, BodyId, dcd::space::JointId) {
+fn tied(world: &mut LocalWorld, joint: impl Into<GenericJoint>) -> (BodyId, BodyId, dcd::space::JointId) {
     let a = world.insert(body_at(-0.75, 0.0, 0.0).can_sleep(false), cube().density(2.0)).unwrap();
     let b = world.insert(body_at(0.75, 0.0, 0.0).can_sleep(false), cube()).unwrap();
     let joint = world.insert_joint(a, b, joint).unwrap();
@@ -150,7 +150,7 @@ fn tied_bodies_touch_over_a_border_only_if_their_joint_lets_them() {
 #[test]
 fn a_motor_changed_while_its_joint_is_shared_has_the_force_it_was_given() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+        let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
         let rail: GenericJoint = PrismaticJointBuilder::new(Vector::X)
             .local_anchor1(Vector::new(0.75, 0.0, 0.0))
             .local_anchor2(Vector::new(-0.75, 0.0, 0.0))
@@ -186,10 +186,10 @@ fn the_load_of_a_joint_is_that_of_one_world() {
         for exchanges in [1, 2] {
             let mut config = cut(coupling, &[(Axis::Y, 0.0)]);
             config.step.exchanges = exchanges;
-            let mut world = DcdWorld::new(config).unwrap();
+            let mut world = LocalWorld::new(config).unwrap();
             let hook = RigidBodyBuilder::fixed().translation(Vector::new(0.0, 2.0, 0.0));
             let hook = world.insert(hook, ColliderBuilder::ball(0.1)).unwrap();
-            let link = |world: &mut DcdWorld, y| {
+            let link = |world: &mut LocalWorld, y| {
                 world
                     .insert(body_at(0.0, y, 0.0).can_sleep(false), ColliderBuilder::ball(0.25).mass(2.0))
                     .unwrap()
@@ -240,7 +240,7 @@ fn small_assemblies_move_whole_under_island() {
     for coupling in [Coupling::Island, Coupling::Auto] {
         let mut config = weightless(halves(coupling));
         config.step.island_limit = 64;
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         let mut links: Vec<BodyId> = Vec::new();
         for i in 0..6 {
             let body = body_at(-4.0 + i as f32, 0.0, 0.0).linvel(Vector::new(2.0, 0.0, 0.0));

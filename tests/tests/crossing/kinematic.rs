@@ -9,7 +9,7 @@ fn a_body_sent_to_a_pose_moves_at_one_speed_through_all_micro_steps() {
     for exchanges in [1, 2, 4] {
         let mut config = halves(Coupling::Overlap);
         config.step.exchanges = exchanges;
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         let pusher = RigidBodyBuilder::kinematic_position_based().translation(Vector::new(-3.0, 0.5, 0.0));
         let pusher = world.insert(pusher, ColliderBuilder::cuboid(0.25, 0.5, 1.0)).unwrap();
         insert_floor(&mut world);

@@ -16,7 +16,7 @@ mod unlike;
 mod user;
 
 use dcd::physics::{Coupling, StepSettings};
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::space::{Axis, BodyId};
 use rapier3d::prelude::*;
 
@@ -58,13 +58,13 @@ fn cube() -> ColliderBuilder {
     ColliderBuilder::cuboid(0.5, 0.5, 0.5)
 }
 
-fn insert_floor(world: &mut DcdWorld) -> BodyId {
+fn insert_floor(world: &mut LocalWorld) -> BodyId {
     let body = RigidBodyBuilder::fixed().translation(Vector::new(0.0, -0.5, 0.0));
     world.insert(body, ColliderBuilder::cuboid(60.0, 0.5, 60.0)).unwrap()
 }
 
 /// Steps and checks that every movable body has one owner.
-fn steps(world: &mut DcdWorld, count: usize) {
+fn steps(world: &mut LocalWorld, count: usize) {
     for _ in 0..count {
         world.step().unwrap();
         for (id, ..) in world.states().collect::<Vec<_>>() {
@@ -74,16 +74,16 @@ fn steps(world: &mut DcdWorld, count: usize) {
 }
 
 /// By how many regions the mass of a body is divided.
-fn parts(world: &DcdWorld, id: BodyId) -> usize {
+fn parts(world: &LocalWorld, id: BodyId) -> usize {
     let (region, handle) = world.host().owned(id).unwrap();
     region.share_of(handle)
 }
 
-fn at(world: &DcdWorld, id: BodyId) -> [f64; 3] {
+fn at(world: &LocalWorld, id: BodyId) -> [f64; 3] {
     world.pose(id).unwrap().translation
 }
 
-fn speed(world: &DcdWorld, id: BodyId) -> [f32; 3] {
+fn speed(world: &LocalWorld, id: BodyId) -> [f32; 3] {
     world.velocity(id).unwrap().linear
 }
 
@@ -92,14 +92,14 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Runs the same in one world and in this one; returns how far bodies are apart at the end, at most, in metres.
-fn deviation(config: WorldConfig, run: impl Fn(&mut DcdWorld)) -> f64 {
+fn deviation(config: WorldConfig, run: impl Fn(&mut LocalWorld)) -> f64 {
     let one = WorldConfig {
         partitioning: Partitioning::Regions(1),
         step: StepSettings { exchanges: 1, ..config.step },
         ..config.clone()
     };
     let [one, many] = [one, config].map(|config| {
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         run(&mut world);
         world.states().map(|(id, _, pose, _)| (id, pose.translation)).collect::<Vec<_>>()
     });

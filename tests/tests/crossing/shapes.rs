@@ -37,7 +37,7 @@ fn voxels_and_round_hulls_slide_over_a_border_as_in_one_world() {
         let one = bare.bodies[one].translation();
         assert!(one.x > 0.5, "{name}: the test needs a slide: {one}");
         for coupling in SHARING {
-            let mut world = DcdWorld::new(halves(coupling)).unwrap();
+            let mut world = LocalWorld::new(halves(coupling)).unwrap();
             insert_floor(&mut world);
             let (body, collider) = slider();
             let id = world.insert(body, collider).unwrap();
@@ -66,7 +66,7 @@ fn a_hole_in_a_height_field_and_a_gap_in_voxels_are_there_on_both_sides_of_a_bor
     ];
     for (name, floor) in floors {
         for coupling in SHARING {
-            let mut world = DcdWorld::new(halves(coupling)).unwrap();
+            let mut world = LocalWorld::new(halves(coupling)).unwrap();
             world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::new(floor.clone())).unwrap();
             let ball = || ColliderBuilder::ball(0.4);
             let places = [(-1.0, -2.0), (1.0, -2.0), (-1.0, 4.0), (1.0, 4.0)];

@@ -6,7 +6,7 @@ use super::*;
 
 const FOUR: [(Axis, f64); 3] = [(Axis::X, -2.0), (Axis::X, 0.0), (Axis::X, 2.0)];
 
-fn awake(world: &DcdWorld) -> usize {
+fn awake(world: &LocalWorld) -> usize {
     let bodies = world.regions().flat_map(|region| region.bodies());
     bodies.filter(|(.., body)| !body.is_fixed() && !body.is_sleeping()).count()
 }
@@ -14,7 +14,7 @@ fn awake(world: &DcdWorld) -> usize {
 #[test]
 fn all_copies_sleep_when_the_bodies_of_one_world_do() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(cut(coupling, &FOUR)).unwrap();
+        let mut world = LocalWorld::new(cut(coupling, &FOUR)).unwrap();
         insert_floor(&mut world);
         for row in 0..4 {
             for i in 0..8 - 2 * row {
@@ -33,7 +33,7 @@ fn all_copies_sleep_when_the_bodies_of_one_world_do() {
 #[test]
 fn dominoes_that_slept_fall_over_four_regions_as_those_that_did_not() {
     let fallen = |coupling, can_sleep: bool| {
-        let mut world = DcdWorld::new(cut(coupling, &FOUR)).unwrap();
+        let mut world = LocalWorld::new(cut(coupling, &FOUR)).unwrap();
         insert_floor(&mut world);
         let row: Vec<_> = (0..13)
             .map(|i| {

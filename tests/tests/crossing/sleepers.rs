@@ -26,10 +26,10 @@ fn in_regions(coupling: Coupling, regions: usize) -> WorldConfig {
 /// How far bodies went that `lay` lays down and that then slept, in metres, while `drive` ran.
 fn ways(
     config: WorldConfig,
-    lay: impl Fn(&mut DcdWorld) -> Vec<BodyId>,
-    drive: impl Fn(&mut DcdWorld),
+    lay: impl Fn(&mut LocalWorld) -> Vec<BodyId>,
+    drive: impl Fn(&mut LocalWorld),
 ) -> Vec<f64> {
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     insert_floor(&mut world);
     let sleepers = lay(&mut world);
     for _ in 0..240 {
@@ -60,12 +60,12 @@ fn one_like(config: &WorldConfig) -> WorldConfig {
     WorldConfig { partitioning: Partitioning::Regions(1), step, ..config.clone() }
 }
 
-fn post_at(world: &mut DcdWorld, x: f32, z: f32) -> BodyId {
+fn post_at(world: &mut LocalWorld, x: f32, z: f32) -> BodyId {
     world.insert(body_at(x, 1.0, z), ColliderBuilder::cuboid(0.15, 1.0, 0.15)).unwrap()
 }
 
 /// Eight cars, tied one behind the other; the first is at `front`.
-fn insert_train(world: &mut DcdWorld, front: Vector, motion: Vector, car: &RigidBodyBuilder, density: f32) {
+fn insert_train(world: &mut LocalWorld, front: Vector, motion: Vector, car: &RigidBodyBuilder, density: f32) {
     let way = motion.normalize();
     // Cars are long in x.
     let turned = if way.x > 0.5 { 0.0 } else { -0.25 * TAU };
@@ -86,8 +86,9 @@ fn insert_train(world: &mut DcdWorld, front: Vector, motion: Vector, car: &Rigid
 #[test]
 fn a_jointed_train_moves_the_posts_that_sleep_in_another_region() {
     let run = |config| {
-        let lay = |world: &mut DcdWorld| (0..6).map(|i| post_at(world, 3.0 + 2.0 * i as f32, 0.1)).collect();
-        let drive = |world: &mut DcdWorld| {
+        let lay =
+            |world: &mut LocalWorld| (0..6).map(|i| post_at(world, 3.0 + 2.0 * i as f32, 0.1)).collect();
+        let drive = |world: &mut LocalWorld| {
             insert_train(
                 world,
                 Vector::new(-3.0, 0.5, 0.0),
@@ -111,7 +112,7 @@ fn a_jointed_train_moves_the_posts_that_sleep_in_another_region() {
 fn a_hub_pushes_boxes_that_sleep_in_another_region_and_does_not_drive_into_them() {
     let run = |config: WorldConfig| {
         let mut deepest = 0.0f64;
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         insert_floor(&mut world);
         let boxes = [4.0, 7.0].map(|x| world.insert(body_at(x, 0.5, 0.0), cube()).unwrap());
         steps(&mut world, 180);
@@ -135,7 +136,7 @@ fn a_hub_pushes_boxes_that_sleep_in_another_region_and_does_not_drive_into_them(
 
 /// Dominoes in a ring that passes through the origin, 0.5 m apart; returns how many fall when the farthest is pushed over.
 fn fallen_of_ring(config: WorldConfig, count: usize, ticks: usize) -> usize {
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     insert_floor(&mut world);
     let radius = 0.5 * count as f32 / TAU;
     let ring: Vec<_> = (0..count)
@@ -176,7 +177,7 @@ fn a_ring_of_sleeping_dominoes_falls_through_the_corner_of_four_regions() {
 #[test]
 fn a_slow_lift_raises_what_sleeps_on_its_half_in_another_region() {
     let run = |config: WorldConfig| {
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         let lift = RigidBodyBuilder::kinematic_velocity_based().translation(Vector::new(-0.5, 0.0, 0.0));
         let lift = world.insert(lift, ColliderBuilder::cuboid(3.0, 0.25, 1.0)).unwrap();
         let boxes = [1.0, 2.1].map(|x| world.insert(body_at(x, 0.75, 0.0), cube()).unwrap());
@@ -220,7 +221,7 @@ impl Dice {
 }
 
 /// Boxes, posts and stacks, one in each square of 4 m.
-fn scatter(world: &mut DcdWorld, dice: &mut Dice) -> Vec<BodyId> {
+fn scatter(world: &mut LocalWorld, dice: &mut Dice) -> Vec<BodyId> {
     let mut all = Vec::new();
     for square in 0..49 {
         let x = 4.0 * (square % 7 - 3) as f32 + dice.between(-1.2, 1.2);
@@ -249,7 +250,7 @@ impl Lane {
 }
 
 /// Four things come from outside, or from between the squares, and cross borders.
-fn drive_in(world: &mut DcdWorld, dice: &mut Dice) -> Vec<Lane> {
+fn drive_in(world: &mut LocalWorld, dice: &mut Dice) -> Vec<Lane> {
     let along_x = dice.below(2) == 0;
     let mut lanes = Vec::new();
     for lane in 0..4 {
@@ -288,12 +289,12 @@ fn drive_in(world: &mut DcdWorld, dice: &mut Dice) -> Vec<Lane> {
 /// How far scattered sleepers go when things are driven in, and which of them lie in a lane.
 fn driven(config: WorldConfig, seed: u64) -> (Vec<f64>, Vec<bool>) {
     let (from, lanes) = (RefCell::new(Vec::new()), RefCell::new(Vec::new()));
-    let lay = |world: &mut DcdWorld| {
+    let lay = |world: &mut LocalWorld| {
         let sleepers = scatter(world, &mut Dice(seed));
         from.replace(sleepers.iter().map(|&id| at(world, id)).collect());
         sleepers
     };
-    let drive = |world: &mut DcdWorld| {
+    let drive = |world: &mut LocalWorld| {
         lanes.replace(drive_in(world, &mut Dice(seed + 100)));
         steps(world, 300);
     };

@@ -6,7 +6,7 @@ use super::*;
 
 /// How far behind the middle of a wall a bullet ends that flies at it.
 fn beyond_wall(coupling: Coupling, wall_x: f32, movable: bool, start_x: f32, speed: f32) -> f64 {
-    let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+    let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
     let wall =
         if movable { RigidBodyBuilder::dynamic().additional_mass(1e4) } else { RigidBodyBuilder::fixed() };
     let wall = wall.translation(Vector::new(wall_x, 0.0, 0.0));
@@ -104,7 +104,7 @@ fn a_slab_over_eight_regions_holds_a_pebble_at_its_far_corner() {
     for coupling in SHARING {
         let mut config = cut(coupling, &[(Axis::X, -5.0), (Axis::X, 0.0), (Axis::X, 5.0), (Axis::Z, 0.0)]);
         config.bounds = Bounds::around([0.0; 3], [12.0; 3]);
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         assert_eq!(world.regions().len(), 8);
         for (x, z) in [(-9.0, -9.0), (9.0, -9.0), (-9.0, 9.0), (9.0, 9.0)] {
             let post = RigidBodyBuilder::fixed().translation(Vector::new(x, -1.0, z));

@@ -5,7 +5,7 @@ use dcd::protocol::{Velocity, WorldPose};
 use super::*;
 
 /// Two bodies side by side at the border, nothing pressing; returns the left one, which is this body.
-fn beside_another(world: &mut DcdWorld, body: RigidBodyBuilder, colliders: Vec<ColliderBuilder>) -> BodyId {
+fn beside_another(world: &mut LocalWorld, body: RigidBodyBuilder, colliders: Vec<ColliderBuilder>) -> BodyId {
     let pose = WorldPose::at([-0.501, 0.0, 0.0]);
     let left = world.insert_at(pose, body.can_sleep(false), colliders).unwrap();
     world.insert(body_at(0.501, 0.0, 0.0).can_sleep(false), cube().friction(0.0)).unwrap();
@@ -39,7 +39,7 @@ fn masses() -> Vec<(&'static str, RigidBodyBuilder, Vec<ColliderBuilder>, f32)> 
 fn impulses_forces_and_torques_act_on_the_whole_mass_wherever_it_comes_from() {
     for coupling in SHARING {
         for (name, body, colliders, mass_kg) in masses() {
-            let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+            let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
             let id = beside_another(&mut world, body, colliders);
             let what = format!("{name}, {}", coupling.name());
             assert_eq!(parts(&world, id), 2, "{what}");
@@ -70,7 +70,7 @@ fn impulses_forces_and_torques_act_on_the_whole_mass_wherever_it_comes_from() {
 #[test]
 fn a_persistent_force_is_told_whole_while_its_body_is_shared_and_after_it_has_changed_owner() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+        let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
         let id = beside_another(&mut world, RigidBodyBuilder::dynamic(), vec![cube().friction(0.0)]);
         let (force, torque) = (Vector::new(1.0, 0.0, 0.0), Vector::new(0.0, 0.0, 0.25));
         world.update(id, |body| body.add_force(force, true)).unwrap();
@@ -90,7 +90,7 @@ fn a_persistent_force_is_told_whole_while_its_body_is_shared_and_after_it_has_ch
 #[test]
 fn torques_turn_a_shared_body_as_in_one_world() {
     for coupling in SHARING {
-        let apart = |world: &mut DcdWorld| {
+        let apart = |world: &mut LocalWorld| {
             let body = RigidBodyBuilder::dynamic().additional_mass(3.0);
             let id = beside_another(world, body, vec![ColliderBuilder::ball(0.5).friction(0.0)]);
             world.update(id, |body| body.apply_torque_impulse(Vector::new(0.3, -0.2, 0.5), true)).unwrap();
@@ -101,8 +101,8 @@ fn torques_turn_a_shared_body_as_in_one_world() {
             steps(world, 60);
             world.velocity(id).unwrap().angular
         };
-        let mut one = DcdWorld::new(weightless(one_world())).unwrap();
-        let mut many = DcdWorld::new(weightless(halves(coupling))).unwrap();
+        let mut one = LocalWorld::new(weightless(one_world())).unwrap();
+        let mut many = LocalWorld::new(weightless(halves(coupling))).unwrap();
         let (one, many) = (apart(&mut one), apart(&mut many));
         for axis in 0..3 {
             assert!((one[axis] - many[axis]).abs() < 5e-3, "{}: {one:?} {many:?}", coupling.name());
@@ -113,9 +113,9 @@ fn torques_turn_a_shared_body_as_in_one_world() {
 #[test]
 fn a_mass_that_changes_while_shared_changes_whole() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+        let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
         let id = beside_another(&mut world, RigidBodyBuilder::dynamic(), vec![cube().friction(0.0)]);
-        let kick = |world: &mut DcdWorld, mass_kg: f32| {
+        let kick = |world: &mut LocalWorld, mass_kg: f32| {
             assert_eq!(parts(world, id), 2);
             let still = Velocity::default();
             world.set_velocity(id, still).unwrap();
@@ -164,11 +164,11 @@ fn gravity_scale_damping_velocity_and_teleports_reach_every_copy() {
 #[test]
 fn to_look_at_a_sleeping_body_does_not_wake_it() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         insert_floor(&mut world);
         let pair: Vec<_> = [-0.5, 0.5].map(|x| world.insert(body_at(x, 0.5, 0.0), cube()).unwrap()).into();
         steps(&mut world, 300);
-        let asleep = |world: &DcdWorld| pair.iter().all(|&id| world.body(id).unwrap().is_sleeping());
+        let asleep = |world: &LocalWorld| pair.iter().all(|&id| world.body(id).unwrap().is_sleeping());
         assert!(asleep(&world), "{}", coupling.name());
         assert_eq!(parts(&world, pair[0]), 2);
         let mass_kg = world.update(pair[0], |body| body.mass()).unwrap();
@@ -181,7 +181,7 @@ fn to_look_at_a_sleeping_body_does_not_wake_it() {
 #[test]
 fn a_user_puts_a_shared_body_to_sleep_and_wakes_it() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         insert_floor(&mut world);
         let pair: Vec<_> = [-0.5, 0.5].map(|x| world.insert(body_at(x, 0.5, 0.0), cube()).unwrap()).into();
         steps(&mut world, 5);
@@ -199,7 +199,7 @@ fn a_user_puts_a_shared_body_to_sleep_and_wakes_it() {
 #[test]
 fn bodies_come_and_go_while_they_are_shared() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(cut(coupling, &[(Axis::Y, 2.0)])).unwrap();
+        let mut world = LocalWorld::new(cut(coupling, &[(Axis::Y, 2.0)])).unwrap();
         insert_floor(&mut world);
         let mut tower: Vec<_> =
             (0..4).map(|i| world.insert(body_at(0.0, 0.5 + i as f32, 0.0), cube()).unwrap()).collect();
@@ -221,7 +221,7 @@ fn bodies_come_and_go_while_they_are_shared() {
 #[test]
 fn a_number_that_is_not_finite_sets_a_body_aside_and_no_other() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(halves(coupling)).unwrap();
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
         insert_floor(&mut world);
         let row: Vec<_> = [-1.0, 0.0, 1.0]
             .map(|x| world.insert(body_at(x, 0.5, 0.0).can_sleep(false), cube()).unwrap())
@@ -243,7 +243,7 @@ fn a_number_that_is_not_finite_sets_a_body_aside_and_no_other() {
 #[test]
 fn an_impulse_on_a_shared_body_is_not_lost_when_another_body_is_inserted_before_the_step() {
     for coupling in SHARING {
-        let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+        let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
         let pair = [-0.5, 0.5].map(|x| world.insert(body_at(x, 0.0, 0.0), cube()).unwrap());
         steps(&mut world, 5);
         assert_eq!(pair.map(|id| parts(&world, id)), [2, 2], "{coupling:?}: the test needs shared bodies");
@@ -261,7 +261,7 @@ fn an_impulse_on_a_shared_body_is_not_lost_when_another_body_is_inserted_before_
 #[test]
 fn a_force_goes_on_behind_a_border() {
     for coupling in Coupling::ALL {
-        let mut world = DcdWorld::new(weightless(halves(coupling))).unwrap();
+        let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
         let id = world.insert(body_at(-1.0, 0.0, 0.0), cube()).unwrap();
         world.update(id, |body| body.add_force(Vector::new(2.0, 0.0, 0.0), true)).unwrap();
         let first = world.owner_of(id);

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use dcd::physics::{Measured, View};
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
@@ -53,11 +53,11 @@ pub(crate) fn regions(scene: &Scene, count: usize, shared: bool, seconds: f32) -
     if shared {
         config.step.island_limit = 0;
     }
-    let mut world = DcdWorld::from_scene(scene, config).unwrap();
+    let mut world = LocalWorld::from_scene(scene, config).unwrap();
     let fixed: Vec<Pose> =
         scene.bodies.iter().map(|body| pose(body.pose.translation, body.pose.rotation)).collect();
-    let step = |world: &mut DcdWorld| world.step().unwrap();
-    let at = |world: &DcdWorld, index: usize| {
+    let step = |world: &mut LocalWorld| world.step().unwrap();
+    let at = |world: &LocalWorld, index: usize| {
         world
             .pose(BodyId::persistent(index as u32))
             .map_or(fixed[index], |at| pose(at.translation, at.rotation))

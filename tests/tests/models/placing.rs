@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
@@ -92,7 +92,7 @@ fn excluded_bodies_pass_through_each_other_in_every_region_and_others_do_not() {
     let falls = |contact: &str, partitioning: Partitioning| {
         let scene = of_text(&text(contact), "");
         let config = WorldConfig { partitioning, ..WorldConfig::for_scene(&scene) };
-        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
         for _ in 0..500 {
             world.step().unwrap();
         }

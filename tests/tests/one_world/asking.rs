@@ -2,7 +2,7 @@
 
 use dcd::physics::{BodyFilter, ColliderId, WorldMotion, WorldRay};
 use dcd::protocol::WorldPose;
-use dcd::runtime::DcdWorld;
+use dcd::runtime::LocalWorld;
 use dcd::space::{BodyId, Bounds};
 use proptest::prelude::*;
 use rapier3d::parry::bounding_volume::BoundingVolume;
@@ -71,7 +71,7 @@ fn same_set(what: &str, ours: &[ColliderId], mut bare: Vec<ColliderId>) -> Resul
 }
 
 impl Question {
-    pub(crate) fn check(&self, world: &DcdWorld, bare: &Bare) -> Result<(), TestCaseError> {
+    pub(crate) fn check(&self, world: &LocalWorld, bare: &Bare) -> Result<(), TestCaseError> {
         let groups = self.groups.map(|(memberships, filter, or)| {
             let mode = if or { InteractionTestMode::Or } else { InteractionTestMode::And };
             InteractionGroups::new(
@@ -103,7 +103,7 @@ impl Question {
 
     fn ask(
         &self,
-        world: &DcdWorld,
+        world: &LocalWorld,
         filter: &BodyFilter<'_>,
         bare: &Bare,
         pipeline: &QueryPipeline<'_>,

@@ -2,19 +2,19 @@
 
 use dcd::physics::{BodyFilter, ColliderId, Coupling, QueryError, WorldRay};
 use dcd::protocol::WorldPose;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
 
 /// Two weightless regions that meet at x = 0.
-fn halves() -> DcdWorld {
+fn halves() -> LocalWorld {
     let mut config =
         WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() };
     config.step.gravity = [0.0; 3];
-    DcdWorld::new(config).unwrap()
+    LocalWorld::new(config).unwrap()
 }
 
-fn insert(world: &mut DcdWorld, x: f32, collider: ColliderBuilder) -> BodyId {
+fn insert(world: &mut LocalWorld, x: f32, collider: ColliderBuilder) -> BodyId {
     world.insert(RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.0, 0.0)), collider).unwrap()
 }
 
@@ -28,7 +28,7 @@ fn a_body_on_a_border_is_met_once_and_its_replica_never() {
         WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() };
     config.step = config.step.with_coupling(Coupling::Owner);
     config.step.gravity = [0.0; 3];
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     let ball = insert(&mut world, 0.1, ColliderBuilder::ball(0.5));
     world.step().unwrap();
     assert_eq!(world.stats().replicas, 1, "the test needs a replica");
@@ -60,7 +60,7 @@ fn bodies_are_found_where_they_are_now_without_a_step() {
     let mut world = halves();
     let all = BodyFilter::default();
     let first =
-        |world: &DcdWorld| world.queries().cast_ray(&along_x(-10.0), &all).unwrap().map(|hit| hit.body);
+        |world: &LocalWorld| world.queries().cast_ray(&along_x(-10.0), &all).unwrap().map(|hit| hit.body);
     let near = insert(&mut world, -3.0, ColliderBuilder::ball(0.5));
     assert_eq!(first(&world), Some(near), "inserted");
     world.step().unwrap();
@@ -86,7 +86,7 @@ fn bodies_are_found_where_they_are_now_without_a_step() {
 #[test]
 fn asking_changes_nothing_of_what_happens_next() {
     let run = |asks: bool| {
-        let mut world = DcdWorld::new(WorldConfig {
+        let mut world = LocalWorld::new(WorldConfig {
             partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]),
             ..WorldConfig::default()
         })
@@ -151,7 +151,7 @@ fn answers_far_from_the_origin_keep_millimetres() {
         ..WorldConfig::default()
     };
     config.step.gravity = [0.0; 3];
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     let at = WorldPose::at([180_000.003, 0.25, 0.0]);
     let far = world.insert_at(at, RigidBodyBuilder::dynamic(), vec![ColliderBuilder::ball(0.5)]).unwrap();
     let ray = WorldRay::new([-150_000.0, 0.25, 0.0], [1.0, 0.0, 0.0]);
@@ -191,7 +191,7 @@ fn a_region_far_off_does_not_answer_for_ground_that_is_near_another() {
     let world_box = Bounds::around([0.0; 3], [200_000.0, 100.0, 100.0]);
     let config =
         WorldConfig { bounds: world_box, partitioning: Partitioning::Regions(8), ..WorldConfig::default() };
-    let mut world = DcdWorld::new(config).unwrap();
+    let mut world = LocalWorld::new(config).unwrap();
     let ground = ColliderBuilder::cuboid(200_000.0, 1.0, 5.0);
     let post = ColliderBuilder::cuboid(0.5, 2.0, 0.5).translation(Vector::new(0.0, 3.0, 0.0));
     let fixed = RigidBodyBuilder::fixed();

@@ -2,7 +2,7 @@
 
 use dcd::physics::{ColliderId, Coupling};
 use dcd::protocol::{Velocity, WorldPose};
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Scene, SceneBody};
 use dcd::space::{BodyId, Bounds};
 use proptest::prelude::*;
@@ -125,11 +125,11 @@ pub(crate) fn scene(things: &[Thing]) -> Scene {
     scene
 }
 
-pub(crate) fn world(scene: &Scene, regions: usize, coupling: Coupling) -> DcdWorld {
+pub(crate) fn world(scene: &Scene, regions: usize, coupling: Coupling) -> LocalWorld {
     let config = WorldConfig::for_scene(scene);
     let step = config.step.with_coupling(coupling);
     let config = WorldConfig { partitioning: Partitioning::Regions(regions), step, ..config };
-    DcdWorld::from_scene(scene, config).unwrap()
+    LocalWorld::from_scene(scene, config).unwrap()
 }
 
 /// One Rapier world with the bodies of a partitioned one as they are now, and its bodies by Rapier's handles.
@@ -140,7 +140,7 @@ pub(crate) struct Bare {
 
 impl Bare {
     /// `bodies` are those of the world, as they were described.
-    pub(crate) fn of(world: &DcdWorld, bodies: &[(BodyId, SceneBody)]) -> Self {
+    pub(crate) fn of(world: &LocalWorld, bodies: &[(BodyId, SceneBody)]) -> Self {
         let mut scene = Scene::empty("bare");
         scene.gravity = [0.0; 3];
         for (id, body) in bodies {

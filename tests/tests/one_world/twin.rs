@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use dcd::physics::Coupling;
 use dcd::protocol::WorldPose;
-use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Scene, SceneBody};
 use dcd::space::{BodyId, JointId};
 use proptest::prelude::*;
@@ -32,7 +32,7 @@ struct Joint {
 }
 
 pub(crate) struct Twin {
-    world: DcdWorld,
+    world: LocalWorld,
     bare: PhysicsWorld,
     bodies: Vec<Body>,
     joints: Vec<Joint>,
@@ -56,7 +56,7 @@ impl Twin {
             bare.gravity = Vector::from(config.step.gravity);
         }
         Self {
-            world: DcdWorld::new(config).unwrap(),
+            world: LocalWorld::new(config).unwrap(),
             bare,
             bodies: Vec::new(),
             joints: Vec::new(),
@@ -261,6 +261,7 @@ impl Twin {
 
     fn step(&mut self) {
         self.world.step().unwrap();
+        assert_eq!(self.world.host().validate(), []);
         self.bare.step();
         self.ticks += 1;
         let name = |handle| self.bodies.iter().find(|body| body.bare == handle).map(|body| body.id);

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::common::Common;
-use crate::runtime::DcdWorld;
+use crate::runtime::LocalWorld;
 use crate::runtime::measure::Subject;
 
 /// Between two drawings.
@@ -66,7 +66,7 @@ impl Live {
         self.bar.finish_and_clear();
     }
 
-    fn look(&self, world: &DcdWorld) -> Look {
+    fn look(&self, world: &LocalWorld) -> Look {
         let ms = |spent: Duration| spent.as_secs_f64() * 1e3 / f64::from(self.steps.max(1));
         let stats = world.stats();
         let regions = world.regions().zip(&self.spent_by).map(|(region, &spent)| Row {

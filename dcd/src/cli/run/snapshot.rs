@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use crate::cli::common::Common;
 use crate::cli::failure::Failure;
-use crate::runtime::{DcdWorld, SnapshotError};
+use crate::runtime::{LocalWorld, SnapshotError};
 
 /// A file to save to, beside which one could be written before the run began: a long run is not to be lost to a wrong path.
 pub(super) struct Target {
@@ -28,7 +28,7 @@ impl Target {
         Ok(target)
     }
 
-    pub(super) fn write(&self, world: &DcdWorld, common: &Common) -> Result<(), Failure> {
+    pub(super) fn write(&self, world: &LocalWorld, common: &Common) -> Result<(), Failure> {
         let start = Instant::now();
         world.save_file(&self.path).map_err(|error| Failure::run(self.refused(&error)))?;
         say(&self.path, "saved", start, common);
@@ -47,12 +47,13 @@ impl Target {
 pub(super) fn is_one(path: &str) -> bool {
     let mut beginning = Vec::new();
     let read = File::open(path).and_then(|file| file.take(8).read_to_end(&mut beginning));
-    path.ends_with(".dcd") || read.is_ok() && DcdWorld::is_snapshot(&beginning)
+    path.ends_with(".dcd") || read.is_ok() && LocalWorld::is_snapshot(&beginning)
 }
 
-pub(super) fn restore(path: &str, threads: usize, common: &Common) -> Result<DcdWorld, Failure> {
+pub(super) fn restore(path: &str, threads: usize, common: &Common) -> Result<LocalWorld, Failure> {
     let start = Instant::now();
-    let restored = DcdWorld::open_snapshot(path.as_ref()).and_then(|file| DcdWorld::restore(file, threads));
+    let restored =
+        LocalWorld::open_snapshot(path.as_ref()).and_then(|file| LocalWorld::restore(file, threads));
     let world = restored.map_err(|error| {
         let said = format!("cannot go on with {path}: {error}");
         if matches!(error, SnapshotError::Threads(_)) { Failure::run(said) } else { Failure::usage(said) }

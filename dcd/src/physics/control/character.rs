@@ -32,6 +32,16 @@ pub struct CharacterMove<'a> {
     pub filter: BodyFilter<'a>,
 }
 
+impl std::fmt::Debug for CharacterMove<'_> {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.debug_struct("CharacterMove")
+            .field("pose", &self.pose)
+            .field("desired_m", &self.desired_m)
+            .field("filter", &self.filter)
+            .finish_non_exhaustive()
+    }
+}
+
 /// A character met a collider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CharacterHit {
@@ -74,7 +84,7 @@ impl CharacterMove<'_> {
 }
 
 impl RegionHost {
-    /// See `DcdWorld::move_character`.
+    /// See `LocalWorld::move_character`.
     pub(crate) fn move_character(
         &self,
         character: &CharacterMove<'_>,
@@ -89,7 +99,7 @@ impl RegionHost {
         Ok(character.controller.move_shape(dt_s, &around.pipeline(), shape, &pose, desired, tell))
     }
 
-    /// See `DcdWorld::push_by_character`.
+    /// See `LocalWorld::push_by_character`.
     pub(crate) fn push_by_character(
         &mut self,
         character: &CharacterMove<'_>,

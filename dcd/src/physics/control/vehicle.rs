@@ -21,6 +21,16 @@ pub struct Vehicle {
     grounds: Vec<Option<ColliderId>>,
 }
 
+impl std::fmt::Debug for Vehicle {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.debug_struct("Vehicle")
+            .field("chassis", &self.chassis)
+            .field("anchor", &self.anchor)
+            .field("grounds", &self.grounds)
+            .finish_non_exhaustive()
+    }
+}
+
 impl Vehicle {
     /// A car without wheels: add them by `controller.add_wheel`.
     pub fn new(chassis: BodyId) -> Self {
@@ -54,7 +64,7 @@ impl Vehicle {
 }
 
 impl RegionHost {
-    /// See `DcdWorld::update_vehicle`.
+    /// See `LocalWorld::update_vehicle`.
     pub(crate) fn update_vehicle(
         &mut self,
         vehicle: &mut Vehicle,

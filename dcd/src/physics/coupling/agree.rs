@@ -1,5 +1,6 @@
-//! What the regions that hold a body make of its copies: the mean, written back to each, and a push on each copy that
-//! evens out what presses on the copies unequally, because some of the body's neighbours are missing in some regions.
+//! What the regions that hold a body make of its copies: the mean velocity, given to each, the mean pose, to which each is drawn or
+//! put, and a push on each copy that evens out what presses on the copies unequally, because some of the body's neighbours are
+//! missing in some regions.
 //!
 //! The mean of copies that each have 1/n of the mass conserves momentum exactly. It is formed from the same numbers in the
 //! same order everywhere, so that all members get the same bits.
@@ -214,9 +215,13 @@ impl Apart {
                 return Self { by_m: 0.0, by_rad: 0.0 };
             }
             let squares = |i: usize| (copy.pose.translation[i] - mean.translation[i]).powi(2);
-            let cosine: f32 = copy.pose.rotation.iter().zip(mean.rotation).map(|(a, b)| a * b).sum();
+            let chord = |sign: f32| {
+                let squares = |i: usize| (copy.pose.rotation[i] - sign * mean.rotation[i]).powi(2);
+                (0..4).map(squares).sum::<f32>().sqrt()
+            };
             apart.by_m = apart.by_m.max((0..3).map(squares).sum::<f64>().sqrt() as f32);
-            apart.by_rad = apart.by_rad.max(2.0 * cosine.abs().min(1.0).acos());
+            // Of the chord, since a cosine near 1 knows no angle below a milliradian.
+            apart.by_rad = apart.by_rad.max(4.0 * (0.5 * chord(1.0).min(chord(-1.0))).asin());
         }
         apart
     }

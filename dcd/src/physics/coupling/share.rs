@@ -8,7 +8,7 @@ use crate::physics::convert;
 use crate::physics::region::Region;
 use crate::physics::renumber::Renumbering;
 use crate::protocol::{Check, CopyState};
-use crate::space::RegionSet;
+use crate::space::{RegionSet, mixed};
 
 /// What a region knows of a body that it shares with others.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -183,11 +183,4 @@ fn partners(region: &Region, handle: RigidBodyHandle) -> u64 {
         hash = hash.wrapping_add(mixed(!joint.0));
     }
     hash
-}
-
-/// Steele, Lea and Flood's SplitMix64 finaliser.
-fn mixed(v: u64) -> u64 {
-    let v = (v ^ (v >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let v = (v ^ (v >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    v ^ (v >> 31)
 }

@@ -87,7 +87,7 @@ fn share_a_face(a: &Cell, b: &Cell) -> bool {
 #[cfg(test)]
 mod tests {
     use crate::physics::{BorderView, Coupling, Preset, StepSettings};
-    use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
+    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
     use crate::space::{Axis, Bounds};
     use rapier3d::prelude::*;
@@ -95,12 +95,12 @@ mod tests {
     #[test]
     fn every_face_between_regions_is_a_border_and_an_edge_is_none() {
         let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Z, 0.0)]);
-        let world = DcdWorld::new(WorldConfig { partitioning: cuts, ..WorldConfig::default() }).unwrap();
+        let world = LocalWorld::new(WorldConfig { partitioning: cuts, ..WorldConfig::default() }).unwrap();
         let borders = world.host().borders();
         assert_eq!(borders.len(), 4, "{borders:?}");
         assert!(borders.iter().all(|border| border.a < border.b && border.bodies == 0));
         assert!(borders.windows(2).all(|two| (two[0].a, two[0].b) < (two[1].a, two[1].b)));
-        assert!(DcdWorld::new(WorldConfig::default()).unwrap().host().borders().is_empty());
+        assert!(LocalWorld::new(WorldConfig::default()).unwrap().host().borders().is_empty());
     }
 
     #[test]
@@ -108,7 +108,7 @@ mod tests {
         let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Z, 0.0)]);
         let step = StepSettings::default().with_coupling(Coupling::Owner);
         let config = WorldConfig { partitioning: cuts, step, ..WorldConfig::default() };
-        let mut world = DcdWorld::new(config).unwrap();
+        let mut world = LocalWorld::new(config).unwrap();
         world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5)).unwrap();
         world.step().unwrap();
         let borders = world.host().borders();
@@ -129,7 +129,7 @@ mod tests {
         let bounds = Bounds::around([0.0, 5.0, 0.0], [20.0; 3]);
         let step = StepSettings { island_limit: 1, ..step };
         let config = WorldConfig { bounds, partitioning: cuts, step, ..config };
-        let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
         let (mut most, mut deepest) = (0, 0);
         for _ in 0..600 {
             world.step().unwrap();

@@ -254,7 +254,7 @@ mod tests {
             let x = [0.0, -0.5, 0.5][id as usize];
             let pose = WorldPose::at([x, y, 0.0]);
             host.shapes_mut()
-                .describe(BodyId::persistent(id), pose, &body.can_sleep(false), &[collider])
+                .describe(BodyId::persistent(id), pose, &body.can_sleep(false).build(), &[collider])
                 .unwrap()
         });
         let records = records.collect();

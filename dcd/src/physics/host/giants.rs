@@ -7,7 +7,7 @@ use rapier3d::prelude::*;
 use crate::physics::coupling::Side;
 use crate::physics::region::{Region, Role};
 use crate::protocol::BodyKind;
-use crate::space::{BodyId, Bounds};
+use crate::space::{BodyId, Bounds, PlaceGroups};
 
 /// The islands with more bodies than a limit: what touches or is tied, awake or asleep, in whatever regions.
 #[derive(Debug, Default)]
@@ -34,7 +34,7 @@ impl Giants {
             return Self::default();
         }
         bodies.sort_unstable_by_key(|&(id, ..)| id);
-        let mut groups = Groups((0..bodies.len()).collect());
+        let mut groups = PlaceGroups::new(bodies.len());
         for Side { region, .. } in sides {
             join(region, |id| bodies.binary_search_by_key(&id, |&(id, ..)| id).ok(), &mut groups);
         }
@@ -69,7 +69,7 @@ impl Giants {
 }
 
 /// Joins what touches or is tied in a region.
-fn join(region: &Region, place_of: impl Fn(BodyId) -> Option<usize>, groups: &mut Groups) {
+fn join(region: &Region, place_of: impl Fn(BodyId) -> Option<usize>, groups: &mut PlaceGroups) {
     let world = region.physics();
     let mut places: Vec<Option<usize>> = Vec::new();
     for (id, _, handle, _) in region.bodies().filter(|(_, _, handle, _)| is_part(region, *handle)) {
@@ -94,22 +94,4 @@ fn join(region: &Region, place_of: impl Fn(BodyId) -> Option<usize>, groups: &mu
 /// Islands are of bodies that contacts can move.
 fn is_part(region: &Region, handle: RigidBodyHandle) -> bool {
     region.slot(handle).traits.kind == BodyKind::Dynamic
-}
-
-/// Union-find over places in a list; the root of a group is its lowest.
-struct Groups(Vec<usize>);
-
-impl Groups {
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b)] = a.min(b);
-    }
-
-    fn root(&mut self, mut at: usize) -> usize {
-        while self.0[at] != at {
-            self.0[at] = self.0[self.0[at]];
-            at = self.0[at];
-        }
-        at
-    }
 }

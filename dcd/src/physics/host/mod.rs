@@ -8,8 +8,10 @@ mod repartition;
 mod replace;
 mod rounds;
 mod threads;
+mod validate;
 
 pub use self::borders::BorderView;
+pub use self::validate::Inconsistency;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -74,7 +76,7 @@ pub enum HostError {
 }
 
 /// Some regions of a world, stepped together. Its serde form is part of snapshots
-/// ([`DcdWorld::save`](crate::runtime::DcdWorld::save)) and is checked by nothing else.
+/// ([`LocalWorld::save`](crate::runtime::LocalWorld::save)) and is checked by nothing else.
 #[derive(Serialize, Deserialize)]
 pub struct RegionHost {
     partition: Arc<Partition>,
@@ -251,7 +253,9 @@ impl RegionHost {
             side.region.count_time(start.elapsed(), round == 1);
         };
         if self.threads.are_entered() {
-            let heaviest = heaviest(self.regions());
+            let heaviest = threads::heaviest(
+                self.regions().map(|region| region.physics().islands.active_bodies().count()),
+            );
             let due = self.sides.iter_mut().enumerate().filter(|(_, side)| is_due(side, &moment));
             let (heavy, others): (Vec<_>, Vec<_>) = due.partition(|(place, _)| Some(*place) == heaviest);
             // First, with all threads: one alone would be at it when all others have long been done.
@@ -520,12 +524,4 @@ impl RegionHost {
             }
         }
     }
-}
-
-/// The region that has more than half of all awake bodies, if it is worth more than one thread.
-fn heaviest<'a>(regions: impl Iterator<Item = &'a Region> + Clone) -> Option<usize> {
-    let awake = regions.map(|region| region.physics().islands.active_bodies().count());
-    let (place, most) = awake.clone().enumerate().max_by_key(|&(_, awake)| awake)?;
-    let all: usize = awake.sum();
-    (2 * most > all && most >= 4 * WORTH_WAKING).then_some(place)
 }

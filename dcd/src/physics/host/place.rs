@@ -126,6 +126,10 @@ impl RegionHost {
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0);
         let all = self.sides.iter_mut().collect();
         self.threads.share_out(all, |side| settings.coupling.announce(side, moment));
+        // Who rested in the tick before may have been stirred since: it must act on what it announces itself.
+        for side in self.sides.iter_mut().filter(|side| !side.is_idle()) {
+            side.region.begin_tick(false);
+        }
     }
 
     /// Lets go of replicas that no owner has announced since [`RegionHost::rebuild`].

@@ -242,7 +242,7 @@ mod tests {
     use rapier3d::prelude::*;
 
     use crate::protocol::WorldPose;
-    use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
+    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::scene::Scene;
     use crate::space::{Axis, Balance, Bounds};
 
@@ -279,7 +279,7 @@ mod tests {
                 balance: Some(Balance { every_ticks: 5, ..Balance::keeping(regions) }),
                 ..WorldConfig::for_scene(&scene)
             };
-            let mut world = DcdWorld::from_scene(&scene, config).unwrap();
+            let mut world = LocalWorld::from_scene(&scene, config).unwrap();
             let mut cells = Vec::new();
             for _ in 0..60 {
                 world.step().unwrap();

@@ -42,16 +42,16 @@ impl RegionHost {
 #[cfg(test)]
 mod tests {
     use crate::physics::{Coupling, StepSettings};
-    use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
+    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
 
     /// A tower of ten boxes that stays awake, cut through its middle.
-    fn tower(coupling: Coupling) -> DcdWorld {
+    fn tower(coupling: Coupling) -> LocalWorld {
         let scene = Scene::named("tower", &Params::new().with("sleep", 0)).unwrap();
         let config = WorldConfig::for_scene(&scene);
         let step = StepSettings { exchanges: 3, ..config.step.with_coupling(coupling) };
         let cuts = Partitioning::Cuts(vec![(crate::space::Axis::Y, 5.0)]);
-        DcdWorld::from_scene(&scene, WorldConfig { partitioning: cuts, step, ..config }).unwrap()
+        LocalWorld::from_scene(&scene, WorldConfig { partitioning: cuts, step, ..config }).unwrap()
     }
 
     #[test]
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn a_world_of_one_region_exchanges_nothing() {
-        let mut world = DcdWorld::new(WorldConfig::default()).unwrap();
+        let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
         world.step().unwrap();
         assert_eq!((world.host().rounds_wanted(), world.host().exchanges_done()), (1, 0));
     }

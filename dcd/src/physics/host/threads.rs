@@ -102,6 +102,14 @@ impl Threads {
     }
 }
 
+/// Of so many awake bodies by region: the place of the region that has more than three quarters of them, if it is worth more than one
+/// thread. With less, others have enough to do beside it: of two regions one nearly always has more than half.
+pub(super) fn heaviest(awake: impl Iterator<Item = usize> + Clone) -> Option<usize> {
+    let (place, most) = awake.clone().enumerate().max_by_key(|&(_, awake)| awake)?;
+    let all: usize = awake.sum();
+    (4 * most > 3 * all && most >= 4 * WORTH_WAKING).then_some(place)
+}
+
 /// Ticks that are looked at together; the shortest counts, since others may have been interrupted.
 const LOOK: u32 = 4;
 /// Ticks between two trials at least, and at most.
@@ -266,6 +274,15 @@ fn beside(job: impl FnOnce() + Send + 'static) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_region_has_all_threads_when_others_would_long_be_done_before_it() {
+        let of = |awake: &[usize]| heaviest(awake.iter().copied());
+        assert_eq!(of(&[2723, 2722]), None, "both have a thread's work");
+        assert_eq!(of(&[500, 9000, 100]), Some(1));
+        assert_eq!(of(&[900, 0]), None, "it is not worth more than one");
+        assert_eq!(of(&[]), None);
+    }
 
     #[test]
     fn threads_are_dealt_out_evenly_and_no_team_is_idle() {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::physics::{Coupling, StepSettings};
-use crate::runtime::{DcdWorld, Partitioning, WorldConfig};
+use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
 use crate::space::{Axis, Bounds};
 
@@ -45,10 +45,10 @@ fn box_on_slope_of(degrees: f32, friction: f32) -> PhysicsWorld {
     world
 }
 
-fn tower(cut: Option<(Axis, f64)>) -> DcdWorld {
+fn tower(cut: Option<(Axis, f64)>) -> LocalWorld {
     let scene = Scene::named("tower", &Params::new()).unwrap();
     let partitioning = cut.map_or(Partitioning::Regions(1), |cut| Partitioning::Cuts(vec![cut]));
-    DcdWorld::from_scene(&scene, WorldConfig { partitioning, ..WorldConfig::for_scene(&scene) }).unwrap()
+    LocalWorld::from_scene(&scene, WorldConfig { partitioning, ..WorldConfig::for_scene(&scene) }).unwrap()
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn a_tower_presses_with_its_weight_also_when_a_border_runs_up_through_it() {
 
 /// Two towers of six boxes on one floor, cut by these planes, of which the second falls asleep only if it may. Islands are
 /// never moved whole, and regions that share anything take `exchanges` micro-steps.
-fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> DcdWorld {
+fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> LocalWorld {
     let mut scene = Scene::empty("two towers");
     scene.push_fixed_box([0.0, -0.5, 0.0], [20.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
     for (x, may_sleep) in [(0.0, true), (8.0, both_sleep)] {
@@ -160,7 +160,7 @@ fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> DcdWo
     let config = WorldConfig::for_scene(&scene);
     let step = StepSettings { exchanges, ..config.step.with_coupling(Coupling::Overlap) };
     let partitioning = Partitioning::Cuts(cuts.to_vec());
-    DcdWorld::from_scene(&scene, WorldConfig { partitioning, step, ..config }).unwrap()
+    LocalWorld::from_scene(&scene, WorldConfig { partitioning, step, ..config }).unwrap()
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn what_sleeps_presses_with_its_weight_whatever_micro_steps_were_taken_then_and_
         for both_sleep in [true, false] {
             let case = format!("{count} cuts, {exchanges} exchanges, both sleep: {both_sleep}");
             let mut world = two_towers(&cuts[..count], exchanges, both_sleep);
-            let asleep = |world: &DcdWorld| {
+            let asleep = |world: &LocalWorld| {
                 (1..=6).all(|id| world.body(BodyId::persistent(id)).is_some_and(RigidBody::is_sleeping))
             };
             let (mut most, mut since, mut ratios) = (0, 0, Vec::new());
@@ -265,7 +265,7 @@ fn energy_counts_spin_and_height_before_and_after_the_first_step() {
 fn a_free_fall_keeps_its_energy_however_the_world_is_cut() {
     let config = |partitioning| WorldConfig { partitioning, ..WorldConfig::default() };
     for partitioning in [Partitioning::Regions(1), Partitioning::Cuts(vec![(Axis::Y, 5.0)])] {
-        let mut world = DcdWorld::new(config(partitioning)).unwrap();
+        let mut world = LocalWorld::new(config(partitioning)).unwrap();
         let ball = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 10.0, 0.0));
         world.insert(ball, ColliderBuilder::ball(0.5).mass(2.0)).unwrap();
         let start_j = world.host().energy_j();

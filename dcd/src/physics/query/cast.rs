@@ -51,10 +51,10 @@ impl Queries<'_> {
     /// ```
     /// # use dcd::physics::BodyFilter;
     /// # use dcd::protocol::WorldPose;
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::prelude::*;
     /// # use parry3d::query::ShapeCastOptions;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let wall = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(1.0, 9.0, 9.0))?;
     /// let (from, options) = (WorldPose::at([-6.0, 0.0, 0.0]), ShapeCastOptions::with_max_time_of_impact(10.0));
     /// let filter = BodyFilter::default();

@@ -9,9 +9,9 @@ use crate::space::BodyId;
 ///
 /// ```
 /// # use dcd::physics::{BodyFilter, WorldRay};
-/// # use dcd::runtime::{DcdWorld, WorldConfig};
+/// # use dcd::runtime::{LocalWorld, WorldConfig};
 /// # use rapier3d::prelude::*;
-/// # let mut world = DcdWorld::new(WorldConfig::default())?;
+/// # let mut world = LocalWorld::new(WorldConfig::default())?;
 /// let wall = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(1.0, 1.0, 1.0))?;
 /// let player = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(2.0).friction(0.25))?;
 /// let ray = WorldRay::new([9.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
@@ -36,6 +36,18 @@ pub struct BodyFilter<'a> {
     /// region space.
     #[allow(clippy::type_complexity)]
     pub predicate: Option<&'a dyn Fn(BodyId, &Collider) -> bool>,
+}
+
+impl std::fmt::Debug for BodyFilter<'_> {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.debug_struct("BodyFilter")
+            .field("flags", &self.flags)
+            .field("groups", &self.groups)
+            .field("exclude_bodies", &self.exclude_bodies)
+            .field("exclude_colliders", &self.exclude_colliders)
+            .field("has_predicate", &self.predicate.is_some())
+            .finish_non_exhaustive()
+    }
 }
 
 impl BodyFilter<'_> {

@@ -28,7 +28,7 @@ use super::region::{Moved, Region, Role};
 use crate::space::Bounds;
 
 /// All queries of a world, or of the regions that one node computes. Made by [`RegionHost::queries`] and
-/// `DcdWorld::queries`; the methods are named after Rapier's.
+/// `LocalWorld::queries`; the methods are named after Rapier's.
 ///
 /// Positions are in world space. Each region computes in f32 relative to its anchor, as in a step, so answers are as exact
 /// as bodies' positions are. Bodies are found where they are now, also when they were inserted or moved since the last
@@ -36,10 +36,10 @@ use crate::space::Bounds;
 ///
 /// ```
 /// use dcd::physics::{BodyFilter, WorldRay};
-/// use dcd::runtime::{DcdWorld, Partitioning, WorldConfig};
+/// use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 /// use rapier3d::prelude::*;
 ///
-/// let mut world = DcdWorld::new(WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::default() })?;
+/// let mut world = LocalWorld::new(WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::default() })?;
 /// let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
 /// let ball = world.insert(
 ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 5.0, 0.0)),
@@ -55,6 +55,12 @@ use crate::space::Bounds;
 #[derive(Clone, Copy)]
 pub struct Queries<'a> {
     host: &'a RegionHost,
+}
+
+impl std::fmt::Debug for Queries<'_> {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.debug_struct("Queries").field("regions", &self.host.regions().len()).finish_non_exhaustive()
+    }
 }
 
 impl RegionHost {

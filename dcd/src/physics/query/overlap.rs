@@ -14,9 +14,9 @@ impl Queries<'_> {
     /// ```
     /// # use dcd::physics::BodyFilter;
     /// # use dcd::protocol::WorldPose;
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let crate_ = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::cuboid(0.5, 0.5, 0.5))?;
     /// let blast = Ball::new(3.0);
     /// let hit = world.queries().intersect_shape(&blast, &WorldPose::at([3.0, 0.0, 0.0]), &BodyFilter::default())?;

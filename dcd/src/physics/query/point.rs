@@ -55,9 +55,9 @@ impl Queries<'_> {
     ///
     /// ```
     /// # use dcd::physics::BodyFilter;
-    /// # use dcd::runtime::{DcdWorld, WorldConfig};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::prelude::*;
-    /// # let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let area = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(2.0).sensor(true))?;
     /// let inside = world.queries().intersect_point([1.0, 0.0, 0.0], &BodyFilter::default())?;
     /// assert_eq!(inside.iter().map(|id| id.body).collect::<Vec<_>>(), [area]);

@@ -6,10 +6,10 @@ mod run;
 pub use report::{Change, Chosen, MeanMax, Report, StepTimes};
 pub use run::{Cast, Plan, Subject, run};
 
-use super::DcdWorld;
+use super::LocalWorld;
 use crate::physics::{Measured, View};
 
-impl Measured for DcdWorld {
+impl Measured for LocalWorld {
     fn views(&self) -> Vec<View<'_>> {
         self.host().views()
     }

@@ -12,7 +12,7 @@ use super::report::{Change, Chosen, MeanMax, Report, StepTimes};
 #[cfg(feature = "parallel")]
 use crate::physics::HostError;
 use crate::physics::{ContactSample, Measured, View};
-use crate::runtime::{Choice, DcdWorld, Stats, Why, WorldConfig, WorldError};
+use crate::runtime::{Choice, LocalWorld, Stats, Why, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::BodyId;
 
@@ -21,7 +21,7 @@ pub enum Subject {
     /// One bare Rapier world, none of our code in its step: the reference.
     Bare(Box<PhysicsWorld>),
     /// A world cut into regions.
-    Regions(Box<DcdWorld>),
+    Regions(Box<LocalWorld>),
 }
 
 /// How it is run and what the report calls it.
@@ -43,7 +43,7 @@ impl Plan {
     pub fn subject(&self, scene: &Scene) -> Result<Subject, WorldError> {
         Ok(match &self.config {
             None => Subject::Bare(Box::new(scene.bare_world())),
-            Some(config) => Subject::Regions(Box::new(DcdWorld::from_scene(scene, config.clone())?)),
+            Some(config) => Subject::Regions(Box::new(LocalWorld::from_scene(scene, config.clone())?)),
         })
     }
 }
@@ -138,7 +138,7 @@ impl Cast {
     }
 
     /// What a world holds now, as after it was restored.
-    pub fn of_world(name: String, world: &DcdWorld) -> Self {
+    pub fn of_world(name: String, world: &LocalWorld) -> Self {
         let bodies = world.states().map(|(id, ..)| id).collect();
         Self { name, dt_s: world.host().settings().dt_s, bodies }
     }

@@ -8,7 +8,9 @@ use crate::runtime::WorldError;
 #[derive(Debug, thiserror::Error)]
 pub enum SnapshotError {
     /// Something else, by its first bytes.
-    #[error("not a snapshot of dcd: give what `dcd run --save`, `DcdWorld::save` or dcd_snapshot_save wrote")]
+    #[error(
+        "not a snapshot of dcd: give what `dcd run --save`, `LocalWorld::save` or dcd_snapshot_save wrote"
+    )]
     Foreign,
     /// A snapshot of another dcd, another Rapier or unlike features.
     #[error(

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::choice::Why;
 use super::local::check_threads;
-use super::{DcdWorld, WorldError};
+use super::{LocalWorld, WorldError};
 use crate::physics::RegionHost;
 use crate::protocol::{ContactLedger, WorldEvents, read_state, write_state};
 use blocks::{BlockReader, BlockWriter};
@@ -27,17 +27,17 @@ pub use error::SnapshotError;
 /// Grows with every change of what is saved, the order of fields too.
 const FORMAT: u32 = 2;
 
-impl DcdWorld {
-    /// Writes the whole world: [`DcdWorld::restore`] gives one that goes on from here to the same bits. The number of
+impl LocalWorld {
+    /// Writes the whole world: [`LocalWorld::restore`] gives one that goes on from here to the same bits. The number of
     /// threads is not part of it. What is written is in blocks of a mebibyte; nothing larger is kept in memory.
     ///
     /// ```
-    /// use dcd::runtime::{DcdWorld, WorldConfig};
+    /// use dcd::runtime::{LocalWorld, WorldConfig};
     ///
-    /// let mut world = DcdWorld::new(WorldConfig::default())?;
+    /// let mut world = LocalWorld::new(WorldConfig::default())?;
     /// let mut saved = Vec::new();
     /// world.save(&mut saved)?;
-    /// let mut again = DcdWorld::restore(&saved[..], 2)?;
+    /// let mut again = LocalWorld::restore(&saved[..], 2)?;
     /// world.step()?;
     /// again.step()?;
     /// assert_eq!(world.state_hash(), again.state_hash());
@@ -52,7 +52,7 @@ impl DcdWorld {
         Ok(blocks.finish()?)
     }
 
-    /// Reads a world that [`DcdWorld::save`] wrote, up to the end of `from`, to be stepped by so many threads.
+    /// Reads a world that [`LocalWorld::save`] wrote, up to the end of `from`, to be stepped by so many threads.
     ///
     /// Damage of any kind is an error. Against malice there is no guard: the checksums need no key, and whoever writes
     /// right ones can hand Rapier broken indices. Restore no snapshot of people whom you do not trust.
@@ -70,7 +70,7 @@ impl DcdWorld {
         Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO, why })
     }
 
-    /// Goes back, or on, to a world that [`DcdWorld::save`] wrote, with the threads and hooks that this one has. Ids that this
+    /// Goes back, or on, to a world that [`LocalWorld::save`] wrote, with the threads and hooks that this one has. Ids that this
     /// world has given are not given again. After an error nothing has changed.
     pub fn reload(&mut self, from: impl Read) -> Result<(), SnapshotError> {
         let mut world = Self::restore(from, 1)?;
@@ -95,7 +95,7 @@ impl DcdWorld {
         written
     }
 
-    /// Opens a file for [`DcdWorld::restore`] or [`DcdWorld::reload`].
+    /// Opens a file for [`LocalWorld::restore`] or [`LocalWorld::reload`].
     pub fn open_snapshot(path: &Path) -> Result<impl Read + use<>, SnapshotError> {
         Ok(BufReader::with_capacity(1 << 16, File::open(path)?))
     }

@@ -8,14 +8,14 @@ use crate::runtime::{Partitioning, WorldConfig};
 use crate::scene::{Params, Scene, library};
 use crate::space::{Axis, BodyId, JointId};
 
-fn saved(world: &DcdWorld) -> Vec<u8> {
+fn saved(world: &LocalWorld) -> Vec<u8> {
     let mut bytes = Vec::new();
     world.save(&mut bytes).unwrap();
     bytes
 }
 
-fn restored(bytes: &[u8], threads: usize) -> DcdWorld {
-    DcdWorld::restore(bytes, threads).unwrap()
+fn restored(bytes: &[u8], threads: usize) -> LocalWorld {
+    LocalWorld::restore(bytes, threads).unwrap()
 }
 
 /// Parry keeps a hash map for contacts with height fields, which comes out in another order each time.
@@ -25,7 +25,7 @@ fn has_stable_bytes(scene: &Scene) -> bool {
 
 /// Steps a world and one that is restored from it side by side. Equal bytes say more than equal poses: everything that a
 /// world keeps is in them, also what shows only much later.
-fn continues_alike(world: &mut DcdWorld, ticks: u64, bytes: bool, what: &str) {
+fn continues_alike(world: &mut LocalWorld, ticks: u64, bytes: bool, what: &str) {
     let first = saved(world);
     let mut again = restored(&first, 3);
     assert!(!bytes || saved(&again) == first, "{what}: what is restored is not what was saved");
@@ -71,10 +71,10 @@ fn zoo() -> Vec<Scene> {
     scenes
 }
 
-fn world_of(scene: &Scene, coupling: Coupling, partitioning: Partitioning) -> DcdWorld {
+fn world_of(scene: &Scene, coupling: Coupling, partitioning: Partitioning) -> LocalWorld {
     let config = WorldConfig::for_scene(scene);
     let step = config.step.with_coupling(coupling);
-    DcdWorld::from_scene(scene, WorldConfig { partitioning, step, ..config }).unwrap()
+    LocalWorld::from_scene(scene, WorldConfig { partitioning, step, ..config }).unwrap()
 }
 
 /// The guard against a field that is forgotten: scenes, couplings, cuts and moments.
@@ -97,11 +97,11 @@ fn a_restored_world_goes_on_to_the_same_bits() {
 }
 
 /// Bodies of every kind on a floor that is cut twice, some tied, all told of their contacts.
-fn busy(coupling: Coupling) -> (DcdWorld, Vec<BodyId>, Vec<JointId>) {
+fn busy(coupling: Coupling) -> (LocalWorld, Vec<BodyId>, Vec<JointId>) {
     let step = StepSettings::default().with_coupling(coupling);
     let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Z, 0.3)]);
     let mut world =
-        DcdWorld::new(WorldConfig { partitioning: cuts, step, ..WorldConfig::default() }).unwrap();
+        LocalWorld::new(WorldConfig { partitioning: cuts, step, ..WorldConfig::default() }).unwrap();
     let told = ActiveEvents::COLLISION_EVENTS | ActiveEvents::CONTACT_FORCE_EVENTS;
     world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(30.0, 0.5, 30.0)).unwrap();
     let mut bodies = Vec::new();
@@ -116,7 +116,7 @@ fn busy(coupling: Coupling) -> (DcdWorld, Vec<BodyId>, Vec<JointId>) {
         let collider = ColliderBuilder::cuboid(0.4, 0.45, 0.4).active_events(told);
         bodies.push(world.insert(kind.translation(at), collider).unwrap());
     }
-    let tie = |world: &mut DcdWorld, a: usize, b: usize| {
+    let tie = |world: &mut LocalWorld, a: usize, b: usize| {
         let joint = SphericalJointBuilder::new()
             .local_anchor1(Vector::new(0.45, 0.0, 0.0))
             .local_anchor2(Vector::new(-0.45, 0.0, 0.0));
@@ -203,7 +203,8 @@ fn a_multibody_that_changes_region_goes_on_too() {
         let step =
             StepSettings { gravity: [8.0, -9.81, 0.0], ..StepSettings::default() }.with_coupling(coupling);
         let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
-        let mut world = DcdWorld::new(WorldConfig { partitioning, step, ..WorldConfig::default() }).unwrap();
+        let mut world =
+            LocalWorld::new(WorldConfig { partitioning, step, ..WorldConfig::default() }).unwrap();
         world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(30.0, 0.5, 30.0)).unwrap();
         for z in [0.0, 0.7] {
             let links: Vec<_> = (0..4)
@@ -248,14 +249,14 @@ fn the_number_of_threads_changes_nothing() {
     });
     hashes.sort_unstable();
     assert_eq!(hashes[0], hashes[2]);
-    assert!(matches!(DcdWorld::restore(&bytes[..], 1_000_000_000), Err(SnapshotError::Threads(_))));
+    assert!(matches!(LocalWorld::restore(&bytes[..], 1_000_000_000), Err(SnapshotError::Threads(_))));
 }
 
 #[test]
 fn what_is_not_a_snapshot_is_said_to_be_none() {
     for other in [&b""[..], b"[world]", b"\x89dcdsna", b"\x89dcdsnapshot"] {
-        let error = DcdWorld::restore(other, 1).err().unwrap();
-        let begins = other.len() >= 8 && DcdWorld::is_snapshot(other);
+        let error = LocalWorld::restore(other, 1).err().unwrap();
+        let begins = other.len() >= 8 && LocalWorld::is_snapshot(other);
         assert!(matches!(error, SnapshotError::Foreign) != begins, "{error}");
     }
 }
@@ -264,7 +265,7 @@ fn what_is_not_a_snapshot_is_said_to_be_none() {
 fn a_snapshot_of_another_format_or_build_is_refused_with_both_names() {
     let mut foreign = Vec::new();
     header::write(FORMAT + 1, &mut foreign).unwrap();
-    let error = DcdWorld::restore(&foreign[..], 1).err().unwrap().to_string();
+    let error = LocalWorld::restore(&foreign[..], 1).err().unwrap().to_string();
     assert!(error.contains(&format!("format {},", FORMAT + 1)), "{error}");
     assert!(error.contains(&format!("format {FORMAT}, dcd {}", env!("CARGO_PKG_VERSION"))), "{error}");
     assert!(error.contains("restore it by the dcd that made it"), "{error}");
@@ -275,12 +276,12 @@ fn every_truncation_is_refused() {
     let bytes = sample();
     let ends = (0..200).chain((200..bytes.len()).step_by(977)).chain(bytes.len() - 80..bytes.len());
     for end in ends {
-        let error = DcdWorld::restore(&bytes[..end], 1).err().unwrap();
+        let error = LocalWorld::restore(&bytes[..end], 1).err().unwrap();
         let right = matches!(error, SnapshotError::Foreign | SnapshotError::Truncated(_));
         assert!(right, "{end} of {} bytes: {error}", bytes.len());
     }
     let longer = [&bytes[..], &[0]].concat();
-    assert!(matches!(DcdWorld::restore(&longer[..], 1), Err(SnapshotError::Damaged(_))));
+    assert!(matches!(LocalWorld::restore(&longer[..], 1), Err(SnapshotError::Damaged(_))));
 }
 
 #[test]
@@ -331,6 +332,6 @@ proptest! {
         let mut bytes = SAMPLE.with(Clone::clone);
         let place = place.index(bytes.len());
         bytes[place] ^= 1 << bit;
-        prop_assert!(DcdWorld::restore(&bytes[..], 1).is_err(), "byte {place}, bit {bit}");
+        prop_assert!(LocalWorld::restore(&bytes[..], 1).is_err(), "byte {place}, bit {bit}");
     }
 }

@@ -7,8 +7,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use super::World;
 use crate::status::{DCD_ERR_BUSY, DCD_ERR_LIMIT, DCD_ERR_PANIC, DCD_ERR_TIMEOUT, Failure};
-use crate::world::World;
 
 /// A world that calls take turns on.
 pub(crate) struct Cell {

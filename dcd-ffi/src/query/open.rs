@@ -1,0 +1,39 @@
+//! Queries that are submitted and not fetched yet.
+
+use dcd::protocol::Found;
+
+use crate::handle::Slots;
+
+/// The open queries of a world.
+pub(crate) struct OpenQueries {
+    pub slots: Slots<Submitted>,
+    pub count: usize,
+    pub cost: usize,
+}
+
+impl OpenQueries {
+    pub(crate) const fn new() -> Self {
+        Self { slots: Slots::new(), count: 0, cost: 0 }
+    }
+}
+
+/// What is submitted at a time.
+pub(crate) struct Submitted {
+    pub kind: Kind,
+    pub cost: usize,
+    pub answer: Answer,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Rays,
+    Casts,
+    Overlaps,
+}
+
+/// The answer, or how to ask for it.
+pub(crate) enum Answer {
+    /// Under this number, by those who compute the world.
+    Awaited(u64),
+    Here(Found),
+}

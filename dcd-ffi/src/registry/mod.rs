@@ -1,0 +1,127 @@
+//! The worlds that this process has handles of, and what C needs with each.
+
+mod cell;
+
+use std::cell::RefCell;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use dcd::{BodyId, World as Dcd};
+use rapier3d::prelude::SharedShape;
+
+use crate::event::EventBuffers;
+use crate::handle::{Mark, Slots, not_null, stale};
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::log;
+use crate::query::open::OpenQueries;
+use crate::state::StateBuffers;
+use crate::status::Failure;
+use cell::Cell;
+
+/// A world with what C needs besides.
+pub(crate) struct World {
+    pub mark: Mark,
+    pub dcd: Dcd,
+    pub shapes: Slots<SharedShape>,
+    pub states: StateBuffers,
+    pub events: EventBuffers,
+    pub queries: OpenQueries,
+    pub user_data: u64,
+}
+
+impl World {
+    /// Advances the world, and shows what happened.
+    pub(crate) fn step(&mut self) -> Result<(), Failure> {
+        let stepped = self.dcd.step();
+        self.show();
+        Ok(stepped?)
+    }
+
+    /// Takes down state and events of the last step for those who look.
+    pub(crate) fn show(&mut self) {
+        self.events.fill(&self.dcd, self.mark);
+        self.states.after_step(&self.dcd, self.mark);
+    }
+}
+
+static WORLDS: Mutex<Slots<Arc<Cell>>> = Mutex::new(Slots::new());
+
+fn worlds() -> MutexGuard<'static, Slots<Arc<Cell>>> {
+    // Nothing that can panic halfway runs under this lock.
+    WORLDS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The place of a world; for calls that do not take turns on it.
+pub(crate) fn cell(world: DcdWorld) -> Result<Arc<Cell>, Failure> {
+    log::check_outside()?;
+    not_null(world.v, "world")?;
+    worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))
+}
+
+/// Calls `work` with the world, after every other call on it.
+pub(crate) fn with<R>(
+    world: DcdWorld,
+    work: impl FnOnce(&mut World) -> Result<R, Failure>,
+) -> Result<R, Failure> {
+    log::check_outside()?;
+    not_null(world.v, "world")?;
+    LAST.with(|last| {
+        if last.borrow().as_ref().is_none_or(|(handle, _)| *handle != world.v) {
+            let found = cell(world)?;
+            last.replace(Some((world.v, found)));
+        }
+        // No call is made within another on this thread, so nobody replaces it meanwhile.
+        let last = last.borrow();
+        let done = last.as_ref().and_then(|(_, cell)| cell.with(work));
+        done.unwrap_or_else(|| Err(stale("world", world.v)))
+    })
+}
+
+thread_local! {
+    /// The world that this thread last called, so that it is not looked for again: handles are never given twice. Once it is
+    /// destroyed, nothing is left in its cell.
+    static LAST: RefCell<Option<(u64, Arc<Cell>)>> = const { RefCell::new(None) };
+}
+
+pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
+    static COUNT: AtomicU32 = AtomicU32::new(1);
+    let mark = Mark::new(COUNT.fetch_add(1, Ordering::Relaxed));
+    let world = World {
+        mark,
+        dcd,
+        shapes: Slots::new(),
+        states: StateBuffers::default(),
+        events: EventBuffers::default(),
+        queries: OpenQueries::new(),
+        user_data,
+    };
+    let handle = DcdWorld { v: worlds().insert(Arc::new(Cell::new(world))) };
+    tracing::info!(world = handle.v, "world made");
+    handle
+}
+
+/// Takes a world out; calls that wait for it find it gone.
+pub(crate) fn remove(world: DcdWorld) -> Result<(), Failure> {
+    log::check_outside()?;
+    not_null(world.v, "world")?;
+    let cell = worlds().remove(world.v).ok_or_else(|| stale("world", world.v))?;
+    drop(cell.close());
+    Ok(())
+}
+
+/// Whether the handle names a world.
+pub(crate) fn contains(world: DcdWorld) -> bool {
+    worlds().get(world.v).is_some()
+}
+
+/// The body behind a handle.
+pub(crate) fn find(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
+    let id = world.mark.body_id(body)?;
+    if world.dcd.contains(id) { Ok(id) } else { Err(missing(world, body)) }
+}
+
+/// Why a handle names no body: its world shows none, or it is stale.
+#[cold]
+pub(crate) fn missing(world: &World, body: DcdBodyId) -> Failure {
+    world.dcd.sees("see the bodies of its world").err().map_or_else(|| stale("body", body.v), Failure::from)
+}

@@ -1,0 +1,16 @@
+//! The manual: what a user of dcd should know beyond the documentation of single items.
+
+#[doc = include_str!("../manual/concepts.md")]
+pub mod concepts {}
+
+#[doc = include_str!("../manual/coupling.md")]
+pub mod coupling {}
+
+#[doc = include_str!("../manual/serving.md")]
+pub mod serving {}
+
+#[doc = include_str!("../manual/limits.md")]
+pub mod limits {}
+
+#[doc = include_str!("../ARCHITECTURE.md")]
+pub mod architecture {}

@@ -1,0 +1,102 @@
+//! Checks what must hold of all regions between two ticks, as Box2D's `b2Validate` functions do for one world.
+
+use std::collections::BTreeMap;
+
+use super::RegionHost;
+use crate::physics::region::Role;
+use crate::space::{BodyId, RegionId, RegionSet};
+
+/// Something that must hold between two ticks does not: a fault of dcd, or a peer's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
+#[non_exhaustive]
+pub enum Inconsistency {
+    /// A body has not exactly one owner.
+    #[error("{body} has {owners} owners instead of one")]
+    Owners {
+        /// Which body.
+        body: BodyId,
+        /// How many regions own it.
+        owners: usize,
+    },
+    /// The index of owners leads elsewhere than to the owner.
+    #[error("the index of owners does not lead to {body} in {region}")]
+    Index {
+        /// Which body.
+        body: BodyId,
+        /// The region that owns it.
+        region: RegionId,
+    },
+    /// An owner believes that a region holds a replica, which it does not.
+    #[error("{region} does not hold {body}, though its owner believes so")]
+    NoReplica {
+        /// Which body.
+        body: BodyId,
+        /// The region that should hold it.
+        region: RegionId,
+    },
+    /// A region holds a replica, and its owner does not know.
+    #[error("{region} holds {body}, and its owner does not know")]
+    UnknownReplica {
+        /// Which body.
+        body: BodyId,
+        /// The region that holds it.
+        region: RegionId,
+    },
+    /// A body's place or motion is not a number, or infinite.
+    #[error("the state of {body} in {region} is not finite")]
+    NotFinite {
+        /// Which body.
+        body: BodyId,
+        /// The region that holds it.
+        region: RegionId,
+    },
+}
+
+impl RegionHost {
+    /// What does not hold of the regions computed here, in order; nothing as long as all is well. Call it between two ticks. Who holds
+    /// what is looked at where this process has all regions.
+    pub fn validate(&self) -> Vec<Inconsistency> {
+        let mut found = Vec::new();
+        let mut owners: BTreeMap<BodyId, Vec<(usize, RegionSet)>> = BTreeMap::new();
+        let mut held: BTreeMap<BodyId, RegionSet> = BTreeMap::new();
+        let region_of = |rank: usize| self.partition.leaves()[rank];
+        for region in self.regions() {
+            for (body, role, handle, rigid_body) in region.bodies() {
+                let id = region.id();
+                match role {
+                    Role::Owner => {
+                        owners.entry(body).or_default().push((region.rank(), region.slot(handle).holders));
+                        if self.owned(body).is_none_or(|(owner, at)| owner.id() != id || at != handle) {
+                            found.push(Inconsistency::Index { body, region: id });
+                        }
+                    }
+                    Role::Replica { .. } => {
+                        held.entry(body).or_insert(RegionSet::EMPTY).insert(region.rank());
+                    }
+                    Role::Immovable => {}
+                }
+                let is_finite = rigid_body.position().is_finite() && rigid_body.linvel().is_finite();
+                if !is_finite && !region.quarantined().contains(&body) {
+                    found.push(Inconsistency::NotFinite { body, region: id });
+                }
+            }
+        }
+        if self.sides.len() == self.partition.len() {
+            for (&body, owners) in &owners {
+                if owners.len() > 1 {
+                    found.push(Inconsistency::Owners { body, owners: owners.len() });
+                }
+                let here = held.get(&body).copied().unwrap_or(RegionSet::EMPTY);
+                let (_, holders) = owners[0];
+                let missing = holders.without(here).iter().map(region_of);
+                found.extend(missing.map(|region| Inconsistency::NoReplica { body, region }));
+                let unknown = here.without(holders).iter().map(region_of);
+                found.extend(unknown.map(|region| Inconsistency::UnknownReplica { body, region }));
+            }
+            let lost = held.keys().filter(|body| !owners.contains_key(body));
+            found.extend(lost.map(|&body| Inconsistency::Owners { body, owners: 0 }));
+        }
+        found.sort_unstable();
+        found
+    }
+}

@@ -1,0 +1,15 @@
+//! What a program needs that makes, steps and reads a world: `use dcd::prelude::*;`, with Rapier's own prelude in it.
+
+#[doc(no_inline)]
+pub use rapier3d::prelude::*;
+
+#[cfg(feature = "net")]
+#[doc(no_inline)]
+pub use crate::network::{JoinConfig, JoinRole, ServeConfig};
+#[doc(no_inline)]
+pub use crate::query::{BodyFilter, WorldRay};
+#[doc(no_inline)]
+pub use crate::{
+    BodyChange, BodyId, BodyKind, Bounds, CharacterMove, ContactHooks, Coupling, Error, HookedPair, JointId,
+    LinkSettings, Params, Partitioning, Role, Scene, Vehicle, Velocity, World, WorldConfig, WorldPose,
+};

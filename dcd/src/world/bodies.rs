@@ -1,0 +1,317 @@
+//! Bodies: inserting, reading, moving, changing, removing.
+
+use rapier3d::prelude::*;
+
+use super::role::Instead;
+use super::view::{Body, MovableBody};
+use super::{Error, Inner, World};
+use crate::physics::Region;
+use crate::protocol::{BodyKind, BodyRecord, Velocity, WorldPose};
+use crate::space::BodyId;
+
+const CHANGE_BODY: &str = "change a body in place";
+const CHANGE_SURFACE: &str = "change the surface of a body";
+
+/// Bodies.
+impl World {
+    /// Inserts a body with one collider, at the body's own position: in world space, exact near the origin.
+    ///
+    /// In a served world it is an avatar, dynamic or kinematic by velocity. Its id is valid at once, and it stands where it was put;
+    /// [`BodyChange`](super::BodyChange) tells that it is in the world, or refused. Its speed may be limited by the server.
+    pub fn insert(&mut self, body: impl Into<RigidBody>, collider: ColliderBuilder) -> Result<BodyId, Error> {
+        let body = body.into();
+        let pose = WorldPose {
+            translation: body.translation().to_array().map(f64::from),
+            rotation: body.rotation().to_array(),
+        };
+        self.insert_at(pose, body, [collider])
+    }
+
+    /// Inserts a body with any number of colliders at a pose of world space, which replaces the body's own position; else as
+    /// [`World::insert`].
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// let far = WorldPose::at([100_000.0, 2.0, 0.25]);
+    /// let id = world.insert_at(far, RigidBodyBuilder::dynamic(), [ColliderBuilder::ball(0.5)])?;
+    /// assert_eq!(world.pose(id).unwrap().translation[2], 0.25);
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn insert_at(
+        &mut self,
+        pose: WorldPose,
+        body: impl Into<RigidBody>,
+        colliders: impl AsRef<[ColliderBuilder]>,
+    ) -> Result<BodyId, Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.insert_at(pose, body, colliders)?),
+            Inner::Remote(world) => world.insert(pose, &body.into(), colliders.as_ref()),
+        }
+    }
+
+    /// Removes a body with its colliders and joints; in a served world an avatar of this process, for good.
+    pub fn remove(&mut self, body: BodyId) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.remove(body)?),
+            Inner::Remote(world) => world.remove(body),
+        }
+    }
+
+    /// Whether the world has a body, as far as this process knows.
+    #[must_use]
+    pub fn contains(&self, body: BodyId) -> bool {
+        match &self.inner {
+            Inner::Local(world) => world.contains(body),
+            Inner::Remote(world) => world.contains(body),
+        }
+    }
+
+    /// What there is to say of a body.
+    #[must_use]
+    pub fn body(&self, id: BodyId) -> Option<Body> {
+        let world = match &self.inner {
+            Inner::Local(world) => world,
+            Inner::Remote(world) => return world.body(id),
+        };
+        let body = world.body(id)?;
+        let (pose, velocity) = world.motion(id)?;
+        Some(Body {
+            pose,
+            velocity,
+            kind: match body.body_type() {
+                RigidBodyType::Fixed => BodyKind::Fixed,
+                RigidBodyType::Dynamic | RigidBodyType::SoftFrame => BodyKind::Dynamic,
+                RigidBodyType::KinematicVelocityBased => BodyKind::KinematicVelocity,
+                RigidBodyType::KinematicPositionBased => BodyKind::KinematicPosition,
+            },
+            sleeping: body.is_sleeping(),
+            mass_kg: world.mass_kg(id),
+            user_data: body.user_data,
+            owner: world.owner_of(id),
+            outside: false,
+        })
+    }
+
+    /// Where a body is, in world space.
+    #[must_use]
+    pub fn pose(&self, body: BodyId) -> Option<WorldPose> {
+        match &self.inner {
+            Inner::Local(world) => world.pose(body),
+            Inner::Remote(world) => Some(world.motion(body)?.0),
+        }
+    }
+
+    /// How a body moves, m/s and rad/s; zero for a fixed one.
+    #[must_use]
+    pub fn velocity(&self, body: BodyId) -> Option<Velocity> {
+        match &self.inner {
+            Inner::Local(world) => world.velocity(body),
+            Inner::Remote(world) => Some(world.motion(body)?.1),
+        }
+    }
+
+    /// [`World::pose`] and [`World::velocity`] of a body, by one look-up.
+    #[must_use]
+    pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
+        match &self.inner {
+            Inner::Local(world) => world.motion(body),
+            Inner::Remote(world) => world.motion(body),
+        }
+    }
+
+    /// The number that its user gave a body; in a served world also of one that went in the last step.
+    #[must_use]
+    pub fn user_data(&self, body: BodyId) -> Option<u128> {
+        match &self.inner {
+            Inner::Local(world) => Some(world.body(body)?.user_data),
+            Inner::Remote(world) => world.user_data(body),
+        }
+    }
+
+    /// A body with all that is known of it: what travels when it changes owner.
+    #[must_use]
+    pub fn record(&self, body: BodyId) -> Option<BodyRecord> {
+        match &self.inner {
+            Inner::Local(world) => world.host().record(body),
+            Inner::Remote(world) => world.record(body),
+        }
+    }
+
+    /// The movable bodies after the last step, in id order.
+    #[must_use]
+    pub fn movable_bodies(&self) -> Box<dyn Iterator<Item = MovableBody> + '_> {
+        let row = |(id, region, handle): (_, &Region, _)| {
+            let (pose, velocity) = region.motion(handle);
+            let body = &region.physics().bodies[handle];
+            MovableBody {
+                id,
+                region: region.id(),
+                pose,
+                velocity,
+                user_data: body.user_data,
+                sleeping: body.is_sleeping(),
+                outside: false,
+            }
+        };
+        match &self.inner {
+            Inner::Local(world) => Box::new(world.host().owned_bodies().map(row)),
+            Inner::Remote(world) => world.movable_bodies(),
+        }
+    }
+
+    /// How many movable bodies there are.
+    #[must_use]
+    pub fn movable_count(&self) -> usize {
+        match &self.inner {
+            Inner::Local(world) => world.host().owned_count(),
+            Inner::Remote(world) => world.movable_count(),
+        }
+    }
+
+    /// Avatars that this process has in a served world: in it or on their way, also those that an earlier stay left behind, in id
+    /// order; none in a local world.
+    #[must_use]
+    pub fn own_avatars(&self) -> Vec<BodyId> {
+        self.remote().map(|world| world.own_avatars()).unwrap_or_default()
+    }
+
+    /// Refuses what a role cannot do that does not see the bodies of its world.
+    #[doc(hidden)]
+    pub fn sees(&self, what: &'static str) -> Result<(), Error> {
+        self.remote().map_or(Ok(()), |world| world.sees(what))
+    }
+
+    /// Puts a body elsewhere at once, whatever is there, and wakes it; in a served world an avatar of this process, by the next step.
+    pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.set_pose(body, pose)?),
+            Inner::Remote(world) => world.set_pose(body, pose),
+        }
+    }
+
+    /// Sets how a body moves, and wakes it; in a served world an avatar of this process, by the next step.
+    pub fn set_velocity(&mut self, body: BodyId, velocity: Velocity) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.set_velocity(body, velocity)?),
+            Inner::Remote(world) => world.set_velocity(body, velocity),
+        }
+    }
+
+    /// Sends a position-based kinematic body to a pose, where it is at the end of the next tick: what it touches feels the speed
+    /// that this takes. Other bodies do not heed it. Local worlds only.
+    pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
+        Ok(self.local_mut(CHANGE_BODY, Instead::DriveAvatars)?.set_next_pose(body, pose)?)
+    }
+
+    /// Whether bodies can be changed in place here, and not by driving avatars alone.
+    #[doc(hidden)]
+    pub fn changes_bodies(&self) -> Result<(), Error> {
+        self.local(CHANGE_BODY, Instead::DriveAvatars).map(drop)
+    }
+
+    /// The owner's copy of a movable body, or any copy of a fixed one, to read what Rapier knows of it. Its position is in region
+    /// space, and where regions share the body it has a share of the mass: [`World::body`] has both whole. Local worlds only.
+    pub fn rigid_body(&self, body: BodyId) -> Result<Option<&RigidBody>, Error> {
+        Ok(self.local("show Rapier's bodies", Instead::DriveAvatars)?.body(body))
+    }
+
+    /// Whether forces and impulses act here.
+    #[doc(hidden)]
+    pub fn pushes_bodies(&self) -> Result<(), Error> {
+        self.local("push bodies by force", Instead::PushByAvatars).map(drop)
+    }
+
+    /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may be called
+    /// more than once and must do the same each time; positions in it are in region space, so use [`World::set_pose`] to move a
+    /// body. A body that becomes fixed, or movable, is placed anew. Local worlds only.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
+    /// world.update(ball, |body| body.apply_impulse(Vector::new(1.0, 0.0, 0.0), true))?;
+    /// assert!(world.velocity(ball).unwrap().linear[0] > 0.0);
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn update<R>(&mut self, body: BodyId, change: impl FnMut(&mut RigidBody) -> R) -> Result<R, Error> {
+        Ok(self.local_mut(CHANGE_BODY, Instead::DriveAvatars)?.update(body, change)?)
+    }
+
+    /// How many colliders a body has; 0 where they are not computed here.
+    #[must_use]
+    pub fn collider_count(&self, body: BodyId) -> usize {
+        match &self.inner {
+            Inner::Local(world) => world.body(body).map_or(0, |body| body.colliders().len()),
+            Inner::Remote(_) => 0,
+        }
+    }
+
+    /// Whether colliders can be changed here.
+    #[doc(hidden)]
+    pub fn changes_colliders(&self) -> Result<(), Error> {
+        self.local(CHANGE_SURFACE, Instead::ShapeAtBirth).map(drop)
+    }
+
+    /// Gives a body one more collider, the last of its list. The body is placed anew with what joints tie to it: contacts of
+    /// these begin again, without memory. Local worlds only.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
+    /// world.insert_collider(ball, ColliderBuilder::ball(0.2).mass(3.0).translation(Vector::Y))?;
+    /// assert!(world.body(ball).unwrap().mass_kg > Some(3.0));
+    /// world.remove_collider(ball, 1)?;
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn insert_collider(&mut self, body: BodyId, collider: ColliderBuilder) -> Result<(), Error> {
+        Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.insert_collider(body, collider)?)
+    }
+
+    /// Takes a collider from a body, as [`World::insert_collider`] gives it; those after it move up. Local worlds only.
+    pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), Error> {
+        Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.remove_collider(body, index)?)
+    }
+
+    /// Changes a collider of a body in place, in every copy, by Rapier's own setters: what it touches and how, what it reports, its
+    /// mass, its shape (which must be one that can travel), its place on the body. `index` counts the body's colliders in order of
+    /// insertion. Local worlds only.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
+    /// world.update_collider(ball, 0, |collider| collider.set_active_events(ActiveEvents::COLLISION_EVENTS))?;
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn update_collider<R>(
+        &mut self,
+        body: BodyId,
+        index: usize,
+        change: impl FnMut(&mut Collider) -> R,
+    ) -> Result<R, Error> {
+        Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.update_collider(body, index, change)?)
+    }
+
+    /// The centre of mass of a body computed here, in world space.
+    #[must_use]
+    pub fn centre_of_mass(&self, id: BodyId) -> Option<[f64; 3]> {
+        let Inner::Local(world) = &self.inner else { return None };
+        let (body, pose) = (world.body(id)?, world.pose(id)?);
+        let arm = (*body.rotation() * body.local_center_of_mass()).to_array();
+        Some(std::array::from_fn(|i| pose.translation[i] + f64::from(arm[i])))
+    }
+
+    /// How a body computed here would move after these impulses, N s and N m s in world axes; infinities and NaN included.
+    #[must_use]
+    pub fn velocity_after(&self, id: BodyId, impulse: Vector, torque_impulse: Vector) -> Option<Velocity> {
+        let Inner::Local(world) = &self.inner else { return None };
+        let body = world.body(id)?;
+        let mass = body.mass_properties();
+        Some(Velocity {
+            linear: (body.linvel() + impulse * mass.effective_inv_mass).to_array(),
+            angular: (body.angvel() + mass.effective_world_inv_inertia * torque_impulse).to_array(),
+        })
+    }
+}

@@ -1,0 +1,76 @@
+//! Rapier's controllers and a user's hooks, in worlds that one process computes.
+
+use std::sync::Arc;
+
+use rapier3d::control::EffectiveCharacterMovement;
+use rapier3d::prelude::Pose;
+
+use super::role::Instead;
+use super::{Error, World};
+use crate::physics::{BodyFilter, CharacterHit, CharacterMove, ContactHooks, Vehicle};
+use crate::protocol::WorldPose;
+use crate::space::BodyId;
+
+const CONTROL: &str = "run controllers";
+
+/// Controllers and hooks, of local worlds.
+impl World {
+    /// How far a character comes that wants to go somewhere within one tick, by Rapier's character controller: it slides
+    /// along walls, climbs steps, keeps to the ground. `met` hears of each collider in its way. The character need be no
+    /// body of the world; if it is one, exclude it by the filter and send it on by [`World::set_next_pose`].
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # use dcd::rapier3d::control::KinematicCharacterController;
+    /// let mut world = World::new(WorldConfig::default())?;
+    /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
+    /// let character = CharacterMove {
+    ///     controller: &KinematicCharacterController::default(),
+    ///     shape: &Capsule::new_y(0.5, 0.3),
+    ///     pose: WorldPose::at([0.0, 1.4, 0.0]),
+    ///     desired_m: [0.1, -0.2, 0.0],
+    ///     filter: BodyFilter::default(),
+    /// };
+    /// let movement = world.move_character(&character, |_| ())?;
+    /// assert!(movement.grounded && movement.translation.x > 0.09 && movement.translation.y > -0.11);
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn move_character(
+        &self,
+        character: &CharacterMove<'_>,
+        met: impl FnMut(CharacterHit),
+    ) -> Result<EffectiveCharacterMovement, Error> {
+        Ok(self.local(CONTROL, Instead::DriveAvatars)?.move_character(character, met)?)
+    }
+
+    /// Pushes the dynamic bodies that a character of this mass met on its way: `hits` are those that
+    /// [`World::move_character`] told of for the same movement.
+    pub fn push_by_character(
+        &mut self,
+        character: &CharacterMove<'_>,
+        mass_kg: f32,
+        hits: &[CharacterHit],
+    ) -> Result<(), Error> {
+        Ok(self.local_mut(CONTROL, Instead::DriveAvatars)?.push_by_character(character, mass_kg, hits)?)
+    }
+
+    /// Lets a car's wheels act on its chassis, before each [`World::step`]. The wheels stand on what the filter lets
+    /// through, and never on the chassis.
+    pub fn update_vehicle(&mut self, vehicle: &mut Vehicle, filter: &BodyFilter<'_>) -> Result<(), Error> {
+        Ok(self.local_mut(CONTROL, Instead::DriveAvatars)?.update_vehicle(vehicle, filter)?)
+    }
+
+    /// A pose of the world in the space of [`World::rigid_body`]: what Rapier's `PidController` needs as its target.
+    #[must_use]
+    pub fn region_pose(&self, body: BodyId, pose: &WorldPose) -> Option<Pose> {
+        self.alone()?.region_pose(body, pose)
+    }
+
+    /// Asks these hooks about contacts from now on, and no others; `None` asks nobody. A collider is asked about if it has
+    /// Rapier's `ActiveHooks`, which travel with it; hooks themselves do not: a served world has none, and a restored one has them
+    /// when they are set again.
+    pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) -> Result<(), Error> {
+        self.local_mut("ask hooks about contacts", Instead::ComputeAlone)?.set_hooks(hooks);
+        Ok(())
+    }
+}

@@ -1,0 +1,44 @@
+//! Why a world, of whatever role, cannot do what it is asked.
+
+use super::role::Unsupported;
+use crate::physics::{QueryError, ShapeError};
+#[cfg(feature = "net")]
+use crate::runtime::{ConnectionError, ProcessError};
+use crate::runtime::{SnapshotError, WorldError};
+use crate::scene::SceneError;
+
+/// Why a world cannot do what it is asked. Each message names cause and remedy.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A body, joint, setting or number.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// A shape cannot be held, or cannot travel.
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
+    /// A question cannot be answered.
+    #[error(transparent)]
+    Query(#[from] QueryError),
+    /// A snapshot cannot be written or read.
+    #[error(transparent)]
+    Snapshot(#[from] SnapshotError),
+    /// A scene cannot be read.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The role cannot do it.
+    #[error(transparent)]
+    Unsupported(#[from] Unsupported),
+    /// A process cannot join or serve a world, or go on.
+    #[cfg(feature = "net")]
+    #[error(transparent)]
+    Process(#[from] ProcessError),
+    /// Something about a connection.
+    #[cfg(feature = "net")]
+    #[error(transparent)]
+    Connection(#[from] ConnectionError),
+    /// The world goes on without this process, or has ended. Every later call that needs the link says so again.
+    #[cfg(feature = "net")]
+    #[error("{0}")]
+    Lost(String),
+}

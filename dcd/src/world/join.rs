@@ -1,0 +1,86 @@
+//! Entering a world that a server holds, and holding one.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use super::hosted::{Hosted, Process};
+use super::remote::Remote;
+use super::role::Instead;
+use super::served::Served;
+use super::{Error, Inner, World};
+use crate::net::Role as JoinRole;
+use crate::runtime::{
+    ClientWorld, JoinConfig, Member, MemberConfig, Origin, ServeConfig, ServerProcess, WorldConfig,
+};
+use crate::scene::Scene;
+
+const TOKENS: &str = "mint tokens";
+
+/// Served worlds.
+impl World {
+    /// Joins a served world as a client, and waits until the server has told the whole world. It need not have nodes yet: the world
+    /// stands still until it has. Dropping the world leaves it; avatars wait at the server for the return with the same identity.
+    pub fn connect(config: &JoinConfig) -> Result<Self, Error> {
+        Ok(Self::of(Served::new(ClientWorld::connect(config)?)?))
+    }
+
+    /// Joins a served world as a client whose process also computes a share of it, on threads of its own. Dropping the world first
+    /// hands the share to others, which may take some seconds.
+    pub fn participate(config: &JoinConfig) -> Result<Self, Error> {
+        Ok(Self::of(Served::new(ClientWorld::participate(config)?)?))
+    }
+
+    /// Joins a served world as a node: this process computes a share of it for others, on threads of its own. Dropping the world
+    /// first hands the share to others.
+    pub fn join_as_node(config: &JoinConfig) -> Result<Self, Error> {
+        let mut member = MemberConfig::new(config.server, config.join(JoinRole::Node)?);
+        member.threads = config.threads;
+        member.give_up = config.give_up;
+        member.listen = config.listen.unwrap_or(member.listen);
+        member.advertise = config.advertise;
+        Ok(Self::of(Hosted::new(Process::Node(Member::start(member)?), 0.0, [0.0; 3])))
+    }
+
+    /// Serves a scene: the world begins with the nodes that join. Of `world` counts how it is cut and stepped. Dropping the server
+    /// ends the world for all.
+    pub fn serve(scene: &Scene, world: &WorldConfig, config: ServeConfig) -> Result<Self, Error> {
+        let server = ServerProcess::start(Origin::Scene(scene, world), config)?;
+        Ok(Self::of(Hosted::new(Process::Server(server), world.step.dt_s, world.step.gravity)))
+    }
+
+    /// Serves a copy of this local world as it is now, with its cut and settings. What is not a property of a body or joint stays
+    /// behind: contacts under load begin anew, and the tick begins at 0.
+    pub fn serve_copy(&self, config: ServeConfig) -> Result<Self, Error> {
+        let source = self.local("be a source", Instead::MakeSourceAnew)?;
+        let server = ServerProcess::start(Origin::World(source), config)?;
+        Ok(Self::of(Hosted::new(Process::Server(server), self.dt_s(), self.gravity())))
+    }
+
+    /// Mints a token that lets one process join this server in such a role, within `valid_for`.
+    pub fn token(&self, role: JoinRole, valid_for: Duration) -> Result<String, Error> {
+        Ok(self.server(TOKENS)?.token(role, valid_for)?)
+    }
+
+    /// Whether tokens are minted here.
+    #[doc(hidden)]
+    pub fn mints_tokens(&self) -> Result<(), Error> {
+        self.server(TOKENS).map(drop)
+    }
+
+    fn server(&self, what: &'static str) -> Result<&ServerProcess, Error> {
+        self.has_network(what)?;
+        let server = self.remote().and_then(|world| world.server());
+        server.ok_or_else(|| self.refuse(what, Instead::AskServer))
+    }
+
+    /// Where a server or a node listens.
+    pub fn address(&self) -> Result<SocketAddr, Error> {
+        let what = "be listened to";
+        let Some(world) = self.remote() else { return Err(self.refuse(what, Instead::Serve)) };
+        world.address().ok_or_else(|| self.refuse(what, Instead::AskListener))
+    }
+
+    fn of(world: impl Remote + 'static) -> Self {
+        Self { inner: Inner::Remote(Box::new(world)), answers: super::Answers::default() }
+    }
+}

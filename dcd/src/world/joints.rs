@@ -1,0 +1,121 @@
+//! Joints and multibodies, in worlds that one process computes.
+
+use rapier3d::prelude::GenericJoint;
+
+use super::role::Instead;
+use super::{Error, World};
+use crate::physics::LinkSettings;
+use crate::protocol::{JointRecord, LinkMotion};
+use crate::space::{BodyId, JointId};
+
+/// Joints, of local worlds: a served world has those of its scene.
+impl World {
+    /// Whether bodies can be tied here.
+    #[doc(hidden)]
+    pub fn ties_bodies(&self) -> Result<(), Error> {
+        self.local("make, see, drive or destroy joints", Instead::JointsInScene).map(drop)
+    }
+
+    /// Ties two bodies. The assemblies of both become one, which is owned and moved whole.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// let post = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
+    /// let bob = world.insert(
+    ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, -2.0, 0.0)),
+    ///     ColliderBuilder::ball(0.25),
+    /// )?;
+    /// let rope = SphericalJointBuilder::new().local_anchor2(Vector::new(0.0, 2.0, 0.0));
+    /// world.insert_joint(post, bob, rope)?;
+    /// world.step()?;
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn insert_joint(
+        &mut self,
+        a: BodyId,
+        b: BodyId,
+        joint: impl Into<GenericJoint>,
+    ) -> Result<JointId, Error> {
+        Ok(self.local_mut("make joints", Instead::JointsInScene)?.insert_joint(a, b, joint)?)
+    }
+
+    /// Makes body `b` a link of the multibody of `a` (Featherstone's reduced coordinates, as Rapier's multibody joints): the
+    /// joint cannot come apart. One region has all of a multibody and of what is tied to it, whatever the coupling: it is
+    /// never shared, and when it moves on to another region its contacts begin there without memory.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// let base = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
+    /// let below = RigidBodyBuilder::dynamic().translation(Vector::Y * -0.5);
+    /// let arm = world.insert(below, ColliderBuilder::capsule_y(0.4, 0.05))?;
+    /// let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor2(Vector::Y * 0.5);
+    /// // The two overlap at the hinge: they must not touch there.
+    /// let hinge = hinge.contacts_enabled(false);
+    /// world.insert_multibody_joint(base, arm, hinge, LinkSettings::default())?;
+    /// world.step()?;
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn insert_multibody_joint(
+        &mut self,
+        a: BodyId,
+        b: BodyId,
+        joint: impl Into<GenericJoint>,
+        settings: LinkSettings,
+    ) -> Result<JointId, Error> {
+        let world = self.local_mut("make joints", Instead::JointsInScene)?;
+        Ok(world.insert_multibody_joint(a, b, joint, settings)?)
+    }
+
+    /// Unties two bodies.
+    pub fn remove_joint(&mut self, joint: JointId) -> Result<(), Error> {
+        Ok(self.local_mut("destroy joints", Instead::JointsInScene)?.remove_joint(joint)?)
+    }
+
+    /// Changes a joint in place: motors, limits, whether it acts.
+    pub fn update_joint(
+        &mut self,
+        joint: JointId,
+        change: impl FnMut(&mut GenericJoint),
+    ) -> Result<(), Error> {
+        Ok(self.local_mut("drive joints", Instead::JointsInScene)?.update_joint(joint, change)?)
+    }
+
+    /// A joint as it is now: its motors are whole, however many regions share it. `None` if the world computes no such joint.
+    #[must_use]
+    pub fn joint(&self, joint: JointId) -> Option<JointRecord> {
+        self.alone()?.joint(joint)
+    }
+
+    /// The joints that a body hangs on, in order of insertion; none in a served world.
+    #[must_use]
+    pub fn joints_of(&self, body: BodyId) -> Vec<JointId> {
+        self.alone().map(|world| world.joints_of(body)).unwrap_or_default()
+    }
+
+    /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
+    /// about them. Rapier makes what it solves orthogonal first, so the numbers of several axes are mixed.
+    #[must_use]
+    pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
+        self.alone()?.joint_load(joint)
+    }
+
+    /// Changes damping, armature, friction and springs of a multibody joint.
+    pub fn update_link(&mut self, joint: JointId, settings: &LinkSettings) -> Result<(), Error> {
+        Ok(self.local_mut("drive joints", Instead::JointsInScene)?.update_link(joint, settings)?)
+    }
+
+    /// Where a link of a multibody is in the coordinates of its joint, and how fast it moves; `None` before its first step.
+    #[must_use]
+    pub fn link_motion(&self, joint: JointId) -> Option<LinkMotion> {
+        self.alone()?.link_motion(joint)
+    }
+
+    /// Sets how fast a link of a multibody moves, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
+    /// ([`LinkSettings::kinematic`]) keep to it. Not by axis: a hinge's only value is the first, whatever its axis, and what is
+    /// beyond a joint's degrees of freedom is not looked at.
+    pub fn set_link_velocity(&mut self, joint: JointId, velocity: [f32; 6]) -> Result<(), Error> {
+        Ok(self.local_mut("drive joints", Instead::JointsInScene)?.set_link_velocity(joint, velocity)?)
+    }
+}

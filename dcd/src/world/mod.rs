@@ -1,0 +1,197 @@
+//! [`World`]: one front for every role that a process can have in a world, with the same verbs and the same refusals.
+//!
+//! A role is a variant of `Inner`: the world that this process computes alone ([`LocalWorld`]), or one that others compute
+//! (`remote::Remote`: `served` for who plays in it, `hosted` for servers and nodes).
+
+mod bodies;
+mod control;
+mod error;
+#[cfg(feature = "net")]
+mod hosted;
+#[cfg(feature = "net")]
+mod join;
+mod joints;
+#[cfg(feature = "net")]
+mod network;
+mod observe;
+mod queries;
+mod remote;
+mod role;
+#[cfg(feature = "net")]
+mod served;
+mod snapshot;
+mod view;
+
+use std::time::Duration;
+
+use crate::runtime::{LocalWorld, WorldConfig};
+use crate::scene::Scene;
+use crate::space::Tick;
+pub use error::Error;
+#[cfg(feature = "net")]
+pub use network::Arrivals;
+use queries::Answers;
+use remote::Remote;
+pub use role::{Instead, Role, Unsupported};
+pub use view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
+
+/// One rigid-body world, whoever computes it.
+///
+/// A local world is computed by this process alone, by one Rapier world per region. A client, a participant, a server and a node
+/// are processes of a served world ([`World::connect`], [`World::participate`], [`World::serve`], [`World::join_as_node`]). All
+/// answer to the same verbs; what a role cannot do is refused by [`Unsupported`], which says what to do instead.
+///
+/// ```
+/// use dcd::prelude::*;
+///
+/// let mut world = World::new(WorldConfig::default())?;
+/// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
+/// let ball = world.insert(
+///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 5.0, 0.0)),
+///     ColliderBuilder::ball(0.5),
+/// )?;
+/// for _ in 0..120 {
+///     world.step()?;
+/// }
+/// assert!((world.pose(ball).unwrap().translation[1] - 1.0).abs() < 0.05);
+/// # Ok::<(), dcd::Error>(())
+/// ```
+pub struct World {
+    inner: Inner,
+    answers: Answers,
+}
+
+enum Inner {
+    Local(Box<LocalWorld>),
+    #[cfg_attr(not(feature = "net"), expect(dead_code, reason = "others are reached over the network"))]
+    Remote(Box<dyn Remote>),
+}
+
+impl std::fmt::Debug for World {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.debug_struct("World")
+            .field("role", &self.role())
+            .field("tick", &self.tick())
+            .finish_non_exhaustive()
+    }
+}
+
+impl From<LocalWorld> for World {
+    fn from(world: LocalWorld) -> Self {
+        Self { inner: Inner::Local(Box::new(world)), answers: Answers::default() }
+    }
+}
+
+impl World {
+    /// Makes an empty local world.
+    pub fn new(config: WorldConfig) -> Result<Self, Error> {
+        Ok(LocalWorld::new(config)?.into())
+    }
+
+    /// Makes a local world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
+    /// [`WorldConfig::for_scene`] is the configuration that the scene asks for.
+    ///
+    /// ```
+    /// use dcd::prelude::*;
+    ///
+    /// let scene = Scene::open("tower", &Params::default())?;
+    /// let world = World::from_scene(&scene, WorldConfig::for_scene(&scene))?;
+    /// assert_eq!(world.movable_count(), 10);
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn from_scene(scene: &Scene, config: WorldConfig) -> Result<Self, Error> {
+        Ok(LocalWorld::from_scene(scene, config)?.into())
+    }
+
+    /// What this process is to the world.
+    #[must_use]
+    pub fn role(&self) -> Role {
+        match &self.inner {
+            Inner::Local(_) => Role::Local,
+            Inner::Remote(world) => world.role(),
+        }
+    }
+
+    /// Advances a local world by one tick.
+    ///
+    /// A served world advances by itself: there the call sends what was asked of avatars, takes in what has come since the last call,
+    /// and waits for nothing. Between two calls nothing changes but by the caller's own doing. Once the world has ended, or the
+    /// server has been out of reach for too long, every call returns an error; what was last heard of can be read still.
+    pub fn step(&mut self) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.step()?),
+            Inner::Remote(world) => world.step(),
+        }
+    }
+
+    /// Waits until something has come that the next step would take in, or the world has ended, and not longer than `timeout`; says
+    /// whether it came. Nothing comes to a local world, which does not wait: one loop does for both.
+    pub fn poll(&self, timeout: Duration) -> bool {
+        match &self.inner {
+            Inner::Local(_) => true,
+            Inner::Remote(world) => world.poll(timeout),
+        }
+    }
+
+    /// Ticks done; in a served world the newest heard of.
+    #[must_use]
+    pub fn tick(&self) -> Tick {
+        match &self.inner {
+            Inner::Local(world) => world.tick(),
+            Inner::Remote(world) => world.tick(),
+        }
+    }
+
+    /// Length of a tick in seconds; 0 for a node, which takes it from its server.
+    #[must_use]
+    pub fn dt_s(&self) -> f32 {
+        match &self.inner {
+            Inner::Local(world) => world.host().settings().dt_s,
+            Inner::Remote(world) => world.dt_s(),
+        }
+    }
+
+    /// Gravity, m/s²; 0 for a node, which takes it from its server.
+    #[must_use]
+    pub fn gravity(&self) -> [f32; 3] {
+        match &self.inner {
+            Inner::Local(world) => world.host().settings().gravity,
+            Inner::Remote(world) => world.gravity(),
+        }
+    }
+
+    /// The world that this process computes alone, or why its role cannot do `what`; `instead` is for clients and participants.
+    #[doc(hidden)]
+    pub fn local(&self, what: &'static str, instead: Instead) -> Result<&LocalWorld, Error> {
+        match &self.inner {
+            Inner::Local(world) => Ok(world),
+            Inner::Remote(world) => Err(world.compute(what, instead)),
+        }
+    }
+
+    fn local_mut(&mut self, what: &'static str, instead: Instead) -> Result<&mut LocalWorld, Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world),
+            Inner::Remote(world) => Err(world.compute(what, instead)),
+        }
+    }
+
+    fn remote(&self) -> Option<&dyn Remote> {
+        match &self.inner {
+            Inner::Local(_) => None,
+            Inner::Remote(world) => Some(&**world),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_world_and_its_errors_pass_between_threads() {
+        fn passes<T: Send>() {}
+        passes::<World>();
+        passes::<Error>();
+    }
+}

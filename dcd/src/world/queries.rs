@@ -1,0 +1,64 @@
+//! Questions about where things are: at once in a local world, with an answer that comes later in any.
+
+use std::collections::BTreeMap;
+
+use super::role::Instead;
+use super::{Error, Inner, World};
+use crate::physics::Queries;
+use crate::protocol::{Found, Question};
+
+/// Answers of a local world to what was submitted, until they are taken.
+#[derive(Default)]
+pub(super) struct Answers {
+    last: u64,
+    here: BTreeMap<u64, Found>,
+}
+
+/// Queries.
+impl World {
+    /// Rays, shape casts, projections and overlaps over all regions, of the state as it is now. Local worlds only: who plays in a
+    /// served one asks by [`World::submit`].
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let world = World::new(WorldConfig::default())?;
+    /// let down = WorldRay::new([0.0, 10.0, 0.0], [0.0, -1.0, 0.0]);
+    /// if let Some(hit) = world.queries()?.cast_ray(&down, &BodyFilter::default())? {
+    ///     println!("{} at {:?}, {} m away", hit.body, hit.point, hit.distance_m);
+    /// }
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn queries(&self) -> Result<Queries<'_>, Error> {
+        Ok(self.local("ask by rays, shapes and points", Instead::SubmitQuestion)?.queries())
+    }
+
+    /// Asks those who compute the world, and returns the number under which [`World::answer`] has the answer: at once in a local
+    /// world, some ticks later in a served one. `question.number` is not heeded.
+    pub fn submit(&mut self, question: Question) -> Result<u64, Error> {
+        match &mut self.inner {
+            Inner::Local(world) => {
+                let found = world.queries().answer(&question);
+                self.answers.last += 1;
+                self.answers.here.insert(self.answers.last, found);
+                Ok(self.answers.last)
+            }
+            Inner::Remote(world) => world.submit(question),
+        }
+    }
+
+    /// Takes the answer to what was submitted, once it has come. It is given once.
+    pub fn answer(&mut self, number: u64) -> Result<Option<Found>, Error> {
+        match &mut self.inner {
+            Inner::Local(_) => Ok(self.answers.here.remove(&number)),
+            Inner::Remote(world) => world.answer(number),
+        }
+    }
+
+    /// Does not want an answer any more.
+    pub fn forget(&mut self, number: u64) {
+        match &mut self.inner {
+            Inner::Local(_) => drop(self.answers.here.remove(&number)),
+            Inner::Remote(world) => world.forget(number),
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! What a process answers for a world that others compute.
+
+use std::time::Duration;
+
+use super::error::Error;
+#[cfg(feature = "net")]
+use super::network::Network;
+use super::role::{Instead, Role, Unsupported};
+use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
+#[cfg(feature = "net")]
+use crate::net::PeerStats;
+use crate::protocol::{Area, BodyRecord, Found, Handover, Question, Velocity, WorldEvents, WorldPose};
+use crate::runtime::Stats;
+use crate::space::{BodyId, ClientId, Tick};
+use rapier3d::prelude::*;
+
+/// A role other than [`Role::Local`]. What is not overridden is answered as by a process that works for others and shows nothing
+/// of its world.
+pub(super) trait Remote: Send {
+    fn role(&self) -> Role;
+    /// The newest tick heard of.
+    fn tick(&self) -> Tick;
+    fn dt_s(&self) -> f32;
+    fn gravity(&self) -> [f32; 3];
+    /// Sends what was asked and takes in what has come; waits for nothing.
+    fn step(&mut self) -> Result<(), Error>;
+    /// Waits for what the next step would take in; says whether it came.
+    fn poll(&self, timeout: Duration) -> bool;
+    fn is_lost(&self) -> bool;
+    fn stats(&self) -> Stats;
+    fn region_count(&self) -> usize;
+    #[cfg(feature = "net")]
+    fn network(&self) -> &Network;
+    #[cfg(feature = "net")]
+    fn traffic(&self) -> PeerStats;
+
+    /// What this role cannot do, and what to do instead.
+    fn unsupported(&self, what: &'static str, instead: Instead) -> Error {
+        Unsupported { role: self.role(), what, instead }.into()
+    }
+
+    /// What a role cannot do that does not see the bodies of its world.
+    fn sees(&self, what: &'static str) -> Result<(), Error> {
+        Err(self.unsupported(what, Instead::JoinAsClient))
+    }
+
+    /// What only a world that one process computes can do: `instead` is for who plays in one.
+    fn compute(&self, what: &'static str, _instead: Instead) -> Error {
+        self.unsupported(what, Instead::ComputeAlone)
+    }
+
+    fn client(&self) -> Option<ClientId> {
+        None
+    }
+
+    fn insert(
+        &mut self,
+        _pose: WorldPose,
+        _body: &RigidBody,
+        _colliders: &[ColliderBuilder],
+    ) -> Result<BodyId, Error> {
+        Err(self.unsupported("make bodies", Instead::JoinAsClient))
+    }
+
+    fn remove(&mut self, _id: BodyId) -> Result<(), Error> {
+        Err(self.unsupported("destroy bodies", Instead::JoinAsClient))
+    }
+
+    fn set_pose(&mut self, _id: BodyId, _pose: WorldPose) -> Result<(), Error> {
+        Err(self.unsupported("move bodies", Instead::JoinAsClient))
+    }
+
+    fn set_velocity(&mut self, _id: BodyId, _velocity: Velocity) -> Result<(), Error> {
+        Err(self.unsupported("move bodies", Instead::JoinAsClient))
+    }
+
+    fn set_interest(&mut self, _area: Option<Area>) -> Result<(), Error> {
+        Err(self.unsupported("have an interest", Instead::JoinAsClient))
+    }
+
+    fn submit(&mut self, _question: Question) -> Result<u64, Error> {
+        Err(self.compute("ask by rays, shapes and points", Instead::SubmitQuestion))
+    }
+
+    fn answer(&mut self, _number: u64) -> Result<Option<Found>, Error> {
+        Ok(None)
+    }
+
+    fn forget(&mut self, _number: u64) {}
+
+    fn contains(&self, _id: BodyId) -> bool {
+        false
+    }
+
+    fn motion(&self, _id: BodyId) -> Option<(WorldPose, Velocity)> {
+        None
+    }
+
+    fn body(&self, _id: BodyId) -> Option<Body> {
+        None
+    }
+
+    fn user_data(&self, _id: BodyId) -> Option<u128> {
+        None
+    }
+
+    fn record(&self, _id: BodyId) -> Option<BodyRecord> {
+        None
+    }
+
+    fn owner(&self, _id: BodyId) -> Owner {
+        Owner::default()
+    }
+
+    fn movable_bodies(&self) -> Box<dyn Iterator<Item = MovableBody> + '_> {
+        Box::new(std::iter::empty())
+    }
+
+    fn movable_count(&self) -> usize {
+        0
+    }
+
+    fn own_avatars(&self) -> Vec<BodyId> {
+        Vec::new()
+    }
+
+    fn events(&self) -> &WorldEvents {
+        const { &WorldEvents { touches: Vec::new(), forces: Vec::new() } }
+    }
+
+    fn handovers(&self) -> &[Handover] {
+        &[]
+    }
+
+    fn changes(&self) -> &[BodyChange] {
+        &[]
+    }
+
+    fn regions(&self) -> Vec<RegionInfo> {
+        Vec::new()
+    }
+
+    /// Messages with states received.
+    fn updates(&self) -> u64 {
+        0
+    }
+
+    #[cfg(feature = "net")]
+    fn server(&self) -> Option<&crate::runtime::ServerProcess> {
+        None
+    }
+
+    /// Where it listens.
+    #[cfg(feature = "net")]
+    fn address(&self) -> Option<std::net::SocketAddr> {
+        None
+    }
+}

@@ -1,0 +1,120 @@
+//! What a process is to a world, and what it therefore cannot do.
+
+use std::fmt;
+
+/// What a process is to a world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Role {
+    /// It computes the whole world.
+    Local,
+    /// It plays in a world that others compute, with avatars of its own.
+    Client,
+    /// It plays in a world and computes a share of it.
+    Participant,
+    /// It holds a world: it decides who computes what, and lets others in.
+    Server,
+    /// It computes a share of a world for others.
+    Node,
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        to.write_str(match self {
+            Self::Local => "local world",
+            Self::Client => "client",
+            Self::Participant => "participant",
+            Self::Server => "server",
+            Self::Node => "node",
+        })
+    }
+}
+
+/// A role cannot do what was asked of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a {role} cannot {what}: {instead}")]
+pub struct Unsupported {
+    /// Who cannot.
+    pub role: Role,
+    /// What it cannot do, after "cannot".
+    pub what: &'static str,
+    /// What to do instead.
+    pub instead: Instead,
+}
+
+/// What to do instead of what a role cannot do. Its text names methods of [`World`](super::World); the C API names its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Instead {
+    /// Compute the world in one process.
+    ComputeAlone,
+    /// Join the world that a server or a node shows nothing of.
+    JoinAsClient,
+    /// Serve the local world.
+    Serve,
+    /// Make a source of the same world anew.
+    MakeSourceAnew,
+    /// Move avatars.
+    DriveAvatars,
+    /// Push by avatars.
+    PushByAvatars,
+    /// Make avatars of one's own.
+    MakeAvatars,
+    /// Give an avatar its colliders at birth.
+    ShapeAtBirth,
+    /// Leave thresholds of sleep as they are.
+    UsualSleep,
+    /// Give the scene the fixed body, or make a kinematic one.
+    FixedInScene,
+    /// Make a velocity-based kinematic avatar.
+    KinematicByVelocity,
+    /// Give the scene the joints.
+    JointsInScene,
+    /// Rely on the server's data folder.
+    ServerKeeps,
+    /// Compare local worlds.
+    CompareLocal,
+    /// Look at a local world of the same cut and coupling.
+    LookLocal,
+    /// Submit the question.
+    SubmitQuestion,
+    /// Ask who runs the server for a token.
+    AskServer,
+    /// Ask a server or a node.
+    AskListener,
+}
+
+impl fmt::Display for Instead {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        to.write_str(match self {
+            Self::ComputeAlone => "this is for worlds that one process computes alone (World::new)",
+            Self::JoinAsClient => {
+                "it works for others; join the world as a client (World::connect) to see it and play in it"
+            }
+            Self::Serve => "it has no network; serve it (World::serve)",
+            Self::MakeSourceAnew => "make the world anew with World::new",
+            Self::DriveAvatars => "it drives its own avatars by set_velocity and set_pose",
+            Self::PushByAvatars => "it drives its own avatars, which push what they meet (set_velocity)",
+            Self::MakeAvatars => "it has its own avatars (own_avatars) to meet them with",
+            Self::ShapeAtBirth => {
+                "give an avatar its colliders on insertion, and other bodies theirs in the scene"
+            }
+            Self::UsualSleep => "leave the thresholds of sleep as Rapier has them",
+            Self::FixedInScene => "give the scene the fixed body, or make a kinematic one",
+            Self::KinematicByVelocity => "make a velocity-based kinematic one and give it velocities",
+            Self::JointsInScene => "joints belong to the scene that the server was given",
+            Self::ServerKeeps => "the server keeps the world in its data folder",
+            Self::CompareLocal => {
+                "it hears of bodies at different ticks; compare hashes of local worlds (World::new)"
+            }
+            Self::LookLocal => "ask a local world of the same cut and coupling",
+            Self::SubmitQuestion => {
+                "it hears where bodies are and computes nothing; submit what you ask (World::submit)"
+            }
+            Self::AskServer => {
+                "whoever runs the server can: its program by World::token, or `dcd token` beside it"
+            }
+            Self::AskListener => "a server or a node can",
+        })
+    }
+}

@@ -1,0 +1,152 @@
+//! One front for every role: the same program in a local world and in a served one, and the same refusals.
+
+use std::time::Duration;
+
+use dcd::prelude::*;
+use dcd::{Instead, Unsupported};
+
+const LIMIT: Duration = Duration::from_secs(60);
+
+fn playground() -> Scene {
+    Scene::open("tower", &Params::default()).unwrap()
+}
+
+/// A server, a node and a client of it, all in this process, over real links.
+struct Served {
+    client: World,
+    node: World,
+    server: World,
+    _data: tempfile::TempDir,
+}
+
+fn served() -> Served {
+    let scene = playground();
+    let data = tempfile::tempdir().unwrap();
+    let server =
+        World::serve(&scene, &WorldConfig::for_scene(&scene), ServeConfig::new(data.path())).unwrap();
+    let join = |role| JoinConfig::new(server.address().unwrap(), server.token(role, LIMIT).unwrap());
+    let node = World::join_as_node(&join(JoinRole::Node)).unwrap();
+    let client = World::connect(&join(JoinRole::Client)).unwrap();
+    Served { client, node, server, _data: data }
+}
+
+/// The program of the README, but for the line that makes the world.
+fn until_the_cube_rests(mut world: World) -> Result<f64, Error> {
+    let cube = world.insert(
+        RigidBodyBuilder::dynamic().translation(Vector::new(4.0, 3.0, 0.0)),
+        ColliderBuilder::cuboid(0.5, 0.5, 0.5),
+    )?;
+    while !world.body(cube).is_none_or(|cube| cube.sleeping) {
+        world.poll(Duration::from_secs(1));
+        world.step()?;
+    }
+    Ok(world.pose(cube).expect("it is not refused").translation[1])
+}
+
+#[test]
+fn a_program_runs_in_a_local_world_and_in_a_served_one() {
+    let scene = playground();
+    let local = World::from_scene(&scene, WorldConfig::for_scene(&scene)).unwrap();
+    let there = until_the_cube_rests(local).unwrap();
+    let Served { client, node: _node, server: _server, _data } = served();
+    let here = until_the_cube_rests(client).unwrap();
+    assert!((there - here).abs() < 0.01, "it rests at {there} m and at {here} m");
+}
+
+fn refused<T>(result: Result<T, Error>) -> Unsupported {
+    match result.err().expect("it is refused") {
+        Error::Unsupported(refusal) => refusal,
+        other => panic!("{other}"),
+    }
+}
+
+#[test]
+fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
+    let Served { mut client, mut node, mut server, _data } = served();
+    let id = BodyId::persistent(0);
+
+    let refusal = refused(client.update(id, |body| body.wake_up(true)));
+    assert_eq!((refusal.role, refusal.instead), (Role::Client, Instead::DriveAvatars));
+    assert_eq!(
+        refusal.to_string(),
+        "a client cannot change a body in place: it drives its own avatars by set_velocity and set_pose"
+    );
+    assert_eq!(refused(client.set_pose(id, WorldPose::default())).instead, Instead::MakeAvatars);
+    assert_eq!(refused(client.remove(id)).instead, Instead::MakeAvatars);
+    assert_eq!(
+        refused(client.insert_joint(id, id, FixedJointBuilder::new())).instead,
+        Instead::JointsInScene
+    );
+    assert_eq!(refused(client.queries().map(drop)).instead, Instead::SubmitQuestion);
+    assert_eq!(refused(client.save(Vec::new())).instead, Instead::ServerKeeps);
+    assert_eq!(refused(client.state_hash()).instead, Instead::CompareLocal);
+    assert_eq!(refused(client.token(JoinRole::Node, LIMIT)).instead, Instead::AskServer);
+    assert_eq!(refused(client.address()).instead, Instead::AskListener);
+    let ball = || ColliderBuilder::ball(0.5);
+    assert_eq!(refused(client.insert(RigidBodyBuilder::fixed(), ball())).instead, Instead::FixedInScene);
+    let lift = RigidBodyBuilder::kinematic_position_based();
+    assert_eq!(refused(client.insert(lift, ball())).instead, Instead::KinematicByVelocity);
+    let mut drowsy = RigidBodyBuilder::dynamic().build();
+    drowsy.activation_mut().time_until_sleep = 9.0;
+    assert_eq!(refused(client.insert(drowsy, ball())).instead, Instead::UsualSleep);
+    client.insert(RigidBodyBuilder::dynamic().can_sleep(false), ball()).unwrap();
+
+    for (world, role) in [(&mut server, Role::Server), (&mut node, Role::Node)] {
+        assert_eq!((world.role(), world.movable_count(), world.body(id)), (role, 0, None));
+        let refusal = refused(world.insert(RigidBodyBuilder::dynamic(), ball()));
+        assert_eq!((refusal.role, refusal.instead), (role, Instead::JoinAsClient));
+        assert_eq!(refused(world.set_interest(None)).instead, Instead::JoinAsClient);
+        assert_eq!(refused(world.state_hash()).instead, Instead::ComputeAlone);
+    }
+
+    let mut local = World::new(WorldConfig::default()).unwrap();
+    assert_eq!(refused(local.token(JoinRole::Node, LIMIT)).instead, Instead::Serve);
+    assert_eq!(refused(local.address()).instead, Instead::Serve);
+    assert_eq!((local.connections(), local.poll(LIMIT), local.is_lost()), (Vec::new(), true, false));
+    local.set_interest(None).unwrap();
+}
+
+#[test]
+fn parameters_that_do_not_reach_nodes_are_refused() {
+    let scene = playground();
+    let mut config = WorldConfig::for_scene(&scene);
+    config.step.integration.warmstart_coefficient = 0.5;
+    let data = tempfile::tempdir().unwrap();
+    let refused = World::serve(&scene, &config, ServeConfig::new(data.path())).expect_err("it is refused");
+    assert!(refused.to_string().starts_with("step.integration is changed: a served world"), "{refused}");
+    assert!(!data.path().join("authority.pem").exists(), "nothing is left behind");
+}
+
+#[test]
+fn a_body_keeps_what_it_was_built_with() {
+    let mut world = World::new(WorldConfig::default()).unwrap();
+    let mut body = RigidBodyBuilder::dynamic().translation(Vector::new(1.0, 2.0, 3.0)).user_data(7).build();
+    body.activation_mut().time_until_sleep = 9.0;
+    let id = world.insert(body, ColliderBuilder::ball(0.5).density(2.0)).unwrap();
+    let record = world.record(id).unwrap();
+    assert_eq!((record.traits.sleep_after_s, record.traits.user_data), (9.0, 7));
+    let body = world.body(id).unwrap();
+    assert_eq!((body.pose.translation, body.kind), ([1.0, 2.0, 3.0], BodyKind::Dynamic));
+    let sphere_kg = 4.0 / 3.0 * std::f32::consts::PI * 0.125 * 2.0;
+    assert!((body.mass_kg.unwrap() - sphere_kg).abs() < 1e-4, "{body:?}");
+}
+
+#[test]
+fn what_is_submitted_to_a_local_world_is_answered_at_once_and_once() {
+    use dcd::protocol::{Asked, Found, Meets, OverlapQuestion, Overlooks, Place, Question};
+    let mut world = World::new(WorldConfig::default()).unwrap();
+    let id = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.5)).unwrap();
+    let here = OverlapQuestion { place: Place::Point([0.1, 0.0, 0.0]), meets: Meets::default() };
+    let question = Question {
+        number: 0,
+        overlooks: Overlooks::default(),
+        shapes: Vec::new(),
+        asked: Asked::Overlaps(vec![here]),
+    };
+    let (first, second) = (world.submit(question.clone()).unwrap(), world.submit(question).unwrap());
+    let Some(Found::Overlaps(lists)) = world.answer(first).unwrap() else { panic!("it is answered") };
+    assert_eq!(lists[0].iter().map(|found| found.body).collect::<Vec<_>>(), [id]);
+    assert_eq!(world.answer(first).unwrap(), None);
+    world.forget(second);
+    assert_eq!(world.answer(second).unwrap(), None);
+}

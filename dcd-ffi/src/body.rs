@@ -6,10 +6,10 @@ use dcd::protocol::WorldPose;
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
 
+use crate::collider::{DCD_COLLIDER_ANY_GROUP, DCD_COLLIDER_SENSOR, DcdColliderProperties, DcdCombineRule};
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
-use crate::part::{DCD_PART_ANY_GROUP, DCD_PART_SENSOR, DcdCombineRule, DcdPartProperties};
 use crate::pointer::{self, Out, Sized32, check_reserved};
 use crate::properties::DcdBodyProperties;
 use crate::registry::{World, find, with};
@@ -21,7 +21,7 @@ use crate::types::{
 };
 
 /// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
-/// dcd_part_set_properties change it later.
+/// dcd_collider_set_properties change it later.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBodyDef {
@@ -33,7 +33,7 @@ pub struct DcdBodyDef {
     pub pose: DcdPose,
     /// How it moves at first.
     pub velocity: DcdVelocity,
-    /// Of the same world. Two bodies may share one. dcd_part_add gives a body more.
+    /// Of the same world. Two bodies may share one. dcd_collider_add gives a body more.
     pub shape: DcdShapeId,
     /// kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`.
     pub density: f32,
@@ -192,7 +192,7 @@ impl DcdBodyDef {
         DcdBodyProperties {
             struct_size: size_of::<DcdBodyProperties>() as u32,
             body_type: self.body_type,
-            flags: self.flags & !(OF_STATE | OF_PART),
+            flags: self.flags & !(OF_STATE | OF_COLLIDER),
             locked: self.locked,
             dominance: self.dominance,
             linear_damping: self.linear_damping,
@@ -212,11 +212,12 @@ impl DcdBodyDef {
         }
     }
 
-    fn part(&self) -> DcdPartProperties {
+    fn collider(&self) -> DcdColliderProperties {
         let bit = |of: u32, bit: u32| if self.flags & of != 0 { bit } else { 0 };
-        DcdPartProperties {
-            struct_size: size_of::<DcdPartProperties>() as u32,
-            flags: bit(DCD_BODY_SENSOR, DCD_PART_SENSOR) | bit(DCD_BODY_ANY_GROUP, DCD_PART_ANY_GROUP),
+        DcdColliderProperties {
+            struct_size: size_of::<DcdColliderProperties>() as u32,
+            flags: bit(DCD_BODY_SENSOR, DCD_COLLIDER_SENSOR)
+                | bit(DCD_BODY_ANY_GROUP, DCD_COLLIDER_ANY_GROUP),
             frame: DcdFrame { p: [0.0; 3], q: [0.0, 0.0, 0.0, 1.0] },
             density: self.density,
             mass: self.mass,
@@ -240,7 +241,7 @@ impl DcdBodyDef {
 
 /// Flags of a definition that say how it is at first, and that belong to its shape.
 const OF_STATE: u32 = DCD_BODY_ASLEEP;
-const OF_PART: u32 = DCD_BODY_SENSOR | DCD_BODY_ANY_GROUP;
+const OF_COLLIDER: u32 = DCD_BODY_SENSOR | DCD_BODY_ANY_GROUP;
 
 /// Checks a definition and turns it into Rapier's builders.
 fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
@@ -253,9 +254,9 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
     check_reserved(def.reserved)?;
     check_pose(&def.pose)?;
     check_velocity(&def.velocity)?;
-    let (properties, part) = (def.properties(), def.part());
+    let (properties, collider) = (def.properties(), def.collider());
     properties.check()?;
-    part.check()?;
+    collider.check()?;
     if def.body_type == DCD_DYNAMIC && def.density == 0.0 && def.mass == 0.0 && def.extra_mass == 0.0 {
         return Err(Failure::argument("density is 0; a dynamic body needs some mass, water has 1000 kg/m³"));
     }
@@ -266,7 +267,7 @@ fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
         .sleeping(def.flags & DCD_BODY_ASLEEP != 0)
         .build();
     properties.set_thresholds(&mut body);
-    let collider = part.builder(shape::find(world, def.shape)?.clone());
+    let collider = collider.builder(shape::find(world, def.shape)?.clone());
     Ok(NewBody { pose: def.pose.into(), body, collider })
 }
 

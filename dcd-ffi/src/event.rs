@@ -48,9 +48,9 @@ pub struct DcdContact {
     /// DCD_CONTACT_… bits.
     pub flags: u32,
     /// Which shape of `a`, from 0: bodies of scenes may have several.
-    pub part_a: u32,
+    pub collider_a: u32,
     /// Which shape of `b`.
-    pub part_b: u32,
+    pub collider_b: u32,
 }
 
 /// A contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
@@ -70,9 +70,9 @@ pub struct DcdContactForce {
     /// Sum of their magnitudes, newtons.
     pub magnitude: f32,
     /// Which shape of `a`, from 0.
-    pub part_a: u32,
+    pub collider_a: u32,
     /// Which shape of `b`.
-    pub part_b: u32,
+    pub collider_b: u32,
 }
 
 /// A body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of in the step,
@@ -244,8 +244,8 @@ impl EventBuffers {
                 speed: touch.speed,
                 kind: if touch.began { DCD_CONTACT_BEGAN } else { DCD_CONTACT_ENDED },
                 flags: if touch.sensor { DCD_CONTACT_SENSOR } else { 0 },
-                part_a: u32::from(collider_a),
-                part_b: u32::from(collider_b),
+                collider_a: u32::from(collider_a),
+                collider_b: u32::from(collider_b),
             }
         }));
         arrays.forces.refill(events.forces.len()).extend(events.forces.iter().map(|force| {
@@ -257,8 +257,8 @@ impl EventBuffers {
                 user_b: user(b),
                 force: force.force_n,
                 magnitude: force.magnitude_n,
-                part_a: u32::from(collider_a),
-                part_b: u32::from(collider_b),
+                collider_a: u32::from(collider_a),
+                collider_b: u32::from(collider_b),
             }
         }));
         let handovers = world.handovers();

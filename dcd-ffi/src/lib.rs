@@ -45,7 +45,7 @@ pub mod push;
 
 pub mod properties;
 
-pub mod part;
+pub mod collider;
 
 pub mod joint;
 

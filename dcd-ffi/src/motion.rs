@@ -33,7 +33,7 @@ pub struct DcdBodyInfo {
     /// And of the torque, newton metres.
     pub torque: [f32; 3],
     /// How many shapes it has.
-    pub parts: u32,
+    pub colliders: u32,
     /// Whether it sleeps: it costs nothing until something wakes it.
     pub sleeping: bool,
     /// Whether your interest does not reach it (dcd_interest_set): what is told here is what was last heard of it.
@@ -68,7 +68,7 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
                 region: view.owner.map_or(DCD_NO_REGION, |region| region.0),
                 force: record.state.force,
                 torque: record.state.torque,
-                parts: record.traits.colliders.len() as u32,
+                colliders: record.traits.colliders.len() as u32,
                 sleeping: view.sleeping,
                 outside: view.outside,
                 reserved: [0; 2],

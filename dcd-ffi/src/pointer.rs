@@ -175,7 +175,7 @@ pub(crate) fn check_not_negative(value: f32, name: &str) -> Result<(), Failure> 
 }
 
 /// Whether a number is a part of a whole.
-pub(crate) fn check_part(value: f32, name: &str) -> Result<(), Failure> {
+pub(crate) fn check_collider(value: f32, name: &str) -> Result<(), Failure> {
     match (0.0..=1.0).contains(&value) {
         true => Ok(()),
         false => Err(Failure::argument(format!("{name} is {value}; give a number from 0 to 1"))),

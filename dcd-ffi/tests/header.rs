@@ -7,6 +7,7 @@ use std::mem::{offset_of, size_of};
 use std::path::Path;
 
 use dcd_ffi::body::*;
+use dcd_ffi::collider::*;
 use dcd_ffi::connection::*;
 use dcd_ffi::event::*;
 use dcd_ffi::ids::*;
@@ -14,7 +15,6 @@ use dcd_ffi::join::*;
 use dcd_ffi::joint::*;
 use dcd_ffi::message::*;
 use dcd_ffi::motion::*;
-use dcd_ffi::part::*;
 use dcd_ffi::properties::*;
 use dcd_ffi::query::*;
 use dcd_ffi::serve::*;
@@ -80,7 +80,7 @@ fn layouts() -> Vec<Layout> {
             sleep_linear, sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia,
             extra_solver_iterations, extra_pgs_iterations, reserved, user_data
         }
-        DcdPartProperties {
+        DcdColliderProperties {
             struct_size, flags, frame, density, mass, friction, restitution, friction_rule, restitution_rule,
             contact_skin, events, force_threshold, groups, mask, solver_groups, solver_mask, pairs, reserved,
             user_data
@@ -105,8 +105,8 @@ fn layouts() -> Vec<Layout> {
             dropped, bytes_waiting
         }
         DcdMessage { connection, data, size, role, node, client, flags }
-        DcdContact { a, b, user_a, user_b, point, normal, speed, kind, flags, part_a, part_b }
-        DcdContactForce { a, b, user_a, user_b, force, magnitude, part_a, part_b }
+        DcdContact { a, b, user_a, user_b, point, normal, speed, kind, flags, collider_a, collider_b }
+        DcdContactForce { a, b, user_a, user_b, force, magnitude, collider_a, collider_b }
         DcdTransfer { body, user_data, from, to }
         DcdBodyChange { body, user_data, kind, reason }
         DcdEventView {
@@ -152,8 +152,8 @@ const MACROS: &str = "
       0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
 
 /* A shape as dense as water at the body's origin. */
-#define DCD_PART_PROPERTIES_INIT \\
-    { (uint32_t)sizeof(DcdPartProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
+#define DCD_COLLIDER_PROPERTIES_INIT \\
+    { (uint32_t)sizeof(DcdColliderProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
       1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0 }
 
 /* A motor that holds still by any force. */

@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-use dcd::protocol::{self, Drive, FromClient, Message, Velocity, WorldPose};
+use dcd::protocol::{self, FromClient, Input, Message, Velocity, WorldPose};
 use dcd::space::{BodyId, ClientId};
 
 fn dcd(arguments: &[&str]) -> String {
@@ -28,13 +28,13 @@ fn the_keys_of_a_run() {
 #[test]
 fn the_bytes_of_a_message() {
     let client = ClientId(7);
-    let drive = Drive {
+    let drive = Input {
         body: BodyId::avatar(client, 2),
         logical_time: 300,
         velocity: Velocity { linear: [1.0, 0.0, -2.0], angular: [0.0, 0.5, 0.0] },
         pose: Some(WorldPose::at([100_000.5, 0.0, -1.0])),
     };
-    let bytes = protocol::encode(&Message::FromClient(client, FromClient::Drive(drive)));
+    let bytes = protocol::encode(&Message::FromClient(client, FromClient::Input(drive)));
     let hex: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     insta::assert_snapshot!(format!("version {}: {}", protocol::VERSION, hex.join("")));
 }

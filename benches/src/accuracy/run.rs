@@ -97,7 +97,7 @@ pub(crate) fn world_of(
                 Some(_) if *regions > 1 => World::Apart(Fleet::new(scene, &config, case.fault)?),
                 _ => World::Cut(Box::new(LocalWorld::from_scene(scene, config)?)),
             };
-            // As many as all micro-steps of a tick have together.
+            // As many as all substeps of a tick have together.
             let iterations = step.exchanges * step.solver_iterations.div_ceil(step.exchanges);
             Ok((world, step.dt_s, iterations))
         }

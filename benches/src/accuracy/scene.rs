@@ -98,7 +98,7 @@ pub(crate) struct Case {
     /// What one bare world is run with for the reference, where that is another scene.
     pub reference_scenes: Option<Vec<Scene>>,
     /// Positions are compared before chaos grows: what one world has for an error is that of a twin, one body of which
-    /// starts 1 µm aside. Regions exchange once a tick then, since a ball that bounces in a micro-step is elsewhere than
+    /// starts 1 µm aside. Regions exchange once a tick then, since a ball that bounces in a substep is elsewhere than
     /// one that bounces in a whole step.
     pub early: bool,
     /// Simulated seconds.

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use dcd::cluster::{PhysicsCommand, PhysicsEvent};
-use dcd::physics::Role;
+use dcd::physics::Ownership;
 use dcd::protocol::{BodyState, Claim, WorldPose};
 use dcd::runtime::PhysicsDevice;
 use dcd::sim::Engine;
@@ -58,7 +58,7 @@ impl Engine for Device {
             .flat_map(|region| {
                 region
                     .bodies()
-                    .filter(|&(_, role, ..)| matches!(role, Role::Replica { .. }))
+                    .filter(|&(_, role, ..)| matches!(role, Ownership::Replica { .. }))
                     .map(|(id, _, handle, _)| (id, region.epoch_of(handle), region.world_pose(handle)))
             })
             .collect()

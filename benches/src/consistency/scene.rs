@@ -133,7 +133,7 @@ impl Running {
         let builder = RigidBodyBuilder::dynamic().can_sleep(false);
         let place = self.somewhere();
         let body = shapes.describe(id, WorldPose::at(place), &builder.build(), &[ball])?;
-        self.sim.wish(client, ClientEvent::Spawn { body, shapes: shapes.records() });
+        self.sim.submit(client, ClientEvent::Spawn { body, shapes: shapes.records() });
         self.sim.run_until(|sim| sim.client(client).body(id).is_some())?;
         self.avatars.push((client, id, place));
         Ok(())
@@ -165,7 +165,7 @@ impl Running {
             }
             let linear = way.map(|way| (way / distance_m.max(0.1) * AVATAR_SPEED_M_S) as f32);
             let velocity = Velocity { linear, angular: [0.0; 3] };
-            self.sim.wish(client, ClientEvent::Drive { body, velocity, pose: None });
+            self.sim.submit(client, ClientEvent::Input { body, velocity, pose: None });
         }
     }
 

@@ -55,7 +55,7 @@ pub struct DcdShapeHit {
     /// Outward of the shape there, in its own space.
     pub normal_on_shape: [f32; 3],
     /// Which shape of the body, from 0.
-    pub part: u32,
+    pub collider: u32,
     /// As in DcdRayHit.
     pub subshape: u32,
     /// DCD_HIT_INSIDE or 0.
@@ -99,7 +99,7 @@ const NO_SHAPE_HIT: DcdShapeHit = DcdShapeHit {
     fraction: 0.0,
     point_on_shape: [0.0; 3],
     normal_on_shape: [0.0; 3],
-    part: 0,
+    collider: 0,
     subshape: 0,
     flags: 0,
     reserved: 0,
@@ -146,7 +146,7 @@ pub(super) fn shape_hit(world: &World, hit: Option<CastAnswer>) -> DcdShapeHit {
         fraction: hit.fraction,
         point_on_shape: hit.point_on_shape,
         normal_on_shape: hit.normal_on_shape,
-        part: hit.collider,
+        collider: hit.collider,
         subshape: hit.subshape,
         flags: if hit.inside { DCD_HIT_INSIDE } else { 0 },
         reserved: 0,

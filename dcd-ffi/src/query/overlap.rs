@@ -55,7 +55,7 @@ pub struct DcdOverlap {
     /// Its user data.
     pub user_data: u64,
     /// Which shape of it, from 0.
-    pub part: u32,
+    pub collider: u32,
     /// 0.
     pub reserved: u32,
 }
@@ -226,7 +226,7 @@ pub(super) fn overlap(world: &World, found: &Overlap) -> DcdOverlap {
     DcdOverlap {
         body: world.mark.body(found.body),
         user_data: user_data(world, found.body),
-        part: found.collider,
+        collider: found.collider,
         reserved: 0,
     }
 }

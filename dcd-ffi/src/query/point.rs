@@ -37,7 +37,7 @@ pub struct DcdPointHit {
     /// From the point that was asked about, metres.
     pub distance: f32,
     /// Which shape of the body, from 0.
-    pub part: u32,
+    pub collider: u32,
     /// DCD_HIT_INSIDE or 0.
     pub flags: u32,
     /// 0.
@@ -73,7 +73,7 @@ pub unsafe extern "C" fn dcd_project_points(
                     user_data: user_data(asked.world, hit.body),
                     point: hit.point,
                     distance: hit.distance_m as f32,
-                    part: hit.collider as u32,
+                    collider: hit.collider as u32,
                     flags: if hit.inside { DCD_HIT_INSIDE } else { 0 },
                     reserved: 0,
                 }))
@@ -87,7 +87,7 @@ const NO_POINT_HIT: DcdPointHit = DcdPointHit {
     user_data: 0,
     point: [0.0; 3],
     distance: 0.0,
-    part: 0,
+    collider: 0,
     flags: 0,
     reserved: 0,
 };

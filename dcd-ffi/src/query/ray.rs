@@ -43,7 +43,7 @@ pub struct DcdRayHit {
     /// From the origin, metres.
     pub distance: f32,
     /// Which shape of the body, from 0.
-    pub part: u32,
+    pub collider: u32,
     /// Which triangle of a mesh or terrain, which part of a compound; else 0.
     pub subshape: u32,
 }
@@ -119,7 +119,7 @@ const NO_RAY_HIT: DcdRayHit = DcdRayHit {
     point: [0.0; 3],
     normal: [0.0; 3],
     distance: 0.0,
-    part: 0,
+    collider: 0,
     subshape: 0,
 };
 
@@ -155,7 +155,7 @@ pub(super) fn ray_hit(world: &World, hit: Option<RayAnswer>) -> DcdRayHit {
         point: hit.point,
         normal: hit.normal,
         distance: hit.distance_m as f32,
-        part: hit.collider,
+        collider: hit.collider,
         subshape: hit.subshape,
     }
 }

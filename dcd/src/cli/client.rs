@@ -19,7 +19,7 @@ use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
 use crate::space::{BodyId, Bounds};
 
-/// How often the user's wish to end is looked for when the world stands still.
+/// How often the user's input to end is looked for when the world stands still.
 const LOOK: Duration = Duration::from_millis(100);
 /// An avatar that has not reached its goal by then chooses another.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -238,7 +238,7 @@ impl Crowd {
                 };
             }
             let towards = std::array::from_fn(|i| walker.goal[i] - place[i]);
-            self.world.drive(id, pace(towards, self.speed_m_s), None)?;
+            self.world.send_input(id, pace(towards, self.speed_m_s), None)?;
         }
         Ok(())
     }

@@ -21,7 +21,7 @@ pub(super) struct CutArgs {
     /// How regions agree on the bodies that they share [default: what the scene says, else auto]
     #[arg(long, value_name = "NAME", value_parser = coupling())]
     coupling: Option<Coupling>,
-    /// Micro-steps a tick, with an exchange between regions after each (for `auto` the most a border may take) [default: 1
+    /// Substeps a tick, with an exchange between regions after each (for `auto` the most a border may take) [default: 1
     /// for proxy and owner, 2 for overlap and island, 4 for auto]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_ROUNDS)))]
     exchanges: Option<u32>,

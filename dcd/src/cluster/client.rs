@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use super::Peer;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, Found, FromClient,
-    Handover, Hello, JointRecord, Member, Message, Question, Refusal, Role, ShapeHash, ShapeRecord,
+    Area, BodyKind, BodyRecord, Chunk, ContactForce, EnvironmentProperties, Found, FromClient, Handover,
+    Hello, Input, JoinAs, JointRecord, Member, Message, Question, Refusal, ShapeHash, ShapeRecord,
     SharedState, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, Epoch, GroupId, NodeId, RegionId, Tick};
@@ -23,7 +23,7 @@ const AGAIN: Duration = Duration::from_millis(250);
 /// When a question that is not answered is asked again: with whoever leads by then.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
 
-/// A wish older than this is not said again only because the membership has changed: much may have happened since.
+/// A input older than this is not said again only because the membership has changed: much may have happened since.
 const STILL_MEANT: Duration = Duration::from_secs(5);
 
 /// What happens to a client.
@@ -50,7 +50,7 @@ pub enum ClientEvent {
         shapes: Vec<ShapeRecord>,
     },
     /// The user moves an avatar.
-    Drive {
+    Input {
         /// Which.
         body: BodyId,
         /// Wanted velocity.
@@ -94,7 +94,7 @@ pub enum ClientOutput {
     Inserted(BodyId),
     /// A body disappeared.
     Removed(BodyId),
-    /// A wish was refused.
+    /// A input was refused.
     Rejected {
         /// Concerning which body.
         body: Option<BodyId>,
@@ -196,8 +196,8 @@ pub struct Client {
     dial_server_at: Option<Duration>,
     dial_leader_at: Option<Duration>,
     logical_time: u64,
-    /// The newest wish for each avatar and its time: said again when a link is back, and to a new leader.
-    newest: BTreeMap<BodyId, (Drive, Duration)>,
+    /// The newest input for each avatar and its time: said again when a link is back, and to a new leader.
+    newest: BTreeMap<BodyId, (Input, Duration)>,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
     asked: BTreeMap<u64, (Question, Duration)>,
     answers: BTreeMap<u64, Found>,
@@ -254,7 +254,7 @@ impl Client {
             ClientEvent::Connected(Peer::Server) => {
                 self.server_linked = true;
                 self.dial_server_at = None;
-                self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role: Role::Client }));
+                self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role: JoinAs::Client }));
             }
             ClientEvent::Connected(peer) if self.is_leader(peer) => {
                 self.linked = true;
@@ -273,7 +273,7 @@ impl Client {
                 }
                 self.dial_server_at = Some(now + AGAIN);
             }
-            // The server may name a new leader; until then the newest wish of each avatar waits.
+            // The server may name a new leader; until then the newest input of each avatar waits.
             ClientEvent::Disconnected(peer) if self.is_leader(peer) => {
                 self.linked = false;
                 self.dial_leader_at = Some(now + AGAIN);
@@ -287,9 +287,9 @@ impl Client {
             ClientEvent::Message { .. } => {}
             ClientEvent::Node(message) => self.told(message),
             ClientEvent::Spawn { body, shapes } => self.want(FromClient::Spawn { body, shapes }),
-            ClientEvent::Drive { body, velocity, pose } => {
+            ClientEvent::Input { body, velocity, pose } => {
                 self.logical_time += 1;
-                let drive = Drive { body, logical_time: self.logical_time, velocity, pose };
+                let drive = Input { body, logical_time: self.logical_time, velocity, pose };
                 self.newest.insert(body, (drive, now));
                 self.send_drive(drive);
             }
@@ -431,7 +431,7 @@ impl Client {
         }
     }
 
-    /// The world is here, perhaps again: what it does not show of our wishes is said once more.
+    /// The world is here, perhaps again: what it does not show of our inputs is said once more.
     fn say_again(&mut self) {
         for message in std::mem::take(&mut self.unanswered) {
             let is_done = match &message {
@@ -454,14 +454,14 @@ impl Client {
         self.leader.as_ref().is_some_and(|member| peer == Peer::Node(member.node))
     }
 
-    fn send_drive(&mut self, drive: Drive) {
-        let wish = FromClient::Drive(drive);
+    fn send_drive(&mut self, drive: Input) {
+        let input = FromClient::Input(drive);
         match &self.leader {
-            None => self.ask_server(wish),
-            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(wish)),
+            None => self.ask_server(input),
+            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(input)),
             Some(member) if self.linked => {
                 let to = Peer::Node(member.node);
-                self.send(to, Message::FromClient(self.id, wish));
+                self.send(to, Message::FromClient(self.id, input));
             }
             // The newest waits for the link.
             Some(_) => {}
@@ -510,12 +510,12 @@ impl Client {
         again.into_iter().for_each(|question| self.tell_leader(FromClient::Ask(question)));
     }
 
-    fn tell_leader(&mut self, wish: FromClient) {
+    fn tell_leader(&mut self, input: FromClient) {
         match &self.leader {
-            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(wish)),
+            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(input)),
             Some(member) if self.linked => {
                 let to = Peer::Node(member.node);
-                self.send(to, Message::FromClient(self.id, wish));
+                self.send(to, Message::FromClient(self.id, input));
             }
             _ => {}
         }

@@ -73,8 +73,8 @@ pub enum PhysicsCommand {
         incoming: Vec<BorderMessage>,
     },
     /// Others are waited for in vain: compute a tick of a copy of all that is held here, as if nobody else were there. The
-    /// first makes the copy; the world itself stands still. Answered by [`PhysicsEvent::Drifted`].
-    Drift(Vec<WorldOp>),
+    /// first makes the copy; the world itself stands still. Answered by [`PhysicsEvent::Speculated`].
+    Speculate(Vec<WorldOp>),
     /// Forget the copy. No answer.
     Return,
     /// Answered by [`PhysicsEvent::Surveyed`].
@@ -113,7 +113,7 @@ pub enum PhysicsEvent {
     /// To [`PhysicsCommand::Drain`].
     Drained,
     /// Where the bodies of the copy are, in id order; those that rest may be left out.
-    Drifted(Vec<SharedState>),
+    Speculated(Vec<SharedState>),
     /// Every owned body, in id order.
     Surveyed(Vec<Claim>),
     /// Those of the asked-for bodies that are held, owned or replica, at the epoch of their owner, in id order.

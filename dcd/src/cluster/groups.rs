@@ -7,7 +7,7 @@
 //! keys of nodes to this module, see [`Hint`].
 
 mod clique;
-mod company;
+mod leftovers;
 mod near;
 #[cfg(test)]
 mod tests;
@@ -167,7 +167,7 @@ pub fn form_groups(
         groups.push(clique);
     }
     if rules.policy == GroupPolicy::PowersOfTwo {
-        company::give_company(&graph, &mut groups, rules.max_size);
+        leftovers::give_company(&graph, &mut groups, rules.max_size);
     }
     named(&graph, groups)
 }

@@ -1,30 +1,30 @@
-//! The part of a node that is active while it leads: opens each tick when all members are done, takes clients' wishes in,
+//! The part of a node that is active while it leads: opens each tick when all members are done, takes clients' inputs in,
 //! and passes contacts and states on to clients (thesis 3.3.8, 4.3.2.10).
 
-mod abroad;
 mod holders;
+mod inter_group;
 mod interest;
 mod questions;
-mod telling;
+mod state_replication;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use self::abroad::Abroad;
-pub use self::abroad::Deviations;
 use self::holders::Holders;
+pub use self::inter_group::Deviations;
+use self::inter_group::InterGroup;
 use self::interest::{Audience, Latest, Moved};
 use self::questions::Questions;
 pub(super) use self::telling::TELL_TICK;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
-    Area, ContactLedger, Dispatch, Done, Drive, EnvironmentProperties, FromClient, Pace, Question, Refusal,
+    Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Pace, Question, Refusal,
     RegionEvents, Report, Thresholds, TickStats, ToClient, View, ViewNumber, WorldOp,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 
-/// How long a wish waits for its avatar to appear, in ticks.
+/// How long a input waits for its avatar to appear, in ticks.
 const EARLY_TICKS: u64 = 60;
 
 /// State of a leadership: it begins and ends with a view.
@@ -49,10 +49,10 @@ pub struct Leader {
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
-    drives: BTreeMap<BodyId, Drive>,
-    /// Newest wishes for avatars not heard of yet, and since when they wait.
-    early: BTreeMap<BodyId, (Drive, Tick)>,
-    /// Avatars in the world and the logical time of their newest wish.
+    drives: BTreeMap<BodyId, Input>,
+    /// Newest inputs for avatars not heard of yet, and since when they wait.
+    early: BTreeMap<BodyId, (Input, Tick)>,
+    /// Avatars in the world and the logical time of their newest input.
     avatars: BTreeMap<BodyId, Option<u64>>,
     latest: Latest,
     moved: Moved,
@@ -69,7 +69,7 @@ pub struct Leader {
     messages: Vec<(ClientId, ToClient)>,
     thresholds: Thresholds,
     /// While there are other groups.
-    abroad: Option<Abroad>,
+    inter_group: Option<InterGroup>,
 }
 
 impl Leader {
@@ -107,7 +107,7 @@ impl Leader {
             audiences: BTreeMap::new(),
             messages: Vec::new(),
             thresholds: world.thresholds,
-            abroad: None,
+            inter_group: None,
         }
     }
 
@@ -185,8 +185,8 @@ impl Leader {
         self.clients.get(&client).copied()
     }
 
-    /// A client's wish to move an avatar: its own, within the speed limit, newer than the last one.
-    pub fn drive(&mut self, client: ClientId, drive: Drive) -> Result<(), Refusal> {
+    /// A client's input to move an avatar: its own, within the speed limit, newer than the last one.
+    pub fn drive(&mut self, client: ClientId, drive: Input) -> Result<(), Refusal> {
         if drive.body.client() != Some(client) {
             return Err(Refusal::NotYours);
         }
@@ -194,7 +194,7 @@ impl Leader {
             return Err(Refusal::TooFast);
         }
         let Some(last) = self.avatars.get_mut(&drive.body) else {
-            // A new leader, or one whom the wish reached before the server's word, may yet hear of the avatar.
+            // A new leader, or one whom the input reached before the server's word, may yet hear of the avatar.
             let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
             if self.early.range(range).count() >= MAX_AVATARS {
                 return Err(Refusal::TooMany);
@@ -285,7 +285,7 @@ impl Leader {
             }
         }
         self.sort_early();
-        ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Drive));
+        ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Input));
         ops.extend(self.corrections());
         ops.extend(self.questions.dispatch(&self.members));
         self.questions.allow();
@@ -296,11 +296,11 @@ impl Leader {
         Some(Dispatch { view: self.view, tick: self.tick, rounds, ops })
     }
 
-    /// Wishes for avatars that have appeared count now; those that waited too long are refused.
+    /// Inputs for avatars that have appeared count now; those that waited too long are refused.
     fn sort_early(&mut self) {
         for (id, (drive, since)) in std::mem::take(&mut self.early) {
             if let Some(last) = self.avatars.get_mut(&id) {
-                // A later wish may have come since the avatar appeared.
+                // A later input may have come since the avatar appeared.
                 if *last < Some(drive.logical_time) {
                     *last = Some(drive.logical_time);
                     self.drives.insert(id, drive);
@@ -335,12 +335,12 @@ impl Leader {
         self.completed().is_some_and(|completed| self.tick.0 <= completed.0 + self.lag)
     }
 
-    /// What concerns one member of a dispatch: wishes for avatars go to those who hold them, and once more to those who held
+    /// What concerns one member of a dispatch: inputs for avatars go to those who hold them, and once more to those who held
     /// them before, so that they let go (thesis 3.3.8).
     pub fn for_member(&mut self, node: NodeId, dispatch: &Dispatch) -> Dispatch {
         let holders = &mut self.holders;
         let mut concerns = |op: &WorldOp| match op {
-            WorldOp::Drive(drive) => holders.concerns(node, drive.body),
+            WorldOp::Input(drive) => holders.concerns(node, drive.body),
             _ => true,
         };
         let ops = dispatch.ops.iter().filter(|op| concerns(op)).cloned().collect();
@@ -355,19 +355,19 @@ impl Leader {
         self.audiences.values_mut().for_each(|audience| audience.forget(id));
         self.contacts.forget_body(id);
         self.holders.forget(id);
-        self.forget_abroad(id);
+        self.forget_in_other_groups(id);
     }
 
     /// Where clients want their avatars to go, for what is computed before the next tick.
-    pub fn wishes(&self) -> impl Iterator<Item = Drive> {
+    pub fn inputs(&self) -> impl Iterator<Item = Input> {
         self.drives.values().copied()
     }
 
-    /// What clients said that another leader must know: wishes that are not dispatched yet, and their interests.
-    pub fn into_wishes(self) -> Vec<(ClientId, FromClient)> {
+    /// What clients said that another leader must know: inputs that are not dispatched yet, and their interests.
+    pub fn into_inputs(self) -> Vec<(ClientId, FromClient)> {
         let early = self.early.into_values().map(|(drive, _)| drive);
         let drives = self.drives.into_values().chain(early);
-        let drives = drives.filter_map(|drive| Some((drive.body.client()?, FromClient::Drive(drive))));
+        let drives = drives.filter_map(|drive| Some((drive.body.client()?, FromClient::Input(drive))));
         let areas = self.audiences.into_iter().map(|(client, audience)| (client, Some(audience.area())));
         let interests = areas.chain(self.interests);
         drives.chain(interests.map(|(client, area)| (client, FromClient::Interest(area)))).collect()
@@ -435,9 +435,9 @@ mod tests {
         }
     }
 
-    fn drive(logical_time: u64, speed: f32) -> Drive {
+    fn drive(logical_time: u64, speed: f32) -> Input {
         let velocity = Velocity { linear: [0.0, speed, 0.0], angular: [0.0; 3] };
-        Drive { body: AVATAR, logical_time, velocity, pose: Some(WorldPose::default()) }
+        Input { body: AVATAR, logical_time, velocity, pose: Some(WorldPose::default()) }
     }
 
     #[test]
@@ -481,20 +481,20 @@ mod tests {
     fn only_the_newest_wish_of_an_avatar_is_dispatched() {
         let mut leader = leader();
         leader.dispatch(Duration::ZERO);
-        assert_eq!(leader.drive(CLIENT, drive(5, 1.0)), Ok(()));
-        assert_eq!(leader.drive(CLIENT, drive(7, 2.0)), Ok(()));
-        assert_eq!(leader.drive(CLIENT, drive(6, 3.0)), Err(Refusal::Late));
-        assert_eq!(leader.drive(CLIENT, drive(8, 20.5)), Err(Refusal::TooFast));
-        assert_eq!(leader.drive(ClientId(5), drive(9, 1.0)), Err(Refusal::NotYours));
+        assert_eq!(leader.accept_input(CLIENT, drive(5, 1.0)), Ok(()));
+        assert_eq!(leader.accept_input(CLIENT, drive(7, 2.0)), Ok(()));
+        assert_eq!(leader.accept_input(CLIENT, drive(6, 3.0)), Err(Refusal::Late));
+        assert_eq!(leader.accept_input(CLIENT, drive(8, 20.5)), Err(Refusal::TooFast));
+        assert_eq!(leader.accept_input(ClientId(5), drive(9, 1.0)), Err(Refusal::NotYours));
         both_done(&mut leader, 1, vec![], vec![]);
         let ops = leader.dispatch(Duration::from_secs(1)).unwrap().ops;
-        assert_eq!(ops, [WorldOp::Drive(drive(7, 2.0))]);
+        assert_eq!(ops, [WorldOp::Input(drive(7, 2.0))]);
     }
 
     #[test]
     fn a_wish_that_waited_for_its_avatar_does_not_undo_a_later_one() {
         let mut leader = leader();
-        assert_eq!(leader.drive(CLIENT, drive(5, 1.0)), Ok(()), "the avatar has not appeared yet");
+        assert_eq!(leader.accept_input(CLIENT, drive(5, 1.0)), Ok(()), "the avatar has not appeared yet");
         let (id, epoch) = (AVATAR, crate::space::Epoch(0));
         let state = SharedState {
             id,
@@ -505,10 +505,10 @@ mod tests {
             sleeping: false,
         };
         leader.report(Report { view: ViewNumber(1), tick: Tick(0), states: vec![state] });
-        assert_eq!(leader.drive(CLIENT, drive(6, 2.0)), Ok(()));
+        assert_eq!(leader.accept_input(CLIENT, drive(6, 2.0)), Ok(()));
         let ops = leader.dispatch(Duration::ZERO).unwrap().ops;
-        let drives: Vec<_> = ops.iter().filter(|op| matches!(op, WorldOp::Drive(_))).collect();
-        assert_eq!(drives, [&WorldOp::Drive(drive(6, 2.0))]);
+        let drives: Vec<_> = ops.iter().filter(|op| matches!(op, WorldOp::Input(_))).collect();
+        assert_eq!(drives, [&WorldOp::Input(drive(6, 2.0))]);
     }
 
     #[test]
@@ -516,11 +516,11 @@ mod tests {
         let mut leader = leader();
         let early = BodyId::avatar(CLIENT, 7);
         for time in [6, 5] {
-            let drive = Drive { body: early, ..drive(time, time as f32) };
-            assert_eq!(leader.drive(CLIENT, drive), Ok(()));
+            let drive = Input { body: early, ..drive(time, time as f32) };
+            assert_eq!(leader.accept_input(CLIENT, drive), Ok(()));
         }
-        let wishes = leader.into_wishes();
-        assert_eq!(wishes, [(CLIENT, FromClient::Drive(Drive { body: early, ..drive(6, 6.0) }))]);
+        let inputs = leader.into_inputs();
+        assert_eq!(inputs, [(CLIENT, FromClient::Input(Input { body: early, ..drive(6, 6.0) }))]);
     }
 
     #[test]
@@ -550,7 +550,7 @@ mod tests {
         leader.take_interest(ClientId(6), Some(area));
         assert_eq!(told_at(&mut leader, 2, 51.0), [(other, 1)]);
         assert_eq!(told_at(&mut leader, 3, 5.0), [(CLIENT, 1), (other, 1)]);
-        let handed_on = leader.clone().into_wishes();
+        let handed_on = leader.clone().into_inputs();
         assert_eq!(handed_on, [(CLIENT, FromClient::Interest(Some(area)))]);
         leader.take_interest(CLIENT, None);
         assert_eq!(

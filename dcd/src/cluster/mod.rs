@@ -41,8 +41,8 @@ pub use server::{
     ServerOutput, WORLD_ENDED,
 };
 pub use votes::{
-    Ballot, Call, DelayWatch, Outcome, PeerDelay, PollRules, Polls, Tally, VoteError, VoteRefusal,
-    VoteThresholds, WatchRules,
+    Ballot, Call, DelayMonitor, DelayRules, Outcome, PeerDelay, PollRules, Polls, Tally, VoteError,
+    VoteRefusal, VoteThresholds,
 };
 
 /// The other end of a link, as its certificate names it.

@@ -2,9 +2,9 @@
 //! says so. The physics is a device behind [`PhysicsCommand`] and [`PhysicsEvent`].
 
 mod clients;
-mod drift;
 mod links;
 mod lockstep;
+mod speculation;
 #[cfg(test)]
 mod tests;
 
@@ -12,9 +12,9 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use self::drift::Drift;
 use self::links::Links;
-use super::{DelayWatch, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
+use self::speculation::Speculation;
+use super::{DelayMonitor, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
 use crate::protocol::{
     Border, BorderMessage, Dispatch, Done, EnvironmentProperties, Farewell, FromClient, JointRecord, Member,
     Message, Placed, ToClient, ToServer, View, ViewNumber,
@@ -101,9 +101,9 @@ pub struct NodeCounters {
     pub stale: u64,
     /// From somebody who may not say that.
     pub refused: u64,
-    /// Early border messages and wishes beyond their bounds.
+    /// Early border messages and inputs beyond their bounds.
     pub overflow: u64,
-    /// Clients' wishes that the leader refused.
+    /// Clients' inputs that the leader refused.
     pub rejected: u64,
     /// Ticks computed without the others, for clients only.
     pub provisional: u64,
@@ -132,14 +132,14 @@ pub struct Node {
     /// When a leader that waits says so again.
     reassure_at: Duration,
     complained_at: Duration,
-    drift: Drift,
+    speculation: Speculation,
     /// Of the present view: those that another member may not have completed, and the newest of all.
     dispatches: VecDeque<Dispatch>,
     dispatched: Tick,
     /// Messages up to this tick have been taken in before their time, for a view change.
     drained: Tick,
     holds: Vec<BodyId>,
-    change: Option<Change>,
+    change: Option<PendingView>,
     /// What the leader dispatched since that began: it counts if nothing comes of the change.
     held: Vec<Dispatch>,
     placed: Vec<Placed>,
@@ -147,7 +147,7 @@ pub struct Node {
     early: BTreeMap<NodeId, VecDeque<Border>>,
     leader: Option<Leader>,
     /// What clients said before this node leads.
-    wishes: Vec<(ClientId, FromClient)>,
+    inputs: Vec<(ClientId, FromClient)>,
     /// What the client in this process said last that it wants to hear of.
     interest: Option<FromClient>,
     links: BTreeSet<Peer>,
@@ -158,7 +158,7 @@ pub struct Node {
     /// Up to which tick the server was told last.
     told: Tick,
     leaving: bool,
-    watch: Option<DelayWatch>,
+    watch: Option<DelayMonitor>,
     pinger: Pinger,
     counters: NodeCounters,
     stopped: bool,
@@ -176,7 +176,7 @@ enum Phase {
 
 /// A view change as far as it has come here.
 #[derive(Clone, Debug)]
-struct Change {
+struct PendingView {
     view: ViewNumber,
     finish: bool,
     drained: bool,
@@ -185,7 +185,7 @@ struct Change {
     adopt: Option<(View, Vec<BodyId>)>,
 }
 
-impl Change {
+impl PendingView {
     fn to(view: ViewNumber) -> Self {
         Self { view, finish: false, drained: false, surveyed: false, fetch: None, adopt: None }
     }
@@ -210,7 +210,7 @@ impl Node {
             since_leader: None,
             reassure_at: Duration::ZERO,
             complained_at: Duration::ZERO,
-            drift: Drift::default(),
+            speculation: Speculation::default(),
             dispatches: VecDeque::new(),
             dispatched: Tick(0),
             drained: Tick(0),
@@ -221,7 +221,7 @@ impl Node {
             joints: Vec::new(),
             early: BTreeMap::new(),
             leader: None,
-            wishes: Vec::new(),
+            inputs: Vec::new(),
             interest: None,
             links: BTreeSet::new(),
             link: Links::default(),
@@ -270,7 +270,7 @@ impl Node {
         self.complain_of_stalled(now);
         self.reassure(now);
         self.progress(now);
-        self.drift(now);
+        self.speculate(now);
     }
 
     /// When [`Node::handle_timeout`] is next due; ask again after every event.
@@ -288,7 +288,7 @@ impl Node {
             .chain(self.link.timeout(&self.others))
             .chain(self.stalled_at())
             .chain(self.reassurance_at())
-            .chain(self.drift_at())
+            .chain(self.speculation_due())
             .min()
     }
 
@@ -323,8 +323,8 @@ impl Node {
     }
 
     /// Whether it computes provisionally, because others are waited for.
-    pub fn is_drifting(&self) -> bool {
-        self.drift.is_running()
+    pub fn is_speculating(&self) -> bool {
+        self.speculation.is_running()
     }
 
     /// Whether the server can be heard.

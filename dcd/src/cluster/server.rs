@@ -19,7 +19,7 @@ use self::group::Group;
 use self::nodes::Resumption;
 use super::{Batch, Life, Peer, Pinger, Polls, Record};
 use crate::protocol::{
-    Chunk, EnvironmentProperties, Farewell, Hello, Member, Message, Refusal, Role, ShapeHash, ShapeRecord,
+    Chunk, EnvironmentProperties, Farewell, Hello, JoinAs, Member, Message, Refusal, ShapeHash, ShapeRecord,
     ToClient, VERSION, View, ViewNumber, chunks,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
@@ -403,7 +403,7 @@ impl Server {
                 self.common.send_client(client, ToClient::Rejected { body: None, reason: refusal });
                 self.common.close(from, Farewell::Refused, reason);
             }
-            (Peer::Node(node), Role::Node { address, client, resume }) => {
+            (Peer::Node(node), JoinAs::Node { address, client, resume }) => {
                 let member = Member { node, address, client };
                 match resume.map_or(Resumption::Anew, |view| self.resumption(node, view)) {
                     Resumption::Member(group) => self.resume(member, group),
@@ -418,7 +418,7 @@ impl Server {
                     }
                 }
             }
-            (Peer::Client(client), Role::Client) => self.welcome_client(client),
+            (Peer::Client(client), JoinAs::Client) => self.welcome_client(client),
             _ => {
                 let reason = "its certificate is for another role than the one it wants to play".to_owned();
                 self.common.close(from, Farewell::Refused, reason);
@@ -434,7 +434,7 @@ impl Server {
         // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
         self.bring_back(client);
         let world = self.common.config.world.clone();
-        // Room for 2^28 wishes a stay, for 2^16 stays a view.
+        // Room for 2^28 inputs a stay, for 2^16 stays a view.
         self.welcomes = (self.welcomes + 1) & 0xffff;
         let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
         self.common.send_client(client, ToClient::Welcome { id: client, logical_time, world });

@@ -1,24 +1,24 @@
 //! Votes on who belongs to a group while the world runs (thesis 3.3.9, 4.3.1.5, 4.3.2.7).
 //!
-//! Every node watches its delays to the others ([`DelayWatch`]) and calls for a vote; the server opens a poll or
+//! Every node watches its delays to the others ([`DelayMonitor`]) and calls for a vote; the server opens a poll or
 //! refuses ([`Polls`]), members answer by the delay that they perceive ([`VoteThresholds::ballot`]), and the motion passes or
 //! not ([`Motion::passes`]). An evicted node becomes a group of one.
 //!
 //! Against flapping: the gap between the thresholds, three strikes before a vote, and on the server one vote at a time for
 //! everybody concerned, rests, a cap, and a stay that grows with each eviction.
 
+mod delay_monitor;
 #[cfg(test)]
 mod flapping;
 mod polls;
 #[cfg(test)]
 mod tests;
-mod watch;
 
 use crate::protocol::{DelayThresholds, Motion};
 use crate::space::NodeId;
 
+pub use self::delay_monitor::{DelayMonitor, DelayRules};
 pub use self::polls::{Call, Outcome, PollRules, Polls, VoteRefusal};
-pub use self::watch::{DelayWatch, WatchRules};
 
 /// Where a delay begins to be short and where it begins to be long, in milliseconds of round trips.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -19,7 +19,7 @@ use super::key::Key;
 use super::ledger::Ledger;
 use super::token::{NONCE_BYTES, Secret, unix_seconds};
 use super::verify::{fingerprint, random};
-use super::{Identity, JoinRefusal, NetError, PeerName, ResumeKey, Role, Token};
+use super::{Identity, JoinRefusal, NetError, PeerName, PeerRole, ResumeKey, Token};
 
 /// The root of trust of one world, kept in the server's data folder: who holds its key decides who takes part.
 ///
@@ -85,8 +85,13 @@ impl Authority {
     }
 
     /// Mints a token that lets one process join as `role` until `now + valid_for`.
-    pub fn issue_token(&self, role: Role, valid_for: Duration, now: SystemTime) -> Result<Token, NetError> {
-        if role == Role::Server {
+    pub fn issue_token(
+        &self,
+        role: PeerRole,
+        valid_for: Duration,
+        now: SystemTime,
+    ) -> Result<Token, NetError> {
+        if role == PeerRole::Server {
             return Err(NetError::ServerToken);
         }
         let nonce: [u8; NONCE_BYTES] = random()?;
@@ -163,7 +168,7 @@ impl Authority {
         self.issue(identity.who, &key, then, self.certificate_life).unwrap()
     }
 
-    fn resumed(&self, key: &str, role: Role) -> Result<PeerName, JoinRefusal> {
+    fn resumed(&self, key: &str, role: PeerRole) -> Result<PeerName, JoinRefusal> {
         let key: ResumeKey = key.parse().map_err(|_| JoinRefusal::BadResumeKey)?;
         if !key.is_sealed_by(&self.secret) {
             return Err(JoinRefusal::BadResumeKey);

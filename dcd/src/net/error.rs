@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::{CloseCode, MAX_DATAGRAM_BYTES, PeerName, Role};
+use super::{CloseCode, MAX_DATAGRAM_BYTES, PeerName, PeerRole};
 
 /// Why an authority, an identity, a join or a connection is not to be had.
 #[derive(Debug, thiserror::Error)]
@@ -154,9 +154,9 @@ pub enum TokenError {
     )]
     WrongRole {
         /// What it is for.
-        found: Role,
+        found: PeerRole,
         /// What it should be for.
-        wanted: Role,
+        wanted: PeerRole,
     },
 }
 
@@ -201,9 +201,9 @@ pub enum JoinRefusal {
     )]
     WrongRole {
         /// What the token is for.
-        token: Role,
+        token: PeerRole,
         /// What the joiner was before.
-        resume: Role,
+        resume: PeerRole,
     },
     /// A resume key of another authority, or forged.
     #[error("the resume key is not of this server's authority; join without it to be given new ids")]

@@ -9,7 +9,7 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer};
 
 use super::files::{at, replace_private};
 use super::verify::names_of;
-use super::{NetError, PeerName, ResumeKey, Role};
+use super::{NetError, PeerName, PeerRole, ResumeKey};
 use crate::space::{ClientId, NodeId};
 
 /// A private key, the certificate for it that names role and ids, and the authority that issued it.
@@ -23,7 +23,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Role and ids together.
+    /// PeerRole and ids together.
     pub fn who(&self) -> PeerName {
         self.who
     }

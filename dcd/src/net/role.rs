@@ -7,7 +7,7 @@ use crate::space::{ClientId, NodeId};
 
 /// What a process does in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Role {
+pub enum PeerRole {
     /// Directory, record and arbiter.
     Server,
     /// Computes regions.
@@ -18,7 +18,7 @@ pub enum Role {
     Participant,
 }
 
-impl Role {
+impl PeerRole {
     pub(super) fn code(self) -> u8 {
         match self {
             Self::Server => 0,
@@ -35,7 +35,7 @@ impl Role {
     }
 }
 
-impl fmt::Display for Role {
+impl fmt::Display for PeerRole {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Server => "server",
@@ -46,7 +46,7 @@ impl fmt::Display for Role {
     }
 }
 
-impl FromStr for Role {
+impl FromStr for PeerRole {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -74,10 +74,10 @@ impl PeerName {
     /// The role that the name implies.
     pub fn role(self) -> Role {
         match self {
-            Self::Server => Role::Server,
-            Self::Node(_) => Role::Node,
-            Self::Client(_) => Role::Client,
-            Self::Participant(..) => Role::Participant,
+            Self::Server => PeerRole::Server,
+            Self::Node(_) => PeerRole::Node,
+            Self::Client(_) => PeerRole::Client,
+            Self::Participant(..) => PeerRole::Participant,
         }
     }
 
@@ -108,12 +108,12 @@ impl PeerName {
     }
 
     /// The name and ids of `role`, when exactly the ids that the role has are there.
-    pub(super) fn from_parts(role: Role, node: Option<NodeId>, client: Option<ClientId>) -> Option<Self> {
+    pub(super) fn from_parts(role: PeerRole, node: Option<NodeId>, client: Option<ClientId>) -> Option<Self> {
         match (role, node, client) {
-            (Role::Server, None, None) => Some(Self::Server),
-            (Role::Node, Some(node), None) => Some(Self::Node(node)),
-            (Role::Client, None, Some(client)) => Some(Self::Client(client)),
-            (Role::Participant, Some(node), Some(client)) => Some(Self::Participant(node, client)),
+            (PeerRole::Server, None, None) => Some(Self::Server),
+            (PeerRole::Node, Some(node), None) => Some(Self::Node(node)),
+            (PeerRole::Client, None, Some(client)) => Some(Self::Client(client)),
+            (PeerRole::Participant, Some(node), Some(client)) => Some(Self::Participant(node, client)),
             _ => None,
         }
     }
@@ -145,10 +145,10 @@ impl PeerName {
             }
         }
         let role = match (server, node.is_some(), client.is_some()) {
-            (true, ..) => Role::Server,
-            (false, true, true) => Role::Participant,
-            (false, true, false) => Role::Node,
-            (false, false, _) => Role::Client,
+            (true, ..) => PeerRole::Server,
+            (false, true, true) => PeerRole::Participant,
+            (false, true, false) => PeerRole::Node,
+            (false, false, _) => PeerRole::Client,
         };
         Self::from_parts(role, node, client)
     }

@@ -3,7 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::collider_id::ColliderId;
-use super::watch::ContactWatch;
+use super::contact_listener::ContactListener;
 
 /// Rapier's `PhysicsHooks` with bodies by name. Only colliders with the matching `ActiveHooks` are asked about.
 ///
@@ -55,7 +55,7 @@ impl std::fmt::Debug for HookedPair<'_> {
 /// What a region hands to Rapier: finds the names and asks the user.
 pub(super) struct Named<'a> {
     pub hooks: &'a dyn ContactHooks,
-    pub watch: &'a ContactWatch,
+    pub watch: &'a ContactListener,
     pub anchor: [f64; 3],
 }
 

@@ -3,26 +3,26 @@
 mod articulation;
 mod choice;
 mod collider_id;
+mod contact_listener;
 mod control;
 mod convert;
 mod coupling;
-mod directory;
 mod hooks;
 mod host;
 mod joints;
 mod measure;
 mod outbox;
 mod outline;
+mod owner_index;
 mod partition;
 mod placement;
 mod query;
+mod rank_remap;
 mod record;
 mod region;
-mod renumber;
 mod settings;
 mod shapes;
 mod statics;
-mod watch;
 
 pub use crate::protocol::Handover;
 pub use articulation::LinkSettings;
@@ -38,7 +38,7 @@ pub use joints::joint_record;
 pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;
 pub use query::{BodyFilter, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay};
-pub use region::{Region, Role};
+pub use region::{Ownership, Region};
 pub use settings::{Coupling, Preset, StepSettings};
 #[cfg(feature = "net")]
 pub(crate) use shapes::can_build;

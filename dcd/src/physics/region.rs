@@ -1,12 +1,12 @@
 //! One region: a Rapier world around an anchor, and who owns what in it.
 
-mod anchor;
 mod assembly;
 mod change;
 mod contacts;
 mod contents;
-mod division;
-mod guide;
+mod floating_origin;
+mod kinematic_targets;
+mod mass_splitting;
 mod moved;
 mod place;
 mod read;
@@ -14,11 +14,11 @@ mod slot;
 mod step;
 mod ties;
 
-pub(super) use anchor::better_anchor;
 pub(super) use assembly::Assembly;
+pub(super) use floating_origin::better_anchor;
 pub(super) use moved::Moved;
-pub use slot::Role;
-pub(super) use slot::{Link, Slot};
+pub use slot::Ownership;
+pub(super) use slot::{BodyRef, Slot};
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, OnceLock};
@@ -27,12 +27,12 @@ use std::time::Duration;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
 
-use self::guide::Guide;
+use self::kinematic_targets::KinematicTargets;
 use self::ties::{HeldJoint, JointNews};
+use super::contact_listener::ContactListener;
 use super::convert;
 use super::hooks::ContactHooks;
 use super::partition::HUB_REACH_M;
-use super::watch::ContactWatch;
 use crate::protocol::{JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 
@@ -54,9 +54,9 @@ pub struct Region {
     #[serde(serialize_with = "in_id_order")]
     by_id: HashMap<BodyId, RigidBodyHandle>,
     /// Bodies owned here and held elsewhere too, in id order.
-    shared: Vec<Link>,
+    shared: Vec<BodyRef>,
     /// Bodies owned elsewhere, in id order.
-    replicas: Vec<Link>,
+    replicas: Vec<BodyRef>,
     assemblies: Vec<Assembly>,
     assemblies_stale: bool,
     joints: BTreeMap<JointId, HeldJoint>,
@@ -65,8 +65,8 @@ pub struct Region {
     joint_news: JointNews,
     /// Immovable bodies that touch this box are held here.
     covered: Bounds,
-    watch: ContactWatch,
-    guide: Guide,
+    watch: ContactListener,
+    guide: KinematicTargets,
     quarantined: Vec<BodyId>,
     /// Whom the user wants to be asked about contacts.
     #[serde(skip)]
@@ -77,7 +77,7 @@ pub struct Region {
     /// Whether it rests in the present tick.
     rests: bool,
     /// Bodies inserted here as its own whose neighbourhood no exchange has seen yet.
-    fresh: Vec<Link>,
+    fresh: Vec<BodyRef>,
     /// By Rapier's body index: the tick from which on the body is to be looked at again, by whoever keeps watch over the borders.
     /// Kept apart from the slots, so that passing over a body far from any border touches four bytes.
     due: Vec<u32>,
@@ -86,8 +86,8 @@ pub struct Region {
     step_us: f64,
     #[serde(skip)]
     mean_step_us: f64,
-    /// By Rapier's body index: the length of the micro-step in which Rapier solved the body's contacts last, in seconds.
-    /// Empty as long as all micro-steps have had one length.
+    /// By Rapier's body index: the length of the substep in which Rapier solved the body's contacts last, in seconds.
+    /// Empty as long as all substeps have had one length.
     solved_dt_s: Vec<f32>,
     /// Bodies inserted or changed since the last step, perhaps more than once; and what queries make of them.
     touched: Vec<RigidBodyHandle>,
@@ -115,8 +115,8 @@ impl Region {
             waiting: BTreeMap::new(),
             joint_news: JointNews::default(),
             covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
-            watch: ContactWatch::default(),
-            guide: Guide::default(),
+            watch: ContactListener::default(),
+            guide: KinematicTargets::default(),
             quarantined: Vec::new(),
             hooks: None,
             events: RegionEvents { region: id, ..RegionEvents::default() },
@@ -158,37 +158,37 @@ impl Region {
     }
 
     /// Every body held here, in no order, with the part that the region plays for it.
-    pub fn bodies(&self) -> impl Iterator<Item = (BodyId, Role, RigidBodyHandle, &RigidBody)> {
+    pub fn bodies(&self) -> impl Iterator<Item = (BodyId, Ownership, RigidBodyHandle, &RigidBody)> {
         self.by_id
             .iter()
             .map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
     }
 
     /// Every body held here, in id order.
-    fn links(&self) -> Vec<Link> {
-        let mut links: Vec<_> = self.by_id.iter().map(|(&id, &handle)| Link { id, handle }).collect();
+    fn links(&self) -> Vec<BodyRef> {
+        let mut links: Vec<_> = self.by_id.iter().map(|(&id, &handle)| BodyRef { id, handle }).collect();
         links.sort_unstable_by_key(|link| link.id);
         links
     }
 
     /// The role and name of the body behind a handle of [`Region::physics`].
-    pub fn role_of(&self, handle: RigidBodyHandle) -> Option<(BodyId, Role)> {
+    pub fn role_of(&self, handle: RigidBodyHandle) -> Option<(BodyId, Ownership)> {
         self.slot_at(handle).map(|slot| (slot.id, slot.role))
     }
 
     /// How many bodies it has authority over.
     pub fn owned_count(&self) -> usize {
-        self.slots.iter().flatten().filter(|slot| slot.role == Role::Owner).count()
+        self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Owner).count()
     }
 
     /// Whether there are any: found at once where there are, as bodies are inserted one by one.
     pub fn owns_any(&self) -> bool {
-        self.slots.iter().flatten().any(|slot| slot.role == Role::Owner)
+        self.slots.iter().flatten().any(|slot| slot.role == Ownership::Owner)
     }
 
     /// How many of them are awake.
     pub fn awake_count(&self) -> usize {
-        let owned = |handle| self.slot_at(handle).is_some_and(|slot| slot.role == Role::Owner);
+        let owned = |handle| self.slot_at(handle).is_some_and(|slot| slot.role == Ownership::Owner);
         self.world.islands.active_bodies().filter(|&handle| owned(handle)).count()
     }
 
@@ -208,17 +208,17 @@ impl Region {
     }
 
     /// Bodies owned here that others hold too, in id order.
-    pub(super) fn shared(&self) -> &[Link] {
+    pub(super) fn shared(&self) -> &[BodyRef] {
         &self.shared
     }
 
     /// Bodies owned elsewhere that are held here, in id order.
-    pub(super) fn replicas(&self) -> &[Link] {
+    pub(super) fn replicas(&self) -> &[BodyRef] {
         &self.replicas
     }
 
     /// All bodies held here and elsewhere.
-    pub(super) fn held_elsewhere(&self) -> impl Iterator<Item = Link> {
+    pub(super) fn held_elsewhere(&self) -> impl Iterator<Item = BodyRef> {
         self.shared.iter().chain(&self.replicas).copied()
     }
 
@@ -228,18 +228,18 @@ impl Region {
     }
 
     /// The one at a place below [`Region::held_elsewhere_count`].
-    pub(super) fn held_elsewhere_at(&self, place: usize) -> Link {
+    pub(super) fn held_elsewhere_at(&self, place: usize) -> BodyRef {
         let owned = self.shared.len();
         if place < owned { self.shared[place] } else { self.replicas[place - owned] }
     }
 
     /// Bodies inserted as this region's own that no exchange has seen yet.
-    pub(super) fn fresh(&self) -> &[Link] {
+    pub(super) fn fresh(&self) -> &[BodyRef] {
         &self.fresh
     }
 
     /// An exchange sees them.
-    pub(super) fn take_fresh(&mut self) -> Vec<Link> {
+    pub(super) fn take_fresh(&mut self) -> Vec<BodyRef> {
         std::mem::take(&mut self.fresh)
     }
 

@@ -60,7 +60,7 @@ impl Coupling {
         matches!(self, Self::Island | Self::Auto)
     }
 
-    /// Micro-steps a tick at first, of which `exchanges` is the setting.
+    /// Substeps a tick at first, of which `exchanges` is the setting.
     pub(super) const fn first_steps(self, exchanges: usize) -> usize {
         match self {
             Self::Auto => 1,
@@ -79,11 +79,11 @@ pub struct StepSettings {
     pub gravity: [f32; 3],
     /// Seconds a tick.
     pub dt_s: f32,
-    /// Solver iterations a tick, shared out among its micro-steps.
+    /// Solver iterations a tick, shared out among its substeps.
     pub solver_iterations: usize,
     /// How regions agree.
     pub coupling: Coupling,
-    /// Micro-steps a tick, with an exchange after each; with [`Coupling::Auto`] the most that a border may take.
+    /// Substeps a tick, with an exchange after each; with [`Coupling::Auto`] the most that a border may take.
     pub exchanges: usize,
     /// Contact hops across a border within which bodies live in both regions, for couplings that overlap.
     pub depth: usize,

@@ -6,7 +6,7 @@ use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
 
 use super::record;
-use super::region::{Region, Role};
+use super::region::{Ownership, Region};
 use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyRecord, BodyTraits, JointRecord};
 use crate::space::{BodyId, Bounds, RegionSet};
@@ -122,7 +122,7 @@ impl Statics {
 
 fn insert(region: &mut Region, body: &BodyRecord, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
     if region.handle_of(body.id).is_none() {
-        region.insert(body, Role::Immovable, RegionSet::EMPTY, shapes)?;
+        region.insert(body, Ownership::Immovable, RegionSet::EMPTY, shapes)?;
     }
     Ok(())
 }

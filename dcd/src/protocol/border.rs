@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{BodyRecord, Check, Drive, JointRecord, Velocity, WorldPose};
+use super::{BodyRecord, Check, Input, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
 /// The owner's word on a body that the receiver holds a replica of.
@@ -84,12 +84,12 @@ pub struct Membership {
     /// All that hold it, the owner too.
     pub holders: RegionSet,
     /// Those of them whose copies only follow the others': they have no part of the mass.
-    pub shadows: RegionSet,
+    pub warming: RegionSet,
 }
 
 /// A body near the receiver's region which the receiver does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
-pub struct Sighting {
+pub struct NearbyBody {
     /// Which body.
     pub id: BodyId,
     /// A box around it, world space, metres.
@@ -106,13 +106,13 @@ pub struct Sighting {
 
 /// What a region shows to another: bodies that might meet the other's.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
-pub struct Sight {
+pub struct NearbyBodies {
     /// A box around all that the sender's bodies reach beyond its cell; told to whom it concerns.
     pub extent: Option<Bounds>,
     /// Other regions whose bodies reach into the sender's cell, as the receiver's do: they may meet there.
     pub visitors: RegionSet,
     /// In id order.
-    pub bodies: Vec<Sighting>,
+    pub bodies: Vec<NearbyBody>,
 }
 
 /// The receiver becomes the owner of a body.
@@ -165,8 +165,8 @@ pub struct BorderMessage {
     /// Changes among the holders of bodies that the receiver holds.
     pub members: Vec<Membership>,
     /// What the sender shows to the receiver; `None`: the same as before.
-    pub sight: Option<Sight>,
-    /// Micro-steps that the sender takes in the next tick; 0: as many as before.
+    pub nearby: Option<NearbyBodies>,
+    /// Substeps that the sender takes in the next tick; 0: as many as before.
     pub steps: u8,
 }
 
@@ -182,16 +182,16 @@ impl BorderMessage {
             && self.copies.is_empty()
             && self.islands.is_empty()
             && self.members.is_empty()
-            && self.sight.is_none()
+            && self.nearby.is_none()
             && self.steps == 0
     }
 
     /// Whether all ranks in it are of a world of so many regions: others would name nobody.
     pub fn names_only(&self, regions: usize) -> bool {
         let transfers = self.transfers.iter().map(|transfer| transfer.holders);
-        let members = self.members.iter().flat_map(|member| [member.holders, member.shadows]);
-        let visitors = self.sight.iter().map(|sight| sight.visitors);
-        let goes = self.sight.iter().flat_map(|sight| &sight.bodies).map(|sighting| sighting.goes);
+        let members = self.members.iter().flat_map(|member| [member.holders, member.warming]);
+        let visitors = self.nearby.iter().map(|nearby| nearby.visitors);
+        let goes = self.nearby.iter().flat_map(|nearby| &nearby.bodies).map(|nearby| nearby.goes);
         let sets = transfers.chain(members).chain(visitors).chain(goes);
         sets.fold(RegionSet::EMPTY, RegionSet::union).iter().all(|rank| rank < regions)
             && self.members.iter().all(|member| usize::from(member.owner) < regions)
@@ -228,7 +228,7 @@ impl BorderMessage {
     }
 
     /// A body that is handed over goes where its user wants it to.
-    pub fn drive(&mut self, drive: &Drive) {
+    pub fn drive(&mut self, drive: &Input) {
         let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == drive.body);
         if let Some(Transfer { body, .. }) = of {
             body.state.velocity = drive.velocity;
@@ -247,7 +247,7 @@ impl BorderMessage {
         self.copies.clear();
         self.islands.clear();
         self.members.clear();
-        self.sight = None;
+        self.nearby = None;
         self.steps = 0;
     }
 }

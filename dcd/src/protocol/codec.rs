@@ -189,13 +189,13 @@ mod tests {
     }
 
     fn sample() -> Message {
-        let drive = crate::protocol::Drive {
+        let drive = crate::protocol::Input {
             body: BodyId::avatar(ClientId(3), 1),
             logical_time: 9,
             velocity: Velocity::default(),
             pose: Some(WorldPose::default()),
         };
-        let ops = vec![WorldOp::Remove(BodyId::persistent(4)), WorldOp::Drive(drive)];
+        let ops = vec![WorldOp::Remove(BodyId::persistent(4)), WorldOp::Input(drive)];
         Message::Dispatch(Dispatch { view: ViewNumber(2), tick: Tick(300), rounds: 2, ops })
     }
 

@@ -26,15 +26,15 @@ pub struct ContactLedger {
 
 impl ContactLedger {
     /// Merges what the regions saw in one tick; give them in region order. `out` is overwritten. Forces on a pair add up, over
-    /// the regions that hold it and the micro-steps of the tick.
+    /// the regions that hold it and the substeps of the tick.
     pub fn merge<'a>(&mut self, regions: impl IntoIterator<Item = &'a RegionEvents>, out: &mut WorldEvents) {
         out.touches.clear();
         out.forces.clear();
-        let mut changed: BTreeMap<ContactKey, Change> = BTreeMap::new();
+        let mut changed: BTreeMap<ContactKey, TouchChange> = BTreeMap::new();
         for events in regions {
             for touch in &events.touches {
                 let seen_by = self.seen_by.entry(touch.key).or_default();
-                let change = changed.entry(touch.key).or_insert(Change {
+                let change = changed.entry(touch.key).or_insert(TouchChange {
                     before: !seen_by.is_empty(),
                     began: None,
                     ended: None,
@@ -88,7 +88,7 @@ impl ContactLedger {
     }
 }
 
-struct Change {
+struct TouchChange {
     before: bool,
     began: Option<Touch>,
     ended: Option<Touch>,

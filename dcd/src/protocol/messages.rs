@@ -13,7 +13,7 @@ use bincode::{Decode, Encode};
 use super::{BodyRecord, JointRecord, ShapeRecord};
 use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
-pub use client::{Area, Drive, FromClient, Refusal, Stamp, ToClient};
+pub use client::{Area, FromClient, Input, Refusal, Stamp, ToClient};
 pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, Motion, Report, Stance, TickStats,
     ToNode, ToServer, WorldOp,
@@ -68,7 +68,7 @@ pub enum Message {
 /// How a message travels. Order holds within a lane only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Lane {
-    /// Reliable and ordered: membership, world, dispatch, clients' wishes.
+    /// Reliable and ordered: membership, world, dispatch, clients' inputs.
     Control,
     /// Reliable and ordered: border messages of every tick.
     Border,
@@ -98,12 +98,12 @@ pub struct Hello {
     /// [`VERSION`](super::VERSION) of the sender.
     pub version: u32,
     /// As what it joins.
-    pub role: Role,
+    pub role: JoinAs,
 }
 
 /// As what a process joins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
-pub enum Role {
+pub enum JoinAs {
     /// Computes regions.
     Node {
         /// Where other members and clients reach it.

@@ -17,7 +17,7 @@ pub use body::{
 };
 pub use border::{
     BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Handover, IslandPart, Membership,
-    RegionEvents, SharedState, Sight, Sighting, Touch, Transfer,
+    NearbyBodies, NearbyBody, RegionEvents, SharedState, Touch, Transfer,
 };
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, datagrams, decode,
@@ -30,10 +30,10 @@ pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     Answer, Area, Asked, BodyCheckpoint, Border, CastAnswer, CastQuestion, Chunk, Claim, Delay,
-    DelayThresholds, Dispatch, Done, Drive, EnvironmentProperties, Farewell, Found, FromClient, Hello, Lane,
-    MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN, MAX_TURNING_M,
-    Meets, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace, Ping, Place,
-    Placed, Pong, Program, Question, RayAnswer, RayQuestion, Refusal, Report, Role, SHAPE_COST, Stamp,
+    DelayThresholds, Dispatch, Done, EnvironmentProperties, Farewell, Found, FromClient, Hello, Input,
+    JoinAs, Lane, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN,
+    MAX_TURNING_M, Meets, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace,
+    Ping, Place, Placed, Pong, Program, Question, RayAnswer, RayQuestion, Refusal, Report, SHAPE_COST, Stamp,
     Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]

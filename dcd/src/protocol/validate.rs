@@ -307,17 +307,17 @@ impl Check for Membership {
     fn check(&self) -> Result<(), Invalid> {
         let owner = usize::from(self.owner);
         must(self.holders.contains(owner), "member.holders", "a set with the owner in it")?;
-        must(!self.shadows.contains(owner), "member.shadows", "a set without the owner in it")
+        must(!self.warming.contains(owner), "member.warming", "a set without the owner in it")
     }
 }
 
-impl Check for Sight {
+impl Check for NearbyBodies {
     fn check(&self) -> Result<(), Invalid> {
-        let boxes = self.bodies.iter().map(|sighting| &sighting.bounds).chain(&self.extent);
+        let boxes = self.bodies.iter().map(|nearby| &nearby.bounds).chain(&self.extent);
         let mut corners = boxes.flat_map(|bounds| bounds.min.iter().chain(&bounds.max));
-        must(corners.all(|v| !v.is_nan()), "sight.bounds", "numbers")?;
-        self.bodies.iter().try_for_each(|sighting| finite(&sighting.velocity, "sight.velocity"))?;
-        ascending(&self.bodies, |sighting| sighting.id, "sight.bodies")
+        must(corners.all(|v| !v.is_nan()), "nearby.bounds", "numbers")?;
+        self.bodies.iter().try_for_each(|nearby| finite(&nearby.velocity, "nearby.velocity"))?;
+        ascending(&self.bodies, |nearby| nearby.id, "nearby.bodies")
     }
 }
 
@@ -326,7 +326,7 @@ impl Check for BorderMessage {
         ascending(&self.copies, |copy| copy.id, "border.copies")?;
         all(&self.copies)?;
         all(&self.members)?;
-        self.sight.iter().try_for_each(Check::check)?;
+        self.nearby.iter().try_for_each(Check::check)?;
         must(self.steps <= 64, "border.steps", "at most 64")?;
         ascending(&self.states, |state| state.id, "border.states")?;
         all(&self.states)?;
@@ -410,7 +410,7 @@ impl Check for Chunk {
     }
 }
 
-impl Check for Drive {
+impl Check for Input {
     fn check(&self) -> Result<(), Invalid> {
         self.velocity.check()?;
         self.pose.map_or(Ok(()), |pose| pose.check())
@@ -426,7 +426,7 @@ impl Check for WorldOp {
                 all(joints)
             }
             Self::Remove(_) | Self::RemoveJoint(_) => Ok(()),
-            Self::Drive(drive) => drive.check(),
+            Self::Input(drive) => drive.check(),
             Self::Correct { states, .. } => all(states),
             Self::Ask { question, .. } => question.check(),
         }
@@ -590,7 +590,7 @@ impl Check for ToServer {
 impl Check for FromClient {
     fn check(&self) -> Result<(), Invalid> {
         match self {
-            Self::Drive(drive) => drive.check(),
+            Self::Input(drive) => drive.check(),
             Self::Spawn { body, shapes } => {
                 body.check()?;
                 all(shapes)

@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use super::ending::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, Client, ClientEvent};
-use crate::net::{Identity, PeerStats, Role, Token, join};
+use crate::net::{Identity, PeerRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{
     Area, ContactForce, EnvironmentProperties, Found, Handover, Question, Refusal, Touch, Velocity, WorldPose,
@@ -54,7 +54,7 @@ impl JoinConfig {
     }
 
     /// Trades the token for an identity of this role.
-    pub fn join(&self, role: Role) -> Result<Identity, ProcessError> {
+    pub fn join(&self, role: PeerRole) -> Result<Identity, ProcessError> {
         let token: Token = self.token.trim().parse()?;
         token.require(role)?;
         let former = match &self.identity {
@@ -83,7 +83,7 @@ pub struct ClientEvents {
     pub appeared: Vec<BodyId>,
     /// Bodies that disappeared.
     pub disappeared: Vec<BodyId>,
-    /// Wishes that were refused.
+    /// Inputs that were refused.
     pub refusals: Vec<(Option<BodyId>, Refusal)>,
 }
 
@@ -99,15 +99,15 @@ impl ClientWorld {
     /// Joins as a client, and waits until the server has told the whole world, as it is on its record. It need not have nodes
     /// yet: the world stands still until it has.
     pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
-        Self::enter(config, Role::Client)
+        Self::enter(config, PeerRole::Client)
     }
 
     /// Joins as client and node in one process: the process also computes a share of the world.
     pub fn participate(config: &JoinConfig) -> Result<Self, ProcessError> {
-        Self::enter(config, Role::Participant)
+        Self::enter(config, PeerRole::Participant)
     }
 
-    fn enter(config: &JoinConfig, role: Role) -> Result<Self, ProcessError> {
+    fn enter(config: &JoinConfig, role: PeerRole) -> Result<Self, ProcessError> {
         let start = Instant::now();
         let identity = config.join(role)?;
         let client = identity.client().ok_or(ProcessError::Role { has: identity.role(), needs: role })?;
@@ -196,41 +196,41 @@ impl ClientWorld {
         if !body.suits_clients(|hash| self.shapes.record_of(hash)) {
             return Err(ShapeError::Avatar.into());
         }
-        self.member.wish(ClientEvent::Spawn { body, shapes: self.shapes.records() })?;
+        self.member.submit(ClientEvent::Spawn { body, shapes: self.shapes.records() })?;
         self.next_avatar += 1;
         Ok(id)
     }
 
     /// Takes an avatar out of the world for good.
     pub fn despawn(&self, avatar: BodyId) -> Result<(), ProcessError> {
-        self.member.wish(ClientEvent::Despawn(avatar))
+        self.member.submit(ClientEvent::Despawn(avatar))
     }
 
-    /// Gives an avatar a velocity, and with `pose` a new place. The newest wish before a tick counts.
+    /// Gives an avatar a velocity, and with `pose` a new place. The newest input before a tick counts.
     pub fn drive(
         &self,
         avatar: BodyId,
         velocity: Velocity,
         pose: Option<WorldPose>,
     ) -> Result<(), ProcessError> {
-        self.member.wish(ClientEvent::Drive { body: avatar, velocity, pose })
+        self.member.submit(ClientEvent::Input { body: avatar, velocity, pose })
     }
 
     /// Wants to hear of bodies in this area and about our avatars from now on; `None`: of all, as at first. What is outside stays
     /// as last heard of, and [`BodyView::outside`] says so.
     pub fn turn_to(&self, area: Option<Area>) -> Result<(), ProcessError> {
-        self.member.wish(ClientEvent::Interest(area))
+        self.member.submit(ClientEvent::Interest(area))
     }
 
     /// Asks those who compute the world what rays and shapes meet; [`ClientWorld::take_answer`] has the answer once it has come,
     /// some ticks later. `number` must be unlike those of other questions.
     pub fn ask(&self, question: Question) -> Result<(), ProcessError> {
-        self.member.wish(ClientEvent::Ask(question))
+        self.member.submit(ClientEvent::Ask(question))
     }
 
     /// Does not want the answer to a question any more.
     pub fn forget(&self, number: u64) -> Result<(), ProcessError> {
-        self.member.wish(ClientEvent::Forget(number))
+        self.member.submit(ClientEvent::Forget(number))
     }
 
     /// The answer to a question, if it has come. It is given once.

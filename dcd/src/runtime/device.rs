@@ -9,7 +9,7 @@ use tracing::warn;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
 use crate::physics::{Coupling, HostError, Partition, RegionHost, StepSettings};
 use crate::protocol::{
-    Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, Drive, EnvironmentProperties,
+    Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, Input,
     Question, SharedState, StateHasher, TickStats, WorldOp,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
@@ -131,12 +131,12 @@ impl PhysicsDevice {
                 self.world().drain()?;
                 Some(PhysicsEvent::Drained)
             }
-            PhysicsCommand::Drift(ops) => {
-                let awake = self.drift(ops).unwrap_or_else(|error| {
+            PhysicsCommand::Speculate(ops) => {
+                let awake = self.speculate(ops).unwrap_or_else(|error| {
                     warn!(%error, "nothing is computed while others are waited for");
                     Vec::new()
                 });
-                Some(PhysicsEvent::Drifted(awake))
+                Some(PhysicsEvent::Speculated(awake))
             }
             PhysicsCommand::Return => {
                 self.copy = None;
@@ -153,7 +153,7 @@ impl PhysicsDevice {
     }
 
     /// A tick of the copy; whose bodies are awake.
-    fn drift(&mut self, ops: Vec<WorldOp>) -> Result<Vec<SharedState>, DeviceError> {
+    fn speculate(&mut self, ops: Vec<WorldOp>) -> Result<Vec<SharedState>, DeviceError> {
         if self.copy.is_none() {
             let world = self.world.as_ref().expect("a world comes before commands");
             let host = self.host.as_ref().expect("a world comes before commands");
@@ -358,7 +358,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             WorldOp::RemoveJoint(id) => {
                 host.remove_joint(id);
             }
-            WorldOp::Drive(drive) => steer(host, &drive),
+            WorldOp::Input(drive) => steer(host, &drive),
             // Answered when the tick is over.
             WorldOp::Ask { .. } => {}
             WorldOp::Correct { tick, states } => {
@@ -390,7 +390,7 @@ fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     });
 }
 
-fn steer(host: &mut RegionHost, drive: &Drive) {
+fn steer(host: &mut RegionHost, drive: &Input) {
     if let Some(pose) = drive.pose {
         host.move_copies(drive.body, pose);
     }

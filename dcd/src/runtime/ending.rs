@@ -12,7 +12,7 @@ pub(super) const GIVE_UP: Duration = Duration::from_secs(30);
 /// Why a link is ended on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
-    /// A node goes by its own wish.
+    /// A node goes by its own input.
     Left,
     /// The server's user does not want the process.
     SentAway,
@@ -112,7 +112,7 @@ pub struct Reason {
 /// The same in one word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Its process went by its own wish, or this one did.
+    /// Its process went by its own input, or this one did.
     Left,
     /// The server's user sent it away, or this process.
     SentAway,

@@ -18,7 +18,7 @@ use super::connections::{Connections, Delivery, Sent};
 use super::ending::{Cause, Ending, Reason};
 use crate::cluster::Peer;
 use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
-use crate::protocol::{self, Lane, Message, Role, ToClient};
+use crate::protocol::{self, JoinAs, Lane, Message, ToClient};
 use crate::space::{ClientId, NodeId};
 
 /// What may wait for a peer at most: a world, and what happens in it meanwhile.
@@ -406,7 +406,7 @@ impl Links {
         let node = |node: NodeId| Peer::Node(node);
         let is_own = |client: ClientId| {
             matches!(message, Message::FromClient(other, _) if *other == client)
-                || matches!(message, Message::Hello(hello) if hello.role == Role::Client)
+                || matches!(message, Message::Hello(hello) if hello.role == JoinAs::Client)
         };
         match who {
             PeerName::Server => Peer::Server,

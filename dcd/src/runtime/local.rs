@@ -6,7 +6,7 @@ use rapier3d::prelude::*;
 
 use super::choice::{self, Choice, Why};
 use crate::physics::{
-    ControlError, Handover, HostError, LinkSettings, Partition, Queries, Region, RegionHost, Role,
+    ControlError, Handover, HostError, LinkSettings, Ownership, Partition, Queries, Region, RegionHost,
     StepSettings, joint_record,
 };
 use crate::protocol::{
@@ -679,7 +679,7 @@ impl LocalWorld {
             region
                 .handle_of(body)
                 .and_then(|handle| region.role_of(handle))
-                .is_some_and(|(_, role)| role == Role::Owner)
+                .is_some_and(|(_, role)| role == Ownership::Owner)
         };
         self.regions().filter(owns).count()
     }

@@ -1,5 +1,5 @@
 //! The loop of a process that is a node, a client, or both (a participant, the thesis's normal case): one thread that
-//! feeds links, physics and the user's wishes to the state machines and does what they ask for.
+//! feeds links, physics and the user's inputs to the state machines and does what they ask for.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -275,7 +275,7 @@ impl Member {
         state.end.take().unwrap_or(Ok(())).map(|()| summary)
     }
 
-    pub(super) fn wish(&self, event: ClientEvent) -> Result<(), ProcessError> {
+    pub(super) fn submit(&self, event: ClientEvent) -> Result<(), ProcessError> {
         self.inbox.send(Input::Client(event)).map_err(|_| ProcessError::Stopped)
     }
 
@@ -316,7 +316,7 @@ fn reachable(bound: SocketAddr, server: SocketAddr) -> SocketAddr {
     towards.map_or(bound, |local| SocketAddr::new(local.ip(), bound.port()))
 }
 
-/// Network events and user's wishes come through one door.
+/// Network events and user's inputs come through one door.
 pub(super) fn forward<T: From<NetEvent> + Send + 'static>(
     events: NetEvents,
     inbox: SyncSender<T>,
@@ -346,7 +346,7 @@ struct Loop {
     device: PhysicsDevice,
     shared: Arc<Shared>,
     connections: Connections,
-    /// When the user's wish to go is carried out without the server.
+    /// When the user's input to go is carried out without the server.
     release_by: Option<Duration>,
     give_up: Duration,
     /// Since when the server is out of reach, and why.
@@ -602,7 +602,7 @@ impl Loop {
                         summary.compute_us.push(stats.compute_us);
                     }
                 }
-                if matches!(event, PhysicsEvent::Drifted(_)) {
+                if matches!(event, PhysicsEvent::Speculated(_)) {
                     self.shared.lock().summary.provisional += 1;
                 }
                 if let Some(node) = &mut self.node {
@@ -651,7 +651,7 @@ fn is_update(event: &ClientEvent) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::net::{Authority, Role};
+    use crate::net::{Authority, PeerRole};
     use crate::runtime::JoinConfig;
 
     #[test]
@@ -677,10 +677,10 @@ mod tests {
         };
         let (net, _events) = Net::start(net).unwrap();
         let now = std::time::SystemTime::now();
-        let token = authority.issue_token(Role::Node, Duration::from_secs(60), now).unwrap();
+        let token = authority.issue_token(PeerRole::Node, Duration::from_secs(60), now).unwrap();
         let join = JoinConfig::new(net.local_addr(), token.to_string());
         let node =
-            Member::start(MemberConfig::new(net.local_addr(), join.join(Role::Node).unwrap())).unwrap();
+            Member::start(MemberConfig::new(net.local_addr(), join.join(PeerRole::Node).unwrap())).unwrap();
         node.leave();
         assert!(node.wait_over(2 * RELEASE), "it must not wait for ever");
         let error = node.finish().unwrap_err();

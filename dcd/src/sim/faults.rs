@@ -205,16 +205,16 @@ impl FaultProfile {
             Self::Partition5 => (0..3).for_each(|_| plan.cut(5_000, 5_000, false, 5_000)),
             Self::Partition30 => plan.cut(30_000, 30_000, false, 6_000),
             Self::OneWay => (0..3).for_each(|_| plan.cut(300, 8_000, true, 5_000)),
-            Self::KillNode => (0..3).for_each(|_| plan.kill(Role::Member, 500, 4_000, 5_000)),
-            Self::KillLeader => (0..3).for_each(|_| plan.kill(Role::Leader, 500, 4_000, 5_000)),
-            Self::KillServer => (0..2).for_each(|_| plan.kill(Role::Server, 200, 5_000, 6_000)),
+            Self::KillNode => (0..3).for_each(|_| plan.kill(ProcessKind::Member, 500, 4_000, 5_000)),
+            Self::KillLeader => (0..3).for_each(|_| plan.kill(ProcessKind::Leader, 500, 4_000, 5_000)),
+            Self::KillServer => (0..2).for_each(|_| plan.kill(ProcessKind::Server, 200, 5_000, 6_000)),
             Self::Stop => (0..2).for_each(|_| plan.stop(5_000)),
             Self::ClockSkew => {
                 // A LAN.
                 network = NetworkConditions::calm(Path::up_to(1_000));
                 skew = Some(Skew { offset: Duration::from_secs(10), drift_ppm: 500 });
                 plan.wait(15_000, 15_000);
-                plan.kill(Role::Member, 500, 1_000, 15_000);
+                plan.kill(ProcessKind::Member, 500, 1_000, 15_000);
             }
             Self::Lag => {
                 network = NetworkConditions::calm(Path { base_us: 30_000, jitter_us: 20_000 });
@@ -222,8 +222,8 @@ impl FaultProfile {
                 (rate, lag_ticks) = (Some(60), Some(6));
                 match seed % 5 {
                     0 => plan.wait(15_000, 15_000),
-                    1 => (0..2).for_each(|_| plan.kill(Role::Member, 500, 4_000, 5_000)),
-                    2 => (0..2).for_each(|_| plan.kill(Role::Leader, 500, 4_000, 5_000)),
+                    1 => (0..2).for_each(|_| plan.kill(ProcessKind::Member, 500, 4_000, 5_000)),
+                    2 => (0..2).for_each(|_| plan.kill(ProcessKind::Leader, 500, 4_000, 5_000)),
                     3 => (0..2).for_each(|_| plan.cut(5_000, 5_000, false, 5_000)),
                     _ => (0..2).for_each(|_| plan.stop(5_000)),
                 }
@@ -236,10 +236,14 @@ impl FaultProfile {
                     ..NetworkConditions::calm(Path::up_to(1_000))
                 };
                 match (self, seed % 2) {
-                    (Self::GroupsKill, 0) => (0..3).for_each(|_| plan.kill(Role::Member, 500, 4_000, 5_000)),
-                    (Self::GroupsKill, _) => (0..3).for_each(|_| plan.kill(Role::Leader, 500, 4_000, 5_000)),
+                    (Self::GroupsKill, 0) => {
+                        (0..3).for_each(|_| plan.kill(ProcessKind::Member, 500, 4_000, 5_000))
+                    }
+                    (Self::GroupsKill, _) => {
+                        (0..3).for_each(|_| plan.kill(ProcessKind::Leader, 500, 4_000, 5_000))
+                    }
                     (Self::GroupsServer, _) => {
-                        (0..2).for_each(|_| plan.kill(Role::Server, 200, 5_000, 6_000));
+                        (0..2).for_each(|_| plan.kill(ProcessKind::Server, 200, 5_000, 6_000));
                     }
                     (_, 0) => (0..2).for_each(|_| plan.cut(5_000, 5_000, false, 5_000)),
                     _ => (0..2).for_each(|_| plan.stop(5_000)),
@@ -368,14 +372,14 @@ impl Fault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Victim {
     /// Of which kind.
-    pub role: Role,
+    pub role: ProcessKind,
     /// Which of them; any number.
     pub pick: u64,
 }
 
 /// What processes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub enum ProcessKind {
     /// The server.
     Server,
     /// The leader of any group.

@@ -23,7 +23,9 @@ pub use check::{Checker, Violation};
 pub use clock::Clock;
 pub use deviation::{Apart, Comparer, Deviating};
 pub use engine::{Engine, Sample};
-pub use faults::{Fault, FaultProfile, Island, Moment, Planned, Promise, Role, Schedule, Victim, Ways};
+pub use faults::{
+    Fault, FaultProfile, Island, Moment, Planned, ProcessKind, Promise, Schedule, Victim, Ways,
+};
 pub use fixtures::{sim_body, sim_world};
 pub use host::Skew;
 pub use network::{Bounds, Cut, NetworkConditions, Path, Traffic, Who};

@@ -87,7 +87,7 @@ impl Copy {
 
     fn fly(&mut self, world: &EnvironmentProperties, ops: Vec<WorldOp>) {
         for op in ops {
-            if let WorldOp::Drive(drive) = op
+            if let WorldOp::Input(drive) = op
                 && let Some(body) = self.bodies.get_mut(&drive.body)
             {
                 body.state.velocity = drive.velocity;
@@ -149,10 +149,10 @@ impl Engine for StandIn {
                 }
                 Some(self.settled(tick, report, checkpoint))
             }
-            PhysicsCommand::Drift(ops) => {
+            PhysicsCommand::Speculate(ops) => {
                 let copy = self.copy.get_or_insert_with(|| Box::new(Copy::of(&self.regions)));
                 copy.fly(self.world.as_ref().expect("the world comes first"), ops);
-                Some(PhysicsEvent::Drifted(copy.states()))
+                Some(PhysicsEvent::Speculated(copy.states()))
             }
             PhysicsCommand::Return => {
                 self.copy = None;
@@ -258,7 +258,7 @@ impl StandIn {
                     }
                 }
             }
-            WorldOp::Drive(drive) => {
+            WorldOp::Input(drive) => {
                 let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&drive.body));
                 if let Some(owned) = owner {
                     owned.body.state.velocity = drive.velocity;

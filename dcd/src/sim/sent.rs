@@ -30,8 +30,8 @@ impl Scope {
     /// What this message is for.
     pub(super) fn of(message: &Message) -> Self {
         match message {
-            Message::ToServer(ToServer::Abroad { .. } | ToServer::Touched { .. })
-            | Message::ToNode(ToNode::Abroad { .. } | ToNode::Authority { .. }) => Self::BetweenGroups,
+            Message::ToServer(ToServer::InterGroup { .. } | ToServer::Touched { .. })
+            | Message::ToNode(ToNode::InterGroup { .. } | ToNode::Authority { .. }) => Self::BetweenGroups,
             Message::Dispatch(_) | Message::Done(_) | Message::Report(_) | Message::Border(_) => {
                 Self::InsideGroups
             }

@@ -204,7 +204,7 @@ fn chaos(seed: u64) {
             (5, _) if nodes.len() < 4 => {
                 let (_, client) = sim.start_participant(None);
                 let body = sim_body(avatar(client), [random.unit() * 16.0, 4.0, 4.0]);
-                sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+                sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
             }
             (6, Some(node)) => {
                 let other = nodes[random.below(nodes.len() as u64) as usize];
@@ -216,7 +216,7 @@ fn chaos(seed: u64) {
                 let client = sim.start_client(None);
                 clients.push((client, true));
                 let body = sim_body(avatar(client), [random.unit() * 16.0, 4.0, 4.0]);
-                sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+                sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
             }
             (4, _) => {
                 for (client, here) in &mut clients {
@@ -231,7 +231,7 @@ fn chaos(seed: u64) {
             _ => {
                 for &(client, _) in clients.iter().filter(|(_, here)| *here) {
                     let velocity = Velocity { linear: [5.0, -3.0, 1.0], angular: [0.0; 3] };
-                    sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+                    sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
                 }
             }
         }
@@ -242,7 +242,7 @@ fn chaos(seed: u64) {
     // Long enough for everything under way to be over; perhaps nobody computes at the moment.
     let target = Tick(sim.tick().max(sim.checker().last()).0 + 150);
     sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
-    // A wish sent before the client was linked and welcomed may have been refused; those on record must be there.
+    // A input sent before the client was linked and welcomed may have been refused; those on record must be there.
     let present = sim.server().record().present().count();
     assert_eq!(sim.checker().owned(), present, "seed {seed}:\n{}", sim.timeline());
 }
@@ -268,13 +268,13 @@ fn playing(seed: u64) -> (Sim, ClientId) {
     let client = sim.start_client(None);
     sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
     assert_eq!(sim.client(client).bodies().count(), 40);
-    sim.wish(
+    sim.submit(
         client,
         ClientEvent::Spawn { body: sim_body(avatar(client), [1.0, 4.0, 4.0]), shapes: Vec::new() },
     );
     sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
     let velocity = Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] };
-    sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+    sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
     sim.run_until(|sim| sim.states().get(&avatar(client)).is_some_and(|s| s.pose.translation[0] > 9.0))
         .unwrap();
     (sim, client)
@@ -293,9 +293,9 @@ fn an_avatar_returns_with_its_client_where_it_was() {
     for seed in 0..30 {
         let (mut sim, client) = playing(seed);
         // Stop it first, so that "where it was" is a place.
-        sim.wish(
+        sim.submit(
             client,
-            ClientEvent::Drive { body: avatar(client), velocity: Velocity::default(), pose: None },
+            ClientEvent::Input { body: avatar(client), velocity: Velocity::default(), pose: None },
         );
         sim.run_until(|sim| sim.states()[&avatar(client)].velocity == Velocity::default()).unwrap();
         let parked = sim.states()[&avatar(client)].pose;
@@ -345,7 +345,7 @@ fn a_client_goes_on_with_the_new_leader_when_its_leader_is_killed() {
         sim.crash(Peer::Node(old));
         let velocity = Velocity { linear: [0.0, 3.5, 0.0], angular: [0.0; 3] };
         sim.run_until(|sim| sim.client(client).leader() != Some(old)).unwrap();
-        sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+        sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
         let driven = |sim: &Sim| {
             sim.client(client).body(avatar(client)).is_some_and(|view| view.body.state.velocity == velocity)
         };
@@ -359,10 +359,10 @@ fn wishes_against_the_rules_are_refused_with_the_reason() {
     let other = sim.start_client(None);
     sim.run_until(|sim| sim.client(other).is_joined() && sim.client(other).leader().is_some()).unwrap();
     let fast = Velocity { linear: [21.0, 0.0, 0.0], angular: [0.0; 3] };
-    let drive = |body, velocity| ClientEvent::Drive { body, velocity, pose: None };
-    let refusal_of = |sim: &mut Sim, who, wish| {
+    let drive = |body, velocity| ClientEvent::Input { body, velocity, pose: None };
+    let refusal_of = |sim: &mut Sim, who, input| {
         let known = sim.told().len();
-        sim.wish(who, wish);
+        sim.submit(who, input);
         let find = |sim: &Sim| {
             sim.told()[known..].iter().find_map(|(told, output)| match output {
                 ClientOutput::Rejected { reason, .. } if *told == who => Some(*reason),
@@ -407,10 +407,10 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
         sim.run_until(|sim| sim.client(client).leader().is_some_and(|leader| (leader == node) == leads))
             .unwrap();
         let body = sim_body(avatar(client), [1.0, 4.0, 4.0]);
-        sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+        sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
         sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
         let velocity = Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] };
-        sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+        sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
         let is_seen = |sim: &Sim| {
             let view = sim.client(client).body(avatar(client));
             view.is_some_and(|view| view.body.state.pose.translation[0] > 9.0)
@@ -429,7 +429,7 @@ fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
     sim.run_until(|sim| clients.iter().all(|&client| sim.client(client).is_joined())).unwrap();
     for client in clients {
         let body = sim_body(avatar(client), [1.0, 4.0, 4.0]);
-        sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+        sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
     }
     sim.run_to(Tick(60)).unwrap();
     (sim, clients)
@@ -438,7 +438,7 @@ fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
 /// One more avatar, of which all are told; beside the others, so that a body does not touch all of them at once.
 fn chatter(sim: &mut Sim, client: ClientId, index: u32) {
     let body = sim_body(BodyId::avatar(client, index), [0.08 * f64::from(index), 4.0, 4.0]);
-    sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+    sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
 }
 
 #[test]

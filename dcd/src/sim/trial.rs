@@ -157,7 +157,7 @@ struct Trial<'a> {
     clients: Vec<ClientId>,
     /// Clients that have asked for their avatar, and where they last asked it to go.
     spawned: BTreeSet<ClientId>,
-    wishes: BTreeMap<ClientId, (Duration, Velocity)>,
+    inputs: BTreeMap<ClientId, (Duration, Velocity)>,
     /// The server is to die at its next word that must last; when it is to be back.
     doomed: Option<Duration>,
     /// Nodes that are to begin.
@@ -220,7 +220,7 @@ impl<'a> Trial<'a> {
             progressed_at: Duration::ZERO,
             clients: Vec::new(),
             spawned: BTreeSet::new(),
-            wishes: BTreeMap::new(),
+            inputs: BTreeMap::new(),
             doomed: None,
             expected_nodes: 0,
             calm_since: None,

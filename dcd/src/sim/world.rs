@@ -435,9 +435,9 @@ impl Sim {
         self.node_event(node, NodeEvent::Leave);
     }
 
-    /// A user's wish.
-    pub fn wish(&mut self, client: ClientId, wish: ClientEvent) {
-        self.client_event(client, wish);
+    /// A user's input.
+    pub fn submit(&mut self, client: ClientId, input: ClientEvent) {
+        self.client_event(client, input);
     }
 
     /// Plants a bug: the next transfers between nodes are lost.

@@ -98,14 +98,14 @@ pub struct Burden {
     pub island: Option<usize>,
 }
 
-/// By how many times more a region has to do for its part of an island that others compute too: up to four micro-steps, which
+/// By how many times more a region has to do for its part of an island that others compute too: up to four substeps, which
 /// `auto` takes where copies disagree, of up to twice as many bodies. So a cut pays only into more parts than this.
 /// (`benches/results`: a giant island gains nothing from being cut on one machine.)
 const CUT_COST: f64 = 8.0;
 
 /// What is to become of a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Change {
+pub enum TreeChange {
     /// The plane of an inner vertex goes here.
     Move {
         /// Which vertex.
@@ -140,7 +140,7 @@ pub fn plan(
     islands: &[Bounds],
     settings: &Balance,
     merging: &[RegionId],
-) -> Vec<Change> {
+) -> Vec<TreeChange> {
     let all: Vec<_> = burdens.iter().collect();
     let total: f64 = burdens.iter().map(|burden| burden.weight).sum();
     let leaves = weighed(tree, merging, all.clone());
@@ -175,10 +175,10 @@ pub fn plan(
 }
 
 /// The same tree with planes moved; none if it has no room for one of them.
-fn after(tree: &DistributionTree, moves: &[Change]) -> Option<DistributionTree> {
+fn after(tree: &DistributionTree, moves: &[TreeChange]) -> Option<DistributionTree> {
     let mut tree = tree.clone();
     for change in moves {
-        let Change::Move { vertex, at } = *change else { return None };
+        let TreeChange::Move { vertex, at } = *change else { return None };
         tree.move_plane(vertex, at).ok()?;
     }
     Some(tree)
@@ -316,7 +316,7 @@ struct Planner<'a> {
     settings: &'a Balance,
     merging: &'a [RegionId],
     whole: &'a Whole,
-    moves: Vec<Change>,
+    moves: Vec<TreeChange>,
 }
 
 impl Planner<'_> {
@@ -356,7 +356,7 @@ impl Planner<'_> {
             0.5 * (part.min[i] + part.max[i])
         };
         if at != now {
-            self.moves.push(Change::Move { vertex, at });
+            self.moves.push(TreeChange::Move { vertex, at });
         }
         let (mut lower, mut upper) = (part, part);
         (lower.max[i], upper.min[i]) = (at, at);
@@ -366,7 +366,7 @@ impl Planner<'_> {
     }
 
     /// The two siblings with the least load together, if that is little.
-    fn lightest_pair(&self, leaves: &[Weighed<'_>]) -> Option<Change> {
+    fn lightest_pair(&self, leaves: &[Weighed<'_>]) -> Option<TreeChange> {
         let load_of = |leaf| leaves.iter().find(|other| other.leaf == leaf).map(|leaf| leaf.load);
         let pairs = self.tree.inner().filter(|vertex| !self.merging.contains(vertex)).filter_map(|vertex| {
             let (left, right) = self.tree.children_of(vertex)?;
@@ -377,13 +377,13 @@ impl Planner<'_> {
         let (vertex, left, right, below, above) =
             pairs.min_by(|a, b| (a.3 + a.4).total_cmp(&(b.3 + b.4)).then(a.0.cmp(&b.0)))?;
         let heir = if above > below { right } else { left };
-        (below + above < self.settings.merge_below).then_some(Change::Merge { vertex, heir })
+        (below + above < self.settings.merge_below).then_some(TreeChange::Merge { vertex, heir })
     }
 }
 
 /// Cuts the heaviest region that is wide enough, in the middle of its load. A region is cut whatever that brings if there
 /// `must` be more of them.
-fn split_of(leaves: &[Weighed<'_>], whole: &Whole, settings: &Balance, must: bool) -> Option<Change> {
+fn split_of(leaves: &[Weighed<'_>], whole: &Whole, settings: &Balance, must: bool) -> Option<TreeChange> {
     let mut by_load: Vec<_> = leaves.iter().filter(|leaf| must || leaf.load > settings.split_above).collect();
     by_load.sort_by(|a, b| b.load.total_cmp(&a.load).then(a.leaf.cmp(&b.leaf)));
     by_load.into_iter().find_map(|Weighed { leaf, load, burdens }| {
@@ -399,7 +399,7 @@ fn split_of(leaves: &[Weighed<'_>], whole: &Whole, settings: &Balance, must: boo
         let below: f64 =
             burdens.iter().filter(|burden| burden.place[i] < at).map(|burden| burden.weight).sum();
         let pays = settings.tolerance * below.max(load - below) < *load;
-        (must || pays).then_some(Change::Split { leaf: *leaf, axis, at })
+        (must || pays).then_some(TreeChange::Split { leaf: *leaf, axis, at })
     })
 }
 
@@ -416,12 +416,12 @@ mod tests {
         (0..count).map(|i| Burden { place: [place(i), 0.0, 0.0], weight: 1.0, island: None }).collect()
     }
 
-    fn applied(tree: &mut DistributionTree, changes: &[Change]) {
+    fn applied(tree: &mut DistributionTree, changes: &[TreeChange]) {
         for change in changes {
             match *change {
-                Change::Move { vertex, at } => tree.move_plane(vertex, at).unwrap(),
-                Change::Split { leaf, axis, at } => drop(tree.split_at(leaf, axis, at).unwrap()),
-                Change::Merge { vertex, .. } => tree.merge(vertex).unwrap(),
+                TreeChange::Move { vertex, at } => tree.move_plane(vertex, at).unwrap(),
+                TreeChange::Split { leaf, axis, at } => drop(tree.split_at(leaf, axis, at).unwrap()),
+                TreeChange::Merge { vertex, .. } => tree.merge(vertex).unwrap(),
             }
         }
     }
@@ -457,7 +457,7 @@ mod tests {
         crowd.extend(std::iter::repeat_n(Burden { place: [1.0; 3], weight: 1.0, island: None }, 60));
         assert!(matches!(
             plan(&tree, &crowd, &[], &Balance::keeping(2), &[])[..],
-            [Change::Move { vertex: RegionId(0), .. }]
+            [TreeChange::Move { vertex: RegionId(0), .. }]
         ));
     }
 
@@ -560,9 +560,12 @@ mod tests {
         let (tree, settings) =
             (road(4), Balance { merge_below: 300.0, split_above: 1000.0, ..Balance::default() });
         let crowd = crowd(0.0, 1000.0, 400);
-        let [Change::Merge { vertex, .. }] = plan(&tree, &crowd, &[], &settings, &[])[..] else { panic!() };
+        let [TreeChange::Merge { vertex, .. }] = plan(&tree, &crowd, &[], &settings, &[])[..] else {
+            panic!()
+        };
         assert_eq!(vertex, RegionId(1));
-        let [Change::Merge { vertex, .. }] = plan(&tree, &crowd, &[], &settings, &[RegionId(1)])[..] else {
+        let [TreeChange::Merge { vertex, .. }] = plan(&tree, &crowd, &[], &settings, &[RegionId(1)])[..]
+        else {
             panic!()
         };
         assert_eq!(vertex, RegionId(2));

@@ -10,7 +10,7 @@ mod region_set;
 mod tree;
 
 pub use allocation::{Allocation, allocate};
-pub use balance::{Balance, Burden, Change, Load, plan};
+pub use balance::{Balance, Burden, Load, TreeChange, plan};
 pub use cell::{Axis, Bounds, Cell};
 pub(crate) use groups::Groups;
 #[cfg(feature = "physics")]

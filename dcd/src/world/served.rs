@@ -33,7 +33,7 @@ pub(super) struct Served {
     /// Avatars asked for and not heard of yet.
     awaited: BTreeMap<BodyId, BodyRecord>,
     /// What is asked of avatars since the last step.
-    wishes: BTreeMap<BodyId, Wish>,
+    inputs: BTreeMap<BodyId, PendingInput>,
     /// The newest velocity asked of each kinematic avatar, which is heard back some ticks later.
     driven: BTreeMap<BodyId, Velocity>,
     /// Avatars told to go that are still heard of, with their user data.
@@ -52,7 +52,7 @@ pub(super) struct Served {
 }
 
 #[derive(Default)]
-struct Wish {
+struct PendingInput {
     velocity: Option<Velocity>,
     pose: Option<WorldPose>,
 }
@@ -66,7 +66,7 @@ impl Served {
             environment,
             bodies: Vec::new(),
             awaited: BTreeMap::new(),
-            wishes: BTreeMap::new(),
+            inputs: BTreeMap::new(),
             driven: BTreeMap::new(),
             leaving: BTreeMap::new(),
             departed: BTreeMap::new(),
@@ -131,18 +131,18 @@ impl Served {
         }
     }
 
-    fn send_wishes(&mut self) -> Result<(), ProcessError> {
+    fn send_inputs(&mut self) -> Result<(), ProcessError> {
         let (waiting, due): (BTreeMap<_, _>, BTreeMap<_, _>) =
-            std::mem::take(&mut self.wishes).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
-        self.wishes = waiting;
-        for (id, wish) in due {
+            std::mem::take(&mut self.inputs).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
+        self.inputs = waiting;
+        for (id, input) in due {
             let Some(body) = self.heard(id) else { continue };
             let kinematic = body.body.traits.kind != BodyKind::Dynamic;
             let now = body.body.state.velocity;
             let driven = if kinematic { self.driven.get(&id).copied() } else { None };
-            let velocity = wish.velocity.or(driven).unwrap_or(now);
+            let velocity = input.velocity.or(driven).unwrap_or(now);
             self.driven.insert(id, velocity);
-            self.world.drive(id, velocity, wish.pose)?;
+            self.world.send_input(id, velocity, input.pose)?;
         }
         Ok(())
     }
@@ -214,7 +214,7 @@ impl Remote for Served {
         let start = Instant::now();
         if self.lost.is_none() {
             // Whatever ended it, what its user must know is that the world goes on without us.
-            let sent = self.world.check().and_then(|()| self.send_wishes());
+            let sent = self.world.check().and_then(|()| self.send_inputs());
             self.lost = sent.err().map(|error| error.to_string());
         }
         self.listen();
@@ -261,7 +261,7 @@ impl Remote for Served {
         self.world.despawn(id)?;
         self.leaving.insert(id, self.user_data(id).unwrap_or(0));
         self.awaited.remove(&id);
-        self.wishes.remove(&id);
+        self.inputs.remove(&id);
         self.driven.remove(&id);
         if let Ok(place) = self.place(id) {
             self.bodies.remove(place);
@@ -271,7 +271,7 @@ impl Remote for Served {
 
     fn set_velocity(&mut self, id: BodyId, velocity: Velocity) -> Result<(), Error> {
         self.check_own(id, "drive bodies of others")?;
-        self.wishes.entry(id).or_default().velocity = Some(velocity);
+        self.inputs.entry(id).or_default().velocity = Some(velocity);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.state.velocity = velocity;
         }
@@ -280,7 +280,7 @@ impl Remote for Served {
 
     fn set_pose(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Error> {
         self.check_own(id, "move bodies of others")?;
-        self.wishes.entry(id).or_default().pose = Some(pose);
+        self.inputs.entry(id).or_default().pose = Some(pose);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.state.pose = pose;
         }

@@ -344,8 +344,8 @@ static void surfaces_can_be_changed(void)
     def.pose.p[2] = 10.0;
     DcdBodyId falls = add(world, def);
     OK(dcd_body_set_material(world, ground, 0, 0.0f, 0.0f));
-    OK(dcd_body_set_material(world, slides, DCD_ALL_PARTS, 0.0f, 0.0f));
-    OK(dcd_body_set_material(world, stops, DCD_ALL_PARTS, 1.0f, 0.0f));
+    OK(dcd_body_set_material(world, slides, DCD_ALL_COLLIDERS, 0.0f, 0.0f));
+    OK(dcd_body_set_material(world, stops, DCD_ALL_COLLIDERS, 1.0f, 0.0f));
     OK(dcd_body_set_groups(world, falls, 0, 1, 0));
     steps(world, 120);
     NEAR(velocity_of(world, slides).linear[0], 5.0, 0.01);
@@ -374,10 +374,10 @@ static DcdBodyProperties properties_of(DcdWorld world, DcdBodyId body)
     return properties;
 }
 
-static DcdPartProperties part_of(DcdWorld world, DcdBodyId body, uint32_t part)
+static DcdColliderProperties collider_of(DcdWorld world, DcdBodyId body, uint32_t collider)
 {
-    DcdPartProperties properties = DCD_PART_PROPERTIES_INIT;
-    OK(dcd_part_properties(world, body, part, &properties));
+    DcdColliderProperties properties = DCD_COLLIDER_PROPERTIES_INIT;
+    OK(dcd_collider_properties(world, body, collider, &properties));
     return properties;
 }
 
@@ -432,34 +432,34 @@ static void every_member_of_a_body_is_read_back(void)
     HOLDS(as.extra_inertia[1] == 0.0f && as.extra_inertia[2] == 4.0f);
     HOLDS(as.extra_solver_iterations == 3 && as.extra_pgs_iterations == 2);
 
-    DcdPartProperties part = part_of(world, body, 0);
-    HOLDS(part.flags == (DCD_PART_SENSOR | DCD_PART_ANY_GROUP) && part.density == 500.0f && part.mass == 0.0f);
-    HOLDS(part.friction == 0.25f && part.restitution == 0.125f && part.contact_skin == 0.01f);
-    HOLDS(part.friction_rule == DCD_COMBINE_GEOMETRIC_MEAN && part.restitution_rule == DCD_COMBINE_MULTIPLY);
-    HOLDS(part.events == DCD_EVENT_CONTACT && part.force_threshold == 3.0f && part.pairs == def.pairs);
-    HOLDS(part.groups == 5 && part.mask == 6 && part.solver_groups == 9 && part.solver_mask == 10);
+    DcdColliderProperties collider = collider_of(world, body, 0);
+    HOLDS(collider.flags == (DCD_COLLIDER_SENSOR | DCD_COLLIDER_ANY_GROUP) && collider.density == 500.0f && collider.mass == 0.0f);
+    HOLDS(collider.friction == 0.25f && collider.restitution == 0.125f && collider.contact_skin == 0.01f);
+    HOLDS(collider.friction_rule == DCD_COMBINE_GEOMETRIC_MEAN && collider.restitution_rule == DCD_COMBINE_MULTIPLY);
+    HOLDS(collider.events == DCD_EVENT_CONTACT && collider.force_threshold == 3.0f && collider.pairs == def.pairs);
+    HOLDS(collider.groups == 5 && collider.mask == 6 && collider.solver_groups == 9 && collider.solver_mask == 10);
 
     /* Given to another body, they make it the same. */
     DcdBodyId other = add(world, crate(world, -20.0, 50.0));
     DcdBodyProperties usual = properties_of(world, other), again;
-    DcdPartProperties plain = part_of(world, other, 0), part_again;
+    DcdColliderProperties plain = collider_of(world, other, 0), collider_again;
     OK(dcd_body_set_properties(world, other, &as));
     again = properties_of(world, other);
     HOLDS(memcmp(&again, &as, sizeof as) == 0);
-    part.frame.p[1] = 0.25f;
-    part.user_data = 12;
-    OK(dcd_part_set_properties(world, other, 0, &part));
-    part_again = part_of(world, other, 0);
-    HOLDS(part_again.density == 0.0f && fabsf(part_again.mass - 500.0f) < 0.01f); /* changed later, it is a mass */
-    part_again.density = part.density;
-    part_again.mass = part.mass;
-    HOLDS(memcmp(&part_again, &part, sizeof part) == 0);
+    collider.frame.p[1] = 0.25f;
+    collider.user_data = 12;
+    OK(dcd_collider_set_properties(world, other, 0, &collider));
+    collider_again = collider_of(world, other, 0);
+    HOLDS(collider_again.density == 0.0f && fabsf(collider_again.mass - 500.0f) < 0.01f); /* changed later, it is a mass */
+    collider_again.density = collider.density;
+    collider_again.mass = collider.mass;
+    HOLDS(memcmp(&collider_again, &collider, sizeof collider) == 0);
     /* And back again. */
     OK(dcd_body_set_properties(world, other, &usual));
     again = properties_of(world, other);
     HOLDS(memcmp(&again, &usual, sizeof as) == 0);
-    OK(dcd_part_set_properties(world, other, 0, &plain));
-    HOLDS(part_of(world, other, 0).frame.p[1] == 0.0f && part_of(world, other, 0).friction == 0.5f);
+    OK(dcd_collider_set_properties(world, other, 0, &plain));
+    HOLDS(collider_of(world, other, 0).frame.p[1] == 0.0f && collider_of(world, other, 0).friction == 0.5f);
     NEAR(info_of(world, other).mass, 1000.0, 0.01);
 
     /* What is asleep and given back as it was sleeps on. */
@@ -628,9 +628,9 @@ static void materials_and_groups_combine(void)
 {
     DcdWorld world = make_world(2, 1, -10.0f);
     DcdBodyId ground = add_floor(world);
-    DcdPartProperties part = part_of(world, ground, 0);
-    part.friction = 1.0f;
-    OK(dcd_part_set_properties(world, ground, 0, &part));
+    DcdColliderProperties collider = collider_of(world, ground, 0);
+    collider.friction = 1.0f;
+    OK(dcd_collider_set_properties(world, ground, 0, &collider));
     DcdBodyDef def = crate(world, -20.0, 0.5);
     def.velocity.linear[0] = 5.0f;
     def.friction = 0.0f;
@@ -641,9 +641,9 @@ static void materials_and_groups_combine(void)
     DcdBodyId wood = add(world, def);
     /* A skin keeps it off the ground. */
     DcdBodyId cushioned = add(world, crate(world, 20.0, 0.7));
-    part = part_of(world, cushioned, 0);
-    part.contact_skin = 0.1f;
-    OK(dcd_part_set_properties(world, cushioned, 0, &part));
+    collider = collider_of(world, cushioned, 0);
+    collider.contact_skin = 0.1f;
+    OK(dcd_collider_set_properties(world, cushioned, 0, &collider));
     steps(world, 120);
     NEAR(velocity_of(world, ice).linear[0], 5.0, 0.01);
     NEAR(velocity_of(world, wood).linear[0], 0.0, 0.01);
@@ -677,9 +677,9 @@ static void materials_and_groups_combine(void)
     steps(world, 120);
     NEAR(pose_of(world, either).p[1], 11.0, 0.05);
     NEAR(pose_of(world, both).p[1], 12.0, 0.05); /* on the other one, which it matches both ways */
-    part = part_of(world, either, 0);
-    part.flags = 0;
-    OK(dcd_part_set_properties(world, either, 0, &part));
+    collider = collider_of(world, either, 0);
+    collider.flags = 0;
+    OK(dcd_collider_set_properties(world, either, 0, &collider));
     OK(dcd_body_wake(world, either));
     steps(world, 60);
     HOLDS(pose_of(world, either).p[1] < 10.0);
@@ -697,28 +697,28 @@ static void materials_and_groups_combine(void)
     def.velocity.linear[0] = 3.0f;
     DcdBodyId door = add(world, def);
     HOLDS(next_contact(world, DCD_CONTACT_BEGAN).kind == 99);
-    part = part_of(world, gate, 0);
-    part.pairs = DCD_PAIR_KINEMATIC_FIXED;
-    OK(dcd_part_set_properties(world, gate, 0, &part));
+    collider = collider_of(world, gate, 0);
+    collider.pairs = DCD_PAIR_KINEMATIC_FIXED;
+    OK(dcd_collider_set_properties(world, gate, 0, &collider));
     OK(dcd_body_set_pose(world, door, &def.pose));
     HOLDS(next_contact(world, DCD_CONTACT_BEGAN).b.v == door.v);
     OK(dcd_world_destroy(world));
 }
 
-static void parts_come_and_go(void)
+static void colliders_come_and_go(void)
 {
     DcdWorld world = make_world(2, 1, -10.0f);
     DcdBodyId ground = add_floor(world), body = add(world, crate(world, 0.0, 2.0));
     DcdShapeId ball = { 0 };
-    DcdPartProperties foot = DCD_PART_PROPERTIES_INIT;
-    uint32_t part = 9;
+    DcdColliderProperties foot = DCD_COLLIDER_PROPERTIES_INIT;
+    uint32_t collider = 9;
     OK(dcd_shape_sphere(world, 0.25f, &ball));
     foot.frame.p[1] = -1.0f;
     foot.mass = 500.0f;
-    OK(dcd_part_add(world, body, ball, &foot, &part));
-    HOLDS(part == 1 && info_of(world, body).parts == 2);
+    OK(dcd_collider_add(world, body, ball, &foot, &collider));
+    HOLDS(collider == 1 && info_of(world, body).colliders == 2);
     NEAR(info_of(world, body).mass, 1500.0, 0.1);
-    HOLDS(part_of(world, body, 1).mass == 500.0f && part_of(world, body, 1).frame.p[1] == -1.0f);
+    HOLDS(collider_of(world, body, 1).mass == 500.0f && collider_of(world, body, 1).frame.p[1] == -1.0f);
     DcdBodyProperties as = properties_of(world, body);
     as.locked = DCD_LOCK_TURN_X | DCD_LOCK_TURN_Z;
     OK(dcd_body_set_properties(world, body, &as));
@@ -728,22 +728,22 @@ static void parts_come_and_go(void)
     OK(dcd_body_set_events(world, body, 1, DCD_EVENT_CONTACT, 0.0f));
     OK(dcd_body_set_pose(world, body, &(DcdPose){ { 5.0, 2.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
     DcdContact contact = next_contact(world, DCD_CONTACT_BEGAN);
-    HOLDS(contact.a.v == ground.v && contact.b.v == body.v && contact.part_b == 1);
+    HOLDS(contact.a.v == ground.v && contact.b.v == body.v && contact.collider_b == 1);
 
     /* A longer foot, set off centre as its frame says, and a switched off one. */
     DcdShapeId bigger = { 0 };
     OK(dcd_shape_sphere(world, 0.5f, &bigger));
-    OK(dcd_part_set_shape(world, body, 1, bigger));
+    OK(dcd_collider_set_shape(world, body, 1, bigger));
     steps(world, 120);
     NEAR(pose_of(world, body).p[1], 1.5, 0.03);
-    foot = part_of(world, body, 1);
-    foot.flags = DCD_PART_DISABLED;
-    OK(dcd_part_set_properties(world, body, 1, &foot));
+    foot = collider_of(world, body, 1);
+    foot.flags = DCD_COLLIDER_DISABLED;
+    OK(dcd_collider_set_properties(world, body, 1, &foot));
     OK(dcd_body_wake(world, body));
     steps(world, 120);
     NEAR(pose_of(world, body).p[1], 0.5, 0.03);
-    OK(dcd_part_remove(world, body, 1));
-    HOLDS(info_of(world, body).parts == 1);
+    OK(dcd_collider_remove(world, body, 1));
+    HOLDS(info_of(world, body).colliders == 1);
     NEAR(info_of(world, body).mass, 1000.0, 0.1);
 
     /* A compound that touches several becomes a ball: Rapier would not forget all of its contacts. */
@@ -758,7 +758,7 @@ static void parts_come_and_go(void)
     def.pose.p[0] = 20.8;
     DcdBodyId changed = add(world, def);
     steps(world, 2);
-    OK(dcd_part_set_shape(world, changed, 0, bigger));
+    OK(dcd_collider_set_shape(world, changed, 0, bigger));
     steps(world, 240);
     NEAR(pose_of(world, changed).p[1], 0.5, 0.03);
     OK(dcd_world_destroy(world));
@@ -1246,7 +1246,7 @@ static void rays_meet_what_the_filter_lets_through(void)
     rays[2].origin[1] = 5.0; /* past all */
     rays[2].direction[0] = 1.0f;
     OK(dcd_cast_rays(world, rays, 3, NULL, hits));
-    HOLDS(hits[0].body.v == row[WALL].v && hits[0].user_data == 100 && hits[0].part == 0 && hits[0].normal[0] == -1.0f);
+    HOLDS(hits[0].body.v == row[WALL].v && hits[0].user_data == 100 && hits[0].collider == 0 && hits[0].normal[0] == -1.0f);
     NEAR(hits[0].distance, 4.5, 1e-4);
     NEAR(hits[0].point[0], -0.5, 1e-4);
     HOLDS(hits[1].body.v == row[DOOR].v && hits[2].body.v == 0);
@@ -1369,7 +1369,7 @@ static void shapes_and_points_find_bodies(void)
     OK(dcd_overlap_shapes(world, blasts, 2, NULL, found, 8, ends, &total));
     HOLDS(total == 3 && ends[0] == 3 && ends[1] == 3);
     HOLDS(found[0].body.v == row[WALL].v && found[1].body.v == row[CRATE].v && found[2].body.v == row[GATE].v);
-    HOLDS(found[2].user_data == 102 && found[2].part == 0);
+    HOLDS(found[2].user_data == 102 && found[2].collider == 0);
     blasts[0].exclude = row[CRATE];
     DcdFilter filter = DCD_FILTER_INIT;
     filter.flags = DCD_FILTER_NO_SENSORS;
@@ -1555,7 +1555,7 @@ int main(int count, char **texts)
     speed_and_spin_are_as_asked();
     bodies_sleep_by_their_own_measure();
     materials_and_groups_combine();
-    parts_come_and_go();
+    colliders_come_and_go();
     bodies_follow_poses();
     forces_add_up();
     joints_hold();

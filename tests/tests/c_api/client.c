@@ -130,13 +130,13 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     DcdBodyId body;
 
     DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
-    DcdPartProperties part = DCD_PART_PROPERTIES_INIT;
+    DcdColliderProperties collider = DCD_COLLIDER_PROPERTIES_INIT;
 
     OK(dcd_body_properties(world, other, &as));
     HOLDS(as.body_type == DCD_DYNAMIC);
     OK(dcd_body_properties(world, avatar, &as)); /* on its way */
     HOLDS(as.body_type == DCD_KINEMATIC && as.user_data == 7 && as.dominance == 3);
-    OK(dcd_part_properties(world, other, 0, &part));
+    OK(dcd_collider_properties(world, other, 0, &collider));
     joint.a = other;
     joint.b = avatar;
     fixed.body_type = DCD_FIXED;
@@ -155,10 +155,10 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_body_add_force(world, avatar, one, NULL), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_target(world, avatar, &pose), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_properties(world, other, &as), DCD_ERR_UNSUPPORTED, role);
-    FAILS(dcd_part_set_properties(world, other, 0, &part), DCD_ERR_UNSUPPORTED, role);
-    FAILS(dcd_part_add(world, other, fixed.shape, NULL, NULL), DCD_ERR_UNSUPPORTED, role);
-    FAILS(dcd_part_remove(world, other, 0), DCD_ERR_UNSUPPORTED, role);
-    FAILS(dcd_part_set_shape(world, other, 0, fixed.shape), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_collider_set_properties(world, other, 0, &collider), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_collider_add(world, other, fixed.shape, NULL, NULL), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_collider_remove(world, other, 0), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_collider_set_shape(world, other, 0, fixed.shape), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_wake(world, avatar), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_sleep(world, avatar), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_set_events(world, other, 0, DCD_EVENT_CONTACT, 0.0f), DCD_ERR_UNSUPPORTED, role);
@@ -228,7 +228,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
 
     DcdBodyInfo body_info = DCD_BODY_INFO_INIT;
     OK(dcd_body_info(world, avatar, &body_info));
-    HOLDS(body_info.body_type == DCD_KINEMATIC && body_info.region != DCD_NO_REGION && body_info.parts == 1);
+    HOLDS(body_info.body_type == DCD_KINEMATIC && body_info.region != DCD_NO_REGION && body_info.colliders == 1);
     DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
     OK(dcd_body_properties(world, avatar, &as));
     HOLDS(as.dominance == 3 && as.user_data == 7);

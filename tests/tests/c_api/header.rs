@@ -16,7 +16,7 @@ int main(void)
     DcdBodyDef body_def = DCD_BODY_DEF_INIT;
     DcdJointDef joint_def = DCD_JOINT_DEF_INIT;
     DcdBodyProperties body_properties = DCD_BODY_PROPERTIES_INIT;
-    DcdPartProperties part_properties = DCD_PART_PROPERTIES_INIT;
+    DcdColliderProperties collider_properties = DCD_COLLIDER_PROPERTIES_INIT;
     DcdFilter filter = DCD_FILTER_INIT;
     DcdRay ray = DCD_RAY_INIT;
     DcdShapeCast shape_cast = DCD_SHAPE_CAST_INIT;
@@ -35,7 +35,7 @@ int main(void)
     DcdParticipantDef participant_def = DCD_PARTICIPANT_DEF_INIT;
     return world_def.struct_size + body_def.struct_size + joint_def.struct_size + joint_motor.model + filter.struct_size + ray.flags +
                    shape_cast.flags + point_query.flags + shape_query.reserved + box_query.reserved + body_properties.struct_size +
-                   part_properties.struct_size + joint_info.struct_size + world_info.struct_size +
+                   collider_properties.struct_size + joint_info.struct_size + world_info.struct_size +
                    body_info.struct_size + owner.struct_size + state_view.struct_size + event_view.struct_size + stats.struct_size +
                    client_def.struct_size + participant_def.struct_size ==
                0

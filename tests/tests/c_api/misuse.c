@@ -358,7 +358,7 @@ static void bodies(void)
     EXPECT(dcd_body_set_events(world, many[0], 1, 0, 0.0f), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_events(world, many[0], 0, 4, 0.0f), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_events(world, many[0], 0, 3, NAN), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_body_set_events(world, many[0], DCD_ALL_PARTS, 3, 1.0f), DCD_OK);
+    EXPECT(dcd_body_set_events(world, many[0], DCD_ALL_COLLIDERS, 3, 1.0f), DCD_OK);
     EXPECT(dcd_body_set_material(world, many[0], 0, -1.0f, 0.0f), DCD_ERR_ARGUMENT);
     EXPECT(dcd_body_set_material(world, many[0], 0, 0.0f, INFINITY), DCD_ERR_ARGUMENT);
     FAILS(dcd_body_set_material(world, many[0], 0, 0.0f, 5.0f), DCD_ERR_ARGUMENT, "0 to 1");
@@ -384,27 +384,27 @@ static void bodies(void)
     as.body_type = 4;
     EXPECT(dcd_body_set_properties(world, many[0], &as), DCD_ERR_ARGUMENT);
 
-    DcdPartProperties part = DCD_PART_PROPERTIES_INIT;
+    DcdColliderProperties part = DCD_COLLIDER_PROPERTIES_INIT;
     uint32_t number = 7;
-    EXPECT(dcd_part_properties(world, many[0], 0, NULL), DCD_ERR_NULL);
-    EXPECT(dcd_part_properties(world, many[0], 1, &part), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_part_properties(world, many[0], DCD_ALL_PARTS, &part), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_part_properties(world, many[0], 0, &part), DCD_OK);
-    EXPECT(dcd_part_set_properties(world, many[0], 1, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_collider_properties(world, many[0], 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_collider_properties(world, many[0], 1, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_collider_properties(world, many[0], DCD_ALL_COLLIDERS, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_collider_properties(world, many[0], 0, &part), DCD_OK);
+    EXPECT(dcd_collider_set_properties(world, many[0], 1, &part), DCD_ERR_ARGUMENT);
     part.frame.q[0] = 2.0f;
-    EXPECT(dcd_part_set_properties(world, many[0], 0, &part), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_part_add(world, many[0], box, &part, &number), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_collider_set_properties(world, many[0], 0, &part), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_collider_add(world, many[0], box, &part, &number), DCD_ERR_ARGUMENT);
     part.struct_size = 0;
-    EXPECT(dcd_part_add(world, many[0], box, &part, &number), DCD_ERR_STRUCT);
-    EXPECT(dcd_part_add(world, many[0], NO_SHAPE, NULL, &number), DCD_ERR_NULL);
-    EXPECT(dcd_part_add(other, many[0], box, NULL, &number), DCD_ERR_STALE_ID);
-    EXPECT(dcd_part_remove(world, many[0], 0), DCD_ERR_ARGUMENT); /* it has no other */
-    EXPECT(dcd_part_set_shape(world, many[0], 0, NO_SHAPE), DCD_ERR_NULL);
-    EXPECT(dcd_part_set_shape(world, many[0], 1, box), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_collider_add(world, many[0], box, &part, &number), DCD_ERR_STRUCT);
+    EXPECT(dcd_collider_add(world, many[0], NO_SHAPE, NULL, &number), DCD_ERR_NULL);
+    EXPECT(dcd_collider_add(other, many[0], box, NULL, &number), DCD_ERR_STALE_ID);
+    EXPECT(dcd_collider_remove(world, many[0], 0), DCD_ERR_ARGUMENT); /* it has no other */
+    EXPECT(dcd_collider_set_shape(world, many[0], 0, NO_SHAPE), DCD_ERR_NULL);
+    EXPECT(dcd_collider_set_shape(world, many[0], 1, box), DCD_ERR_ARGUMENT);
     HOLDS(number == 7);
-    EXPECT(dcd_part_add(world, many[0], box, NULL, NULL), DCD_OK);
-    EXPECT(dcd_part_remove(world, many[0], 2), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_part_remove(world, many[0], 0), DCD_OK);
+    EXPECT(dcd_collider_add(world, many[0], box, NULL, NULL), DCD_OK);
+    EXPECT(dcd_collider_remove(world, many[0], 2), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_collider_remove(world, many[0], 0), DCD_OK);
     EXPECT(dcd_body_set_events(world, many[0], 1, 0, 0.0f), DCD_ERR_ARGUMENT);
 
     DcdBodyId guided = make_body(world, box, DCD_KINEMATIC_POSE, -20.0);

@@ -349,7 +349,7 @@ static DcdStatus play(void)
     case 27:
         return dcd_body_set_events(world, named, dice(2), dice(5), number());
     case 28:
-        return dcd_body_set_material(world, named, dice(2) ? DCD_ALL_PARTS : dice(2), number(), number());
+        return dcd_body_set_material(world, named, dice(2) ? DCD_ALL_COLLIDERS : dice(2), number(), number());
     case 29:
         return dcd_body_set_groups(world, named, 0, dice(4), dice(4));
     case 30: {
@@ -384,19 +384,19 @@ static DcdStatus play(void)
         return dcd_body_set_properties(world, named, &as);
     }
     case 31: {
-        DcdPartProperties as = DCD_PART_PROPERTIES_INIT;
+        DcdColliderProperties as = DCD_COLLIDER_PROPERTIES_INIT;
         uint32_t part = dice(2);
         switch (dice(6)) {
         case 0:
             as.frame.p[dice(3)] = number();
             as.mass = dice(2) ? number() : 0.0f;
-            return dcd_part_add(world, named, *shape, dice(4) ? &as : NULL, dice(2) ? &part : NULL);
+            return dcd_collider_add(world, named, *shape, dice(4) ? &as : NULL, dice(2) ? &part : NULL);
         case 1:
-            return dcd_part_remove(world, named, part);
+            return dcd_collider_remove(world, named, part);
         case 2:
-            return dcd_part_set_shape(world, named, part, *shape);
+            return dcd_collider_set_shape(world, named, part, *shape);
         default: {
-            DcdStatus status = dcd_part_properties(world, named, part, &as);
+            DcdStatus status = dcd_collider_properties(world, named, part, &as);
             if (status != DCD_OK) {
                 return status;
             }
@@ -406,7 +406,7 @@ static DcdStatus play(void)
             as.mass = dice(4) ? as.mass : number();
             as.pairs = dice(4) ? as.pairs : dice(64);
             as.contact_skin = dice(4) ? as.contact_skin : number() * 0.1f;
-            return dcd_part_set_properties(world, named, part, &as);
+            return dcd_collider_set_properties(world, named, part, &as);
         }
         }
     }

@@ -131,21 +131,21 @@ CALL(dcd_body_set_properties) {
     all.sleep_linear = all.sleep_angular = all.sleep_after = 0.5f;
     return dcd_body_set_properties(s->world, s->body, &all);
 }
-CALL(dcd_part_properties) {
-    DcdPartProperties all = DCD_PART_PROPERTIES_INIT;
-    return dcd_part_properties(s->world, s->body, 0, &all);
+CALL(dcd_collider_properties) {
+    DcdColliderProperties all = DCD_COLLIDER_PROPERTIES_INIT;
+    return dcd_collider_properties(s->world, s->body, 0, &all);
 }
-CALL(dcd_part_set_properties) {
-    DcdPartProperties all = DCD_PART_PROPERTIES_INIT;
-    return dcd_part_set_properties(s->world, s->body, 0, &all);
+CALL(dcd_collider_set_properties) {
+    DcdColliderProperties all = DCD_COLLIDER_PROPERTIES_INIT;
+    return dcd_collider_set_properties(s->world, s->body, 0, &all);
 }
-CALL(dcd_part_add) {
-    DcdPartProperties all = DCD_PART_PROPERTIES_INIT;
+CALL(dcd_collider_add) {
+    DcdColliderProperties all = DCD_COLLIDER_PROPERTIES_INIT;
     uint32_t part;
-    return dcd_part_add(s->world, s->body, s->shape, &all, &part);
+    return dcd_collider_add(s->world, s->body, s->shape, &all, &part);
 }
-CALL(dcd_part_remove) { return dcd_part_remove(s->world, s->body, 0); }
-CALL(dcd_part_set_shape) { return dcd_part_set_shape(s->world, s->body, 0, s->shape); }
+CALL(dcd_collider_remove) { return dcd_collider_remove(s->world, s->body, 0); }
+CALL(dcd_collider_set_shape) { return dcd_collider_set_shape(s->world, s->body, 0, s->shape); }
 CALL(dcd_body_set_events) { return dcd_body_set_events(s->world, s->body, 0, DCD_EVENT_CONTACT, 0.0f); }
 CALL(dcd_body_set_material) { return dcd_body_set_material(s->world, s->body, 0, 0.5f, 0.5f); }
 CALL(dcd_body_set_groups) { return dcd_body_set_groups(s->world, s->body, 0, 1, 1); }
@@ -360,8 +360,8 @@ CALL(dcd_world_destroy) {
     of(dcd_body_at) of(dcd_body_info) of(dcd_body_get) of(dcd_body_set_pose) of(dcd_body_set_velocity) \
     of(dcd_body_set_target) of(dcd_body_wake) of(dcd_body_sleep) of(dcd_body_apply_impulse) \
     of(dcd_body_apply_torque_impulse) of(dcd_body_set_force) of(dcd_body_add_force) of(dcd_body_properties) \
-    of(dcd_body_set_properties) of(dcd_part_properties) of(dcd_part_set_properties) of(dcd_part_add) \
-    of(dcd_part_remove) of(dcd_part_set_shape) of(dcd_body_set_events) of(dcd_body_set_material) \
+    of(dcd_body_set_properties) of(dcd_collider_properties) of(dcd_collider_set_properties) of(dcd_collider_add) \
+    of(dcd_collider_remove) of(dcd_collider_set_shape) of(dcd_body_set_events) of(dcd_body_set_material) \
     of(dcd_body_set_groups) of(dcd_joint_create) of(dcd_joint_destroy) of(dcd_joint_is_valid) of(dcd_joint_info) \
     of(dcd_joint_set_limit) of(dcd_joint_set_motor) of(dcd_joint_get_limit) of(dcd_joint_get_motor) \
     of(dcd_joint_set_frames) of(dcd_joint_set_flags) of(dcd_joint_set_softness) of(dcd_body_joints) of(dcd_step) \

@@ -27,7 +27,7 @@ impl Witness {
         let witness = Self { world, avatar };
         assert!(witness.world.wait_body(avatar, LIMIT));
         let sideways = Velocity { linear: [0.0, 0.0, 0.5], angular: [0.0; 3] };
-        witness.world.drive(avatar, sideways, None).unwrap();
+        witness.world.send_input(avatar, sideways, None).unwrap();
         witness.advance(30);
         witness
     }

@@ -93,7 +93,7 @@ fn a_body_spins_over_a_border_with_the_gyroscopic_torque_that_it_has() {
 }
 
 #[test]
-fn a_wheel_that_may_spin_fast_does_on_both_sides_of_a_border_and_others_turn_a_quarter_a_micro_step() {
+fn a_wheel_that_may_spin_fast_does_on_both_sides_of_a_border_and_others_turn_a_quarter_a_substep() {
     for allowed in [true, false] {
         for coupling in SHARING {
             let body = body_at(-1.0, 0.0, 0.0).linvel(Vector::X * 2.0).angvel(Vector::Y * 150.0);

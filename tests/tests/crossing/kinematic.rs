@@ -5,7 +5,7 @@ use dcd::protocol::WorldPose;
 use super::*;
 
 #[test]
-fn a_body_sent_to_a_pose_moves_at_one_speed_through_all_micro_steps() {
+fn a_body_sent_to_a_pose_moves_at_one_speed_through_all_substeps() {
     for exchanges in [1, 2, 4] {
         let mut config = halves(Coupling::Overlap);
         config.step.exchanges = exchanges;

@@ -13,7 +13,7 @@ use rapier3d::prelude::*;
 use super::operations::Operation;
 use super::scenery::{Bare, HALF_M, scene, velocity};
 
-/// Bodies that met nothing may be this far from where one world has them, and more for each tick: micro-steps integrate
+/// Bodies that met nothing may be this far from where one world has them, and more for each tick: substeps integrate
 /// the same forces in another number of parts.
 const GATE_M: f32 = 0.01;
 const GATE_A_TICK_M: f32 = 0.002;
@@ -166,7 +166,7 @@ impl Twin {
                 self.spec(*which).colliders[0].is_sensor = *sensor;
             }
             Operation::Collider(which, on) => {
-                // While a body is disabled, Rapier does not tell whose wish it is that its colliders are.
+                // While a body is disabled, Rapier does not tell whose input it is that its colliders are.
                 if self.spec(*which).body.enabled {
                     self.first_collider(*which, |collider| collider.set_enabled(*on));
                     self.spec(*which).colliders[0].enabled = *on;

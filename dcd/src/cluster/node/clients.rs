@@ -5,7 +5,7 @@ use crate::cluster::Peer;
 use crate::protocol::{FromClient, Message, ToClient, pack_states};
 use crate::space::ClientId;
 
-/// Wishes kept from clients that hear of their new leader before it does.
+/// Inputs kept from clients that hear of their new leader before it does.
 const EARLY_WISHES: usize = 1_024;
 
 impl Node {
@@ -13,7 +13,7 @@ impl Node {
     pub(super) fn own_client(&mut self, message: FromClient) {
         let Some(client) = self.config.client else { return };
         match &message {
-            FromClient::Drive(drive) => self.drift.steer(*drive),
+            FromClient::Input(drive) => self.speculation.steer(*drive),
             FromClient::Interest(_) => self.interest = Some(message.clone()),
             _ => {}
         }
@@ -50,8 +50,8 @@ impl Node {
 
     fn lead_client(&mut self, client: ClientId, message: FromClient) {
         match (&mut self.leader, message) {
-            (Some(leader), FromClient::Drive(drive)) => {
-                if let Err(reason) = leader.drive(client, drive) {
+            (Some(leader), FromClient::Input(drive)) => {
+                if let Err(reason) = leader.accept_input(client, drive) {
                     self.counters.rejected += 1;
                     self.tell_client(client, ToClient::Rejected { body: Some(drive.body), reason });
                 }
@@ -63,14 +63,14 @@ impl Node {
                 self.send(Peer::Server, Message::FromClient(client, message));
             }
             // The client may hear of its new leader before the leader does.
-            (None, message) if self.wishes.len() < EARLY_WISHES => self.wishes.push((client, message)),
+            (None, message) if self.inputs.len() < EARLY_WISHES => self.inputs.push((client, message)),
             (None, _) => self.counters.overflow += 1,
         }
     }
 
-    /// A view has begun: what clients wished of this node in advance is done if it leads.
-    pub(super) fn grant_early_wishes(&mut self) {
-        for (client, message) in std::mem::take(&mut self.wishes) {
+    /// A view has begun: what clients requested of this node in advance is done if it leads.
+    pub(super) fn grant_early_inputs(&mut self) {
+        for (client, message) in std::mem::take(&mut self.inputs) {
             if self.leader.is_some() {
                 self.lead_client(client, message);
             }
@@ -78,7 +78,7 @@ impl Node {
     }
 
     /// A view has begun: the client in this process may have heard so from the server, and said again to the leader of the last view
-    /// what it wishes.
+    /// what it inputs.
     pub(super) fn tell_own_client(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
         let (leader, allocation) = (view.led_by().cloned(), view.allocation.clone());

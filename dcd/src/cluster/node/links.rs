@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::{Node, NodeOutput};
 use crate::cluster::{Peer, Pinger};
 use crate::protocol::link::HANDSHAKE_TIMEOUT;
-use crate::protocol::{Border, Delay, Hello, Member, Message, Pong, Role, ToServer, VERSION};
+use crate::protocol::{Border, Delay, Hello, JoinAs, Member, Message, Pong, ToServer, VERSION};
 use crate::space::NodeId;
 
 /// Rounds said again when a link is back, beside those of the ticks that members may be apart: nobody is farther behind.
@@ -90,7 +90,7 @@ impl Node {
         self.placed.clear();
         self.joints.clear();
         let resume = self.view.as_ref().map(|view| view.number);
-        let role = Role::Node { address: self.config.address, client: self.config.client, resume };
+        let role = JoinAs::Node { address: self.config.address, client: self.config.client, resume };
         self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role }));
         if self.leaving {
             self.send_server(ToServer::Leave);

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::{Change, Node, NodeOutput, Phase};
+use super::{Node, NodeOutput, PendingView, Phase};
 use crate::cluster::leader::TELL_TICK;
 use crate::cluster::{
-    DelayWatch, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds, WatchRules,
+    DelayMonitor, DelayRules, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds,
 };
 use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, Message, RegionEvents, Report,
@@ -21,7 +21,8 @@ impl Node {
             ToNode::Welcome { world, .. } => {
                 self.begin_anew();
                 let thresholds = world.thresholds.delay.map(VoteThresholds::from);
-                self.watch = thresholds.map(|thresholds| DelayWatch::new(thresholds, WatchRules::default()));
+                self.watch =
+                    thresholds.map(|thresholds| DelayMonitor::new(thresholds, DelayRules::default()));
                 self.order(PhysicsCommand::World(world.clone()));
                 self.world = Some(world);
             }
@@ -37,7 +38,7 @@ impl Node {
             }
             ToNode::Settle { view } => {
                 if view > present && self.change.as_ref().is_none_or(|change| change.view < view) {
-                    self.change = Some(Change::to(view));
+                    self.change = Some(PendingView::to(view));
                     self.placed.clear();
                     self.joints.clear();
                     let dispatches = self.dispatches.iter().cloned().collect();
@@ -65,7 +66,7 @@ impl Node {
             }
             ToNode::Adopt { view, drop } => {
                 if view.number > present {
-                    let change = self.change.get_or_insert_with(|| Change::to(view.number));
+                    let change = self.change.get_or_insert_with(|| PendingView::to(view.number));
                     change.adopt = Some((view, drop));
                 }
             }
@@ -82,8 +83,8 @@ impl Node {
                 let delay_ms = delay_us.map(|us| (us / 1e3) as f32);
                 self.send_server(ToServer::Ballot { poll, delay_ms });
             }
-            ToNode::Abroad { view, main, tick, states } => match &mut self.leader {
-                Some(leader) if leader.view() == view => leader.hear_abroad(main, tick, states),
+            ToNode::InterGroup { view, main, tick, states } => match &mut self.leader {
+                Some(leader) if leader.view() == view => leader.hear_other_groups(main, tick, states),
                 _ => self.counters.stale += 1,
             },
             ToNode::Authority { view, alone, by_default, stances } => match &mut self.leader {
@@ -104,7 +105,7 @@ impl Node {
         self.tick = Tick(0);
         self.phase = Phase::Resting;
         self.asked = None;
-        self.drift = Default::default();
+        self.speculation = Default::default();
         self.dispatches.clear();
         self.holds.clear();
         self.change = None;
@@ -178,8 +179,8 @@ impl Node {
         }
         assert!(self.busy, "the physics answered without being asked");
         self.busy = false;
-        if let PhysicsEvent::Drifted(states) = event {
-            return self.drifted(states);
+        if let PhysicsEvent::Speculated(states) = event {
+            return self.speculated(states);
         }
         if event == PhysicsEvent::Drained {
             return;
@@ -187,7 +188,7 @@ impl Node {
         self.tick_takes = now.saturating_sub(self.since);
         self.since = now;
         match event {
-            PhysicsEvent::Drifted(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
+            PhysicsEvent::Speculated(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
             PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
             PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
@@ -275,7 +276,7 @@ impl Node {
             return;
         };
         if let Some((view, drop)) = change.adopt.take() {
-            self.return_from_drift();
+            self.end_speculation();
             self.adopt(now, view, drop);
         } else if change.finish {
             if let Some(dispatch) = self.dispatches.iter().find(|dispatch| dispatch.tick == next).cloned() {
@@ -285,11 +286,11 @@ impl Node {
             } else if !change.surveyed {
                 change.surveyed = true;
                 self.asked = Some(change.view);
-                self.return_from_drift();
+                self.end_speculation();
                 self.ask(PhysicsCommand::Survey);
             } else if let Some(bodies) = change.fetch.take() {
                 self.asked = Some(change.view);
-                self.return_from_drift();
+                self.end_speculation();
                 self.ask(PhysicsCommand::Fetch(bodies));
             }
         }
@@ -298,7 +299,7 @@ impl Node {
     fn step(&mut self, Dispatch { tick, rounds, ops, .. }: Dispatch) {
         assert_eq!(tick, self.tick.next(), "ticks follow one another");
         self.phase = Phase::Computing(tick, 0);
-        self.return_from_drift();
+        self.end_speculation();
         self.ask(PhysicsCommand::Step { tick, rounds, ops });
     }
 
@@ -313,9 +314,9 @@ impl Node {
             queue.retain(|border| border.view >= view.number);
             !queue.is_empty()
         });
-        // What clients wished and was not passed on yet is not lost with the view.
-        let pending = self.leader.take().map(Leader::into_wishes).unwrap_or_default();
-        self.wishes.splice(..0, pending);
+        // What clients requested and was not passed on yet is not lost with the view.
+        let pending = self.leader.take().map(Leader::into_inputs).unwrap_or_default();
+        self.inputs.splice(..0, pending);
         self.leader =
             self.world.as_ref().filter(|_| view.leader == me).map(|world| Leader::new(now, &view, world));
         for peer in &self.links {
@@ -337,7 +338,7 @@ impl Node {
         let joints = std::mem::take(&mut self.joints);
         self.ask(PhysicsCommand::Rebuild { tick: view.tick, regions, placed, joints, drop });
         self.view = Some(view);
-        self.grant_early_wishes();
+        self.grant_early_inputs();
         self.tell_own_client();
     }
 
@@ -433,7 +434,7 @@ impl Node {
         if report == Sampling::Moved && std::mem::take(&mut self.report_all) {
             report = Sampling::All;
         }
-        self.return_from_drift();
+        self.end_speculation();
         self.phase = Phase::Computing(tick, round + 1);
         self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint });
     }
@@ -483,7 +484,7 @@ impl Node {
         }
         self.drained = self.tick;
         self.amend(self.tick, &mut incoming);
-        self.return_from_drift();
+        self.end_speculation();
         self.ask(PhysicsCommand::Drain { tick: self.tick, incoming });
     }
 
@@ -518,7 +519,7 @@ impl Node {
                 for op in &dispatch.ops {
                     match op {
                         WorldOp::Remove(gone) => removed.extend(message.forget(*gone)),
-                        WorldOp::Drive(drive) => message.drive(drive),
+                        WorldOp::Input(drive) => message.apply_input(drive),
                         _ => {}
                     }
                 }

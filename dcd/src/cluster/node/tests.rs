@@ -1,7 +1,7 @@
 //! What a node refuses, keeps and drops.
 
 use super::*;
-use crate::protocol::{Border, Chunk, Drive, ToNode, Velocity, WorldOp};
+use crate::protocol::{Border, Chunk, Input, ToNode, Velocity, WorldOp};
 use crate::sim::{sim_body, sim_world};
 use crate::space::{BodyId, RegionId};
 
@@ -160,9 +160,9 @@ fn guesses_are_told_as_often_as_ticks_that_count() {
     let mut told = Vec::new();
     for _ in 0..7 {
         node.handle_timeout(node.poll_timeout().expect("a guess is due").max(Duration::from_millis(100)));
-        let drifted = NodeEvent::Physics(PhysicsEvent::Drifted(vec![]));
-        assert!(matches!(drain(&mut node).last(), Some(NodeOutput::Physics(PhysicsCommand::Drift(_)))));
-        node.handle(NOW, drifted);
+        let speculated = NodeEvent::Physics(PhysicsEvent::Speculated(vec![]));
+        assert!(matches!(drain(&mut node).last(), Some(NodeOutput::Physics(PhysicsCommand::Speculate(_)))));
+        node.handle(NOW, speculated);
         told.extend(drain(&mut node).into_iter().filter_map(|output| match output {
             NodeOutput::Client(ToClient::States { stamp, .. }) => Some((stamp.tick.0, stamp.provisional)),
             _ => None,
@@ -200,8 +200,8 @@ fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
 #[test]
 fn a_client_linked_to_a_node_cannot_speak_for_another() {
     let mut node = member();
-    let drive = Drive { body: BodyId::default(), logical_time: 1, velocity: Velocity::default(), pose: None };
-    let message = Message::FromClient(ClientId(2), FromClient::Drive(drive));
+    let drive = Input { body: BodyId::default(), logical_time: 1, velocity: Velocity::default(), pose: None };
+    let message = Message::FromClient(ClientId(2), FromClient::Input(drive));
     node.handle(NOW, NodeEvent::Message { from: Peer::Client(ClientId(1)), message });
     assert_eq!(node.counters().refused, 1);
 }
@@ -247,9 +247,9 @@ fn member_out_of_step() -> Node {
     settle(&mut node);
     border(&mut node, 1, 1, vec![handing_over(1, &[DRIVEN, REMOVED])]);
     border(&mut node, 1, 2, vec![handing_over(2, &[OTHER])]);
-    let drive = Drive { body: DRIVEN, logical_time: 1, velocity: FAST, pose: None };
+    let drive = Input { body: DRIVEN, logical_time: 1, velocity: FAST, pose: None };
     complete(&mut node, 1, vec![]);
-    complete(&mut node, 2, vec![WorldOp::Drive(drive), WorldOp::Remove(REMOVED)]);
+    complete(&mut node, 2, vec![WorldOp::Input(drive), WorldOp::Remove(REMOVED)]);
     node
 }
 

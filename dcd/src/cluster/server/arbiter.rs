@@ -34,7 +34,13 @@ impl Server {
     }
 
     /// A group tells how bodies are that it is believed about: all others are told.
-    pub(super) fn abroad(&mut self, node: NodeId, view: ViewNumber, tick: Tick, states: Vec<SharedState>) {
+    pub(super) fn inter_group(
+        &mut self,
+        node: NodeId,
+        view: ViewNumber,
+        tick: Tick,
+        states: Vec<SharedState>,
+    ) {
         let Some(from) = self.led_by(node, view) else {
             self.common.stale += 1;
             return;
@@ -46,7 +52,7 @@ impl Server {
         for group in self.groups.values().filter(|group| group.id != from && lives(group)) {
             let Some(view) = &group.view else { continue };
             if main || !states.is_empty() {
-                let message = ToNode::Abroad { view: view.number, main, tick, states: states.clone() };
+                let message = ToNode::InterGroup { view: view.number, main, tick, states: states.clone() };
                 self.common.send_node(view.leader, message);
             }
         }

@@ -6,7 +6,7 @@ use super::group::Group;
 use super::{Server, ServerOutput};
 use crate::cluster::{Life, Peer};
 use crate::protocol::{
-    BodyRecord, BodyState, Drive, FromClient, Message, Refusal, ShapeRecord, ToClient, WorldOp,
+    BodyRecord, BodyState, FromClient, Input, Message, Refusal, ShapeRecord, ToClient, WorldOp,
 };
 use crate::space::{BodyId, ClientId, Epoch, Tick};
 
@@ -20,10 +20,10 @@ impl Server {
     pub(super) fn hear_client(&mut self, client: ClientId, message: FromClient) {
         let record = &self.main().record;
         let refused = match message {
-            FromClient::Drive(drive) if drive.body.client() != Some(client) => {
+            FromClient::Input(drive) if drive.body.client() != Some(client) => {
                 Some((drive.body, Refusal::NotYours))
             }
-            FromClient::Drive(drive) => {
+            FromClient::Input(drive) => {
                 self.pass_on(client, drive);
                 None
             }
@@ -77,13 +77,13 @@ impl Server {
     }
 
     /// A client that knows no leader, or whose node is still joining, speaks through the server.
-    fn pass_on(&mut self, client: ClientId, drive: Drive) {
+    fn pass_on(&mut self, client: ClientId, drive: Input) {
         let group = self.common.clients.get(&client).map_or(self.main, |entry| entry.group);
         let Some(group) = self.groups.get_mut(&group) else { return };
         match (&group.view, &group.change) {
             (Some(view), None) => {
                 let to = Peer::Node(view.leader);
-                let message = Message::FromClient(client, FromClient::Drive(drive));
+                let message = Message::FromClient(client, FromClient::Input(drive));
                 self.common.outputs.push_back(ServerOutput::Send { to, message });
             }
             // Nobody computes the world: the record is all there is to move.
@@ -93,7 +93,7 @@ impl Server {
                     body.state.pose = drive.pose.unwrap_or(body.state.pose);
                 }
             }
-            // The next wish will find a leader.
+            // The next input will find a leader.
             (Some(_), Some(_)) => self.common.stale += 1,
         }
     }

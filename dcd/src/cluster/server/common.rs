@@ -23,7 +23,7 @@ pub(super) struct NodeEntry {
     /// It has the world, and may be given regions.
     pub loaded: bool,
     pub leaving: bool,
-    /// Why it has to go, if it is not by its own wish.
+    /// Why it has to go, if it is not by its own input.
     pub unwanted: Option<String>,
     /// The group that it is, or is to be, a member of.
     pub group: Option<GroupId>,

@@ -5,7 +5,7 @@ mod change;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use self::change::Change;
+use self::change::ViewChange;
 use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use crate::cluster::{Life, Record};
@@ -26,7 +26,7 @@ pub(super) struct Group {
     pub view: Option<View>,
     /// The view before it, by which members are known that never heard of the present one.
     pub former: Option<View>,
-    pub change: Option<Change>,
+    pub change: Option<ViewChange>,
     /// Members that have told all they know of the world's last tick.
     pub at_last_tick: BTreeSet<NodeId>,
     /// Bodies that the leader was told to insert and that no node has spoken of yet.

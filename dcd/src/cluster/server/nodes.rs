@@ -160,7 +160,7 @@ impl Server {
             ToServer::Delays(delays) => entry.learn(delays),
             ToServer::Call(motion) => self.call(node, motion),
             ToServer::Ballot { poll, delay_ms } => self.cast(node, poll, delay_ms),
-            ToServer::Abroad { view, tick, states } => self.abroad(node, view, tick, states),
+            ToServer::InterGroup { view, tick, states } => self.inter_group(node, view, tick, states),
             ToServer::Touched { view, bodies } => self.touched(node, view, bodies),
             message => {
                 let heard = self.group_of(node).and_then(|id| self.groups.get_mut(&id));
@@ -287,7 +287,7 @@ impl Server {
         }
     }
 
-    /// A node goes as if it had wished to.
+    /// A node goes as if it had requested to.
     pub(super) fn send_away(&mut self, node: NodeId, reason: String) {
         match self.common.nodes.get_mut(&node) {
             Some(entry) => (entry.leaving, entry.unwanted) = (true, Some(reason)),

@@ -24,7 +24,7 @@ fn server() -> Server {
 }
 
 fn hello(server: &mut Server, node: u32, version: u32) -> Vec<ServerOutput> {
-    let role = Role::Node { address: ([127, 0, 0, 1], node as u16).into(), client: None, resume: None };
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client: None, resume: None };
     tell(server, node, Message::Hello(Hello { version, role }))
 }
 
@@ -371,7 +371,7 @@ fn what_was_placed_in_a_view_that_nobody_came_to_compute_is_placed_again_from_wh
 
 fn back(server: &mut Server, node: u32, view: ViewNumber) -> Vec<ServerOutput> {
     let address = ([127, 0, 0, 1], node as u16).into();
-    let role = Role::Node { address, client: None, resume: Some(view) };
+    let role = JoinAs::Node { address, client: None, resume: Some(view) };
     tell(server, node, Message::Hello(Hello { version: VERSION, role }))
 }
 
@@ -485,7 +485,7 @@ fn collider(shape: &ShapeRecord) -> ColliderRecord {
 fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
     let mut server = server();
     let client = ClientId(7);
-    let hello = Message::Hello(Hello { version: VERSION, role: Role::Client });
+    let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
     server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
     let spawned = |server: &mut Server, index, of: &ShapeRecord, shapes: Vec<ShapeRecord>| {
         let mut body = sim_body(BodyId::avatar(client, index), [1.0; 3]);
@@ -524,7 +524,7 @@ fn a_client_that_keeps_inventing_shapes_is_refused_and_others_are_not() {
         let id = BodyId::avatar(client, 0);
         let mut body = sim_body(id, [1.0; 3]);
         Arc::make_mut(&mut body.traits).colliders.push(collider(shape));
-        let hello = Message::Hello(Hello { version: VERSION, role: Role::Client });
+        let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
         let spawn = Message::FromClient(client, FromClient::Spawn { body, shapes: vec![shape.clone()] });
         let despawn = Message::FromClient(client, FromClient::Despawn(id));
         server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
@@ -551,7 +551,7 @@ fn a_client_that_keeps_inventing_shapes_is_refused_and_others_are_not() {
 fn an_avatar_comes_no_faster_than_the_world_allows_and_nothing_pushes_it() {
     let mut server = server();
     let client = ClientId(7);
-    let hello = Message::Hello(Hello { version: VERSION, role: Role::Client });
+    let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
     server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
     let limit = sim_world(2).avatar_speed_limit;
     for (index, speed) in [(0, 0.99 * limit), (1, 1.01 * limit)] {

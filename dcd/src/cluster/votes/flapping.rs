@@ -10,7 +10,7 @@ use crate::sim::Random;
 /// Nodes that ping each other every five seconds for an hour. The delay of the last drifts.
 struct Hour {
     nodes: u32,
-    watch: WatchRules,
+    watch: DelayRules,
     polls: PollRules,
     thresholds: VoteThresholds,
 }
@@ -25,7 +25,7 @@ struct Drift {
 
 impl Hour {
     fn careful() -> Self {
-        Self { nodes: 4, watch: WatchRules::default(), polls: PollRules::default(), thresholds: THRESHOLDS }
+        Self { nodes: 4, watch: DelayRules::default(), polls: PollRules::default(), thresholds: THRESHOLDS }
     }
 
     /// Without all that keeps nodes from flapping.
@@ -40,7 +40,7 @@ impl Hour {
             ..PollRules::default()
         };
         let thresholds = VoteThresholds { inclusion_ms: 29.9, rejection_ms: 30.1, deviation_ms: 0.0 };
-        Self { nodes: 4, watch: WatchRules { strikes: 1, ..WatchRules::default() }, polls, thresholds }
+        Self { nodes: 4, watch: DelayRules { strikes: 1, ..DelayRules::default() }, polls, thresholds }
     }
 
     fn moves(&self, drift: Drift) -> Vec<(Duration, Motion)> {
@@ -71,7 +71,7 @@ impl Drift {
 struct Run<'a> {
     hour: &'a Hour,
     polls: Polls,
-    watches: BTreeMap<NodeId, DelayWatch>,
+    watches: BTreeMap<NodeId, DelayMonitor>,
     trips: BTreeMap<(NodeId, NodeId), VecDeque<f64>>,
     groups: Vec<Vec<NodeId>>,
     moves: Vec<(Duration, Motion)>,
@@ -82,7 +82,7 @@ impl<'a> Run<'a> {
         let all: Vec<_> = (1..=hour.nodes).map(NodeId).collect();
         let mut polls = Polls::new(hour.polls);
         all.iter().for_each(|&node| polls.placed(Duration::ZERO, node));
-        let watch = DelayWatch::new(hour.thresholds, hour.watch);
+        let watch = DelayMonitor::new(hour.thresholds, hour.watch);
         let watches = all.iter().map(|&node| (node, watch.clone())).collect();
         Self { hour, polls, watches, trips: BTreeMap::new(), groups: vec![all], moves: Vec::new() }
     }

@@ -55,7 +55,7 @@ fn settings_that_cannot_be_are_refused() {
     ] {
         assert!(!thresholds(inclusion_ms, rejection_ms, deviation_ms));
     }
-    assert!(WatchRules { strikes: 0, ..WatchRules::default() }.checked().is_err());
+    assert!(DelayRules { strikes: 0, ..DelayRules::default() }.checked().is_err());
     assert!(PollRules { max_votes: 0, ..PollRules::default() }.checked().is_err());
     assert!(PollRules { window: Duration::ZERO, ..PollRules::default() }.checked().is_err());
 }

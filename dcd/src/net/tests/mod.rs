@@ -94,16 +94,16 @@ impl Server {
         self.process.net.local_addr()
     }
 
-    fn token(&self, role: Role) -> Token {
+    fn token(&self, role: PeerRole) -> Token {
         self.authority.issue_token(role, HOUR, SystemTime::now()).unwrap()
     }
 
-    fn join(&self, role: Role) -> Identity {
+    fn join(&self, role: PeerRole) -> Identity {
         join(self.addr(), &self.token(role), None, PATIENCE).unwrap()
     }
 
     /// A process that has joined and listens.
-    fn process(&self, role: Role) -> Process {
+    fn process(&self, role: PeerRole) -> Process {
         Process::start(self.join(role), None, Limits::default())
     }
 }

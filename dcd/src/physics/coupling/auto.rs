@@ -1,4 +1,4 @@
-//! How many micro-steps a region takes and how deep its overlaps are: as much as its borders need, each by how far the
+//! How many substeps a region takes and how deep its overlaps are: as much as its borders need, each by how far the
 //! copies at it disagree for long. What shakes cancels out; what sags or creeps stays.
 //!
 //! A border climbs by steps: one exchange, two, a deeper overlap, four exchanges, and so on. Depth comes before four, since
@@ -6,13 +6,13 @@
 //! not let copies agree better is taken back, and it is long until the next.
 //!
 //! Both sides of a border see the same copies, so both come to the same result. A region says in the last exchange of a
-//! tick how many micro-steps it will take in the next; a body is exchanged as often as all its members step.
+//! tick how many substeps it will take in the next; a body is exchanged as often as all its members step.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Coupling, Moment};
-use crate::physics::renumber::Renumbering;
+use crate::physics::rank_remap::RankRemap;
 use crate::space::RegionSet;
 
 /// Ticks over which disagreement is averaged.
@@ -53,10 +53,10 @@ pub(super) fn average(of: &mut Vector, disagreement: Vector, exchanges: usize) {
     *of += (disagreement - *of / exchanges as f32) / AVERAGED_TICKS;
 }
 
-/// What a region knows of the micro-steps at its borders.
+/// What a region knows of the substeps at its borders.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Pace {
-    /// By rank, this region's own too: micro-steps in the present tick, and in the next as far as told.
+    /// By rank, this region's own too: substeps in the present tick, and in the next as far as told.
     steps: Vec<(u8, u8)>,
     /// By rank of the other region.
     borders: Vec<BorderPace>,
@@ -101,7 +101,7 @@ impl Pace {
         }
     }
 
-    /// Micro-steps that the region of this rank takes in the present tick.
+    /// Substeps that the region of this rank takes in the present tick.
     pub(in crate::physics) fn steps_of(&self, rank: usize) -> usize {
         self.steps[rank].0.into()
     }
@@ -125,8 +125,8 @@ impl Pace {
         if news { self.wanted } else { 0 }
     }
 
-    /// Ranks have changed; a newborn region takes as many micro-steps as the one that it was cut from.
-    pub(in crate::physics) fn renumber(&mut self, ranks: &Renumbering) {
+    /// Ranks have changed; a newborn region takes as many substeps as the one that it was cut from.
+    pub(in crate::physics) fn remap_ranks(&mut self, ranks: &RankRemap) {
         ranks.list(&mut self.steps, || (1, 1));
         ranks.list(&mut self.borders, BorderPace::idle);
         if let Some((new, from)) = ranks.born {
@@ -139,7 +139,7 @@ impl Pace {
         Self { borders: vec![BorderPace::idle(); self.borders.len()], ..self }
     }
 
-    /// Whether this region, of this rank, says nothing new of its micro-steps, and has come down to one.
+    /// Whether this region, of this rank, says nothing new of its substeps, and has come down to one.
     pub(in crate::physics) fn is_settled(&self, own: usize) -> bool {
         self.steps[own] == (self.wanted, self.wanted) && self.borders.iter().all(|border| border.rung == 0)
     }
@@ -151,7 +151,7 @@ impl Pace {
         }
     }
 
-    /// Micro-steps of this region in the tick after the present one.
+    /// Substeps of this region in the tick after the present one.
     pub(in crate::physics) fn next_of(&self, own: usize) -> usize {
         self.steps[own].1.into()
     }
@@ -267,7 +267,7 @@ fn top_rung(exchanges: usize) -> u8 {
     }
 }
 
-/// Micro-steps of regions divide each other, so that they meet.
+/// Substeps of regions divide each other, so that they meet.
 fn largest_power(most: usize) -> u8 {
     (1u8 << most.clamp(1, 64).ilog2()).max(1)
 }

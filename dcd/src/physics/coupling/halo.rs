@@ -9,7 +9,7 @@ use super::{Border, Side};
 use crate::physics::convert;
 use crate::physics::outbox::Outbox;
 use crate::physics::partition::{HALO_HYSTERESIS_M, HUB_REACH_M, OWNER_HYSTERESIS_M, Partition};
-use crate::physics::region::{Link, Region, Role};
+use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyRecord, Transfer};
 use crate::space::{Bounds, RegionSet, Tick};
 
@@ -20,8 +20,8 @@ const SURPRISE_M_S: f32 = 10.0;
 
 /// A body that is to be held, or owned, by other regions than before.
 #[derive(Debug)]
-pub(super) struct Change {
-    link: Link,
+pub(super) struct HolderChange {
+    link: BodyRef,
     holders: RegionSet,
     owner: usize,
 }
@@ -43,7 +43,7 @@ pub(super) fn tell(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32
     let Side { region, border, outbox } = side;
     border.looked_at.clear();
     let fresh = region.take_fresh();
-    let is_here = |link: &&Link| region.handle_of(link.id) == Some(link.handle);
+    let is_here = |link: &&BodyRef| region.handle_of(link.id) == Some(link.handle);
     border.looked_at.extend(fresh.iter().filter(is_here).map(|link| link.handle));
     let overlooked = border.take_overlooked(region);
     border.looked_at.extend(overlooked);
@@ -74,13 +74,13 @@ fn find_changes(
     tick: Tick,
     dt_s: f32,
     handles: impl Iterator<Item = RigidBodyHandle>,
-    changes: &mut Vec<Change>,
+    changes: &mut Vec<HolderChange>,
 ) {
     let inner = Inner::of(region, partition);
     let mut assemblies = Vec::new();
     for handle in handles {
         let slot = region.slot(handle);
-        if slot.role != Role::Owner {
+        if slot.role != Ownership::Owner {
             continue;
         }
         if let Some(assembly) = slot.assembly {
@@ -95,7 +95,7 @@ fn find_changes(
         let near = Near::of(region, partition, handle, dt_s);
         let com = region.physics().bodies[handle].center_of_mass();
         let centre = convert::world_point(region.anchor(), com);
-        let link = Link { id: slot.id, handle };
+        let link = BodyRef { id: slot.id, handle };
         propose(region, link, near, new_owner(region, partition, centre), changes);
     }
     assemblies.sort_unstable();
@@ -113,10 +113,10 @@ fn look_at_assembly(
     region: &mut Region,
     partition: &Partition,
     inner: &Inner,
-    members: &[Link],
+    members: &[BodyRef],
     tick: Tick,
     dt_s: f32,
-    changes: &mut Vec<Change>,
+    changes: &mut Vec<HolderChange>,
 ) {
     let rest = members.iter().map(|link| inner.ticks_within(region, link.handle, dt_s)).min().unwrap_or(0);
     let shared = members.iter().any(|link| !region.slot(link.handle).holders.is_empty());
@@ -137,13 +137,13 @@ fn look_at_assembly(
     }
 }
 
-fn propose(region: &Region, link: Link, near: Near, owner: usize, changes: &mut Vec<Change>) {
+fn propose(region: &Region, link: BodyRef, near: Near, owner: usize, changes: &mut Vec<HolderChange>) {
     let own = RegionSet::only(region.rank());
     let held = region.slot(link.handle).holders;
     let still_near = held.intersection(near.within_hysteresis);
     let holders = near.within_halo.union(still_near).without(own);
     if holders != held || owner != region.rank() {
-        changes.push(Change { link, holders, owner });
+        changes.push(HolderChange { link, holders, owner });
     }
 }
 
@@ -157,8 +157,8 @@ fn new_owner(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize 
 }
 
 /// Sends the body to its new holders, calls it back from those that need it no more, and hands over authority.
-fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &Change) {
-    let Change { link, holders, owner } = *change;
+fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) {
+    let HolderChange { link, holders, owner } = *change;
     let own = RegionSet::only(region.rank());
     let slot = region.slot(link.handle);
     let (before, epoch) = (slot.holders, slot.epoch);
@@ -180,9 +180,9 @@ fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &Change) {
         let message = outbox.to(owner);
         message.transfers.push(Transfer { body, holders, whole: false });
         message.joints.extend(joints);
-        region.set_role(link.handle, Role::Replica { owner }, RegionSet::EMPTY, epoch.next());
+        region.set_role(link.handle, Ownership::Replica { owner }, RegionSet::EMPTY, epoch.next());
     } else {
-        region.set_role(link.handle, Role::Owner, holders, epoch);
+        region.set_role(link.handle, Ownership::Owner, holders, epoch);
     }
 }
 

@@ -12,10 +12,10 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Moment;
-use super::share::SharedBodies;
+use super::shared::SharedBodies;
 use crate::physics::outbox::Outbox;
-use crate::physics::region::{Link, Region, Role};
-use crate::physics::renumber::Renumbering;
+use crate::physics::rank_remap::RankRemap;
+use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::physics::settings::WHOLE;
 use crate::protocol::{BIG_ISLAND, BodyKind, BorderMessage, IslandPart};
 use crate::space::{BodyId, RegionSet};
@@ -51,7 +51,7 @@ pub(super) struct Islands {
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Island {
     /// Those owned here.
-    pub members: Vec<Link>,
+    pub members: Vec<BodyRef>,
     /// How many others' bodies it has that are held here.
     ghosts: usize,
     /// Too large to move whole.
@@ -113,9 +113,9 @@ impl Islands {
             // Some have gone since.
             let here = region.physics().bodies.contains(handle);
             let concerned = match region.role_of(handle).filter(|_| here) {
-                Some((_, Role::Owner)) => region.slot(handle).holders,
+                Some((_, Ownership::Owner)) => region.slot(handle).holders,
                 // It may hold nothing of what touches its body here.
-                Some((_, Role::Replica { owner })) => RegionSet::only(owner),
+                Some((_, Ownership::Replica { owner })) => RegionSet::only(owner),
                 _ => continue,
             };
             let place = self.of[handle.into_raw_parts().0 as usize] as usize - 1;
@@ -159,7 +159,7 @@ impl Islands {
     }
 
     /// Ranks have changed: what was told with the old ones is told anew.
-    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
+    pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
         self.told
             .retain(|(rank, part)| ranks.to[*rank].is_some() && ranks.to[usize::from(part.rank)].is_some());
         for (rank, part) in &mut self.told {
@@ -205,7 +205,7 @@ impl Islands {
         for &handle in &self.touched {
             let island = &self.found[self.of[handle.into_raw_parts().0 as usize] as usize - 1];
             let (whole, doubt) = (island.whole, island.doubt);
-            if region.slot(handle).role == Role::Owner {
+            if region.slot(handle).role == Ownership::Owner {
                 let slot = region.slot_mut(handle);
                 (slot.whole, slot.doubt) = (whole, doubt);
             }
@@ -287,8 +287,8 @@ impl Islands {
         while let Some(handle) = self.open.pop() {
             let slot = region.slot(handle);
             match slot.role {
-                Role::Owner => {
-                    island.members.push(Link { id: slot.id, handle });
+                Ownership::Owner => {
+                    island.members.push(BodyRef { id: slot.id, handle });
                     island.pressed = island.pressed || region.is_pressed(handle);
                     island.whole |= slot.whole;
                     island.doubt = island.doubt.max(slot.doubt);
@@ -301,7 +301,7 @@ impl Islands {
                         }
                     }
                 }
-                Role::Replica { owner } => {
+                Ownership::Replica { owner } => {
                     island.ghosts += 1;
                     let heard = shared.get(handle).into_iter().flat_map(|shared| &shared.heard);
                     let copy = heard.filter(|(rank, _)| *rank == owner).map(|(_, copy)| copy).next();
@@ -312,7 +312,7 @@ impl Islands {
                         None => island.unheard.push((owner, slot.id)),
                     }
                 }
-                Role::Immovable => unreachable!("only what moves is entered"),
+                Ownership::Immovable => unreachable!("only what moves is entered"),
             }
             if island.members.len() > limit {
                 island.endless = true;
@@ -364,8 +364,9 @@ impl Islands {
             self.found.clear();
         }
         self.found.retain_mut(|island| {
-            let here = |link: &Link| {
-                region.role_of(link.handle) == Some((link.id, Role::Owner)) && takes_part(region, link.handle)
+            let here = |link: &BodyRef| {
+                region.role_of(link.handle) == Some((link.id, Ownership::Owner))
+                    && takes_part(region, link.handle)
             };
             let large = island.members.len() > LARGE && !island.big && island.target == region.rank();
             large && {

@@ -13,11 +13,11 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::island::Island;
-use super::share::SharedBodies;
-use super::sight::{self, Near, Sights};
+use super::predicted_contacts::{self, Near, PredictedContacts};
+use super::shared::SharedBodies;
 use super::{Border, Moment, Side};
 use crate::physics::outbox::Outbox;
-use crate::physics::region::{Link, Region, Role, Slot};
+use crate::physics::region::{BodyRef, Ownership, Region, Slot};
 use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, Membership, Transfer};
 use crate::space::{BodyId, Bounds, RegionSet};
 
@@ -39,14 +39,14 @@ const LIVELY_M_S: f32 = 1.0;
 /// Who will hold a body from the end of this exchange on.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Decision {
-    link: Link,
+    link: BodyRef,
     members: RegionSet,
-    shadows: RegionSet,
+    warming: RegionSet,
 }
 
 /// What the owner wants of a body.
 #[derive(Clone, Copy)]
-struct Wish {
+struct Desired {
     /// Regions that must hold it, without its owner's.
     holders: RegionSet,
     /// Those of them which its contacts reach.
@@ -71,8 +71,8 @@ pub(super) fn announce(side: &mut Side, moment: Moment<'_>) {
     side.border.decisions.clear();
     let fresh = share_fresh(side, moment);
     let Side { region, border, outbox } = side;
-    sight::look(region, &mut border.sights, moment, &fresh);
-    sight::show(region, &mut border.sights, outbox, moment);
+    predicted_contacts::look(region, &mut border.predicted, moment, &fresh);
+    predicted_contacts::show(region, &mut border.predicted, outbox, moment);
 }
 
 /// Finds after a step what lies near the border, what touches there, and which bodies are new.
@@ -86,27 +86,27 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
     looked_at.extend(fresh);
     looked_at.extend(border.take_overlooked(region));
     looked_at.extend(region.due(moment.tick));
-    sight::look(region, &mut border.sights, moment, &looked_at);
+    predicted_contacts::look(region, &mut border.predicted, moment, &looked_at);
     border.looked_at = looked_at;
     if moment.settings.coupling.moves_islands() {
-        let Border { islands, sights, shared, .. } = border;
-        let seeds = island_seeds(region, sights);
+        let Border { islands, predicted, shared, .. } = border;
+        let seeds = island_seeds(region, predicted);
         islands.find(region, shared, moment, seeds.into_iter());
-        sights.set_islands(|handle| islands.size(handle));
+        predicted.set_islands(|handle| islands.size(handle));
     }
 }
 
 /// Decides, after [`survey`], who holds and owns what, and tells all whom it concerns.
 pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Side { region, border, outbox } = side;
-    sight::show(region, &mut border.sights, outbox, moment);
-    let Border { reach, islands, pace, sights, shared, .. } = border;
-    let joining = sights.joining(region, shared);
-    let met = sights.meetings.iter().filter(|meeting| meeting.island > 0);
+    predicted_contacts::show(region, &mut border.predicted, outbox, moment);
+    let Border { reach, islands, pace, predicted, shared, .. } = border;
+    let joining = predicted.joining(region, shared);
+    let met = predicted.meetings.iter().filter(|meeting| meeting.island > 0);
     let met = met.filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting.rank))).chain(joining);
     let depth = moment.settings.depth + pace.extra_depth();
     let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
-    let out = sights.near.iter().filter(|near| !region.cell().contains_box(&near.swept));
+    let out = predicted.near.iter().filter(|near| !region.cell().contains_box(&near.swept));
     let leaving = out.map(|near| near.link.handle).filter(|&handle| !small(handle));
     let leaving = leaving.filter_map(|handle| {
         let home = moment.home_of(region, handle);
@@ -114,7 +114,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     });
     reach.spread(region, islands, depth, leaving, met);
     reach.complete(region, islands);
-    reach.carry(region, sights.carriers(region, moment.partition));
+    reach.carry(region, predicted.carriers(region, moment.partition));
     let candidates = candidates(region, border);
     // First, since each looks at all of its island.
     for link in &candidates {
@@ -148,7 +148,7 @@ pub(super) fn commit<'a>(
     for decision in &border.decisions {
         if region.handle_of(decision.link.id) == Some(decision.link.handle) {
             if decision.members.contains(region.rank()) {
-                border.shared.set_members(region, decision.link.handle, decision.members, decision.shadows);
+                border.shared.set_members(region, decision.link.handle, decision.members, decision.warming);
             } else {
                 region.remove(decision.link.id);
             }
@@ -165,11 +165,11 @@ pub(super) fn commit<'a>(
             region.remove(membership.id);
             continue;
         }
-        if slot.role != Role::Owner && usize::from(membership.owner) != region.rank() {
-            let role = Role::Replica { owner: membership.owner.into() };
+        if slot.role != Ownership::Owner && usize::from(membership.owner) != region.rank() {
+            let role = Ownership::Replica { owner: membership.owner.into() };
             region.set_role(handle, role, members.without(own), membership.epoch);
         }
-        border.shared.set_members(region, handle, members, membership.shadows);
+        border.shared.set_members(region, handle, members, membership.warming);
     }
 }
 
@@ -178,10 +178,10 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let Side { region, border, outbox } = side;
     let own = RegionSet::only(region.rank());
     let fresh = region.take_fresh();
-    for &Link { id, handle } in &fresh {
+    for &BodyRef { id, handle } in &fresh {
         let here = region.handle_of(id) == Some(handle);
         if !here
-            || region.slot(handle).role != Role::Owner
+            || region.slot(handle).role != Ownership::Owner
             || region.slot(handle).whole
             || region.is_articulated(handle)
         {
@@ -198,124 +198,136 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
         if !holders.is_empty() {
             let members = holders.union(own);
             tell(region, outbox, handle, holders, holders, members, RegionSet::EMPTY, region.rank());
-            border.decisions.push(Decision { link: Link { id, handle }, members, shadows: RegionSet::EMPTY });
+            border.decisions.push(Decision {
+                link: BodyRef { id, handle },
+                members,
+                warming: RegionSet::EMPTY,
+            });
         }
     }
     fresh.into_iter().map(|link| link.handle).collect()
 }
 
 /// Bodies whose island counts. A body near the border that is alone, meets nobody and lies in its cell is one by itself.
-fn island_seeds(region: &Region, sights: &Sights) -> Vec<RigidBodyHandle> {
-    let near = sights.near.iter().filter(|near| {
+fn island_seeds(region: &Region, predicted: &PredictedContacts) -> Vec<RigidBodyHandle> {
+    let near = predicted.near.iter().filter(|near| {
         let handle = near.link.handle;
         let here = region.cell().contains_box(&near.swept) && region.slot(handle).holders.is_empty();
-        !here || sights.meetings_of(near.link.id).next().is_some() || region.is_pressed(handle)
+        !here || predicted.meetings_of(near.link.id).next().is_some() || region.is_pressed(handle)
     });
     near.map(|near| near.link).chain(region.held_elsewhere()).map(|link| link.handle).collect()
 }
 
 /// Every body owned here for which something may have to change, in id order.
-fn candidates(region: &Region, border: &Border) -> Vec<Link> {
+fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
     let owned = |handle: &RigidBodyHandle| {
         let slot = region.slot(*handle);
-        (slot.role == Role::Owner).then_some(Link { id: slot.id, handle: *handle })
+        (slot.role == Ownership::Owner).then_some(BodyRef { id: slot.id, handle: *handle })
     };
     let mut all = region.shared().to_vec();
     all.extend(border.reach.reached.iter().filter_map(owned));
     let stays = |near: &&Near| {
-        let meets = border.sights.meetings_of(near.link.id).next().is_some();
+        let meets = border.predicted.meetings_of(near.link.id).next().is_some();
         region.cell().contains_box(&near.swept) && !meets
     };
-    all.extend(border.sights.near.iter().filter(|near| !stays(near)).map(|near| near.link));
+    all.extend(border.predicted.near.iter().filter(|near| !stays(near)).map(|near| near.link));
     let moving = border.islands.found.iter().filter(|island| !island.big && island.target != region.rank());
     all.extend(moving.flat_map(|island| &island.members));
     all.sort_unstable_by_key(|link| link.id);
     all.dedup_by_key(|link| link.id);
     all.retain(|link| !region.is_articulated(link.handle));
     // Those inserted in this tick have been decided on already.
-    let fresh = |link: &Link| border.decisions.iter().any(|decision| decision.link.id == link.id);
+    let fresh = |link: &BodyRef| border.decisions.iter().any(|decision| decision.link.id == link.id);
     all.retain(|link| border.decisions.is_empty() || !fresh(link));
     all
 }
 
 /// Decides on one body. Returns it with its new owner if it is to go there at once.
-fn decide_on(side: &mut Side, moment: Moment<'_>, link: Link) -> Option<(Link, usize)> {
+fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(BodyRef, usize)> {
     let Side { region, border, outbox } = side;
-    let wish = wish_for(region, border, moment, link.handle);
+    let desired = desired_membership(region, border, moment, link.handle);
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
-    let away = note_away(region, link, wish.owner, moment);
-    let flies = wish.lively && away >= SETTLE_TICKS;
+    let away = note_away(region, link, desired.owner, moment);
+    let flies = desired.lively && away >= SETTLE_TICKS;
     let slot = region.slot(link.handle);
     let (held, epoch) = (slot.holders, slot.epoch);
     let asleep = region.physics().bodies[link.handle].is_sleeping();
-    let alone = wish.holders == RegionSet::only(wish.owner);
+    let alone = desired.holders == RegionSet::only(desired.owner);
     let at_once = alone && goes_at_once(region, link.handle) || flies && held.is_empty();
-    if wish.owner != own_rank && at_once {
-        return Some((link, wish.owner));
+    if desired.owner != own_rank && at_once {
+        return Some((link, desired.owner));
     }
-    let (mut members, mut owner) = (held.union(wish.holders).union(own), own_rank);
+    let (mut members, mut owner) = (held.union(desired.holders).union(own), own_rank);
     let carries = slot.traits.kind != BodyKind::Dynamic;
     let shared = border.shared.get_mut(link.handle);
     if shared.is_none() && members == own {
         return None;
     }
-    let (mut before, mut shadows_before) = (own, RegionSet::EMPTY);
+    let (mut before, mut warming_before) = (own, RegionSet::EMPTY);
     let mut ready = false;
     if let Some(shared) = shared {
-        (before, shadows_before) = (shared.members, shared.shadows);
+        (before, warming_before) = (shared.members, shared.warming);
         // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
-        let needless = !held.without(wish.holders).is_empty() && !asleep;
+        let needless = !held.without(desired.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
         // What no contact moves may carry bodies of others of which its new owner has not heard yet.
-        if shared.idle > if wish.pressed || carries { KEEP_TICKS } else { 0 } {
-            members = wish.holders.union(own);
+        if shared.idle > if desired.pressed || carries { KEEP_TICKS } else { 0 } {
+            members = desired.holders.union(own);
         }
-        ready = (wish.ready || flies) && held.contains(wish.owner) && members.contains(wish.owner) && !asleep;
+        ready = (desired.ready || flies)
+            && held.contains(desired.owner)
+            && members.contains(desired.owner)
+            && !asleep;
     }
     // Whom contacts reach comes to count: at once where all others' mean is what the owner sends, else after one exchange.
-    let counting = before.without(shadows_before);
+    let counting = before.without(warming_before);
     let at_once = if counting == own { members } else { before };
-    let counts = if wish.split {
-        counting.union(wish.reached.without(own).intersection(at_once)).intersection(members)
+    let counts = if desired.split {
+        counting.union(desired.reached.without(own).intersection(at_once)).intersection(members)
     } else if asleep {
         counting.intersection(members)
     } else {
         own
     };
-    let mut shadows = members.without(counts);
-    if wish.owner != own_rank && ready {
-        owner = wish.owner;
-        if counts == own && !wish.split {
+    let mut warming = members.without(counts);
+    if desired.owner != own_rank && ready {
+        owner = desired.owner;
+        if counts == own && !desired.split {
             // The copy that counts is the new owner's from now on, and what stays here follows it.
-            shadows = members.without(RegionSet::only(owner));
-        } else if shadows.contains(owner) {
-            shadows.remove(owner);
+            warming = members.without(RegionSet::only(owner));
+        } else if warming.contains(owner) {
+            warming.remove(owner);
             // Nothing that stays here touches it.
-            if counts == own && (wish.whole || !touches_any(region, link.handle)) {
+            if counts == own && (desired.whole || !touches_any(region, link.handle)) {
                 members = RegionSet::only(owner);
             }
         }
-        shadows = shadows.intersection(members);
+        warming = warming.intersection(members);
     }
-    if (members, shadows, owner) == (before, shadows_before, own_rank) {
+    if (members, warming, owner) == (before, warming_before, own_rank) {
         return None;
     }
     let told = members.union(before).without(own);
-    tell(region, outbox, link.handle, told, members.without(before), members, shadows, owner);
+    tell(region, outbox, link.handle, told, members.without(before), members, warming, owner);
     if owner != own_rank {
         let record = region.body_record(link.handle);
         let body = BodyRecord { epoch: epoch.next(), ..record };
         let holders = members.without(RegionSet::only(owner));
         let whole = region.slot(link.handle).whole;
         outbox.to(owner).transfers.push(Transfer { body, holders, whole });
-        region.set_role(link.handle, Role::Replica { owner }, members.without(own), epoch.next());
+        region.set_role(link.handle, Ownership::Replica { owner }, members.without(own), epoch.next());
     }
-    border.decisions.push(Decision { link, members, shadows });
+    border.decisions.push(Decision { link, members, warming });
     None
 }
 
-fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidBodyHandle) -> Wish {
+fn desired_membership(
+    region: &Region,
+    border: &Border,
+    moment: Moment<'_>,
+    handle: RigidBodyHandle,
+) -> Desired {
     let own = RegionSet::only(region.rank());
     let body = &region.physics().bodies[handle];
     let island = border.islands.of(handle).filter(|island| !island.big);
@@ -334,7 +346,7 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     // What no contact moves is held by those who come near it, and draws nobody along.
     let id = region.slot(handle).id;
     let met = border
-        .sights
+        .predicted
         .meetings_of(id)
         .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)).union(meeting.goes));
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
@@ -345,11 +357,11 @@ fn wish_for(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidB
     let there = if lively { RegionSet::EMPTY } else { RegionSet::only(owner) };
     let holders = reached.union(there).without(own);
     let split = splits(border, moment, id, handle);
-    Wish { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }
+    Desired { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }
 }
 
 /// For how many ticks another region has been to own the body.
-fn note_away(region: &mut Region, link: Link, owner: usize, moment: Moment<'_>) -> u32 {
+fn note_away(region: &mut Region, link: BodyRef, owner: usize, moment: Moment<'_>) -> u32 {
     if owner == region.rank() {
         return 0;
     }
@@ -382,7 +394,7 @@ fn is_ready(
     }
     let slot = region.slot(handle);
     let settled = all.get(handle).is_some_and(|shared| {
-        let strays = shared.shadows.contains(owner) && shared.strayed_m_s > STRAY_M_S;
+        let strays = shared.warming.contains(owner) && shared.strayed_m_s > STRAY_M_S;
         // What only bounces off another region's body has parted from it before it would go.
         let lasts = !island.is_some_and(Island::spans) || shared.joined >= SETTLE_TICKS;
         let follows = shared.settled >= if strays { FOLLOW_TICKS } else { SETTLE_TICKS };
@@ -399,7 +411,7 @@ fn find_ready(region: &Region, border: &mut Border, now: u32) {
     ready_assemblies.clear();
     ready_assemblies.resize(region.assemblies().len(), true);
     for island in islands.found.iter_mut().filter(|island| !island.big && island.target != own) {
-        let ready = |link: &Link| {
+        let ready = |link: &BodyRef| {
             is_ready(region, shared, Some(island), link.handle, island.target, island.pressed, now)
         };
         if island.large {
@@ -417,7 +429,7 @@ fn find_ready(region: &Region, border: &mut Border, now: u32) {
 /// meet that.
 fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHandle) -> bool {
     let big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
-    let mut meetings = border.sights.meetings_of(id);
+    let mut meetings = border.predicted.meetings_of(id);
     !moment.settings.coupling.moves_islands()
         || big(handle)
         || meetings.any(|meeting| meeting.island == BIG_ISLAND)
@@ -437,7 +449,7 @@ fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
 }
 
 /// Sends a body that nobody shares to its new owner, whole; it is still to be removed here.
-fn hand_over(region: &Region, outbox: &mut Outbox, link: Link, owner: usize) {
+fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) {
     let record = region.body_record(link.handle);
     let epoch = record.epoch.next();
     let whole = region.slot(link.handle).whole;
@@ -450,19 +462,19 @@ fn hand_over(region: &Region, outbox: &mut Outbox, link: Link, owner: usize) {
 
 /// Multibodies that go elsewhere, with all that is tied to them: nobody shares them, so they go in one piece, at the cost of
 /// what their contacts remember.
-fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<(Link, usize)> {
+fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<(BodyRef, usize)> {
     let mut leaving = Vec::new();
     for assembly in region.assemblies().iter().filter(|assembly| assembly.articulated) {
         let lead = assembly.members[0].handle;
         let body = &region.physics().bodies[lead];
-        if region.slot(lead).role != Role::Owner || body.is_sleeping() {
+        if region.slot(lead).role != Ownership::Owner || body.is_sleeping() {
             continue;
         }
         let island = border.islands.of(lead).filter(|island| !island.big);
         let owner = match island {
             Some(_) => {
-                let wish = wish_for(region, border, moment, lead);
-                if wish.ready { wish.owner } else { region.rank() }
+                let desired = desired_membership(region, border, moment, lead);
+                if desired.ready { desired.owner } else { region.rank() }
             }
             None => moment.home_of(region, lead),
         };
@@ -483,13 +495,13 @@ fn tell(
     told: RegionSet,
     added: RegionSet,
     members: RegionSet,
-    shadows: RegionSet,
+    warming: RegionSet,
     owner: usize,
 ) {
     let record = region.body_record(handle);
     let joints: Vec<_> = region.joints_of(handle).collect();
     let epoch = if owner == region.rank() { record.epoch } else { record.epoch.next() };
-    let membership = Membership { id: record.id, epoch, owner: owner as u8, holders: members, shadows };
+    let membership = Membership { id: record.id, epoch, owner: owner as u8, holders: members, warming };
     for rank in added.iter() {
         outbox.to(rank).replicas.push(record.clone());
         outbox.to(rank).joints.extend_from_slice(&joints);

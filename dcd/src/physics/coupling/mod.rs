@@ -5,31 +5,31 @@
 //! come out; who carries them (memory, a simulator, QUIC) is not known here.
 //!
 //! Two families: `owner` and `proxy` hold copies of all that comes near a border (`halo`) and let the owner's word
-//! stand. `overlap`, `island` and `auto` hold copies of what touches (`sight`, `reach`, `membership`): of islands that may be in
+//! stand. `overlap`, `island` and `auto` hold copies of what touches (`nearby`, `reach`, `membership`): of islands that may be in
 //! one region (`island`) whole ones, of which the best informed region's count; of others each has its share of the mass
 //! (`share`), and their means count (`agree`).
 
-mod agree;
 mod auto;
+mod consensus;
+mod ghosts;
 mod halo;
-mod held;
 mod island;
 mod membership;
 mod overlap;
 mod owner;
+mod predicted_contacts;
 mod proxy;
 mod reach;
-mod share;
-mod sight;
+mod shared;
 
 use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
 
-use self::share::SharedBodies;
+use self::shared::SharedBodies;
 use super::outbox::Outbox;
 use super::partition::{OWNER_HYSTERESIS_M, Partition};
-use super::region::{Link, Region};
-use super::renumber::Renumbering;
+use super::rank_remap::RankRemap;
+use super::region::{BodyRef, Region};
 use super::settings::{Coupling, StepSettings};
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
@@ -45,18 +45,18 @@ pub(super) struct Side {
 }
 
 impl Side {
-    /// Of a region of a world that has these regions, which take so many micro-steps a tick at first.
+    /// Of a region of a world that has these regions, which take so many substeps a tick at first.
     pub(super) fn new(region: Region, leaves: &std::sync::Arc<[RegionId]>, steps: usize) -> Self {
         let outbox = Outbox::new(region.id(), leaves.clone());
         Self { region, border: Border::new(leaves.len(), steps), outbox }
     }
 
-    /// Micro-steps of the present tick.
+    /// Substeps of the present tick.
     pub(super) fn steps(&self) -> usize {
         self.border.pace.steps_of(self.region.rank())
     }
 
-    /// Micro-steps of the next tick.
+    /// Substeps of the next tick.
     pub(super) fn steps_next(&self) -> usize {
         self.border.pace.next_of(self.region.rank())
     }
@@ -67,9 +67,9 @@ impl Side {
     }
 
     /// Ranks have changed.
-    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
-        self.region.renumber(ranks);
-        self.border.renumber(&self.region, ranks);
+    pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
+        self.region.remap_ranks(ranks);
+        self.border.remap_ranks(&self.region, ranks);
         self.outbox = Outbox::new(self.region.id(), ranks.leaves.clone());
     }
 
@@ -131,33 +131,33 @@ impl Coupling {
 pub(super) struct Border {
     /// What is known of each body that other regions hold too.
     shared: SharedBodies,
-    sights: sight::Sights,
+    predicted: predicted_contacts::PredictedContacts,
     reach: reach::Reach,
     islands: island::Islands,
     decisions: Vec<membership::Decision>,
     /// By assembly: whether all of it may go where its island goes.
     #[serde(skip)]
     ready_assemblies: Vec<bool>,
-    /// How many micro-steps regions take.
+    /// How many substeps regions take.
     pub pace: auto::Pace,
     /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
     disagreement: Vec<Option<auto::Disagreement>>,
     /// Bodies that must be looked at once, asleep or not, since the border or another region's bodies have come to them.
     overlooked: Vec<RigidBodyHandle>,
     /// Bodies that became the region's own in the exchange under way.
-    arrived: Vec<Link>,
+    arrived: Vec<BodyRef>,
     /// Scratch, kept for its memory.
     #[serde(skip)]
     looked_at: Vec<RigidBodyHandle>,
     #[serde(skip)]
-    changes: Vec<halo::Change>,
+    changes: Vec<halo::HolderChange>,
 }
 
 impl Border {
-    /// For a world of so many regions that take so many micro-steps a tick at first.
+    /// For a world of so many regions that take so many substeps a tick at first.
     fn new(regions: usize, steps: usize) -> Self {
         Self {
-            sights: sight::Sights::new(regions),
+            predicted: predicted_contacts::PredictedContacts::new(regions),
             pace: auto::Pace::new(regions, steps),
             disagreement: vec![None; regions],
             ..Self::default()
@@ -165,18 +165,18 @@ impl Border {
     }
 
     /// Ranks have changed.
-    fn renumber(&mut self, region: &Region, ranks: &Renumbering) {
-        self.shared.renumber(region, ranks);
-        self.sights.renumber(ranks);
-        self.pace.renumber(ranks);
-        self.islands.renumber(ranks);
+    fn remap_ranks(&mut self, region: &Region, ranks: &RankRemap) {
+        self.shared.remap_ranks(region, ranks);
+        self.predicted.remap_ranks(ranks);
+        self.pace.remap_ranks(ranks);
+        self.islands.remap_ranks(ranks);
         ranks.list(&mut self.disagreement, || None);
         self.decisions.clear();
     }
 
     /// Whether a body here is about to meet another region's.
     fn awaits_any(&self) -> bool {
-        !self.sights.meetings.is_empty()
+        !self.predicted.meetings.is_empty()
     }
 
     /// These bodies must be looked at in the next exchange, asleep or not.
@@ -193,12 +193,12 @@ impl Border {
     }
 
     /// A body has become the region's own.
-    pub(super) fn note_arrival(&mut self, link: Link) {
+    pub(super) fn note_arrival(&mut self, link: BodyRef) {
         self.arrived.push(link);
     }
 
     /// Bodies that became the region's own since this was asked last.
-    pub(super) fn take_arrived(&mut self) -> Vec<Link> {
+    pub(super) fn take_arrived(&mut self) -> Vec<BodyRef> {
         std::mem::take(&mut self.arrived)
     }
 }
@@ -209,7 +209,7 @@ pub(super) struct Moment<'a> {
     pub partition: &'a Partition,
     pub settings: &'a StepSettings,
     pub tick: Tick,
-    /// Of this region's micro-steps.
+    /// Of this region's substeps.
     pub dt_s: f32,
     /// The rounds of the tick, and which of them this is, from 1.
     pub rounds: usize,

@@ -1,14 +1,14 @@
 //! Split-mass overlap: bodies within some contact hops of a border live in both regions, each copy with its share of the
-//! mass, so every region can solve the contacts at the border by itself. After each micro-step the regions agree on the
+//! mass, so every region can solve the contacts at the border by itself. After each substep the regions agree on the
 //! copies' means, which conserves momentum exactly; a memory of what pressed on each copy evens out the edges of the
 //! overlap, where a body has all its neighbours in one region and only some in another.
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Border, Ground, Moment, Side, agree, held, membership, share, sight};
+use super::{Border, Ground, Moment, Side, agree, held, membership, nearby, share};
 use crate::physics::ShapeError;
 use crate::physics::partition::Partition;
-use crate::physics::region::{Link, Region, Role};
+use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BorderMessage, CopyState};
 use crate::space::RegionSet;
 
@@ -43,7 +43,7 @@ pub(super) fn apply<'a>(
     moment: Moment<'_>,
 ) -> Result<(), ShapeError> {
     let Side { region, border, .. } = side;
-    held::cover_hubs(region, ground)?;
+    ghosts::cover_hubs(region, ground)?;
     cover_far(region, border, ground)?;
     // Before a tick nobody tells of islands.
     let tells = moment.last && moment.round > 0;
@@ -52,9 +52,9 @@ pub(super) fn apply<'a>(
     }
     for message in inbox.clone() {
         let sender = rank_of(ground.partition, message);
-        held::arrive(region, border, message, sender, ground, true)?;
+        ghosts::arrive(region, border, message, sender, ground, true)?;
         hear(region, border, &message.copies, sender);
-        sight::see(region, border, sender, message);
+        predicted_contacts::see(region, border, sender, message);
         if tells {
             border.islands.hear(sender, message);
         }
@@ -62,12 +62,12 @@ pub(super) fn apply<'a>(
     }
     // Before a tick nobody has told where copies are: what was heard last is from before the user's changes.
     if moment.round > 0 {
-        agree::agree(region, border, moment);
+        consensus::agree(region, border, moment);
         border.pace.judge(&border.disagreement, moment);
     }
     membership::commit(region, border, inbox.flat_map(|message| &message.members));
     if moment.last {
-        border.sights.meet();
+        border.predicted.meet();
         border.pace.turn();
     }
     Ok(())
@@ -75,7 +75,7 @@ pub(super) fn apply<'a>(
 
 /// An island that is computed whole may reach far out of the cell.
 fn cover_far(region: &mut Region, border: &Border, ground: Ground<'_>) -> Result<(), ShapeError> {
-    for near in &border.sights.near {
+    for near in &border.predicted.near {
         if !region.cell().contains_box(&near.swept) {
             ground.statics.cover_box(region, &near.swept, ground.shapes)?;
         }
@@ -88,7 +88,7 @@ fn rank_of(partition: &Partition, message: &BorderMessage) -> usize {
 }
 
 /// Sends a copy to all who hold the body; what a shadow of a split body became, to the owner alone; once only when it falls asleep.
-fn tell_copy(side: &mut Side, link: Link, moment: Moment<'_>) {
+fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     let Side { region, border, outbox } = side;
     let Border { shared, pace, islands, .. } = border;
     let Some(shared) = shared.get_mut(link.handle) else { return };
@@ -103,11 +103,11 @@ fn tell_copy(side: &mut Side, link: Link, moment: Moment<'_>) {
     let role = slot.role;
     let (part, seen, size) =
         (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
-    let copy = share::read(region, link.handle, shared, moment.settings.dt_s);
-    let knows = shared.followed || role == Role::Owner;
+    let copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
+    let knows = shared.followed || role == Ownership::Owner;
     shared.own = CopyState { part, seen: if knows { seen } else { 0 }, size, ..copy };
     let hearers = match role {
-        Role::Replica { owner } if shared.is_split() && shared.shadows.contains(region.rank()) => {
+        Ownership::Replica { owner } if shared.is_split() && shared.warming.contains(region.rank()) => {
             RegionSet::only(owner)
         }
         _ => shared.members.without(RegionSet::only(region.rank())),

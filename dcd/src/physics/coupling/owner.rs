@@ -7,7 +7,7 @@ use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::outbox::Outbox;
 use crate::physics::partition::Partition;
-use crate::physics::region::{Link, Region, Role};
+use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BorderMessage, SharedState};
 use crate::space::Tick;
 
@@ -36,12 +36,12 @@ pub(super) fn apply<'a>(
     ground: Ground<'_>,
 ) -> Result<(), ShapeError> {
     let Side { region, border, .. } = side;
-    held::cover_hubs(region, ground)?;
+    ghosts::cover_hubs(region, ground)?;
     for message in inbox {
         let sender = ground.partition.rank_of(message.from).expect("messages come from regions of this tree");
-        held::arrive(region, border, message, sender, ground, false)?;
+        ghosts::arrive(region, border, message, sender, ground, false)?;
         write_states(region, &message.states, sender);
-        held::depart(region, message, sender);
+        ghosts::depart(region, message, sender);
     }
     Ok(())
 }
@@ -66,7 +66,7 @@ fn tell_states(region: &mut Region, outbox: &mut Outbox) {
 fn tell_wakes(region: &Region, outbox: &mut Outbox) {
     for link in region.replicas() {
         let slot = region.slot(link.handle);
-        let (Some(asleep_at), Role::Replica { owner }) = (slot.asleep_at, slot.role) else { continue };
+        let (Some(asleep_at), Ownership::Replica { owner }) = (slot.asleep_at, slot.role) else { continue };
         let body = &region.physics().bodies[link.handle];
         let stirred = !body.is_sleeping()
             && (body.linvel().length() > WAKE_M_S
@@ -91,14 +91,14 @@ fn write_states(region: &mut Region, states: &[SharedState], sender: usize) {
     }
 }
 
-fn write_state(region: &mut Region, link: Link, state: &SharedState, sender: usize) {
+fn write_state(region: &mut Region, link: BodyRef, state: &SharedState, sender: usize) {
     let pose = convert::region_from_world(region.anchor(), &state.pose);
     let slot = region.slot_mut(link.handle);
     if state.epoch < slot.epoch {
         return;
     }
     slot.epoch = state.epoch;
-    slot.role = Role::Replica { owner: sender };
+    slot.role = Ownership::Replica { owner: sender };
     slot.asleep_at = state.sleeping.then_some(pose);
     let (linear, angular) = (convert::vector(state.velocity.linear), convert::vector(state.velocity.angular));
     let body = &region.physics().bodies[link.handle];

@@ -6,7 +6,7 @@ use rapier3d::prelude::*;
 
 use super::{Ground, Side, owner};
 use crate::physics::ShapeError;
-use crate::physics::region::{Region, Role};
+use crate::physics::region::{Ownership, Region};
 use crate::protocol::{BodyKind, BorderMessage};
 
 /// Takes in the word of the owners, and makes ghosts of what is owned elsewhere.
@@ -21,7 +21,7 @@ pub(super) fn apply<'a>(
         set_kind(region, link.handle, RigidBodyType::KinematicVelocityBased);
     }
     for link in &border.arrived {
-        if region.slot(link.handle).role == Role::Owner {
+        if region.slot(link.handle).role == Ownership::Owner {
             set_kind(region, link.handle, RigidBodyType::Dynamic);
         }
     }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::island::{Island, Islands};
 use crate::physics::partition::HUB_REACH_M;
-use crate::physics::region::{Link, Region, Role};
+use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::BodyKind;
 use crate::space::RegionSet;
 
@@ -46,7 +46,7 @@ impl Reach {
         }
         self.frontier.clear();
         for link in region.replicas() {
-            if let Role::Replica { owner } = region.slot(link.handle).role {
+            if let Ownership::Replica { owner } = region.slot(link.handle).role {
                 self.frontier.push((link.handle, RegionSet::only(owner)));
             }
         }
@@ -79,7 +79,7 @@ impl Reach {
         self.next.clear();
         let small = |island: &&Island| !island.big && island.members.len() > 1 && !island.large;
         for island in islands.found.iter().filter(small) {
-            let reached = |link: &Link| self.of(link.handle);
+            let reached = |link: &BodyRef| self.of(link.handle);
             let all = island.members.iter().map(reached).fold(RegionSet::EMPTY, RegionSet::union);
             for link in island.members.iter().filter(|link| !region.is_articulated(link.handle)) {
                 self.mark(link.handle, all);
@@ -104,7 +104,7 @@ impl Reach {
         for (handle, set) in carriers {
             let slot = region.slot(handle);
             let set = set.without(own);
-            if slot.role == Role::Owner && slot.traits.kind != BodyKind::Dynamic && !set.is_empty() {
+            if slot.role == Ownership::Owner && slot.traits.kind != BodyKind::Dynamic && !set.is_empty() {
                 self.mark(handle, set);
             }
         }

@@ -8,7 +8,7 @@ use rapier3d::prelude::*;
 use super::{HostError, RegionHost, Side};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
-use crate::physics::region::{Region, Role};
+use crate::physics::region::{Ownership, Region};
 use crate::protocol::{BodyRecord, BodyState, JointRecord, LinkMotion, WorldPose};
 use crate::space::{BodyId, JointId};
 
@@ -21,10 +21,10 @@ impl RegionHost {
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
             let returned = region.change(handle, &mut change);
-            if role == Role::Immovable {
+            if role == Ownership::Immovable {
                 self.statics.set_traits(id, &region.slot(handle).traits);
             }
-            if role == Role::Owner || result.is_none() {
+            if role == Ownership::Owner || result.is_none() {
                 result = Some(returned);
             }
         }
@@ -51,7 +51,7 @@ impl RegionHost {
             };
             let returned = returned?;
             reach_m = reach_m.max(region.slot(handle).reach_m);
-            if role == Role::Owner || result.is_none() {
+            if role == Ownership::Owner || result.is_none() {
                 result = Some(returned);
             }
         }
@@ -151,7 +151,7 @@ impl RegionHost {
 
     /// A record does not say where its body was sent: the first copies of bodies that were sent before any step hear of
     /// it from the owner's.
-    pub(super) fn guide_newcomers(&mut self, fresh: &[BodyId]) {
+    pub(super) fn target_newcomers(&mut self, fresh: &[BodyId]) {
         for &id in fresh {
             let Some((owner, handle)) = self.owned(id) else { continue };
             let body = &owner.physics().bodies[handle];
@@ -233,7 +233,7 @@ impl RegionHost {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::region::Link;
+    use crate::physics::region::BodyRef;
     use crate::physics::{Coupling, Partition, StepSettings};
     use crate::space::{Axis, Bounds, DistributionTree};
 
@@ -271,7 +271,7 @@ mod tests {
         let id = BodyId::persistent(1);
         let (region, handle) = host.owned(id).unwrap();
         let (rank, transfers) = (region.rank(), host.transfers());
-        host.sides[rank].border.note_arrival(Link { id, handle });
+        host.sides[rank].border.note_arrival(BodyRef { id, handle });
         host.note_arrivals();
         assert_eq!(host.owned(id).map(|(region, _)| region.rank()), Some(rank));
         host.remove(id);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rapier3d::prelude::*;
 
 use crate::physics::coupling::Side;
-use crate::physics::region::{Region, Role};
+use crate::physics::region::{Ownership, Region};
 use crate::protocol::BodyKind;
 use crate::space::{BodyId, Bounds, PlaceGroups};
 
@@ -24,9 +24,9 @@ impl Giants {
             .iter()
             .enumerate()
             .flat_map(|(place, Side { region, .. })| {
-                let owned = region
-                    .bodies()
-                    .filter(move |(_, role, handle, _)| *role == Role::Owner && is_part(region, *handle));
+                let owned = region.bodies().filter(move |(_, role, handle, _)| {
+                    *role == Ownership::Owner && is_part(region, *handle)
+                });
                 owned.map(move |(id, _, handle, _)| (id, place, handle))
             })
             .collect();

@@ -22,11 +22,11 @@ use serde::{Deserialize, Serialize};
 
 use self::threads::{Threads, Trial, WORTH_WAKING};
 use super::coupling::{Ground, Moment, Side};
-use super::directory::{Directory, Home};
 use super::hooks::ContactHooks;
 use super::outbox::Outbox;
+use super::owner_index::{Home, OwnerIndex};
 use super::partition::Partition;
-use super::region::{Region, Role};
+use super::region::{Ownership, Region};
 use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
@@ -60,7 +60,7 @@ pub enum HostError {
     },
     /// Rapier cannot have the joint in a multibody.
     #[error("multibody joint {joint} to {body}: {cause}")]
-    Link {
+    BodyRef {
         /// Which joint.
         joint: JointId,
         /// Its second body.
@@ -87,7 +87,7 @@ pub struct RegionHost {
     sides: Vec<Side>,
     /// By rank: where in `sides`.
     place_of: Vec<Option<usize>>,
-    directory: Directory,
+    owner_index: OwnerIndex,
     #[serde(skip)]
     hooks: Option<Arc<dyn ContactHooks>>,
     #[serde(skip)]
@@ -126,7 +126,7 @@ impl RegionHost {
             shapes: ShapeLibrary::default(),
             statics: Statics::default(),
             sides: Vec::new(),
-            directory: Directory::default(),
+            owner_index: OwnerIndex::default(),
             hooks: None,
             threads: Threads::default(),
             trial: Trial::default(),
@@ -239,7 +239,7 @@ impl RegionHost {
             let steps = side.steps();
             let region = &mut side.region;
             if round == 1 {
-                region.follow_bodies(tick);
+                region.shift_origin(tick);
             }
             let moment = Moment { dt_s: settings.dt_s / steps as f32, ..moment };
             settings.coupling.prepare(region, moment.dt_s);
@@ -364,7 +364,7 @@ impl RegionHost {
             let fresh: Vec<_> = fresh.collect();
             self.announce();
             self.exchange_here()?;
-            self.guide_newcomers(&fresh);
+            self.target_newcomers(&fresh);
         }
         for _ in 0..self.rounds {
             self.compute_here();
@@ -438,7 +438,7 @@ impl RegionHost {
     /// The owner's copy of a movable body, if its region is computed here.
     #[inline]
     pub fn owned(&self, id: BodyId) -> Option<(&Region, RigidBodyHandle)> {
-        let home = self.directory.home(id)?;
+        let home = self.owner_index.home(id)?;
         Some((self.region_at(home.rank)?, home.handle))
     }
 
@@ -474,7 +474,7 @@ impl RegionHost {
 
     /// Every movable body owned here in id order, with its region and Rapier's handle there.
     pub fn owned_bodies(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
-        self.directory.homes().filter_map(|(id, home)| Some((id, self.region_at(home.rank)?, home.handle)))
+        self.owner_index.homes().filter_map(|(id, home)| Some((id, self.region_at(home.rank)?, home.handle)))
     }
 
     /// Every movable body held here, owned or replica, in id order.
@@ -490,7 +490,7 @@ impl RegionHost {
 
     /// How many movable bodies are owned here.
     pub fn owned_count(&self) -> usize {
-        self.directory.len()
+        self.owner_index.len()
     }
 
     fn index(&mut self) {
@@ -498,11 +498,11 @@ impl RegionHost {
         for (place, side) in self.sides.iter().enumerate() {
             self.place_of[side.region.rank()] = Some(place);
         }
-        self.directory = Directory::default();
+        self.owner_index = OwnerIndex::default();
         for Side { region, .. } in &self.sides {
             for (id, role, handle, _) in region.bodies() {
-                if role == Role::Owner {
-                    self.directory.set(id, Home { rank: region.rank(), handle });
+                if role == Ownership::Owner {
+                    self.owner_index.set(id, Home { rank: region.rank(), handle });
                 }
             }
         }
@@ -511,7 +511,7 @@ impl RegionHost {
     fn note_arrivals(&mut self) {
         for (_, message) in self.sides.iter().flat_map(|side| side.outbox.letters()) {
             for transfer in &message.transfers {
-                self.directory.remove(transfer.body.id);
+                self.owner_index.remove(transfer.body.id);
                 self.handovers.push(Handover { body: transfer.body.id, from: message.from, to: message.to });
             }
         }
@@ -520,7 +520,7 @@ impl RegionHost {
             // Once: what arrived may be gone when the region, at rest, has not looked at its letters since.
             for link in side.border.take_arrived() {
                 self.transfers += 1;
-                self.directory.set(link.id, Home { rank, handle: link.handle });
+                self.owner_index.set(link.id, Home { rank, handle: link.handle });
             }
         }
     }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use super::{HostError, RegionHost, StepSettings};
 use crate::physics::coupling::{Moment, Side};
-use crate::physics::directory::Home;
+use crate::physics::owner_index::Home;
 use crate::physics::placement::Placement;
-use crate::physics::region::{Region, Role, better_anchor};
+use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};
@@ -76,7 +76,7 @@ impl RegionHost {
             for side in &mut self.sides {
                 side.region.remove(id);
             }
-            self.directory.remove(id);
+            self.owner_index.remove(id);
         }
         let steps = self.settings.coupling.first_steps(self.settings.exchanges);
         self.rounds = steps;
@@ -150,7 +150,7 @@ impl RegionHost {
             held |= region.remove(id);
             region.forget_ties(id);
         }
-        self.directory.remove(id);
+        self.owner_index.remove(id);
         held
     }
 
@@ -180,7 +180,7 @@ impl RegionHost {
     fn check_links(&self, joints: &[JointRecord], bodies: &[BodyRecord]) -> Result<(), HostError> {
         let mut parents = BTreeMap::new();
         for joint in joints.iter().filter(|joint| joint.link.is_some()) {
-            let fault = |cause| HostError::Link { joint: joint.id, body: joint.b, cause };
+            let fault = |cause| HostError::BodyRef { joint: joint.id, body: joint.b, cause };
             if let Some(cause) = articulation::link_fault(&joints::joint_of(joint)) {
                 return Err(fault(cause));
             }
@@ -286,10 +286,10 @@ impl RegionHost {
                 if body.traits.kind == BodyKind::Fixed {
                     self.statics.insert_near(body.id, region, &self.shapes)?;
                 } else if owner == region.rank() {
-                    let handle = region.insert(body, Role::Owner, RegionSet::EMPTY, &self.shapes)?;
+                    let handle = region.insert(body, Ownership::Owner, RegionSet::EMPTY, &self.shapes)?;
                     region.slot_mut(handle).whole = whole;
                     self.statics.cover(region, handle, &self.shapes)?;
-                    self.directory.set(body.id, Home { rank: owner, handle });
+                    self.owner_index.set(body.id, Home { rank: owner, handle });
                 }
             }
         }
@@ -297,7 +297,7 @@ impl RegionHost {
             for Side { region, .. } in &mut self.sides {
                 let movable = [joint.a, joint.b].into_iter().any(|id| {
                     let role = region.handle_of(id).and_then(|handle| region.role_of(handle));
-                    role.is_some_and(|(_, role)| role != Role::Immovable)
+                    role.is_some_and(|(_, role)| role != Ownership::Immovable)
                 });
                 if movable {
                     self.statics.ensure(region, joint, &self.shapes)?;

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 use super::giants::Giants;
 use super::{HostError, RegionHost};
 use crate::physics::coupling::Side;
+use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
-use crate::physics::renumber::Renumbering;
-use crate::space::{Balance, Burden, Change, DistributionTree, Load, RegionId, plan};
+use crate::space::{Balance, Burden, DistributionTree, Load, RegionId, TreeChange, plan};
 
 /// How the tree is kept in balance, and what is under way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -118,7 +118,7 @@ impl RegionHost {
         burdens
     }
 
-    /// Islands that no coupling moves whole, where it moves any: to cut one takes more micro-steps, and most of its bodies are
+    /// Islands that no coupling moves whole, where it moves any: to cut one takes more substeps, and most of its bodies are
     /// held twice. Other couplings pay that at every border.
     fn giants(&self) -> Giants {
         if self.settings.coupling.moves_islands() {
@@ -130,7 +130,7 @@ impl RegionHost {
 
     fn change_tree(
         &mut self,
-        changes: &[Change],
+        changes: &[TreeChange],
         balancer: &mut Balancer,
         renamed: &mut Vec<(RegionId, RegionId)>,
     ) -> Result<(), HostError> {
@@ -140,14 +140,14 @@ impl RegionHost {
         let mut tree = self.partition.tree().clone();
         for change in changes {
             match *change {
-                Change::Move { vertex, at } => {
+                TreeChange::Move { vertex, at } => {
                     tree.move_plane(vertex, at).expect("a plan names planes of the tree")
                 }
-                Change::Merge { vertex, heir } => {
+                TreeChange::Merge { vertex, heir } => {
                     tree.yield_to(vertex, heir).expect("a plan names siblings");
                     balancer.merging.insert(vertex, heir);
                 }
-                Change::Split { leaf, axis, at } => match tree.split_at(leaf, axis, at) {
+                TreeChange::Split { leaf, axis, at } => match tree.split_at(leaf, axis, at) {
                     Ok((left, right)) => {
                         self.adopt(tree.clone(), &[(leaf, left)], Some((right, left)))?;
                         renamed.push((leaf, left));
@@ -198,12 +198,12 @@ impl RegionHost {
         Arc::make_mut(&mut self.partition).set_tree(tree);
         let name_of = |id: RegionId| names.iter().find(|(from, _)| *from == id).map_or(id, |(_, to)| *to);
         let rank = |id| self.partition.rank_of(id);
-        let ranks = Renumbering {
+        let ranks = RankRemap {
             to: old.iter().map(|&id| rank(name_of(id))).collect(),
             leaves: self.partition.leaves().clone(),
             born: born.and_then(|(new, from)| Some((rank(new)?, rank(from)?))),
         };
-        self.sides.iter_mut().for_each(|side| side.renumber(&ranks));
+        self.sides.iter_mut().for_each(|side| side.remap_ranks(&ranks));
         self.sides.sort_by_key(|side| side.region.rank());
         self.place_of = vec![None; self.partition.len()];
         if let Some((new, from)) = born {

@@ -1,10 +1,10 @@
-//! How many rounds of exchange a tick has: as many as the region that takes most micro-steps. A region that takes fewer
+//! How many rounds of exchange a tick has: as many as the region that takes most substeps. A region that takes fewer
 //! steps only in some of them.
 
 use super::{RegionHost, Side};
 
 impl RegionHost {
-    /// Micro-steps that the regions computed here want in the next tick, at most; known once a tick has been completed.
+    /// Substeps that the regions computed here want in the next tick, at most; known once a tick has been completed.
     pub fn rounds_wanted(&self) -> usize {
         self.sides.iter().map(Side::steps_next).max().unwrap_or(1)
     }

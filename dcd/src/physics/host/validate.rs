@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::RegionHost;
-use crate::physics::region::Role;
+use crate::physics::region::Ownership;
 use crate::space::{BodyId, RegionId, RegionSet};
 
 /// Something that must hold between two ticks does not: a fault of dcd, or a peer's.
@@ -64,16 +64,16 @@ impl RegionHost {
             for (body, role, handle, rigid_body) in region.bodies() {
                 let id = region.id();
                 match role {
-                    Role::Owner => {
+                    Ownership::Owner => {
                         owners.entry(body).or_default().push((region.rank(), region.slot(handle).holders));
                         if self.owned(body).is_none_or(|(owner, at)| owner.id() != id || at != handle) {
                             found.push(Inconsistency::Index { body, region: id });
                         }
                     }
-                    Role::Replica { .. } => {
+                    Ownership::Replica { .. } => {
                         held.entry(body).or_insert(RegionSet::EMPTY).insert(region.rank());
                     }
-                    Role::Immovable => {}
+                    Ownership::Immovable => {}
                 }
                 let is_finite = rigid_body.position().is_finite() && rigid_body.linvel().is_finite();
                 if !is_finite && !region.quarantined().contains(&body) {

@@ -11,7 +11,7 @@ use rapier3d::prelude::*;
 
 use super::convert;
 use super::host::RegionHost;
-use super::region::{Region, Role};
+use super::region::{Ownership, Region};
 use crate::protocol::{StateHasher, Velocity, WorldPose};
 use crate::space::{BodyId, RegionId};
 
@@ -158,7 +158,7 @@ impl<'a> View<'a> {
     pub fn owns(self, handle: RigidBodyHandle) -> bool {
         match self {
             Self::Bare(world) => world.bodies.get(handle).is_some_and(|body| !body.is_fixed()),
-            Self::Region(region) => region.role_of(handle).is_some_and(|(_, role)| role == Role::Owner),
+            Self::Region(region) => region.role_of(handle).is_some_and(|(_, role)| role == Ownership::Owner),
         }
     }
 

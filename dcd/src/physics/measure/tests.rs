@@ -145,7 +145,7 @@ fn a_tower_presses_with_its_weight_also_when_a_border_runs_up_through_it() {
 }
 
 /// Two towers of six boxes on one floor, cut by these planes, of which the second falls asleep only if it may. Islands are
-/// never moved whole, and regions that share anything take `exchanges` micro-steps.
+/// never moved whole, and regions that share anything take `exchanges` substeps.
 fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> LocalWorld {
     let mut scene = Scene::empty("two towers");
     scene.push_fixed_box([0.0, -0.5, 0.0], [20.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
@@ -164,7 +164,7 @@ fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> Local
 }
 
 #[test]
-fn what_sleeps_presses_with_its_weight_whatever_micro_steps_were_taken_then_and_are_now() {
+fn what_sleeps_presses_with_its_weight_whatever_substeps_were_taken_then_and_are_now() {
     let cuts = [(Axis::Y, 3.0), (Axis::X, 0.1), (Axis::Y, 1.5)];
     for (count, exchanges) in [(0, 1), (1, 1), (1, 2), (1, 4), (2, 2), (2, 4), (3, 4)] {
         for both_sleep in [true, false] {

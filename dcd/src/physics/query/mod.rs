@@ -24,7 +24,7 @@ use rapier3d::prelude::*;
 use super::collider_id::ColliderId;
 use super::convert;
 use super::host::RegionHost;
-use super::region::{Moved, Region, Role};
+use super::region::{Moved, Ownership, Region};
 use crate::space::Bounds;
 
 /// All queries of a world, or of the regions that one node computes. Made by [`RegionHost::queries`] and
@@ -86,8 +86,8 @@ impl<'a> Queries<'a> {
             let wants = |handle: ColliderHandle, collider: &Collider| {
                 let owned = collider.parent().and_then(|parent| Some((parent, region.role_of(parent)?)));
                 owned.is_some_and(|(parent, (id, role))| match role {
-                    Role::Replica { .. } => false,
-                    Role::Immovable if !immovable_too => false,
+                    Ownership::Replica { .. } => false,
+                    Ownership::Immovable if !immovable_too => false,
                     _ => filter.lets(world, (parent, id), (handle, collider)),
                 })
             };
@@ -123,7 +123,7 @@ impl Answerer<'_> {
         let handle = self.moved.map_or(handle, |moved| moved.original(handle));
         let parent = world.colliders.get(handle)?.parent()?;
         let (body, role) = region.role_of(parent)?;
-        if role == Role::Immovable && !region.covers(&self.world_box(near)) {
+        if role == Ownership::Immovable && !region.covers(&self.world_box(near)) {
             return None;
         }
         let index = world.bodies[parent].colliders().iter().position(|&other| other == handle)?;

@@ -4,20 +4,20 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::slot::Link;
+use super::slot::BodyRef;
 use crate::space::{BodyId, Groups};
 
 /// Bodies of one region that joints tie together, in id order.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Assembly {
-    pub members: Vec<Link>,
+    pub members: Vec<BodyRef>,
     /// Whether it has a multibody: then it is never shared.
     pub articulated: bool,
 }
 
 /// Joins bodies tied in pairs into assemblies, ordered by their lowest ids.
-pub(super) fn connect(ties: impl IntoIterator<Item = (Link, Link)>) -> Vec<Assembly> {
-    let mut links: BTreeMap<BodyId, Link> = BTreeMap::new();
+pub(super) fn connect(ties: impl IntoIterator<Item = (BodyRef, BodyRef)>) -> Vec<Assembly> {
+    let mut links: BTreeMap<BodyId, BodyRef> = BTreeMap::new();
     let mut groups = Groups::default();
     for (a, b) in ties {
         links.insert(a.id, a);

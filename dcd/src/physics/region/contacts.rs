@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use super::{Region, Role};
+use super::{Ownership, Region};
 
 impl Region {
     /// Visits every movable body that is near enough to touch this one, to overlap it as a sensor, or is tied to it; some may
@@ -71,6 +71,6 @@ impl Region {
     }
 
     fn is_movable(&self, handle: RigidBodyHandle) -> bool {
-        self.role_of(handle).is_some_and(|(_, role)| role != Role::Immovable)
+        self.role_of(handle).is_some_and(|(_, role)| role != Ownership::Immovable)
     }
 }

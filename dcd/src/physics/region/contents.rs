@@ -3,7 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::assembly::Assembly;
-use super::{Link, Region, Role, Slot, anchor, assembly};
+use super::{BodyRef, Ownership, Region, Slot, anchor, assembly};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
@@ -15,7 +15,7 @@ impl Region {
     pub(in crate::physics) fn insert(
         &mut self,
         body: &BodyRecord,
-        role: Role,
+        role: Ownership,
         holders: RegionSet,
         shapes: &ShapeLibrary,
     ) -> Result<RigidBodyHandle, ShapeError> {
@@ -27,8 +27,8 @@ impl Region {
         for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
             let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
             let inserted = &mut self.world.colliders[collider];
-            if role == Role::Immovable {
-                anchor::fetch_plane(inserted, &body.state.pose, self.anchor);
+            if role == Ownership::Immovable {
+                floating_origin::fetch_plane(inserted, &body.state.pose, self.anchor);
             }
             self.watch.name(inserted, collider, (body.id, place as u16), record);
         }
@@ -57,7 +57,7 @@ impl Region {
             assembly: None,
             told_asleep: body.state.sleeping,
             confirmed: true,
-            division: None,
+            mass_split: None,
             whole: false,
             doubt: 0,
             away: (0, 0),
@@ -65,9 +65,9 @@ impl Region {
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
         self.by_id.insert(body.id, handle);
-        let link = Link { id: body.id, handle };
+        let link = BodyRef { id: body.id, handle };
         self.list(link);
-        if role == Role::Owner {
+        if role == Ownership::Owner {
             self.fresh.push(link);
         }
         let tied = |joint: &JointRecord| joint.a == body.id || joint.b == body.id;
@@ -101,7 +101,7 @@ impl Region {
     pub(in crate::physics) fn set_role(
         &mut self,
         handle: RigidBodyHandle,
-        role: Role,
+        role: Ownership,
         holders: RegionSet,
         epoch: Epoch,
     ) {
@@ -120,7 +120,7 @@ impl Region {
         self.touch(handle);
         let slot = self.slot_mut(handle);
         slot.holders = holders;
-        let link = Link { id: slot.id, handle };
+        let link = BodyRef { id: slot.id, handle };
         self.unlist(link.id);
         self.list(link);
     }
@@ -130,9 +130,9 @@ impl Region {
     pub(in crate::physics) fn forget_holders(&mut self) {
         self.fresh.clear();
         self.guide.reset();
-        for Link { id, handle } in self.links() {
+        for BodyRef { id, handle } in self.links() {
             let holders = self.slot(handle).holders;
-            let was_shared = self.division(handle).is_some();
+            let was_shared = self.mass_split(handle).is_some();
             if was_shared {
                 self.undivide(handle);
                 self.set_holders(handle, RegionSet::EMPTY);
@@ -140,12 +140,12 @@ impl Region {
             }
             let slot = self.slot_mut(handle);
             match slot.role {
-                Role::Owner => {
+                Ownership::Owner => {
                     slot.holders = if was_shared { holders } else { RegionSet::EMPTY };
-                    self.fresh.push(Link { id, handle });
+                    self.fresh.push(BodyRef { id, handle });
                 }
-                Role::Replica { .. } => slot.confirmed = false,
-                Role::Immovable => {}
+                Ownership::Replica { .. } => slot.confirmed = false,
+                Ownership::Immovable => {}
             }
         }
         self.shared.clear();
@@ -165,7 +165,7 @@ impl Region {
         }
         let movable = |id: BodyId| {
             let handle = self.handle_of(id)?;
-            (self.slot(handle).traits.kind != BodyKind::Fixed).then_some(Link { id, handle })
+            (self.slot(handle).traits.kind != BodyKind::Fixed).then_some(BodyRef { id, handle })
         };
         let ties: Vec<_> = self
             .joints
@@ -189,11 +189,11 @@ impl Region {
     }
 
     /// Puts a body on the list of its role.
-    pub(in crate::physics) fn list(&mut self, link: Link) {
+    pub(in crate::physics) fn list(&mut self, link: BodyRef) {
         let slot = self.slot(link.handle);
         let list = match slot.role {
-            Role::Owner if !slot.holders.is_empty() => &mut self.shared,
-            Role::Replica { .. } => &mut self.replicas,
+            Ownership::Owner if !slot.holders.is_empty() => &mut self.shared,
+            Ownership::Replica { .. } => &mut self.replicas,
             _ => return,
         };
         if let Err(place) = list.binary_search_by_key(&link.id, |other| other.id) {

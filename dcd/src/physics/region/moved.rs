@@ -10,7 +10,7 @@ use parry3d::bounding_volume::BoundingVolume;
 use parry3d::partitioning::Bvh;
 use rapier3d::prelude::*;
 
-use super::{Region, Role};
+use super::{Ownership, Region};
 
 /// Copies of these colliders at their places of now.
 #[derive(Default)]
@@ -34,7 +34,9 @@ impl Moved {
         let mut moved = Self::default();
         for handle in handles {
             let role = region.role_of(handle).map(|(_, role)| role);
-            if let (Some(Role::Owner | Role::Immovable), Some(body)) = (role, world.bodies.get(handle)) {
+            if let (Some(Ownership::Owner | Ownership::Immovable), Some(body)) =
+                (role, world.bodies.get(handle))
+            {
                 moved.add(region, handle, body);
             }
         }

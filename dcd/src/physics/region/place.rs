@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use rapier3d::prelude::*;
 
-use super::{COVER_M, Link, Region, Role, anchor};
+use super::{BodyRef, COVER_M, Ownership, Region, anchor};
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
-use crate::physics::renumber::Renumbering;
+use crate::physics::rank_remap::RankRemap;
 use crate::space::{BodyId, Bounds, Cell};
 
 /// A sleeping body may lie so far outside the cell.
@@ -26,24 +26,24 @@ impl Region {
     }
 
     /// Takes the new ranks over; its own id may have changed too.
-    pub(in crate::physics) fn renumber(&mut self, ranks: &Renumbering) {
+    pub(in crate::physics) fn remap_ranks(&mut self, ranks: &RankRemap) {
         self.rank = ranks.rank(self.rank);
         self.id = ranks.leaves[self.rank];
         self.events.region = self.id;
         for slot in self.slots.iter_mut().flatten() {
             slot.holders = ranks.set(slot.holders);
-            if let Role::Replica { owner } = &mut slot.role {
+            if let Ownership::Replica { owner } = &mut slot.role {
                 *owner = ranks.rank(*owner);
             }
-            if let Some(division) = slot.division.as_deref_mut() {
-                division.among = ranks.set(division.among);
+            if let Some(mass_split) = slot.mass_split.as_deref_mut() {
+                mass_split.among = ranks.set(mass_split.among);
             }
         }
     }
 
     /// Whether it holds anything that can move.
     pub(in crate::physics) fn holds_movable(&self) -> bool {
-        self.slots.iter().flatten().any(|slot| slot.role != Role::Immovable)
+        self.slots.iter().flatten().any(|slot| slot.role != Ownership::Immovable)
     }
 
     /// Whether it has still to say of contacts that they ended.
@@ -64,9 +64,9 @@ impl Region {
 
     /// Its own bodies that sleep, in id order.
     pub(in crate::physics) fn own_sleepers(&self) -> Vec<RigidBodyHandle> {
-        let owned = self.slots.iter().flatten().filter(|slot| slot.role == Role::Owner);
+        let owned = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Owner);
         let mut asleep: Vec<_> =
-            owned.map(|slot| Link { id: slot.id, handle: self.by_id[&slot.id] }).collect();
+            owned.map(|slot| BodyRef { id: slot.id, handle: self.by_id[&slot.id] }).collect();
         asleep.retain(|link| self.world.bodies[link.handle].is_sleeping());
         asleep.sort_unstable_by_key(|link| link.id);
         asleep.into_iter().map(|link| link.handle).collect()
@@ -76,7 +76,7 @@ impl Region {
     /// bodies depends on where planes are: planes that moved by them would swing.
     pub(in crate::physics) fn activity(&self) -> f64 {
         let counts = |handle: RigidBodyHandle| {
-            let owned = self.slot_at(handle).is_some_and(|slot| slot.role == Role::Owner);
+            let owned = self.slot_at(handle).is_some_and(|slot| slot.role == Ownership::Owner);
             owned && !self.world.bodies[handle].is_sleeping()
         };
         let owner = |collider| self.world.colliders.get(collider).and_then(Collider::parent);
@@ -91,7 +91,7 @@ impl Region {
     /// Where its own awake bodies are, in world space.
     pub(in crate::physics) fn awake_places(&self) -> impl Iterator<Item = (BodyId, [f64; 3])> {
         self.world.islands.active_bodies().filter_map(|handle| match self.role_of(handle) {
-            Some((id, Role::Owner)) => Some((id, self.centre_of(handle))),
+            Some((id, Ownership::Owner)) => Some((id, self.centre_of(handle))),
             _ => None,
         })
     }
@@ -133,13 +133,13 @@ impl Region {
             slot.asleep_at = slot.asleep_at.as_ref().map(moved);
         }
         self.due.fill(0);
-        let immovable = self.slots.iter().flatten().filter(|slot| slot.role == Role::Immovable);
+        let immovable = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Immovable);
         for handle in immovable.map(|slot| self.by_id[&slot.id]) {
             let body = &self.world.bodies[handle];
             let pose = convert::world_from_region(anchor, body.position());
             for &collider in body.colliders() {
                 if self.world.colliders[collider].shape().as_halfspace().is_some() {
-                    anchor::fetch_plane(&mut self.world.colliders[collider], &pose, anchor);
+                    floating_origin::fetch_plane(&mut self.world.colliders[collider], &pose, anchor);
                 }
             }
         }
@@ -158,7 +158,7 @@ impl Region {
     /// The cell has changed: the box in which immovable bodies are to be held from now on.
     pub(in crate::physics) fn renew_cover(&mut self) -> Bounds {
         let here = Bounds { min: self.cell.min, max: self.cell.max };
-        let movable = self.slots.iter().flatten().filter(|slot| slot.role != Role::Immovable);
+        let movable = self.slots.iter().flatten().filter(|slot| slot.role != Ownership::Immovable);
         let held = movable.map(|slot| self.world_bounds(self.by_id[&slot.id]).grown(2.0));
         let empty = (0..3).any(|i| here.min[i] >= here.max[i]);
         let cell = (!empty).then(|| here.grown(COVER_M));

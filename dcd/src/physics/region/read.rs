@@ -8,7 +8,7 @@ use crate::protocol::{BodyRecord, BodyState, SharedState, Velocity, WorldPose};
 use crate::space::{Bounds, Epoch};
 
 impl Region {
-    /// The length of the micro-step in which the contacts of a body were solved last, in seconds: impulses that Rapier
+    /// The length of the substep in which the contacts of a body were solved last, in seconds: impulses that Rapier
     /// keeps for it are of that step, be it long ago.
     pub(in crate::physics) fn solved_dt_s(&self, handle: RigidBodyHandle) -> f32 {
         let noted = self.solved_dt_s.get(handle.into_raw_parts().0 as usize);

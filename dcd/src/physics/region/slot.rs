@@ -5,14 +5,14 @@ use std::sync::Arc;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::division::Division;
+use super::mass_splitting::MassSplit;
 use crate::physics::outline::Outline;
 use crate::protocol::BodyTraits;
 use crate::space::{BodyId, Epoch, JointId, RegionSet};
 
 /// What a region is to a body that it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Role {
+pub enum Ownership {
     /// The body never moves; every region near it holds it and none sends it.
     Immovable,
     /// This region has authority over it.
@@ -26,7 +26,7 @@ pub enum Role {
 
 /// A body by name and by Rapier's handle.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(in crate::physics) struct Link {
+pub(in crate::physics) struct BodyRef {
     pub id: BodyId,
     pub handle: RigidBodyHandle,
 }
@@ -36,7 +36,7 @@ pub(in crate::physics) struct Link {
 pub(in crate::physics) struct Slot {
     pub id: BodyId,
     pub epoch: Epoch,
-    pub role: Role,
+    pub role: Ownership,
     /// The other regions that hold it; kept by the owner, and by replicas where regions agree on means.
     pub holders: RegionSet,
     pub traits: Arc<BodyTraits>,
@@ -55,7 +55,7 @@ pub(in crate::physics) struct Slot {
     /// Replica: whether its owner has announced it since membership changed last.
     pub confirmed: bool,
     /// How its mass and its user's force are shared out, while several regions hold it.
-    pub division: Option<Box<Division>>,
+    pub mass_split: Option<Box<MassSplit>>,
     /// Whether its island was small enough to be computed whole, when it last came near a border.
     pub whole: bool,
     /// Ticks for which its island's size has said otherwise.

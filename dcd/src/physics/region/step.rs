@@ -2,18 +2,18 @@
 
 use rapier3d::prelude::*;
 
-use super::division::Division;
-use super::{Region, Role, guide};
+use super::mass_splitting::MassSplit;
+use super::{Ownership, Region, guide};
 use crate::physics::hooks::Named;
 
 impl Region {
-    /// Steps the Rapier world by one of so many micro-steps of a tick.
+    /// Steps the Rapier world by one of so many substeps of a tick.
     pub(in crate::physics) fn step(&mut self, parameters: &IntegrationParameters, steps: usize) {
         let dt_before_s = std::mem::replace(&mut self.world.integration_parameters, *parameters).dt;
         if self.guide.is_first() {
             self.quarantined.clear();
         }
-        guide::guide(self, steps);
+        kinematic_targets::guide(self, steps);
         self.tell_joints();
         self.stirred = false;
         self.touched.clear();
@@ -36,8 +36,8 @@ impl Region {
         }
     }
 
-    /// Notes in how long a micro-step the contacts of what is awake have been solved. What sleeps keeps its impulses, of a
-    /// micro-step that may have been longer or shorter than the present one. Rapier lets bodies fall asleep before it solves:
+    /// Notes in how long a substep the contacts of what is awake have been solved. What sleeps keeps its impulses, of a
+    /// substep that may have been longer or shorter than the present one. Rapier lets bodies fall asleep before it solves:
     /// what is awake after a step has been solved in it.
     pub(in crate::physics) fn note_solved(&mut self, dt_before_s: f32) {
         let dt_s = self.world.integration_parameters.dt;
@@ -55,14 +55,15 @@ impl Region {
     pub(in crate::physics) fn answer_for_forces(&mut self, from: usize) {
         let mut forces = std::mem::take(&mut self.events.forces);
         let heard = forces.split_off(from);
-        let role = |id| self.handle_of(id).map_or(Role::Immovable, |handle| self.slot(handle).role);
+        let role = |id| self.handle_of(id).map_or(Ownership::Immovable, |handle| self.slot(handle).role);
         let copy = |id| self.handle_of(id);
-        let splits = |id| copy(id).and_then(|handle| self.division(handle)).is_some_and(Division::is_split);
+        let splits =
+            |id| copy(id).and_then(|handle| self.mass_split(handle)).is_some_and(MassSplit::is_split);
         let counts = |id| copy(id).is_none_or(|handle| self.counts(handle));
         forces.extend(heard.into_iter().filter(|force| match role(force.key.a) {
             _ if splits(force.key.a) || splits(force.key.b) => counts(force.key.a) && counts(force.key.b),
-            Role::Immovable => role(force.key.b) == Role::Owner,
-            role => role == Role::Owner,
+            Ownership::Immovable => role(force.key.b) == Ownership::Owner,
+            role => role == Ownership::Owner,
         }));
         self.events.forces = forces;
     }

@@ -7,7 +7,7 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Region, Role};
+use super::{Ownership, Region};
 use crate::physics::articulation::{self, LinkSettings};
 use crate::physics::joints;
 use crate::protocol::{JointRecord, LinkMotion};
@@ -112,7 +112,7 @@ impl Region {
         b: RigidBodyHandle,
         record: &JointRecord,
     ) -> Option<MultibodyJointHandle> {
-        if [a, b].into_iter().any(|end| matches!(self.slot(end).role, Role::Replica { .. })) {
+        if [a, b].into_iter().any(|end| matches!(self.slot(end).role, Ownership::Replica { .. })) {
             return None;
         }
         let joint = joints::joint_of(record);
@@ -124,7 +124,7 @@ impl Region {
         for id in self.slot(handle).joints.clone() {
             let Some(mut held) = self.joints.remove(&id) else { continue };
             if held.record.link.is_some() {
-                let owned = !matches!(self.slot(handle).role, Role::Replica { .. });
+                let owned = !matches!(self.slot(handle).role, Ownership::Replica { .. });
                 match held.handle {
                     None if owned => self.joint_news.tied.push(id),
                     Some(solver) if !owned => {
@@ -279,8 +279,8 @@ impl Region {
         let Some(handle) = self.handle_of(id) else { return own };
         let slot = self.slot(handle);
         match slot.role {
-            Role::Immovable => RegionSet::ALL,
-            _ => slot.division.as_ref().map_or(own, |division| division.among),
+            Ownership::Immovable => RegionSet::ALL,
+            _ => slot.mass_split.as_ref().map_or(own, |mass_split| mass_split.among),
         }
     }
 

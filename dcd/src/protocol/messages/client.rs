@@ -10,7 +10,7 @@ use crate::space::{Allocation, BodyId, ClientId, GroupId, Tick};
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum FromClient {
     /// Moves an avatar.
-    Drive(Drive),
+    Input(Input),
     /// A new avatar.
     Spawn {
         /// Its id must be one of the client's own.
@@ -139,7 +139,7 @@ pub enum ToClient {
         /// What was found.
         found: Found,
     },
-    /// A wish was refused.
+    /// A input was refused.
     Rejected {
         /// Concerning which body.
         body: Option<BodyId>,
@@ -159,7 +159,7 @@ pub struct Stamp {
     pub provisional: bool,
 }
 
-/// Why a client's wish, or a join, was refused.
+/// Why a client's input, or a join, was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, thiserror::Error)]
 pub enum Refusal {
     /// Unequal protocol versions.
@@ -182,7 +182,7 @@ pub enum Refusal {
     /// Above [`EnvironmentProperties::avatar_speed_limit`].
     #[error("faster than the world allows: stay below its avatar speed limit")]
     TooFast,
-    /// A wish with a newer logical time was there before.
+    /// A input with a newer logical time was there before.
     #[error("older than the last update of this avatar: let the logical time grow")]
     Late,
     /// A collider names a shape that the world does not know, that cannot be built, or that an avatar cannot have.
@@ -197,10 +197,10 @@ pub enum Refusal {
 
 /// Where an avatar's user wants it to go.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
-pub struct Drive {
+pub struct Input {
     /// Which avatar.
     pub body: BodyId,
-    /// The user's clock: an older wish never overwrites a newer one.
+    /// The user's clock: an older input never overwrites a newer one.
     pub logical_time: u64,
     /// Wanted velocity.
     pub velocity: Velocity,

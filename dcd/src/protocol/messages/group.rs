@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Answer, Chunk, Drive, EnvironmentProperties, Member, Question, View, ViewNumber};
+use super::{Answer, Chunk, EnvironmentProperties, Input, Member, Question, View, ViewNumber};
 use crate::protocol::{
     BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
 };
@@ -100,7 +100,7 @@ pub enum ToNode {
 /// Why the server does not want a process in its world any more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Farewell {
-    /// A node goes by its own wish, and has handed its share over.
+    /// A node goes by its own input, and has handed its share over.
     Left,
     /// The server's user does not want it any more.
     SentAway,
@@ -192,7 +192,7 @@ pub enum ToServer {
         /// In id order.
         bodies: Vec<(BodyId, u32)>,
     },
-    /// The node wishes to go; its regions are handed over first, then it is told to shut down.
+    /// The node inputs to go; its regions are handed over first, then it is told to shut down.
     Leave,
 }
 
@@ -254,7 +254,7 @@ pub struct Dispatch {
     pub view: ViewNumber,
     /// Which tick.
     pub tick: Tick,
-    /// In how many rounds all compute it: micro-steps of equal length, each followed by an exchange.
+    /// In how many rounds all compute it: substeps of equal length, each followed by an exchange.
     pub rounds: u32,
     /// What happens to the world before it, in order.
     pub ops: Vec<WorldOp>,
@@ -277,7 +277,7 @@ pub enum WorldOp {
     /// A joint disappears.
     RemoveJoint(JointId),
     /// An avatar's user moves it.
-    Drive(Drive),
+    Input(Input),
     /// Bodies about which another group is believed: led towards where they are there, without a jump.
     Correct {
         /// After which tick they were so.

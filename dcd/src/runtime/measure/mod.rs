@@ -3,7 +3,7 @@
 mod report;
 mod run;
 
-pub use report::{Change, Chosen, MeanMax, Report, StepTimes};
+pub use report::{Chosen, MeanMax, Report, StartEnd, StepTimes};
 pub use run::{Cast, Plan, Subject, run};
 
 use super::LocalWorld;

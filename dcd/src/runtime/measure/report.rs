@@ -46,9 +46,9 @@ pub struct Report {
     /// Changes of owner.
     pub transfers: u64,
     /// Kinetic and potential energy, joules.
-    pub energy_j: Change<f64>,
+    pub energy_j: StartEnd<f64>,
     /// Momentum of the whole, kg m/s.
-    pub momentum_kgms: Change<[f64; 3]>,
+    pub momentum_kgms: StartEnd<[f64; 3]>,
     /// Deepest penetration of the last simulated second, metres.
     pub max_penetration_m: f64,
     /// Force on fixed bodies along gravity over the weight of all dynamic ones, mean of the last simulated second; none
@@ -81,7 +81,7 @@ pub struct Chosen {
 
 /// Before the first step and after the last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Change<T> {
+pub struct StartEnd<T> {
     /// Before.
     pub start: T,
     /// After.

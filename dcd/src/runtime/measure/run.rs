@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::{PhysicsWorld, RigidBodyType};
 
-use super::report::{Change, Chosen, MeanMax, Report, StepTimes};
+use super::report::{Chosen, MeanMax, Report, StartEnd, StepTimes};
 #[cfg(feature = "parallel")]
 use crate::physics::HostError;
 use crate::physics::{ContactSample, Measured, View};
@@ -209,8 +209,8 @@ fn run_here(
         contacts: last.pairs,
         replicas_mean: watch.replicas as f64 / ticks as f64,
         transfers: subject.stats().transfers,
-        energy_j: Change { start: energy_j, end: subject.energy_j() },
-        momentum_kgms: Change { start: momentum_kgms, end: subject.momentum_kgms() },
+        energy_j: StartEnd { start: energy_j, end: subject.energy_j() },
+        momentum_kgms: StartEnd { start: momentum_kgms, end: subject.momentum_kgms() },
         max_penetration_m: watch.contacts.iter().map(|c| c.max_penetration_m).fold(0.0, f64::max),
         ground_force_ratio: mean(watch.contacts.iter().map(ContactSample::ground_force_ratio)),
         lost: watch.lost,

@@ -53,7 +53,7 @@ pub static MODEL_PARAMS: [ParamInfo; 10] = [
 ];
 
 /// What the parameters ask for.
-struct Wishes {
+struct ModelParams {
     copies: usize,
     spacing_m: f64,
     height_m: f64,
@@ -74,7 +74,7 @@ pub(super) fn handles(path: &Path) -> bool {
 /// Reads the file and places it.
 pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
     let values = Values::parse("model file", &MODEL_PARAMS, params)?;
-    let wishes = Wishes {
+    let params = ModelParams {
         copies: values.count("copies"),
         spacing_m: values.number("spacing").into(),
         height_m: values.number("height").into(),
@@ -88,11 +88,11 @@ pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
     };
     let source = Source::read(path)?;
     let mut model = match kind(path) {
-        Some(Kind::Urdf) => urdf::read(&source, &wishes)?,
-        _ => mjcf::read(&source, &wishes)?,
+        Some(Kind::Urdf) => urdf::read(&source, &params)?,
+        _ => mjcf::read(&source, &params)?,
     };
     weights::settle(&mut model).map_err(|fault| source.fault(fault))?;
-    let scene = placing::place(model, &wishes);
+    let scene = placing::place(model, &params);
     for warning in &scene.warnings {
         tracing::warn!("{}: {warning}", path.display());
     }

@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use super::{Model, Wishes};
+use super::{Model, ModelParams};
 use crate::protocol::WorldPose;
 use crate::scene::model::world_pose;
 use crate::scene::{Scene, SceneBody, SceneJoint};
@@ -16,26 +16,26 @@ const ROOM: f64 = 0.2;
 const LEAST_SPACING_M: f64 = 0.2;
 
 /// Places the copies, in rows of growing x, then y.
-pub(super) fn place(model: Model, wishes: &Wishes) -> Scene {
+pub(super) fn place(model: Model, params: &ModelParams) -> Scene {
     let mut scene = Scene::empty(&model.name);
     scene.gravity = model.gravity;
-    scene.dt_s = if wishes.dt_s > 0.0 { wishes.dt_s } else { model.dt_s.unwrap_or(scene.dt_s) };
-    scene.solver_iterations = wishes.iterations;
-    let bodies = bodies_of(&model, wishes.sleep);
+    scene.dt_s = if params.dt_s > 0.0 { params.dt_s } else { model.dt_s.unwrap_or(scene.dt_s) };
+    scene.solver_iterations = params.iterations;
+    let bodies = bodies_of(&model, params.sleep);
     let joints = model.scene_joints();
     let around = bodies.iter().map(SceneBody::bounds).filter(Bounds::is_finite).reduce(|a, b| a.union(&b));
     let size = around.map_or([0.0; 3], |b| std::array::from_fn(|i| b.max[i] - b.min[i]));
-    let spacing = [size[0], size[1]].map(|size| match wishes.spacing_m {
+    let spacing = [size[0], size[1]].map(|size| match params.spacing_m {
         0.0 => (size * (1.0 + ROOM)).max(LEAST_SPACING_M),
         given => given,
     });
-    let columns = (wishes.copies as f64).sqrt().ceil() as usize;
-    for copy in 0..wishes.copies {
+    let columns = (params.copies as f64).sqrt().ceil() as usize;
+    for copy in 0..params.copies {
         let (column, row) = (copy % columns, copy / columns);
-        let offset = [spacing[0] * column as f64, spacing[1] * row as f64, wishes.height_m];
+        let offset = [spacing[0] * column as f64, spacing[1] * row as f64, params.height_m];
         add_copy(&mut scene, &bodies, &joints, copy, offset);
     }
-    if wishes.ground {
+    if params.ground {
         let lowest = around.map_or(0.0, |bounds| bounds.min[2]);
         let ground = ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
             .collision_groups(InteractionGroups::new(Group::ALL, Group::ALL, InteractionTestMode::Or));

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Fault, Island, Moment, Planned, Role, Victim, Ways};
+use super::{Fault, Island, Moment, Planned, ProcessKind, Victim, Ways};
 use crate::sim::Random;
 
 /// Adds faults to a schedule; `at` is when the next may begin.
@@ -30,12 +30,18 @@ impl Planner<'_> {
         }
     }
 
-    fn victim(&mut self, role: Role) -> Victim {
+    fn victim(&mut self, role: ProcessKind) -> Victim {
         Victim { role, pick: self.random.bits() }
     }
 
     fn anybody(&mut self) -> Victim {
-        let roles = [Role::Server, Role::Leader, Role::Member, Role::Member, Role::Client];
+        let roles = [
+            ProcessKind::Server,
+            ProcessKind::Leader,
+            ProcessKind::Member,
+            ProcessKind::Member,
+            ProcessKind::Client,
+        ];
         let role = roles[self.random.below(roles.len() as u64) as usize];
         self.victim(role)
     }
@@ -62,7 +68,7 @@ impl Planner<'_> {
         self.wait(rest_ms, rest_ms);
     }
 
-    pub(super) fn kill(&mut self, role: Role, least_ms: u64, most_ms: u64, rest_ms: u64) {
+    pub(super) fn kill(&mut self, role: ProcessKind, least_ms: u64, most_ms: u64, rest_ms: u64) {
         let back_after = self.random.between_ms(least_ms, most_ms);
         let (victim, moment) = (self.victim(role), self.moment());
         self.add(moment, Fault::Kill { victim, back_after });
@@ -92,7 +98,7 @@ impl Planner<'_> {
                 let role = self.anybody().role;
                 self.kill(role, 200, 4_000, 0);
             }
-            3 => self.kill(Role::Leader, 200, 4_000, 0),
+            3 => self.kill(ProcessKind::Leader, 200, 4_000, 0),
             4 => self.stop(0),
             _ => {
                 let cost = Duration::from_micros(200 + self.random.below(5_000));

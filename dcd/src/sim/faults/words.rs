@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Fault, Island, Moment, Planned, Role, Victim, Ways};
+use super::{Fault, Island, Moment, Planned, ProcessKind, Victim, Ways};
 
 impl fmt::Display for Planned {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -42,10 +42,10 @@ impl fmt::Display for Fault {
 impl fmt::Display for Victim {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self.role {
-            Role::Server => "the server",
-            Role::Leader => "the leader",
-            Role::Member => "a node",
-            Role::Client => "a client",
+            ProcessKind::Server => "the server",
+            ProcessKind::Leader => "the leader",
+            ProcessKind::Member => "a node",
+            ProcessKind::Client => "a client",
         })
     }
 }

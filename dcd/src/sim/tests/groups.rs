@@ -40,7 +40,7 @@ fn groups(seed: u64) -> (Sim, Vec<ClientId>) {
     for &client in &clients {
         sim.run_until(|sim| sim.client(client).leader().is_some()).unwrap();
         let place = [2.0 + 2.0 * f64::from(client.0), 4.0, 4.0];
-        sim.wish(client, ClientEvent::Spawn { body: sim_body(avatar(client), place), shapes: Vec::new() });
+        sim.submit(client, ClientEvent::Spawn { body: sim_body(avatar(client), place), shapes: Vec::new() });
     }
     sim.run_until(|sim| clients.iter().all(|&client| sim.client(client).body(avatar(client)).is_some()))
         .unwrap();
@@ -60,7 +60,7 @@ fn ticks(sim: &Sim) -> BTreeMap<GroupId, u64> {
 
 fn drive(sim: &mut Sim, client: ClientId, linear: [f32; 3]) -> Velocity {
     let velocity = Velocity { linear, angular: [0.0; 3] };
-    sim.wish(client, ClientEvent::Drive { body: avatar(client), velocity, pose: None });
+    sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
     velocity
 }
 
@@ -101,11 +101,11 @@ fn an_avatar_is_seen_in_its_group_within_two_ticks_of_a_wish() {
             .collect();
         assert_eq!(others.len(), 1);
         let began = sim.now();
-        let wish = drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
+        let input = drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
         let speeds = |velocity: Velocity| velocity.linear.map(f32::abs);
         let sees = |sim: &Sim| {
             let view = sim.client(others[0]).body(avatar(who)).expect("it is there");
-            speeds(view.body.state.velocity) == speeds(wish)
+            speeds(view.body.state.velocity) == speeds(input)
         };
         sim.run_until(sees).unwrap();
         assert!(sim.now() - began <= 2 * TICK, "{:?}", sim.now() - began);

@@ -15,7 +15,7 @@ const FRESH_TICKS: u64 = 12;
 fn interested(sim: &mut Sim, participates: bool, area: Area) -> ClientId {
     let client = if participates { sim.start_participant(None).1 } else { sim.start_client(None) };
     sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
-    sim.wish(client, ClientEvent::Interest(Some(area)));
+    sim.submit(client, ClientEvent::Interest(Some(area)));
     let target = Tick(sim.tick().0 + 60);
     sim.run_to(target).unwrap();
     client
@@ -56,7 +56,7 @@ fn what_a_client_believes_of_its_area_is_fresh() {
         stay_fresh(&mut sim, client, seed);
         let other = Area { centre: [12.0, 4.0, 4.0], ..AREA };
         for area in [Some(other), None, Some(AREA)] {
-            sim.wish(client, ClientEvent::Interest(area));
+            sim.submit(client, ClientEvent::Interest(area));
             sim.run_events(200).unwrap();
         }
         let target = Tick(sim.tick().0 + 20);
@@ -81,16 +81,16 @@ fn an_interest_outlives_leaders_links_and_servers() {
                 sim.restart_server();
             }
         }
-        // What is wished for while nobody leads counts too.
-        sim.wish(client, ClientEvent::Interest(Some(Area { centre: [12.0, 4.0, 4.0], ..AREA })));
-        sim.wish(client, ClientEvent::Interest(Some(AREA)));
+        // What is requested for while nobody leads counts too.
+        sim.submit(client, ClientEvent::Interest(Some(Area { centre: [12.0, 4.0, 4.0], ..AREA })));
+        sim.submit(client, ClientEvent::Interest(Some(AREA)));
         sim.run_for(Duration::from_secs(5)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         stay_fresh(&mut sim, client, seed);
         // And it is still kept to: what is outside is not told of.
         let now = sim.tick().0;
         assert!(sim.client(client).bodies().any(|view| view.settled_tick().0 + 30 < now), "seed {seed}");
         let before = bytes_to_clients(&sim);
-        sim.wish(client, ClientEvent::Interest(Some(Area { centre: [500.0, 0.0, 0.0], radius_m: 1.0 })));
+        sim.submit(client, ClientEvent::Interest(Some(Area { centre: [500.0, 0.0, 0.0], radius_m: 1.0 })));
         sim.run_for(Duration::from_secs(1)).unwrap();
         let between = bytes_to_clients(&sim);
         sim.run_for(Duration::from_secs(2)).unwrap();
@@ -125,7 +125,7 @@ fn an_area_of_a_tenth_costs_a_fraction_of_the_bytes() {
     let bytes = |area: Option<Area>| {
         let mut sim = running(3, 2);
         let client = interested(&mut sim, false, AREA);
-        sim.wish(client, ClientEvent::Interest(area));
+        sim.submit(client, ClientEvent::Interest(area));
         sim.run_for(Duration::from_secs(1)).unwrap();
         let before = bytes_to_clients(&sim);
         sim.run_for(Duration::from_secs(10)).unwrap();

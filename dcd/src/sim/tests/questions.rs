@@ -52,7 +52,7 @@ fn asking(seed: u64, participates: bool) -> (Sim, ClientId, BodyId) {
     sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
     for (index, x) in [12.5, 6.5].into_iter().enumerate() {
         let body = sim_body(BodyId::avatar(client, index as u32), [x, 4.0, 4.0]);
-        sim.wish(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+        sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
     }
     sim.run_until(|sim| sim.states().len() == 2).unwrap();
     (sim, client, BodyId::avatar(client, 1))
@@ -62,7 +62,7 @@ fn asking(seed: u64, participates: bool) -> (Sim, ClientId, BodyId) {
 fn the_nearest_of_all_regions_bodies_answers() {
     for seed in 0..6 {
         let (mut sim, client, body) = asking(seed, seed % 2 == 1);
-        sim.wish(client, ClientEvent::Ask(question(1)));
+        sim.submit(client, ClientEvent::Ask(question(1)));
         assert_eq!(met(answer(&mut sim, client, 1)), Some((body, 7.5)), "seed {seed}");
         sim.run_for(Duration::from_secs(1)).unwrap();
         assert_eq!(sim.clients.get_mut(&client).unwrap().take_answer(1), None, "it is given once");
@@ -75,7 +75,7 @@ fn a_question_outlives_leaders_links_and_servers() {
         let (mut sim, client, body) = asking(seed, seed % 2 == 1);
         let leader = sim.server().view().unwrap().leader;
         sim.run_events(seed).unwrap();
-        sim.wish(client, ClientEvent::Ask(question(1)));
+        sim.submit(client, ClientEvent::Ask(question(1)));
         match seed % 4 {
             0 => sim.crash(Peer::Node(leader)),
             1 => sim.break_link(Peer::Node(NodeId(4)), Peer::Node(leader)),
@@ -86,7 +86,7 @@ fn a_question_outlives_leaders_links_and_servers() {
                 sim.restart_server();
             }
         }
-        sim.wish(client, ClientEvent::Ask(question(2)));
+        sim.submit(client, ClientEvent::Ask(question(2)));
         for number in [1, 2] {
             let met = met(answer(&mut sim, client, number));
             assert_eq!(met.map(|(body, _)| body), Some(body), "seed {seed}");
@@ -114,8 +114,8 @@ fn shapes_on_their_way_and_places_are_asked_about_in_all_regions() {
         let places =
             [Place::Box(all), Place::Point([6.5, 4.0, 4.5]), Place::Shape(shape, WorldPose::default())];
         let overlaps = places.map(|place| OverlapQuestion { place, meets }).to_vec();
-        sim.wish(client, ClientEvent::Ask(asking_for(1, Asked::Casts(casts))));
-        sim.wish(client, ClientEvent::Ask(asking_for(2, Asked::Overlaps(overlaps))));
+        sim.submit(client, ClientEvent::Ask(asking_for(1, Asked::Casts(casts))));
+        sim.submit(client, ClientEvent::Ask(asking_for(2, Asked::Overlaps(overlaps))));
 
         let Found::Casts(hits) = answer(&mut sim, client, 1) else { panic!() };
         let hits: Vec<_> = hits.iter().map(|hit| hit.map(|hit| (hit.body, hit.fraction))).collect();

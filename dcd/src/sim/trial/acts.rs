@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::{Action, Armed, Island, PATIENCE, Trial, calm};
 use crate::cluster::{ClientEvent, Peer};
 use crate::protocol::Velocity;
-use crate::sim::faults::{Fault, Island as Cutoff, Moment, Role, Victim, Ways};
+use crate::sim::faults::{Fault, Island as Cutoff, Moment, ProcessKind, Victim, Ways};
 use crate::sim::{Cut, Violation, sim_body};
 use crate::space::{BodyId, ClientId, NodeId};
 
@@ -32,7 +32,7 @@ impl Trial<'_> {
                 if !self.sim.clients.contains_key(&client) {
                     self.sim.note(|| format!("{client} begins again"));
                     self.spawned.remove(&client);
-                    self.wishes.remove(&client);
+                    self.inputs.remove(&client);
                     self.sim.start_client(Some(client));
                 }
             }
@@ -111,8 +111,8 @@ impl Trial<'_> {
         let nodes: Vec<NodeId> = self.sim.nodes.keys().copied().collect();
         let node = || Some(Peer::Node(*nodes.get(victim.pick as usize % nodes.len().max(1))?));
         match victim.role {
-            Role::Server => self.sim.server.is_some().then_some(Peer::Server),
-            Role::Leader => {
+            ProcessKind::Server => self.sim.server.is_some().then_some(Peer::Server),
+            ProcessKind::Leader => {
                 let leaders = self.sim.server.iter().flat_map(|server| server.views());
                 let leaders: Vec<_> = leaders
                     .map(|(_, view)| view.leader)
@@ -121,8 +121,8 @@ impl Trial<'_> {
                 let leader = leaders.get(victim.pick as usize % leaders.len().max(1));
                 leader.map(|&leader| Peer::Node(leader)).or_else(node)
             }
-            Role::Member => node(),
-            Role::Client => {
+            ProcessKind::Member => node(),
+            ProcessKind::Client => {
                 let clients: Vec<_> = self.sim.clients.keys().copied().collect();
                 Some(Peer::Client(*clients.get(victim.pick as usize % clients.len().max(1))?))
             }
@@ -197,7 +197,7 @@ impl Trial<'_> {
             && self.sim.nodes[&node].client.is_none()
             && !self.sim.hosts[&Peer::Node(node)].stopped
         {
-            self.sim.note(|| format!("{node} wishes to leave"));
+            self.sim.note(|| format!("{node} inputs to leave"));
             self.sim.leave(node);
         }
     }
@@ -219,18 +219,18 @@ impl Trial<'_> {
         }
         let avatar = BodyId::avatar(client, 0);
         if machine.body(avatar).is_none() {
-            // At most one wish at a time: it is kept until it is answered.
+            // At most one input at a time: it is kept until it is answered.
             if self.spawned.insert(client) {
                 let place = [self.random.unit() * 16.0, 4.0, 4.0];
                 self.sim
-                    .wish(client, ClientEvent::Spawn { body: sim_body(avatar, place), shapes: Vec::new() });
+                    .input(client, ClientEvent::Spawn { body: sim_body(avatar, place), shapes: Vec::new() });
             }
             return;
         }
         let linear = std::array::from_fn(|_| (self.random.unit() * 10.0 - 5.0) as f32);
         let velocity = Velocity { linear, angular: [0.0; 3] };
-        self.wishes.insert(client, (self.sim.now, velocity));
-        self.sim.wish(client, ClientEvent::Drive { body: avatar, velocity, pose: None });
+        self.inputs.insert(client, (self.sim.now, velocity));
+        self.sim.submit(client, ClientEvent::Input { body: avatar, velocity, pose: None });
     }
 }
 

@@ -42,7 +42,7 @@ impl Trial<'_> {
     pub(super) fn begin_participant(&mut self, again: Option<ClientId>, site: u32) -> (NodeId, ClientId) {
         let (node, client) = self.sim.start_participant(again);
         self.spawned.remove(&client);
-        self.wishes.remove(&client);
+        self.inputs.remove(&client);
         for peer in [Peer::Node(node), Peer::Client(client)] {
             self.sim.place(peer, site);
         }
@@ -54,8 +54,8 @@ impl Trial<'_> {
         let Some(server) = self.sim.server.as_ref().filter(|_| self.sites > 1) else { return };
         let leader = |node: NodeId| self.sim.nodes.get(&node).and_then(|process| process.machine.leader());
         let knows = |group: GroupId, node: NodeId, body: BodyId| {
-            let is_believed = leader(node).is_some_and(|leader| leader.is_believed(body));
-            ((group, body), is_believed == (group == server.believed(body)))
+            let is_authoritative = leader(node).is_some_and(|leader| leader.is_authoritative(body));
+            ((group, body), is_authoritative == (group == server.believed(body)))
         };
         let bodies = || server.record().present().map(|body| body.id);
         let all =

@@ -11,7 +11,7 @@ use crate::space::{BodyId, ClientId, GroupId};
 /// For how long members of a group may be cut off from one another: until their links end, they have complained, and the
 /// server has done something about it.
 const APART: Duration = Duration::from_secs(6);
-/// How long it may take until a client sees its avatar do what it wishes, when all is calm.
+/// How long it may take until a client sees its avatar do what it inputs, when all is calm.
 const OBEYED: Duration = Duration::from_millis(500);
 /// Clocks are known once there were some pings.
 const CLOCKS_KNOWN: Duration = Duration::from_secs(10);
@@ -161,10 +161,10 @@ impl Trial<'_> {
             return Some(format!("{client} sees its avatar as of {}, while it is t{tick}", view.tick));
         }
         let speeds = |velocity: Velocity| velocity.linear.map(f32::abs);
-        match self.wishes.get(&client) {
+        match self.inputs.get(&client) {
             Some(&(at, _)) if self.sim.now < at + OBEYED => None,
             // It may have bounced since.
-            Some(&(_, wish)) if speeds(wish) != speeds(view.body.state.velocity) => {
+            Some(&(_, input)) if speeds(input) != speeds(view.body.state.velocity) => {
                 Some(format!("the avatar of {client} does not move as it was told to"))
             }
             Some(_) => None,

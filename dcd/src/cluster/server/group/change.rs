@@ -15,7 +15,7 @@ const MUTE: Duration = Duration::from_secs(5);
 
 /// A view change under way. A death begins it anew with the next number.
 #[derive(Clone, Debug)]
-pub(in crate::cluster::server) struct Change {
+pub(in crate::cluster::server) struct ViewChange {
     pub number: ViewNumber,
     /// When somebody last did what was asked.
     at: Duration,
@@ -55,7 +55,7 @@ impl Group {
             common.send_node(node, ToNode::Settle { view: number });
         }
         let (settled, surveys) = (BTreeMap::new(), BTreeMap::new());
-        self.change = Some(Change { number, at: common.now, survivors, settled, surveys, plan: None });
+        self.change = Some(ViewChange { number, at: common.now, survivors, settled, surveys, plan: None });
         self.finish(common);
     }
 
@@ -236,7 +236,7 @@ impl Group {
     /// Everything is known: the view begins.
     fn conclude(&mut self, common: &mut Common) {
         let is_complete =
-            |change: &mut Change| change.plan.as_ref().is_some_and(|plan| plan.fetching.is_empty());
+            |change: &mut ViewChange| change.plan.as_ref().is_some_and(|plan| plan.fetching.is_empty());
         let Some(change) = self.change.take_if(is_complete) else { return };
         let Some(Plan { members, allocation, owners, .. }) = change.plan else { return };
         let mut homeless = BTreeSet::new();

@@ -12,7 +12,7 @@ use rapier3d_mjcf::mjcf_rs::equality::Equality;
 use rapier3d_mjcf::mjcf_rs::{self as mjcf, ParseError};
 use rapier3d_mjcf::{MjcfBody, MjcfLoaderOptions, MjcfRobot};
 
-use super::Wishes;
+use super::ModelParams;
 use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits};
 use super::source::{Fault, Source};
 use super::warnings::Warnings;
@@ -22,14 +22,14 @@ use scan::Flags;
 use shapes::Placed;
 
 /// Reads a file.
-pub(super) fn read(source: &Source, wishes: &Wishes) -> Result<Model, SceneError> {
+pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, SceneError> {
     let source = &flatten::flatten(source)?;
     let document = source.document("mujoco")?;
     let mut warnings = Warnings::default();
     let flags = scan::check(&document, &mut warnings).map_err(|fault| source.fault(fault))?;
     let file =
         mjcf::Model::from_str(&source.text, source.folder()).map_err(|error| source.fault(fault(&error)))?;
-    convert(source, file, &flags, warnings, wishes).map_err(|fault| source.fault(fault))
+    convert(source, file, &flags, warnings, params).map_err(|fault| source.fault(fault))
 }
 
 fn convert(
@@ -37,19 +37,19 @@ fn convert(
     mut file: mjcf::Model,
     flags: &Flags,
     mut warnings: Warnings,
-    wishes: &Wishes,
+    params: &ModelParams,
 ) -> Result<Model, Fault> {
     check_references(&mut file)?;
     let shapes = shapes::prepare(&mut file, source.folder(), &flags.convex, &mut warnings)?;
     let options = MjcfLoaderOptions {
         skip_plane_geoms: false,
-        make_roots_fixed: wishes.fixed,
+        make_roots_fixed: params.fixed,
         // Motors are made of the file's numbers here.
         disable_joint_motors: true,
         ..MjcfLoaderOptions::default()
     };
     let mut robot = MjcfRobot::from_model(&file, options, source.folder());
-    let controls = start(&mut robot, wishes.key)?;
+    let controls = start(&mut robot, params.key)?;
     let used = world_is_used(&robot);
     // Without the world, which the loader counts as body 0, all others move down by one.
     let part_of = |body: usize| body - usize::from(!used);
@@ -68,7 +68,7 @@ fn convert(
             .collect(),
         warnings,
     };
-    add_joints(&mut model, &robot, &file, &controls, wishes.multibody, part_of);
+    add_joints(&mut model, &robot, &file, &controls, params.multibody, part_of);
     add_loops(&mut model, &robot, &file, part_of)?;
     contacts::warn(&file, &mut model.warnings);
     Ok(model)

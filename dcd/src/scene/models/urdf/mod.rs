@@ -9,7 +9,7 @@ use rapier3d::prelude::*;
 use rapier3d_urdf::urdf_rs::{self, Geometry};
 use rapier3d_urdf::{UrdfLoaderOptions, UrdfRobot};
 
-use super::Wishes;
+use super::ModelParams;
 use super::mesh::{self, Meshes};
 use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits, is_weld};
 use super::source::{Fault, Source};
@@ -18,14 +18,14 @@ use crate::scene::SceneError;
 use parse::Parsed;
 
 /// Reads a file.
-pub(super) fn read(source: &Source, wishes: &Wishes) -> Result<Model, SceneError> {
+pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, SceneError> {
     let document = source.document("robot")?;
     parse::parse(&document)
-        .and_then(|parsed| convert(source, parsed, wishes))
+        .and_then(|parsed| convert(source, parsed, params))
         .map_err(|fault| source.fault(fault))
 }
 
-fn convert(source: &Source, mut parsed: Parsed, wishes: &Wishes) -> Result<Model, Fault> {
+fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams) -> Result<Model, Fault> {
     // The loader passes over meshes that it cannot read, and takes a URDF's moving meshes for shells. It is given boxes in their
     // place, one a mesh, which are then replaced.
     let mut meshes = Meshes::default();
@@ -33,7 +33,7 @@ fn convert(source: &Source, mut parsed: Parsed, wishes: &Wishes) -> Result<Model
     for mesh in meshes.not_z_up {
         parsed.warnings.add("up_axis of Collada", mesh, "its numbers are taken as they stand");
     }
-    let options = UrdfLoaderOptions { make_roots_fixed: wishes.fixed, ..UrdfLoaderOptions::default() };
+    let options = UrdfLoaderOptions { make_roots_fixed: params.fixed, ..UrdfLoaderOptions::default() };
     let made = UrdfRobot::from_robot(&parsed.robot, options, source.folder());
     let mut model = Model {
         name: if parsed.robot.name.is_empty() { source.stem() } else { parsed.robot.name.clone() },
@@ -55,7 +55,7 @@ fn convert(source: &Source, mut parsed: Parsed, wishes: &Wishes) -> Result<Model
         part.mass = mass_of(&from.inertial);
         model.parts.push(part);
     }
-    add_joints(&mut model, &made, &parsed.robot, &parsed.unlimited, wishes.multibody);
+    add_joints(&mut model, &made, &parsed.robot, &parsed.unlimited, params.multibody);
     fix_weightless_roots(&mut model);
     let fixed: Vec<bool> = fixed_at_last(&model);
     for ((part, link), fixed) in model.parts.iter_mut().zip(&made.links).zip(fixed) {

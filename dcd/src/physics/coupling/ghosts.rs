@@ -6,7 +6,7 @@ use super::{Border, Ground};
 use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
-use crate::physics::region::{Link, Region, Role};
+use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyKind, BodyRecord, BorderMessage, Transfer};
 use crate::space::RegionSet;
 
@@ -25,8 +25,8 @@ pub(super) fn arrive(
     for body in &message.replicas {
         hold(region, body, sender, ground)?;
         let handle = region.handle_of(body.id).expect("held from now on");
-        if shares_mass && region.slot(handle).role != Role::Owner {
-            region.begin_division(handle);
+        if shares_mass && region.slot(handle).role != Ownership::Owner {
+            region.begin_mass_split(handle);
             border.shared.begin(handle);
         }
     }
@@ -42,13 +42,13 @@ pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize
     for &id in &message.drops {
         let handle = region.handle_of(id);
         // The word may have crossed a transfer: only a replica of the sender's is dropped.
-        if handle.is_some_and(|handle| region.slot(handle).role == Role::Replica { owner: sender }) {
+        if handle.is_some_and(|handle| region.slot(handle).role == Ownership::Replica { owner: sender }) {
             region.remove(id);
         }
     }
     for &id in &message.wakes {
         if let Some(handle) = region.handle_of(id)
-            && region.slot(handle).role == Role::Owner
+            && region.slot(handle).role == Ownership::Owner
         {
             region.world_mut().wake_up(handle, true);
         }
@@ -85,15 +85,15 @@ fn take_over(
     };
     // Whoever says so is mistaken or means ill: the owner at the highest epoch stays.
     let slot = region.slot(handle);
-    if slot.role == Role::Owner || body.epoch < slot.epoch {
-        let (owned, epoch) = (slot.role == Role::Owner, slot.epoch);
+    if slot.role == Ownership::Owner || body.epoch < slot.epoch {
+        let (owned, epoch) = (slot.role == Ownership::Owner, slot.epoch);
         tracing::warn!(body = %body.id, sender, owned, %epoch, told = %body.epoch, "a transfer is refused");
         return Ok(());
     }
-    region.set_role(handle, Role::Owner, holders, body.epoch);
+    region.set_role(handle, Ownership::Owner, holders, body.epoch);
     let slot = region.slot_mut(handle);
     (slot.whole, slot.doubt) = (transfer.whole, 0);
-    border.note_arrival(Link { id: body.id, handle });
+    border.note_arrival(BodyRef { id: body.id, handle });
     // Copies that share the mass agree on their mean instead.
     if !shares_mass {
         write_whole(region, handle, body);
@@ -103,10 +103,10 @@ fn take_over(
 
 /// Inserts a replica, or renews one that is here already.
 fn hold(region: &mut Region, body: &BodyRecord, sender: usize, ground: Ground<'_>) -> Result<(), ShapeError> {
-    let role = Role::Replica { owner: sender };
+    let role = Ownership::Replica { owner: sender };
     if let Some(handle) = region.handle_of(body.id) {
         let slot = region.slot(handle);
-        if slot.role == Role::Owner {
+        if slot.role == Ownership::Owner {
             return Ok(());
         }
         if slot.traits == body.traits && slot.epoch <= body.epoch {

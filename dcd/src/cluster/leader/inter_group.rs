@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Leader;
 use crate::cluster::Peer;
 use crate::cluster::correction::deviation_m;
-use crate::protocol::{Drive, SharedState, Stance, ToServer, Touch, WorldOp, datagrams};
+use crate::protocol::{Input, SharedState, Stance, ToServer, Touch, WorldOp, datagrams};
 use crate::space::{BodyId, ClientId, Tick};
 
 /// Ticks between messages to the other groups.
@@ -36,7 +36,7 @@ pub struct Deviations {
 
 /// What a leader knows of the other groups.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Abroad {
+pub(super) struct InterGroup {
     by_default: bool,
     stances: BTreeMap<BodyId, (u32, bool)>,
     /// Moved since the others were told, of those that this group is believed about.
@@ -53,7 +53,7 @@ pub(super) struct Abroad {
     pub to_server: Vec<ToServer>,
 }
 
-impl Abroad {
+impl InterGroup {
     fn is_ours(&self, id: BodyId, clients: &BTreeMap<ClientId, Peer>) -> bool {
         match id.client() {
             Some(client) => clients.contains_key(&client),
@@ -66,34 +66,35 @@ impl Leader {
     /// The server says which group is believed about what.
     pub fn authority(&mut self, alone: bool, by_default: bool, stances: Vec<Stance>) {
         let known: BTreeSet<_> = self.latest.keys().copied().collect();
-        let abroad = self.abroad.get_or_insert_with(|| Abroad { moved: known, ..Abroad::default() });
-        abroad.by_default = by_default;
+        let inter_group =
+            self.inter_group.get_or_insert_with(|| InterGroup { moved: known, ..InterGroup::default() });
+        inter_group.by_default = by_default;
         for Stance { body, number, yours } in stances {
-            if abroad.stances.get(&body).is_none_or(|&(known, _)| known <= number) {
-                abroad.stances.insert(body, (number, yours));
-                abroad.moved.insert(body);
+            if inter_group.stances.get(&body).is_none_or(|&(known, _)| known <= number) {
+                inter_group.stances.insert(body, (number, yours));
+                inter_group.moved.insert(body);
             }
         }
         if by_default {
-            abroad.ahead = None;
+            inter_group.ahead = None;
         }
         // Who is believed follows nobody any more.
-        let is_ours = |id: &BodyId| alone || abroad.is_ours(*id, &self.clients);
-        let ours: Vec<_> = abroad.heard.keys().copied().filter(is_ours).collect();
+        let is_ours = |id: &BodyId| alone || inter_group.is_ours(*id, &self.clients);
+        let ours: Vec<_> = inter_group.heard.keys().copied().filter(is_ours).collect();
         ours.into_iter().for_each(|id| self.let_go(id));
         if alone {
-            self.abroad = None;
+            self.inter_group = None;
         }
     }
 
     /// A body is led no more: it goes on as it was to move, not at the speed at which it made up for what it was off.
     fn let_go(&mut self, id: BodyId) {
-        let Some(abroad) = &mut self.abroad else { return };
-        abroad.news.remove(&id);
-        let Some((_, state)) = abroad.heard.remove(&id) else { return };
-        if abroad.correcting.remove(&id) && id.client().is_none() {
+        let Some(inter_group) = &mut self.inter_group else { return };
+        inter_group.news.remove(&id);
+        let Some((_, state)) = inter_group.heard.remove(&id) else { return };
+        if inter_group.correcting.remove(&id) && id.client().is_none() {
             let velocity = state.velocity;
-            self.ops.push(WorldOp::Drive(Drive { body: id, logical_time: 0, velocity, pose: None }));
+            self.ops.push(WorldOp::Input(Input { body: id, logical_time: 0, velocity, pose: None }));
             if let Some((latest, _)) = self.latest.get_mut(&id) {
                 latest.velocity = velocity;
             }
@@ -101,23 +102,23 @@ impl Leader {
     }
 
     /// What other groups tell of bodies that they are believed about.
-    pub fn hear_abroad(&mut self, main: bool, tick: Tick, states: Vec<SharedState>) {
+    pub fn hear_other_groups(&mut self, main: bool, tick: Tick, states: Vec<SharedState>) {
         let now = self.tick.0;
-        let Some(abroad) = &mut self.abroad else { return };
-        if main && !abroad.by_default {
-            abroad.ahead = Some(tick.0 as i64 - now as i64);
+        let Some(inter_group) = &mut self.inter_group else { return };
+        if main && !inter_group.by_default {
+            inter_group.ahead = Some(tick.0 as i64 - now as i64);
         }
         for state in states {
             let id = state.id;
             // Else it was sent before this group was believed.
-            let theirs = !abroad.is_ours(id, &self.clients);
-            if theirs && abroad.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
-                abroad.heard.insert(id, (tick, state));
+            let theirs = !inter_group.is_ours(id, &self.clients);
+            if theirs && inter_group.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
+                inter_group.heard.insert(id, (tick, state));
                 // What moves is compared when it is reported, and left alone within the threshold: velocities of some
                 // ticks ago would undo what it has hit since.
                 let is_compared = self.latest.get(&id).is_some_and(|(own, _)| !own.sleeping);
-                if id.client().is_some() || !is_compared || abroad.correcting.contains(&id) {
-                    abroad.news.insert(id);
+                if id.client().is_some() || !is_compared || inter_group.correcting.contains(&id) {
+                    inter_group.news.insert(id);
                 }
             }
         }
@@ -125,12 +126,15 @@ impl Leader {
 
     /// How far this group's bodies were from where the groups that are believed have them, since the last call.
     pub fn take_deviations(&mut self) -> Deviations {
-        self.abroad.as_mut().map(|abroad| std::mem::take(&mut abroad.deviations)).unwrap_or_default()
+        self.inter_group
+            .as_mut()
+            .map(|inter_group| std::mem::take(&mut inter_group.deviations))
+            .unwrap_or_default()
     }
 
     /// How much longer or shorter than usual the next tick is to be, so that groups keep step.
     pub(super) fn stretch(&self) -> f32 {
-        match self.abroad.as_ref().and_then(|abroad| abroad.ahead) {
+        match self.inter_group.as_ref().and_then(|inter_group| inter_group.ahead) {
             Some(ahead) if ahead.abs() > STEP_TICKS => {
                 1.0 - (ahead as f32 * HURRY).clamp(-MOST_HURRY, MOST_HURRY)
             }
@@ -139,19 +143,21 @@ impl Leader {
     }
 
     pub(super) fn moved_here(&mut self, id: BodyId) {
-        if let Some(abroad) = self.abroad.as_mut().filter(|abroad| abroad.is_ours(id, &self.clients)) {
-            abroad.moved.insert(id);
+        if let Some(inter_group) =
+            self.inter_group.as_mut().filter(|inter_group| inter_group.is_ours(id, &self.clients))
+        {
+            inter_group.moved.insert(id);
         }
     }
 
     /// Whether this group takes itself to be the one that is believed about a body.
-    pub fn is_believed(&self, id: BodyId) -> bool {
-        self.abroad.as_ref().is_none_or(|abroad| abroad.is_ours(id, &self.clients))
+    pub fn is_authoritative(&self, id: BodyId) -> bool {
+        self.inter_group.as_ref().is_none_or(|inter_group| inter_group.is_ours(id, &self.clients))
     }
 
     /// A local avatar that touches a body makes its group the one that is believed about it.
     pub(super) fn claim(&mut self, touches: &[Touch]) {
-        let Some(abroad) = &mut self.abroad else { return };
+        let Some(inter_group) = &mut self.inter_group else { return };
         let mut claims = BTreeMap::new();
         for touch in touches.iter().filter(|touch| touch.began && !touch.sensor) {
             for (avatar, body) in [(touch.key.a, touch.key.b), (touch.key.b, touch.key.a)] {
@@ -159,14 +165,15 @@ impl Leader {
                 if !is_local || body.client().is_some() || !self.latest.contains_key(&body) {
                     continue;
                 }
-                let (number, ours) = abroad.stances.get(&body).copied().unwrap_or((0, abroad.by_default));
+                let (number, ours) =
+                    inter_group.stances.get(&body).copied().unwrap_or((0, inter_group.by_default));
                 if !ours {
                     claims.insert(body, number + 1);
                 }
             }
         }
         if !claims.is_empty() {
-            abroad
+            inter_group
                 .to_server
                 .push(ToServer::Touched { view: self.view, bodies: claims.into_iter().collect() });
         }
@@ -176,36 +183,36 @@ impl Leader {
     pub(super) fn compare_and_tell(&mut self) {
         let (view, tick, dt_s) = (self.view, self.tick, self.dt.as_secs_f64());
         let thresholds = self.thresholds;
-        let heard = self.abroad.iter().flat_map(|abroad| &abroad.heard);
+        let heard = self.inter_group.iter().flat_map(|inter_group| &inter_group.heard);
         let stale = heard.filter(|(_, (heard, _))| heard.0 + STALE_TICKS <= tick.0).map(|(&id, _)| id);
         stale.collect::<Vec<_>>().into_iter().for_each(|id| self.let_go(id));
-        let Some(abroad) = &mut self.abroad else { return };
-        for (id, (heard, state)) in &abroad.heard {
+        let Some(inter_group) = &mut self.inter_group else { return };
+        for (id, (heard, state)) in &inter_group.heard {
             let Some((own, at)) = self.latest.get(id).filter(|(_, at)| *at == tick) else { continue };
             let lag_s = (at.0 as f64 - heard.0 as f64) * dt_s;
             let deviation = deviation_m(&own.pose, &state.pose.moved(&state.velocity, lag_s));
             let band = f64::from(thresholds.between_groups_m);
-            let seen = &mut abroad.deviations;
+            let seen = &mut inter_group.deviations;
             seen.count += 1;
             seen.sum_m += deviation;
             seen.max_m = seen.max_m.max(deviation);
             seen.above += u64::from(deviation > band);
             if deviation > 0.5 * band {
-                abroad.correcting.insert(*id);
-                abroad.news.insert(*id);
-            } else if abroad.correcting.remove(id) {
-                abroad.news.insert(*id);
+                inter_group.correcting.insert(*id);
+                inter_group.news.insert(*id);
+            } else if inter_group.correcting.remove(id) {
+                inter_group.news.insert(*id);
             }
         }
         if tick.0.is_multiple_of(TELL_EVERY) {
-            let reminders = abroad.told.range(abroad.reminded..).skip(1).take(REMINDERS);
+            let reminders = inter_group.told.range(inter_group.reminded..).skip(1).take(REMINDERS);
             let reminders: Vec<_> = reminders.map(|(&id, _)| id).collect();
-            abroad.reminded = reminders.last().copied().unwrap_or_default();
+            inter_group.reminded = reminders.last().copied().unwrap_or_default();
             let mut states = Vec::new();
-            let moved = std::mem::take(&mut abroad.moved);
+            let moved = std::mem::take(&mut inter_group.moved);
             for id in moved.iter().chain(&reminders).collect::<BTreeSet<_>>() {
                 let Some((state, at)) = self.latest.get(id) else { continue };
-                let foretold = abroad.told.get(id).is_some_and(|(told, known)| {
+                let foretold = inter_group.told.get(id).is_some_and(|(told, known)| {
                     let lag_s = (at.0 as f64 - told.0 as f64) * dt_s;
                     let pose = known.pose.moved(&known.velocity, lag_s);
                     let limit = f64::from(thresholds.dead_reckoning_m);
@@ -218,7 +225,7 @@ impl Leader {
                     let lag_s = (tick.0 as f64 - at.0 as f64) * dt_s;
                     let pose = state.pose.moved(&state.velocity, lag_s);
                     let state = SharedState { pose, ..*state };
-                    abroad.told.insert(*id, (tick, state));
+                    inter_group.told.insert(*id, (tick, state));
                     states.push(state);
                 }
             }
@@ -228,17 +235,17 @@ impl Leader {
                 parts.push(Vec::new());
             }
             for states in parts {
-                abroad.to_server.push(ToServer::Abroad { view, tick, states });
+                inter_group.to_server.push(ToServer::InterGroup { view, tick, states });
             }
         }
     }
 
     /// Corrections for the next tick.
     pub(super) fn corrections(&mut self) -> Vec<WorldOp> {
-        let Some(abroad) = &mut self.abroad else { return Vec::new() };
+        let Some(inter_group) = &mut self.inter_group else { return Vec::new() };
         let mut by_tick: BTreeMap<Tick, Vec<SharedState>> = BTreeMap::new();
-        for id in std::mem::take(&mut abroad.news) {
-            let Some(&(tick, state)) = abroad.heard.get(&id) else { continue };
+        for id in std::mem::take(&mut inter_group.news) {
+            let Some(&(tick, state)) = inter_group.heard.get(&id) else { continue };
             // What is where it should be is left alone; avatars have no other way to learn where they go.
             if id.client().is_some() || self.latest.contains_key(&id) {
                 by_tick.entry(tick).or_default().push(state);
@@ -249,16 +256,19 @@ impl Leader {
 
     /// Messages for the server since the last call.
     pub fn take_server_messages(&mut self) -> Vec<ToServer> {
-        self.abroad.as_mut().map(|abroad| std::mem::take(&mut abroad.to_server)).unwrap_or_default()
+        self.inter_group
+            .as_mut()
+            .map(|inter_group| std::mem::take(&mut inter_group.to_server))
+            .unwrap_or_default()
     }
 
-    pub(super) fn forget_abroad(&mut self, id: BodyId) {
-        if let Some(abroad) = &mut self.abroad {
-            abroad.moved.remove(&id);
-            abroad.told.remove(&id);
-            abroad.heard.remove(&id);
-            abroad.news.remove(&id);
-            abroad.correcting.remove(&id);
+    pub(super) fn forget_in_other_groups(&mut self, id: BodyId) {
+        if let Some(inter_group) = &mut self.inter_group {
+            inter_group.moved.remove(&id);
+            inter_group.told.remove(&id);
+            inter_group.heard.remove(&id);
+            inter_group.news.remove(&id);
+            inter_group.correcting.remove(&id);
         }
     }
 }
@@ -323,7 +333,7 @@ mod tests {
     fn leading() -> Leader {
         let mut leader = leader();
         tick(&mut leader, moving(1.0, 6.0));
-        leader.hear_abroad(true, Tick(1), vec![moving(2.0, 0.5)]);
+        leader.hear_other_groups(true, Tick(1), vec![moving(2.0, 0.5)]);
         let ops = tick(&mut leader, moving(1.1, 6.0)).ops;
         assert_eq!(ops, [WorldOp::Correct { tick: Tick(1), states: vec![moving(2.0, 0.5)] }]);
         leader
@@ -332,7 +342,7 @@ mod tests {
     /// It is to move as it does where the other group has it.
     fn let_go() -> Vec<WorldOp> {
         let velocity = moving(0.0, 0.5).velocity;
-        vec![WorldOp::Drive(Drive { body: BODY, logical_time: 0, velocity, pose: None })]
+        vec![WorldOp::Input(Input { body: BODY, logical_time: 0, velocity, pose: None })]
     }
 
     #[test]
@@ -364,7 +374,7 @@ mod tests {
     fn what_was_not_led_moves_on_as_it_did_when_its_group_becomes_believed() {
         let mut leader = leader();
         tick(&mut leader, moving(1.0, 0.6));
-        leader.hear_abroad(true, Tick(1), vec![moving(1.01, 0.5)]);
+        leader.hear_other_groups(true, Tick(1), vec![moving(1.01, 0.5)]);
         tick(&mut leader, moving(1.01, 0.6));
         leader.authority(false, false, vec![Stance { body: BODY, number: 1, yours: true }]);
         assert_eq!(tick(&mut leader, moving(1.02, 0.6)).ops, []);
@@ -375,12 +385,12 @@ mod tests {
         let mut leader = leader();
         let mut stretch = |ahead: u64| {
             leader.tick = Tick(1_000);
-            leader.hear_abroad(true, Tick(1_000 + ahead), Vec::new());
+            leader.hear_other_groups(true, Tick(1_000 + ahead), Vec::new());
             leader.stretch()
         };
         assert_eq!([0, 1, 10, 80].map(&mut stretch), [1.0, 1.0, 0.9, 0.75]);
         leader.tick = Tick(1_010);
-        leader.hear_abroad(true, Tick(1_000), Vec::new());
+        leader.hear_other_groups(true, Tick(1_000), Vec::new());
         assert_eq!(leader.stretch(), 1.1);
     }
 }

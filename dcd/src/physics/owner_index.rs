@@ -19,13 +19,13 @@ const DENSE: u32 = 1 << 20;
 
 /// Low persistent ids are dense, so they index an array; the other bodies are few.
 #[derive(Default, Serialize, Deserialize)]
-pub(super) struct Directory {
+pub(super) struct OwnerIndex {
     dense: Vec<Option<Home>>,
     sparse: BTreeMap<BodyId, Home>,
     len: usize,
 }
 
-impl Directory {
+impl OwnerIndex {
     #[inline]
     pub(super) fn home(&self, id: BodyId) -> Option<Home> {
         match dense_index(id) {

@@ -3,7 +3,7 @@
 
 use rapier3d::prelude::*;
 
-use super::{Region, Role};
+use super::{Ownership, Region};
 use crate::physics::convert;
 use crate::protocol::WorldPose;
 use crate::space::{Bounds, Tick};
@@ -16,12 +16,12 @@ const FAR_M: f64 = 1024.0;
 impl Region {
     /// Moves the anchor to the middle of the region's own awake bodies when that brings all of them much nearer to it. Before
     /// the first step of a tick.
-    pub(in crate::physics) fn follow_bodies(&mut self, tick: Tick) {
+    pub(in crate::physics) fn shift_origin(&mut self, tick: Tick) {
         if !tick.0.is_multiple_of(EVERY_TICKS) {
             return;
         }
         let awake = self.world.islands.active_bodies();
-        let owned = awake.filter(|&handle| matches!(self.role_of(handle), Some((_, Role::Owner))));
+        let owned = awake.filter(|&handle| matches!(self.role_of(handle), Some((_, Ownership::Owner))));
         let places =
             owned.map(|handle| convert::world_point(self.anchor, self.world.bodies[handle].translation()));
         if let Some(anchor) = better_anchor(self.anchor, places) {

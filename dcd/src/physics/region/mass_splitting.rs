@@ -22,7 +22,7 @@ const TORQUE_MEMORY: f32 = 0.3;
 
 /// How the mass and the user's force of one body are shared out among regions, and what presses on the copy here.
 #[derive(Debug, Serialize, Deserialize)]
-pub(in crate::physics) struct Division {
+pub(in crate::physics) struct MassSplit {
     /// The regions whose copies have a part of the mass, this one perhaps not: its copy is a ghost then, and whole.
     pub among: RegionSet,
     /// By how many the mass of the copy here is divided.
@@ -48,7 +48,7 @@ struct Start {
     elapsed_s: f32,
 }
 
-impl Division {
+impl MassSplit {
     fn whole(body: &RigidBody, rank: usize) -> Self {
         Self {
             among: RegionSet::only(rank),
@@ -76,33 +76,33 @@ impl Division {
 impl Region {
     /// How a body held here is shared out; none while one region alone holds it.
     #[inline]
-    pub(in crate::physics) fn division(&self, handle: RigidBodyHandle) -> Option<&Division> {
-        self.slot(handle).division.as_deref()
+    pub(in crate::physics) fn mass_split(&self, handle: RigidBodyHandle) -> Option<&MassSplit> {
+        self.slot(handle).mass_split.as_deref()
     }
 
-    fn division_mut(&mut self, handle: RigidBodyHandle) -> Option<&mut Division> {
-        self.slot_mut(handle).division.as_deref_mut()
+    fn mass_split_mut(&mut self, handle: RigidBodyHandle) -> Option<&mut MassSplit> {
+        self.slot_mut(handle).mass_split.as_deref_mut()
     }
 
     /// A copy has come to be held here whole, or is announced anew: what presses on it is its user's.
-    pub(in crate::physics) fn begin_division(&mut self, handle: RigidBodyHandle) {
+    pub(in crate::physics) fn begin_mass_split(&mut self, handle: RigidBodyHandle) {
         let rank = self.rank;
-        let whole = Division::whole(&self.world.bodies[handle], rank);
+        let whole = MassSplit::whole(&self.world.bodies[handle], rank);
         let (force, torque) = (whole.user_force, whole.user_torque);
-        let division = self.slot_mut(handle).division.get_or_insert_with(|| Box::new(whole));
-        (division.user_force, division.user_torque) = (force, torque);
+        let mass_split = self.slot_mut(handle).mass_split.get_or_insert_with(|| Box::new(whole));
+        (mass_split.user_force, mass_split.user_torque) = (force, torque);
     }
 
     /// Shares a body out among these regions: from now on the copy here has its part of the mass and of joints' forces.
-    pub(in crate::physics) fn divide_among(&mut self, handle: RigidBodyHandle, among: RegionSet) {
-        if self.division(handle).is_none() {
-            let whole = Division::whole(&self.world.bodies[handle], self.rank);
-            self.slot_mut(handle).division = Some(Box::new(whole));
+    pub(in crate::physics) fn split_mass_among(&mut self, handle: RigidBodyHandle, among: RegionSet) {
+        if self.mass_split(handle).is_none() {
+            let whole = MassSplit::whole(&self.world.bodies[handle], self.rank);
+            self.slot_mut(handle).mass_split = Some(Box::new(whole));
         }
         let parts = self.parts_among(handle, among);
-        let division = self.division_mut(handle).expect("it is shared out from now on");
-        division.among = among;
-        if std::mem::replace(&mut division.parts, parts) != parts {
+        let mass_split = self.mass_split_mut(handle).expect("it is shared out from now on");
+        mass_split.among = among;
+        if std::mem::replace(&mut mass_split.parts, parts) != parts {
             self.divide(handle, parts);
         }
         for joint in self.slot(handle).joints.clone() {
@@ -112,16 +112,16 @@ impl Region {
 
     /// One region alone holds the body from now on, this one: it is whole, and pressed by nothing but its user's force.
     pub(in crate::physics) fn undivide(&mut self, handle: RigidBodyHandle) {
-        self.divide_among(handle, RegionSet::only(self.rank));
+        self.split_mass_among(handle, RegionSet::only(self.rank));
         self.push(handle, Vector::ZERO, Vector::ZERO);
         self.press(handle);
-        self.slot_mut(handle).division = None;
+        self.slot_mut(handle).mass_split = None;
     }
 
     /// Sets what evens out the edges of the overlap on a copy here, in newtons and newton metres, from the next step on.
     pub(in crate::physics) fn push(&mut self, handle: RigidBodyHandle, push: Vector, twist: Vector) {
-        if let Some(division) = self.division_mut(handle) {
-            (division.push, division.twist) = (push, twist);
+        if let Some(mass_split) = self.mass_split_mut(handle) {
+            (mass_split.push, mass_split.twist) = (push, twist);
         }
     }
 
@@ -132,30 +132,30 @@ impl Region {
             return;
         }
         let (linear, angular) = (body.linvel(), body.angvel_with_gyroscopic_forces(dt_s));
-        let Some(division) = self.division_mut(handle) else { return };
-        let start = division.start.get_or_insert(Start { linear, angular, elapsed_s: 0.0 });
+        let Some(mass_split) = self.mass_split_mut(handle) else { return };
+        let start = mass_split.start.get_or_insert(Start { linear, angular, elapsed_s: 0.0 });
         start.elapsed_s += dt_s;
         self.press(handle);
     }
 
     /// The steps since the last exchange are over: the next ones count from where the copy is then.
     pub(in crate::physics) fn restart_copy(&mut self, handle: RigidBodyHandle) {
-        if let Some(division) = self.division_mut(handle) {
-            division.start = None;
+        if let Some(mass_split) = self.mass_split_mut(handle) {
+            mass_split.start = None;
         }
     }
 
     /// Enables a copy that Rapier has set aside, to be written.
     pub(in crate::physics) fn mend_copy(&mut self, handle: RigidBodyHandle) {
-        if self.division_mut(handle).is_some_and(|division| std::mem::take(&mut division.broken)) {
+        if self.mass_split_mut(handle).is_some_and(|mass_split| std::mem::take(&mut mass_split.broken)) {
             self.world_mut().bodies[handle].set_enabled(true);
         }
     }
 
     /// Rapier has set every copy aside: so is the body, until its user enables it.
     pub(in crate::physics) fn give_up_copies(&mut self, handle: RigidBodyHandle) {
-        if let Some(division) = self.division_mut(handle) {
-            (division.user_force, division.user_torque) = (Vector::ZERO, Vector::ZERO);
+        if let Some(mass_split) = self.mass_split_mut(handle) {
+            (mass_split.user_force, mass_split.user_torque) = (Vector::ZERO, Vector::ZERO);
         }
         self.refresh(handle);
     }
@@ -164,8 +164,8 @@ impl Region {
     pub(super) fn set_aside(&mut self, handle: RigidBodyHandle) {
         let Some(slot) = self.slot_at(handle) else { return };
         self.quarantined.push(slot.id);
-        match self.division_mut(handle) {
-            Some(division) => division.broken = true,
+        match self.mass_split_mut(handle) {
+            Some(mass_split) => mass_split.broken = true,
             None => self.refresh(handle),
         }
     }
@@ -179,17 +179,17 @@ impl Region {
         tick_s: f32,
     ) -> (Vector, Vector) {
         let body = &self.world.bodies[handle];
-        let Some(division) = self.division(handle) else { return before };
+        let Some(mass_split) = self.mass_split(handle) else { return before };
         // Frozen while asleep.
-        let Some(start) = division.start.filter(|_| body.is_dynamic() && !body.is_sleeping()) else {
+        let Some(start) = mass_split.start.filter(|_| body.is_dynamic() && !body.is_sleeping()) else {
             return before;
         };
-        let (parts, mass) = (division.parts.max(1) as f32, body.mass());
+        let (parts, mass) = (mass_split.parts.max(1) as f32, body.mass());
         let gravity = self.world.gravity;
         let gained = (body.linvel() - start.linear) / start.elapsed_s - gravity * body.gravity_scale();
-        let mut force = gained * mass - division.push - division.user_force / parts;
+        let mut force = gained * mass - mass_split.push - mass_split.user_force / parts;
         let spun = (body.angvel() - start.angular) / start.elapsed_s;
-        let mut torque = inertia_times(body, spun) - division.twist - division.user_torque / parts;
+        let mut torque = inertia_times(body, spun) - mass_split.twist - mass_split.user_torque / parts;
         let most = IMPACT * (before.0.length() + mass * gravity.length().max(1.0));
         if force.length() > most {
             let cut = most / force.length();
@@ -203,26 +203,30 @@ impl Region {
 
     /// What the user presses on the whole body, in newtons and newton metres, if it is shared out.
     pub(super) fn user_load(&self, handle: RigidBodyHandle) -> Option<(Vector, Vector)> {
-        self.division(handle).map(|division| (division.user_force, division.user_torque))
+        self.mass_split(handle).map(|mass_split| (mass_split.user_force, mass_split.user_torque))
     }
 
     /// By how many regions the mass of a body held here is divided: Rapier's body in each of them has that share of it.
     pub fn share_of(&self, handle: RigidBodyHandle) -> usize {
-        self.slot_at(handle).and_then(|slot| slot.division.as_deref()).map_or(1, |division| division.parts)
+        self.slot_at(handle)
+            .and_then(|slot| slot.mass_split.as_deref())
+            .map_or(1, |mass_split| mass_split.parts)
     }
 
     /// Whether the copy of a body here counts, with its share of the mass; a ghost only follows those that do.
     pub(in crate::physics) fn counts(&self, handle: RigidBodyHandle) -> bool {
-        let division = self.slot_at(handle).and_then(|slot| slot.division.as_deref());
-        division.is_none_or(|division| division.among.contains(self.rank))
+        let mass_split = self.slot_at(handle).and_then(|slot| slot.mass_split.as_deref());
+        mass_split.is_none_or(|mass_split| mass_split.among.contains(self.rank))
     }
 
     /// Makes Rapier's forces on the copy what they must be.
     fn press(&mut self, handle: RigidBodyHandle) {
-        let Some(division) = self.division(handle) else { return };
-        let parts = division.parts.max(1) as f32;
-        let (force, torque) =
-            (division.user_force / parts + division.push, division.user_torque / parts + division.twist);
+        let Some(mass_split) = self.mass_split(handle) else { return };
+        let parts = mass_split.parts.max(1) as f32;
+        let (force, torque) = (
+            mass_split.user_force / parts + mass_split.push,
+            mass_split.user_torque / parts + mass_split.twist,
+        );
         let body = &self.world.bodies[handle];
         if body.user_force() == force && body.user_torque() == torque {
             return;
@@ -240,7 +244,7 @@ impl Region {
         handle: RigidBodyHandle,
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
-        let Some(parts) = self.division(handle).map(|division| division.parts) else {
+        let Some(parts) = self.mass_split(handle).map(|mass_split| mass_split.parts) else {
             let extra_mass = self.slot(handle).traits.extra_mass;
             let result = change(&mut self.world_mut().bodies[handle]);
             self.refresh(handle);
@@ -286,7 +290,7 @@ impl Region {
         handle: RigidBodyHandle,
         change: impl FnOnce(&mut Region) -> R,
     ) -> R {
-        if self.division(handle).is_none() {
+        if self.mass_split(handle).is_none() {
             return change(self);
         }
         let before = self.lift(handle);
@@ -300,9 +304,9 @@ impl Region {
 
     /// Takes away what evens out the edges, and returns it.
     fn lift(&mut self, handle: RigidBodyHandle) -> (Vector, Vector) {
-        let division = self.division_mut(handle).expect("only what is shared out is lifted");
-        let before = (division.push, division.twist);
-        (division.parts, division.push, division.twist) = (1, Vector::ZERO, Vector::ZERO);
+        let mass_split = self.mass_split_mut(handle).expect("only what is shared out is lifted");
+        let before = (mass_split.push, mass_split.twist);
+        (mass_split.parts, mass_split.push, mass_split.twist) = (1, Vector::ZERO, Vector::ZERO);
         self.press(handle);
         before
     }
@@ -311,18 +315,18 @@ impl Region {
     fn lower(&mut self, handle: RigidBodyHandle, parts: usize, before: (Vector, Vector)) {
         let body = &self.world.bodies[handle];
         let (force, torque) = (body.user_force(), body.user_torque());
-        let division = self.division_mut(handle).expect("only what is shared out was lifted");
-        (division.user_force, division.user_torque) = (force, torque);
-        (division.push, division.twist) = before;
-        division.parts = parts;
+        let mass_split = self.mass_split_mut(handle).expect("only what is shared out was lifted");
+        (mass_split.user_force, mass_split.user_torque) = (force, torque);
+        (mass_split.push, mass_split.twist) = before;
+        mass_split.parts = parts;
         // What the user did is no contact's doing.
-        (division.start, division.broken) = (None, false);
+        (mass_split.start, mass_split.broken) = (None, false);
         self.press(handle);
     }
 
     /// By how many the mass of the copy is to be divided, as its traits are now.
     fn parts_now(&self, handle: RigidBodyHandle) -> usize {
-        self.division(handle).map_or(1, |division| self.parts_among(handle, division.among))
+        self.mass_split(handle).map_or(1, |mass_split| self.parts_among(handle, mass_split.among))
     }
 
     fn parts_among(&self, handle: RigidBodyHandle, among: RegionSet) -> usize {

@@ -13,7 +13,7 @@ use crate::space::BodyId;
 
 /// Rapier's event handler for one region.
 #[derive(Default, Serialize, Deserialize)]
-pub(super) struct ContactWatch {
+pub(super) struct ContactListener {
     /// Only the stepping thread locks it; Rapier asks for a handler that can be shared.
     #[serde(skip)]
     heard: Mutex<Heard>,
@@ -57,9 +57,9 @@ struct RawForce {
     magnitude: f32,
 }
 
-impl ContactWatch {
+impl ContactListener {
     /// A collider entered the region, or was changed by its user. Rapier is to tell of any force from then on: whether it is
-    /// above the user's threshold shows when the shares of all regions and all micro-steps of a tick are added up.
+    /// above the user's threshold shows when the shares of all regions and all substeps of a tick are added up.
     pub(super) fn name(
         &mut self,
         collider: &mut Collider,
@@ -92,7 +92,7 @@ impl ContactWatch {
         }
     }
 
-    /// To be called after the step that heeds what [`ContactWatch::name`] was told. Rapier 0.36 overlooks a contact whose forces
+    /// To be called after the step that heeds what [`ContactListener::name`] was told. Rapier 0.36 overlooks a contact whose forces
     /// were turned on if another contact ended in the same step, and for as long as it rests: it keeps contacts by place, and
     /// the last one moves to where one ended. So it is to look once more in the next step.
     pub(super) fn remind(&mut self, colliders: &mut ColliderSet) {
@@ -166,7 +166,7 @@ fn end_of(key: ContactKey, sensor: bool) -> Touch {
     Touch { key, began: false, sensor, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 }
 }
 
-impl EventHandler for ContactWatch {
+impl EventHandler for ContactListener {
     fn handle_collision_event(
         &self,
         bodies: &RigidBodySet,

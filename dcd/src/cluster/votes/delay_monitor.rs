@@ -7,9 +7,9 @@ use super::{VoteError, VoteThresholds};
 use crate::protocol::Motion;
 use crate::space::NodeId;
 
-/// How patient a [`DelayWatch`] is.
+/// How patient a [`DelayMonitor`] is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct WatchRules {
+pub struct DelayRules {
     /// Samples one after another that must give cause before a vote is called.
     pub strikes: u32,
     /// So long after a peer's last strike, and again after as long, one strike is forgotten. To be longer than the longest interval
@@ -17,14 +17,14 @@ pub struct WatchRules {
     pub strike_life: Duration,
 }
 
-impl Default for WatchRules {
+impl Default for DelayRules {
     /// Three strikes (thesis 3.3.9), kept for ten minutes: pings come every 500 s at the least.
     fn default() -> Self {
         Self { strikes: 3, strike_life: Duration::from_secs(600) }
     }
 }
 
-impl WatchRules {
+impl DelayRules {
     /// The rules, if they can be followed.
     pub fn checked(self) -> Result<Self, VoteError> {
         if self.strikes == 0 { Err(VoteError::NoStrikes) } else { Ok(self) }
@@ -40,18 +40,18 @@ struct Strikes {
 
 /// Watches the delays from one node to all others. One entry a peer: [`Self::forget`] those that are gone.
 #[derive(Clone, Debug)]
-pub struct DelayWatch {
+pub struct DelayMonitor {
     thresholds: VoteThresholds,
-    rules: WatchRules,
+    rules: DelayRules,
     peers: BTreeMap<NodeId, Strikes>,
 }
 
-impl DelayWatch {
+impl DelayMonitor {
     /// A watch that has seen nothing.
     ///
     /// # Panics
     /// When `thresholds` or `rules` have not been checked.
-    pub fn new(thresholds: VoteThresholds, rules: WatchRules) -> Self {
+    pub fn new(thresholds: VoteThresholds, rules: DelayRules) -> Self {
         assert_eq!(thresholds.checked(), Ok(thresholds), "thresholds are checked before they are followed");
         assert_eq!(rules.checked(), Ok(rules), "rules are checked before they are followed");
         Self { thresholds, rules, peers: BTreeMap::new() }
@@ -107,9 +107,9 @@ mod tests {
 
     const PEER: NodeId = NodeId(7);
 
-    fn watch() -> DelayWatch {
+    fn watch() -> DelayMonitor {
         let thresholds = VoteThresholds { inclusion_ms: 20.0, rejection_ms: 40.0, deviation_ms: 30.0 };
-        DelayWatch::new(thresholds, WatchRules::default())
+        DelayMonitor::new(thresholds, DelayRules::default())
     }
 
     /// What comes of samples of (average, latest), five seconds apart.
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn strikes_are_forgotten_with_time() {
         let strike =
-            |watch: &mut DelayWatch, at| watch.observe(Duration::from_secs(at), PEER, true, 50.0, 50.0);
+            |watch: &mut DelayMonitor, at| watch.observe(Duration::from_secs(at), PEER, true, 50.0, 50.0);
         let mut seldom = watch();
         assert!([0, 599, 1_198].map(|at| strike(&mut seldom, at)).iter().any(Option::is_some));
         let mut too_seldom = watch();

@@ -1,4 +1,4 @@
-//! Kinematic bodies that go where their user says: by the end of the tick, however many micro-steps it has. Rapier would
+//! Kinematic bodies that go where their user says: by the end of the tick, however many substeps it has. Rapier would
 //! be there after the first and stand still in the others, so what they touch would feel a multiple of their speed.
 
 use rapier3d::prelude::*;
@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::Region;
 use crate::protocol::BodyKind;
 
-/// What is on its way, and how many micro-steps of the tick are done.
+/// What is on its way, and how many substeps of the tick are done.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Guide {
+pub(super) struct KinematicTargets {
     /// In the order of insertion into the region.
     bodies: Vec<RigidBodyHandle>,
     /// By Rapier's body index: whether it is kinematic, by position or by velocity; and how many are.
@@ -19,7 +19,7 @@ pub(super) struct Guide {
     done: usize,
 }
 
-impl Guide {
+impl KinematicTargets {
     /// A body is of this kind from now on.
     pub(super) fn note(&mut self, handle: RigidBodyHandle, kind: BodyKind) {
         self.forget(handle);
@@ -50,7 +50,7 @@ impl Guide {
         }
     }
 
-    /// Whether the micro-step to come is the first of its tick.
+    /// Whether the substep to come is the first of its tick.
     pub(super) fn is_first(&self) -> bool {
         self.done == 0
     }
@@ -61,7 +61,7 @@ impl Guide {
     }
 }
 
-/// Before a micro-step of a tick that has so many.
+/// Before a substep of a tick that has so many.
 pub(super) fn guide(region: &mut Region, steps: usize) {
     let mut guide = std::mem::take(&mut region.guide);
     let bodies = &mut region.world_mut().bodies;

@@ -8,10 +8,10 @@
 use rapier3d::prelude::*;
 
 use super::auto::{self, Disagreement};
-use super::share::Shared;
+use super::shared::Shared;
 use super::{Border, Moment};
 use crate::physics::convert;
-use crate::physics::region::{Link, Region, Role};
+use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{CopyState, Velocity, WorldPose};
 use crate::space::RegionSet;
 
@@ -61,7 +61,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
 
 fn agree_on(
     region: &mut Region,
-    link: Link,
+    link: BodyRef,
     shared: &mut Shared,
     exchanges: usize,
     moment: Moment<'_>,
@@ -71,14 +71,14 @@ fn agree_on(
     }
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
-    let counts = !shared.shadows.contains(own_rank);
+    let counts = !shared.warming.contains(own_rank);
     if body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
         shared.lasting = Vector::ZERO;
         return Disagreement::default();
     }
     if !body.is_dynamic() {
         // What its user moves is where its owner says.
-        if let Role::Replica { owner } = region.slot(link.handle).role
+        if let Ownership::Replica { owner } = region.slot(link.handle).role
             && let Some(&(_, copy)) = shared.heard.iter().find(|(rank, _)| *rank == owner)
         {
             write(region, link, &copy.pose, &copy.velocity);
@@ -88,10 +88,10 @@ fn agree_on(
     let own = (counts && !is_broken(region, link)).then_some((own_rank, shared.own));
     let at = shared.heard.partition_point(|(rank, _)| *rank < own_rank);
     let (before, after) = shared.heard.split_at(at);
-    let shadows = shared.shadows;
+    let warming = shared.warming;
     let copies = || {
         let all = before.iter().chain(own.iter()).chain(after);
-        all.filter(|(rank, copy)| copy.sound && !shadows.contains(*rank)).map(|(_, copy)| copy)
+        all.filter(|(rank, copy)| copy.sound && !warming.contains(*rank)).map(|(_, copy)| copy)
     };
     if copies().next().is_none() {
         region.give_up_copies(link.handle);
@@ -116,7 +116,7 @@ fn agree_on(
     let most_m_s = copies().map(off).fold(0.0, f32::max);
     let first = copies().next().map_or(Vector::ZERO, |copy| Vector::from_array(copy.velocity.linear) - z);
     auto::average(&mut shared.lasting, first, exchanges);
-    let following = shared.heard.iter().filter(|(rank, _)| shadows.contains(*rank));
+    let following = shared.heard.iter().filter(|(rank, _)| warming.contains(*rank));
     let strayed_m_s = following.map(|(_, copy)| off(copy)).fold(0.0, f32::max);
     shared.strayed_m_s = strayed_m_s;
     let apart = Apart::of(copies(), &pose);
@@ -126,21 +126,21 @@ fn agree_on(
     Disagreement { most_m_s, lasting_m_s }
 }
 
-fn is_broken(region: &Region, link: Link) -> bool {
-    region.division(link.handle).is_some_and(|division| division.is_broken())
+fn is_broken(region: &Region, link: BodyRef) -> bool {
+    region.mass_split(link.handle).is_some_and(|mass_split| mass_split.is_broken())
 }
 
 /// Takes for a body that is not split what it became in the region that saw most of what it touches: there the contacts of all
 /// that touches were solved together, so that what one body of them loses another gains. All bodies of one cluster are held where
 /// any of them is, as far as was foreseen; so all take the same region's word, and momentum is conserved. Where nothing touches it is
 /// the owner's.
-fn follow(region: &mut Region, link: Link, shared: &mut Shared) {
+fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared) {
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
     if shared.heard.is_empty() || body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
         return;
     }
-    let owner = shared.members.without(shared.shadows).iter().next();
+    let owner = shared.members.without(shared.warming).iter().next();
     let own = (!is_broken(region, link)).then_some((own_rank, shared.own));
     let copies = || shared.heard.iter().copied().chain(own).filter(|(_, copy)| copy.sound);
     // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
@@ -235,7 +235,14 @@ impl Apart {
 /// behind it, by the push on it times dt²/m: the work of pushes lies there, and comes back when the push ends. A copy that is put to
 /// the mean under its load keeps the push and loses the way, so that work was done for nothing, at every exchange anew: walls
 /// trembled for ever and fell apart. The draw is in proportion for all copies, so it leaves their momentum as it is.
-fn draw(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity, apart: Apart, tick_s: f32) {
+fn draw(
+    region: &mut Region,
+    link: BodyRef,
+    pose: &WorldPose,
+    velocity: &Velocity,
+    apart: Apart,
+    tick_s: f32,
+) {
     let (mut linear, mut angular) = (convert::vector(velocity.linear), convert::vector(velocity.angular));
     let in_motion = linear.length() > MOTION_M_S || angular.length() > MOTION_RAD_S;
     let body = &region.physics().bodies[link.handle];
@@ -258,7 +265,7 @@ fn draw(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity, 
     }
 }
 
-fn write(region: &mut Region, link: Link, pose: &WorldPose, velocity: &Velocity) {
+fn write(region: &mut Region, link: BodyRef, pose: &WorldPose, velocity: &Velocity) {
     let pose = convert::region_from_world(region.anchor(), pose);
     let (linear, angular) = (convert::vector(velocity.linear), convert::vector(velocity.angular));
     let body = &region.physics().bodies[link.handle];

@@ -5,14 +5,14 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::share::SharedBodies;
+use super::shared::SharedBodies;
 use super::{Border, Moment};
 use crate::physics::convert;
 use crate::physics::outbox::Outbox;
 use crate::physics::partition::Partition;
-use crate::physics::region::{Link, Region, Role};
-use crate::physics::renumber::Renumbering;
-use crate::protocol::{BodyKind, BorderMessage, Sight, Sighting};
+use crate::physics::rank_remap::RankRemap;
+use crate::physics::region::{BodyRef, Ownership, Region};
+use crate::protocol::{BodyKind, BorderMessage, NearbyBodies, NearbyBody};
 use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Regions look so many ticks ahead. What is shown after one tick is met in the next and held in the one after.
@@ -28,13 +28,13 @@ const SURPRISE_M_S: f32 = 10.0;
 
 /// What a region shows and sees; kept from tick to tick.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Sights {
+pub(super) struct PredictedContacts {
     /// Bodies owned here near or beyond the border, in id order.
     pub near: Vec<Near>,
     /// By rank: what was shown to that region last.
-    shown: Vec<Sight>,
+    shown: Vec<NearbyBodies>,
     /// By rank: what was seen of it last.
-    seen: Vec<Sight>,
+    seen: Vec<NearbyBodies>,
     /// Where something changed, so that meetings must be found anew.
     changed: RegionSet,
     /// In order of body.
@@ -44,13 +44,13 @@ pub(super) struct Sights {
     /// Nothing in here concerns another region, in region space.
     inner: (Vector, Vector),
     /// Scratch.
-    lists: Vec<Vec<Sighting>>,
+    lists: Vec<Vec<NearbyBody>>,
 }
 
 /// A body owned here that another region may need to know of.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Near {
-    pub link: Link,
+    pub link: BodyRef,
     /// Around it as it is now.
     bounds: Bounds,
     velocity: Vector,
@@ -62,8 +62,8 @@ pub(super) struct Near {
 }
 
 impl Near {
-    fn sighting(&self) -> Sighting {
-        Sighting {
+    fn nearby(&self) -> NearbyBody {
+        NearbyBody {
             id: self.link.id,
             bounds: self.bounds,
             velocity: self.velocity.to_array(),
@@ -92,12 +92,12 @@ pub(super) struct Meeting {
     pub goes: RegionSet,
 }
 
-impl Sights {
+impl PredictedContacts {
     pub(super) fn new(regions: usize) -> Self {
-        let sights = vec![Sight::default(); regions];
+        let predicted = vec![NearbyBodies::default(); regions];
         Self {
-            shown: sights.clone(),
-            seen: sights,
+            shown: predicted.clone(),
+            seen: predicted,
             lists: vec![Vec::new(); regions],
             inner: (Vector::splat(f32::INFINITY), Vector::splat(f32::NEG_INFINITY)),
             ..Self::default()
@@ -105,13 +105,13 @@ impl Sights {
     }
 
     /// Ranks have changed; whom the present meetings are with is found anew at the end of the next exchange.
-    pub(super) fn renumber(&mut self, ranks: &Renumbering) {
-        ranks.list(&mut self.shown, Sight::default);
-        ranks.list(&mut self.seen, Sight::default);
+    pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
+        ranks.list(&mut self.shown, NearbyBodies::default);
+        ranks.list(&mut self.seen, NearbyBodies::default);
         ranks.list(&mut self.lists, Vec::new);
-        for sight in self.shown.iter_mut().chain(&mut self.seen) {
-            sight.visitors = ranks.set(sight.visitors);
-            for body in &mut sight.bodies {
+        for nearby in self.shown.iter_mut().chain(&mut self.seen) {
+            nearby.visitors = ranks.set(nearby.visitors);
+            for body in &mut nearby.bodies {
                 body.goes = ranks.set(body.goes);
             }
         }
@@ -138,7 +138,7 @@ impl Sights {
             let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
             for_each_overlap(&self.shown[rank].bodies, &self.seen[rank].bodies, ahead_s, |own, other| {
                 if own.awake || other.awake {
-                    let Sighting { island, goes, .. } = *other;
+                    let NearbyBody { island, goes, .. } = *other;
                     meetings.push(Meeting { own: own.id, rank, island, goes });
                 }
             });
@@ -157,13 +157,13 @@ impl Sights {
     pub(super) fn joining(&self, region: &Region, shared: &SharedBodies) -> Vec<(RigidBodyHandle, usize)> {
         let led = region.shared().iter().filter_map(|&link| {
             let rank = shared.get(link.handle)?.led_by.filter(|rank| *rank != region.rank())?;
-            Some(Sighting { goes: RegionSet::only(rank), ..near(region, link, self.tick_s).sighting() })
+            Some(NearbyBody { goes: RegionSet::only(rank), ..near(region, link, self.tick_s).nearby() })
         });
         let led: Vec<_> = led.collect();
         if led.is_empty() {
             return Vec::new();
         }
-        let all: Vec<_> = self.near.iter().filter(|near| near.awake).map(Near::sighting).collect();
+        let all: Vec<_> = self.near.iter().filter(|near| near.awake).map(Near::nearby).collect();
         let mut found = Vec::new();
         let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
         for_each_overlap(&all, &led, ahead_s, |one, led| {
@@ -182,13 +182,13 @@ impl Sights {
     ) -> Vec<(RigidBodyHandle, RegionSet)> {
         let own = RegionSet::only(region.rank());
         let dynamic = |near: &&Near| region.slot(near.link.handle).traits.kind == BodyKind::Dynamic;
-        let carriers: Vec<_> = self.near.iter().filter(|near| !dynamic(near)).map(Near::sighting).collect();
+        let carriers: Vec<_> = self.near.iter().filter(|near| !dynamic(near)).map(Near::nearby).collect();
         if carriers.is_empty() {
             return Vec::new();
         }
         let going = self.near.iter().filter(dynamic).filter(|near| near.awake);
         let going =
-            going.map(|near| Sighting { goes: near.goes(region, partition).without(own), ..near.sighting() });
+            going.map(|near| NearbyBody { goes: near.goes(region, partition).without(own), ..near.nearby() });
         let going: Vec<_> = going.filter(|near| !near.goes.is_empty()).collect();
         let mut found = Vec::new();
         let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
@@ -207,15 +207,16 @@ impl Sights {
 
     /// Regions whose bodies reach into this one's cell.
     fn visitors(&self, region: &Region) -> RegionSet {
-        let reaches = |sight: &Sight| sight.extent.is_some_and(|extent| region.cell().touches(&extent));
-        self.seen.iter().enumerate().filter(|(_, sight)| reaches(sight)).map(|(rank, _)| rank).collect()
+        let reaches =
+            |nearby: &NearbyBodies| nearby.extent.is_some_and(|extent| region.cell().touches(&extent));
+        self.seen.iter().enumerate().filter(|(_, nearby)| reaches(nearby)).map(|(rank, _)| rank).collect()
     }
 
     /// The part of the region where nothing concerns the others: its cell without what the others' bodies reach into.
     fn find_inner(&mut self, region: &Region) {
         let cell = region.cell();
         let mut inner = Bounds::new(cell.min, cell.max);
-        for extent in self.seen.iter().filter_map(|sight| sight.extent) {
+        for extent in self.seen.iter().filter_map(|nearby| nearby.extent) {
             cut(&mut inner, &extent);
         }
         let inner = inner.grown(-MARGIN_M);
@@ -262,9 +263,9 @@ fn cut(inner: &mut Bounds, away: &Bounds) {
 /// Takes in what another region shows. Bodies here that it did not reach before are to be looked at once: what sleeps is not
 /// looked at by itself, nor for some ticks what was far from any border.
 pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &BorderMessage) {
-    let Some(sight) = &message.sight else { return };
-    let before = border.sights.seen[rank].extent;
-    for part in sight.extent.iter().flat_map(|extent| beyond(extent, before.as_ref())) {
+    let Some(nearby) = &message.nearby else { return };
+    let before = border.predicted.seen[rank].extent;
+    for part in nearby.extent.iter().flat_map(|extent| beyond(extent, before.as_ref())) {
         let part = part.grown(MARGIN_M);
         let aabb = Aabb::new(
             convert::region_point(region.anchor(), part.min),
@@ -273,9 +274,9 @@ pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &B
         let found = region.physics().intersect_aabb_conservative(aabb, QueryFilter::exclude_fixed());
         border.overlooked.extend(found.filter_map(|(_, collider)| collider.parent()));
     }
-    let sights = &mut border.sights;
-    sights.seen[rank] = sight.clone();
-    sights.changed.insert(rank);
+    let predicted = &mut border.predicted;
+    predicted.seen[rank] = nearby.clone();
+    predicted.changed.insert(rank);
 }
 
 /// The parts of a box that do not lie in another: a slab for each face that sticks out.
@@ -302,49 +303,49 @@ fn beyond(bounds: &Bounds, other: Option<&Bounds>) -> Vec<Bounds> {
 /// Looks at bodies owned here: keeps a list of those near the border, and lets the others rest.
 pub(super) fn look(
     region: &mut Region,
-    sights: &mut Sights,
+    predicted: &mut PredictedContacts,
     moment: Moment<'_>,
     handles: &[RigidBodyHandle],
 ) {
     let tick_s = moment.settings.dt_s;
-    sights.tick_s = tick_s;
+    predicted.tick_s = tick_s;
     let now = moment.tick.0 as u32;
-    sights.find_inner(region);
+    predicted.find_inner(region);
     // By Rapier's handle, not by name: nothing is hashed.
-    let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Role::Owner));
-    sights.near.retain(own);
+    let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
+    predicted.near.retain(own);
     for &handle in handles {
         let slot = region.slot(handle);
-        if slot.role != Role::Owner {
+        if slot.role != Ownership::Owner {
             continue;
         }
-        let link = Link { id: slot.id, handle };
-        let place = sights.near.binary_search_by_key(&link.id, |near| near.link.id);
-        let rest = sights.rest_of(region, handle, tick_s);
+        let link = BodyRef { id: slot.id, handle };
+        let place = predicted.near.binary_search_by_key(&link.id, |near| near.link.id);
+        let rest = predicted.rest_of(region, handle, tick_s);
         if rest > 0 {
             region.rest_until(handle, now + rest);
             if let Ok(place) = place {
-                sights.near.remove(place);
+                predicted.near.remove(place);
             }
             continue;
         }
         let near = near(region, link, tick_s);
         match place {
-            Ok(place) => sights.near[place] = near,
-            Err(place) => sights.near.insert(place, near),
+            Ok(place) => predicted.near[place] = near,
+            Err(place) => predicted.near.insert(place, near),
         }
     }
-    let Sights { near, seen, .. } = sights;
+    let PredictedContacts { near, seen, .. } = predicted;
     near.retain_mut(|near| {
         near.awake = !region.physics().bodies[near.link.handle].is_sleeping();
         // What sleeps where nobody reaches concerns nobody, until it wakes or someone comes to reach it.
         near.awake
             || !region.cell().contains_box(&near.swept)
-            || seen.iter().any(|sight| sight.extent.is_some_and(|extent| extent.touches(&near.swept)))
+            || seen.iter().any(|nearby| nearby.extent.is_some_and(|extent| extent.touches(&near.swept)))
     });
 }
 
-fn near(region: &Region, link: Link, tick_s: f32) -> Near {
+fn near(region: &Region, link: BodyRef, tick_s: f32) -> Near {
     let body = &region.physics().bodies[link.handle];
     let ahead_s = AHEAD_TICKS * tick_s;
     let turn_m = (body.angvel().length() * ahead_s).min(1.0) * region.slot(link.handle).reach_m;
@@ -364,18 +365,23 @@ fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
 }
 
 /// Says to every other region what it must see, if that changed.
-pub(super) fn show(region: &Region, sights: &mut Sights, outbox: &mut Outbox, moment: Moment<'_>) {
+pub(super) fn show(
+    region: &Region,
+    predicted: &mut PredictedContacts,
+    outbox: &mut Outbox,
+    moment: Moment<'_>,
+) {
     let own = RegionSet::only(region.rank());
     let mut extent: Option<Bounds> = None;
-    let fast: Vec<_> = sights.seen.iter().map(|sight| fast_bounds(sight, sights.tick_s)).collect();
-    for near in &sights.near {
+    let fast: Vec<_> = predicted.seen.iter().map(|nearby| fast_bounds(nearby, predicted.tick_s)).collect();
+    for near in &predicted.near {
         let bounds = near.swept;
         if !region.cell().contains_box(&bounds) {
             extent = Some(extent.map_or(bounds, |extent| extent.union(&bounds)));
         }
         let mut viewers = moment.partition.touching(&bounds);
-        for (rank, sight) in sights.seen.iter().enumerate() {
-            if sight.extent.is_some_and(|extent| extent.touches(&bounds)) {
+        for (rank, nearby) in predicted.seen.iter().enumerate() {
+            if nearby.extent.is_some_and(|extent| extent.touches(&bounds)) {
                 viewers.insert(rank);
             }
         }
@@ -391,50 +397,50 @@ pub(super) fn show(region: &Region, sights: &mut Sights, outbox: &mut Outbox, mo
             slot.holders.without(met.fold(RegionSet::EMPTY, RegionSet::union))
         };
         for rank in viewers.without(known).without(own).iter() {
-            let sighting = near.sighting();
-            sights.lists[rank].push(Sighting {
+            let nearby = near.nearby();
+            predicted.lists[rank].push(NearbyBody {
                 island: if dynamic { near.island } else { 0 },
                 goes: if dynamic { near.goes(region, moment.partition) } else { RegionSet::EMPTY },
-                ..sighting
+                ..nearby
             });
         }
     }
-    let audience = extent.map_or(RegionSet::EMPTY, |extent| sights.audience(&extent, moment.partition));
-    let visitors = sights.visitors(region);
-    for (rank, list) in sights.lists.iter_mut().enumerate() {
+    let audience = extent.map_or(RegionSet::EMPTY, |extent| predicted.audience(&extent, moment.partition));
+    let visitors = predicted.visitors(region);
+    for (rank, list) in predicted.lists.iter_mut().enumerate() {
         if rank == region.rank() {
             continue;
         }
         let extent = extent.filter(|_| audience.contains(rank));
         let met =
             if visitors.contains(rank) { visitors.without(RegionSet::only(rank)) } else { RegionSet::EMPTY };
-        let shown = &mut sights.shown[rank];
+        let shown = &mut predicted.shown[rank];
         if (shown.extent, shown.visitors) != (extent, met) || shown.bodies != *list {
-            *shown = Sight { extent, visitors: met, bodies: std::mem::take(list) };
-            sights.changed.insert(rank);
-            outbox.to(rank).sight = Some(sights.shown[rank].clone());
+            *shown = NearbyBodies { extent, visitors: met, bodies: std::mem::take(list) };
+            predicted.changed.insert(rank);
+            outbox.to(rank).nearby = Some(predicted.shown[rank].clone());
         }
         list.clear();
     }
 }
 
 /// A box around all that another region's fast bodies may reach in the ticks to come.
-fn fast_bounds(sight: &Sight, tick_s: f32) -> Option<Bounds> {
+fn fast_bounds(nearby: &NearbyBodies, tick_s: f32) -> Option<Bounds> {
     let ahead_s = f64::from(AHEAD_TICKS * tick_s);
-    let fast = sight.bodies.iter().filter(|body| Vector::from_array(body.velocity).length() > SLOW_M_S);
+    let fast = nearby.bodies.iter().filter(|body| Vector::from_array(body.velocity).length() > SLOW_M_S);
     fast.map(|body| swept(&body.bounds, body.velocity, ahead_s)).reduce(|all, bounds| all.union(&bounds))
 }
 
 /// Every pair of boxes that will overlap within a time, and after how many seconds: by sweeping along the axis on which the
 /// second list is widest.
 fn for_each_overlap(
-    first: &[Sighting],
-    second: &[Sighting],
+    first: &[NearbyBody],
+    second: &[NearbyBody],
     ahead_s: f64,
-    mut visit: impl FnMut(&Sighting, &Sighting),
+    mut visit: impl FnMut(&NearbyBody, &NearbyBody),
 ) {
-    let boxes = |list: &[Sighting]| -> Vec<_> {
-        list.iter().map(|sighting| (swept(&sighting.bounds, sighting.velocity, ahead_s), *sighting)).collect()
+    let boxes = |list: &[NearbyBody]| -> Vec<_> {
+        list.iter().map(|nearby| (swept(&nearby.bounds, nearby.velocity, ahead_s), *nearby)).collect()
     };
     let (mut first, mut second) = (boxes(first), boxes(second));
     let Some(around) = second.iter().map(|(bounds, _)| *bounds).reduce(|a, b| a.union(&b)) else { return };
@@ -488,23 +494,23 @@ mod tests {
 
     use super::*;
 
-    fn sighting(id: u32, at: [f64; 3], velocity: [f32; 3]) -> Sighting {
+    fn nearby(id: u32, at: [f64; 3], velocity: [f32; 3]) -> NearbyBody {
         let bounds = Bounds::around(at, [0.5; 3]);
         let goes = RegionSet::EMPTY;
-        Sighting { id: BodyId::persistent(id), bounds, velocity, awake: true, island: 1, goes }
+        NearbyBody { id: BodyId::persistent(id), bounds, velocity, awake: true, island: 1, goes }
     }
 
     #[test]
     fn boxes_meet_when_the_gap_closes_on_every_axis_at_once() {
-        let meet = |b: Sighting| {
-            let a = sighting(0, [0.0; 3], [1.0, 0.0, 0.0]);
+        let meet = |b: NearbyBody| {
+            let a = nearby(0, [0.0; 3], [1.0, 0.0, 0.0]);
             meet_after((&a.bounds, a.velocity), (&b.bounds, b.velocity))
         };
-        assert_eq!(meet(sighting(1, [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0])), Some(1.0));
-        assert_eq!(meet(sighting(1, [3.0, 0.0, 0.0], [1.0, 0.0, 0.0])), None, "as fast, it is never reached");
-        assert_eq!(meet(sighting(1, [3.0, 0.0, 0.0], [2.0, 0.0, 0.0])), None, "it flees");
-        assert_eq!(meet(sighting(1, [3.0, 4.0, 0.0], [-1.0, 0.0, 0.0])), None, "they pass");
-        assert_eq!(meet(sighting(1, [0.5, 0.5, 0.0], [9.0, 9.0, 9.0])), Some(0.0), "they overlap");
+        assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0])), Some(1.0));
+        assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [1.0, 0.0, 0.0])), None, "as fast, it is never reached");
+        assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [2.0, 0.0, 0.0])), None, "it flees");
+        assert_eq!(meet(nearby(1, [3.0, 4.0, 0.0], [-1.0, 0.0, 0.0])), None, "they pass");
+        assert_eq!(meet(nearby(1, [0.5, 0.5, 0.0], [9.0, 9.0, 9.0])), Some(0.0), "they overlap");
     }
 
     #[test]
@@ -515,12 +521,12 @@ mod tests {
             (first..first + 60)
                 .map(|id| {
                     let at = std::array::from_fn(|_| f64::from(roll(-6.0, 6.0)));
-                    sighting(id, at, std::array::from_fn(|_| roll(-5.0, 5.0)))
+                    nearby(id, at, std::array::from_fn(|_| roll(-5.0, 5.0)))
                 })
                 .collect()
         };
         let (ours, theirs) = (list(0), list(100));
-        let pairs = |a: &[Sighting], b: &[Sighting], swapped: bool| {
+        let pairs = |a: &[NearbyBody], b: &[NearbyBody], swapped: bool| {
             let mut found = Vec::new();
             for_each_overlap(a, b, 0.1, |a, b| {
                 found.push(if swapped { (b.id, a.id) } else { (a.id, b.id) });

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::space::{RegionId, RegionSet};
 
 /// Old ranks to new ones.
-pub(super) struct Renumbering {
+pub(super) struct RankRemap {
     /// By old rank; none for a region that is no more, of which nobody holds anything.
     pub to: Vec<Option<usize>>,
     /// All regions by new rank.
@@ -14,7 +14,7 @@ pub(super) struct Renumbering {
     pub born: Option<(usize, usize)>,
 }
 
-impl Renumbering {
+impl RankRemap {
     /// The new rank of a region that stays.
     pub(super) fn rank(&self, old: usize) -> usize {
         self.to[old].expect("nobody holds anything of a region that is given up")

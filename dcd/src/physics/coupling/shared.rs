@@ -5,8 +5,8 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::physics::convert;
+use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
-use crate::physics::renumber::Renumbering;
 use crate::protocol::{Check, CopyState};
 use crate::space::{RegionSet, mixed};
 
@@ -16,7 +16,7 @@ pub(super) struct Shared {
     /// All that hold it as of the last exchange, this region too.
     pub members: RegionSet,
     /// Those of them whose copies do not count: they follow the others', to have their contacts when they come to count.
-    pub shadows: RegionSet,
+    pub warming: RegionSet,
     /// The other members' copies as last heard, by rank.
     pub heard: Vec<(usize, CopyState)>,
     /// This region's copy after the last step.
@@ -26,7 +26,7 @@ pub(super) struct Shared {
     pub followed: bool,
     /// Rank of the region whose word stood in the last exchange, unless the body is split.
     pub led_by: Option<usize>,
-    /// How far the velocities of shadows were from what they follow, m/s; told to the owner.
+    /// How far the velocities of warming were from what they follow, m/s; told to the owner.
     pub strayed_m_s: f32,
     /// Averaged difference of its first copy's velocity from the mean while it is split, m/s.
     pub lasting: Vector,
@@ -41,12 +41,12 @@ pub(super) struct Shared {
 impl Shared {
     /// Whether several copies count, each with its share of the mass; else the owner's does, and the others are ghosts of it.
     pub(super) fn is_split(&self) -> bool {
-        self.members.without(self.shadows).len() > 1
+        self.members.without(self.warming).len() > 1
     }
 
     /// Ranks have changed.
-    fn renumber(&mut self, ranks: &Renumbering) {
-        (self.members, self.shadows) = (ranks.set(self.members), ranks.set(self.shadows));
+    fn remap_ranks(&mut self, ranks: &RankRemap) {
+        (self.members, self.warming) = (ranks.set(self.members), ranks.set(self.warming));
         for (rank, _) in &mut self.heard {
             *rank = ranks.rank(*rank);
         }
@@ -108,32 +108,32 @@ impl SharedBodies {
         region: &mut Region,
         handle: RigidBodyHandle,
         members: RegionSet,
-        shadows: RegionSet,
+        warming: RegionSet,
     ) {
         let shared = self.enter(handle);
-        if (shared.members, shared.shadows) != (members, shadows) {
+        if (shared.members, shared.warming) != (members, warming) {
             (shared.settled, shared.joined, shared.idle) = (0, 0, 0);
             shared.heard.retain(|(rank, _)| members.contains(*rank));
             region.slot_mut(handle).told_asleep = false;
         }
-        (shared.members, shared.shadows) = (members, shadows);
+        (shared.members, shared.warming) = (members, warming);
         let own = RegionSet::only(region.rank());
         region.set_holders(handle, members.without(own));
         if members.len() == 1 {
             region.undivide(handle);
             self.forget(handle);
         } else {
-            region.divide_among(handle, members.without(shadows));
+            region.split_mass_among(handle, members.without(warming));
         }
     }
 
     /// Ranks have changed. Forgets what is left of bodies that are here no more: it may speak of regions that are none either.
-    pub(super) fn renumber(&mut self, region: &Region, ranks: &Renumbering) {
+    pub(super) fn remap_ranks(&mut self, region: &Region, ranks: &RankRemap) {
         for place in &mut self.of {
             if place.as_ref().is_some_and(|(handle, _)| !region.physics().bodies.contains(*handle)) {
                 *place = None;
             } else if let Some((_, shared)) = place {
-                shared.renumber(ranks);
+                shared.remap_ranks(ranks);
             }
         }
     }
@@ -144,7 +144,7 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &Shared, ti
     let (slot, body) = (region.slot(handle), &region.physics().bodies[handle]);
     // What cannot be told says nothing, as a copy that Rapier has set aside.
     let unsound = CopyState { id: slot.id, ..CopyState::default() };
-    if region.division(handle).is_some_and(|division| division.is_broken()) {
+    if region.mass_split(handle).is_some_and(|mass_split| mass_split.is_broken()) {
         return unsound;
     }
     let before = (Vector::from_array(shared.own.force_n), Vector::from_array(shared.own.torque_nm));

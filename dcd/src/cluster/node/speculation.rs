@@ -6,21 +6,21 @@ use std::time::Duration;
 
 use super::{Node, NodeOutput, Phase};
 use crate::cluster::PhysicsCommand;
-use crate::protocol::{Drive, Pace, SharedState, Stamp, ToClient, WorldOp};
+use crate::protocol::{Input, Pace, SharedState, Stamp, ToClient, WorldOp};
 use crate::space::{BodyId, Tick};
 
 #[derive(Clone, Debug, Default)]
-pub(super) struct Drift {
+pub(super) struct Speculation {
     /// Provisional ticks since the last one that counts, and when the next is due; `None`: all is well.
     running: Option<(u64, Duration)>,
-    /// The newest wishes of the client in this process since then.
-    wishes: BTreeMap<BodyId, Drive>,
+    /// The newest inputs of the client in this process since then.
+    inputs: BTreeMap<BodyId, Input>,
 }
 
-impl Drift {
-    pub(super) fn steer(&mut self, drive: Drive) {
+impl Speculation {
+    pub(super) fn steer(&mut self, drive: Input) {
         if self.running.is_some() {
-            self.wishes.insert(drive.body, drive);
+            self.inputs.insert(drive.body, drive);
         }
     }
 
@@ -36,33 +36,33 @@ impl Node {
     }
 
     /// When the next provisional tick is due, if all stays as it is.
-    pub(super) fn drift_at(&self) -> Option<Duration> {
+    pub(super) fn speculation_due(&self) -> Option<Duration> {
         let world = self.world.as_ref().filter(|world| world.pace == Pace::RealTime)?;
         let is_over = world.last_tick == Some(self.tick);
         let audience = self.config.client.is_some() || self.leader.as_ref().is_some_and(|l| l.has_clients());
         if self.busy || self.view.is_none() || is_over || !audience {
             return None;
         }
-        Some(self.drift.running.map_or(self.since + self.config.patience, |(_, at)| at))
+        Some(self.speculation.running.map_or(self.since + self.config.patience, |(_, at)| at))
     }
 
     /// Computes a provisional tick if it is due.
-    pub(super) fn drift(&mut self, now: Duration) {
-        if self.drift_at().is_none_or(|at| now < at) {
+    pub(super) fn speculate(&mut self, now: Duration) {
+        if self.speculation_due().is_none_or(|at| now < at) {
             return;
         }
         let dt = self.world.as_ref().map_or(0.0, |world| world.dt_s);
-        let (count, at) = self.drift.running.unwrap_or((0, now));
-        self.drift.running = Some((count + 1, (at + Duration::from_secs_f32(dt)).max(now)));
+        let (count, at) = self.speculation.running.unwrap_or((0, now));
+        self.speculation.running = Some((count + 1, (at + Duration::from_secs_f32(dt)).max(now)));
         self.counters.provisional += 1;
-        let mut wishes = std::mem::take(&mut self.drift.wishes);
-        wishes.extend(self.leader.iter().flat_map(|leader| leader.wishes()).map(|drive| (drive.body, drive)));
-        self.ask(PhysicsCommand::Drift(wishes.into_values().map(WorldOp::Drive).collect()));
+        let mut inputs = std::mem::take(&mut self.speculation.inputs);
+        inputs.extend(self.leader.iter().flat_map(|leader| leader.inputs()).map(|drive| (drive.body, drive)));
+        self.ask(PhysicsCommand::Speculate(inputs.into_values().map(WorldOp::Input).collect()));
     }
 
     /// Tells clients what became of the copy.
-    pub(super) fn drifted(&mut self, states: Vec<SharedState>) {
-        let Some((count, _)) = self.drift.running else { return };
+    pub(super) fn speculated(&mut self, states: Vec<SharedState>) {
+        let Some((count, _)) = self.speculation.running else { return };
         // As often as of ticks that count: more would crowd those out on a thin link.
         if (count - 1) % self.config.report_every != 0 {
             return;
@@ -81,9 +81,9 @@ impl Node {
     }
 
     /// The others are back.
-    pub(super) fn return_from_drift(&mut self) {
-        if self.drift.running.is_some() {
-            self.drift = Drift::default();
+    pub(super) fn end_speculation(&mut self) {
+        if self.speculation.running.is_some() {
+            self.speculation = Speculation::default();
             self.order(PhysicsCommand::Return);
         }
     }

@@ -5,17 +5,17 @@ use rapier3d::prelude::*;
 
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
-use crate::pointer::{self, Out, Sized32, check_bits, check_not_negative, check_part, check_reserved};
+use crate::pointer::{self, Out, Sized32, check_bits, check_collider, check_not_negative, check_reserved};
 use crate::registry::{self, World, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdFrame};
 
-/// In place of a part's number: all shapes of the body.
-pub const DCD_ALL_PARTS: u32 = u32::MAX;
+/// In place of a collider's number: all shapes of the body.
+pub const DCD_ALL_COLLIDERS: u32 = u32::MAX;
 
 /// Most shapes of one body.
-pub const DCD_MAX_PARTS: u32 = 4096;
+pub const DCD_MAX_COLLIDERS: u32 = 4096;
 
 /// How the coefficients of two shapes in contact become one; of two rules the one with the higher number counts.
 pub type DcdCombineRule = u32;
@@ -46,20 +46,20 @@ pub const DCD_PAIR_KINEMATIC_FIXED: u32 = 16;
 /// In DcdBodyDef.pairs: fixed if fixed.
 pub const DCD_PAIR_FIXED_FIXED: u32 = 32;
 
-/// In DcdPartProperties.flags: detects and does not push.
-pub const DCD_PART_SENSOR: u32 = 1;
-/// In DcdPartProperties.flags: is not there until this is taken away.
-pub const DCD_PART_DISABLED: u32 = 2;
-/// In DcdPartProperties.flags: one match of groups and mask is enough for two shapes that both say so; else both must match.
-pub const DCD_PART_ANY_GROUP: u32 = 4;
+/// In DcdColliderProperties.flags: detects and does not push.
+pub const DCD_COLLIDER_SENSOR: u32 = 1;
+/// In DcdColliderProperties.flags: is not there until this is taken away.
+pub const DCD_COLLIDER_DISABLED: u32 = 2;
+/// In DcdColliderProperties.flags: one match of groups and mask is enough for two shapes that both say so; else both must match.
+pub const DCD_COLLIDER_ANY_GROUP: u32 = 4;
 
-/// What one shape of a body is like. Start from DCD_PART_PROPERTIES_INIT, or from dcd_part_properties.
+/// What one shape of a body is like. Start from DCD_COLLIDER_PROPERTIES_INIT, or from dcd_collider_properties.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DcdPartProperties {
-    /// sizeof(DcdPartProperties).
+pub struct DcdColliderProperties {
+    /// sizeof(DcdColliderProperties).
     pub struct_size: u32,
-    /// DCD_PART_… bits.
+    /// DCD_COLLIDER_… bits.
     pub flags: u32,
     /// Where it sits on the body.
     pub frame: DcdFrame,
@@ -98,8 +98,8 @@ pub struct DcdPartProperties {
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
-unsafe impl Sized32 for DcdPartProperties {
-    const NAME: &'static str = "DcdPartProperties";
+unsafe impl Sized32 for DcdColliderProperties {
+    const NAME: &'static str = "DcdColliderProperties";
 }
 
 const RULES: [CoefficientCombineRule; 6] = [
@@ -121,7 +121,7 @@ const PAIRS: [ActiveCollisionTypes; 6] = [
     ActiveCollisionTypes::FIXED_FIXED,
 ];
 
-impl DcdPartProperties {
+impl DcdColliderProperties {
     fn of(record: &ColliderRecord) -> Self {
         let bit = |bit: u32, set: bool| if set { bit } else { 0 };
         let (density, mass) = match record.mass {
@@ -135,9 +135,9 @@ impl DcdPartProperties {
         let groups = record.collision_groups;
         Self {
             struct_size: size_of::<Self>() as u32,
-            flags: bit(DCD_PART_SENSOR, record.sensor)
-                | bit(DCD_PART_DISABLED, !record.enabled)
-                | bit(DCD_PART_ANY_GROUP, groups.any),
+            flags: bit(DCD_COLLIDER_SENSOR, record.sensor)
+                | bit(DCD_COLLIDER_DISABLED, !record.enabled)
+                | bit(DCD_COLLIDER_ANY_GROUP, groups.any),
             frame: DcdFrame { p: record.pose.translation, q: record.pose.rotation },
             density,
             mass,
@@ -160,7 +160,11 @@ impl DcdPartProperties {
     }
 
     pub(crate) fn check(&self) -> Result<(), Failure> {
-        check_bits(self.flags, DCD_PART_SENSOR | DCD_PART_DISABLED | DCD_PART_ANY_GROUP, "flags")?;
+        check_bits(
+            self.flags,
+            DCD_COLLIDER_SENSOR | DCD_COLLIDER_DISABLED | DCD_COLLIDER_ANY_GROUP,
+            "flags",
+        )?;
         self.frame.check("frame")?;
         for (value, name) in [
             (self.density, "density"),
@@ -171,7 +175,7 @@ impl DcdPartProperties {
         ] {
             check_not_negative(value, name)?;
         }
-        check_part(self.restitution, "restitution")?;
+        check_collider(self.restitution, "restitution")?;
         check_reserved(self.reserved)?;
         for (rule, name) in
             [(self.friction_rule, "friction_rule"), (self.restitution_rule, "restitution_rule")]
@@ -193,8 +197,8 @@ impl DcdPartProperties {
             .friction_combine_rule(RULES[self.friction_rule as usize])
             .restitution_combine_rule(RULES[self.restitution_rule as usize])
             .contact_skin(self.contact_skin)
-            .sensor(self.has(DCD_PART_SENSOR))
-            .enabled(!self.has(DCD_PART_DISABLED))
+            .sensor(self.has(DCD_COLLIDER_SENSOR))
+            .enabled(!self.has(DCD_COLLIDER_DISABLED))
             .active_events(active_events(self.events))
             .contact_force_event_threshold(self.force_threshold)
             .collision_groups(self.interaction(self.groups, self.mask))
@@ -222,19 +226,19 @@ impl DcdPartProperties {
         collider.set_friction_combine_rule(RULES[self.friction_rule as usize]);
         collider.set_restitution_combine_rule(RULES[self.restitution_rule as usize]);
         collider.set_contact_skin(self.contact_skin);
-        collider.set_sensor(self.has(DCD_PART_SENSOR));
-        if (self.flags ^ before.flags) & DCD_PART_DISABLED != 0 {
-            collider.set_enabled(!self.has(DCD_PART_DISABLED));
+        collider.set_sensor(self.has(DCD_COLLIDER_SENSOR));
+        if (self.flags ^ before.flags) & DCD_COLLIDER_DISABLED != 0 {
+            collider.set_enabled(!self.has(DCD_COLLIDER_DISABLED));
         }
         if self.events != before.events {
             collider.set_active_events(active_events(self.events));
         }
         collider.set_contact_force_event_threshold(self.force_threshold);
-        let groups = |own: &Self| (own.groups, own.mask, own.flags & DCD_PART_ANY_GROUP);
+        let groups = |own: &Self| (own.groups, own.mask, own.flags & DCD_COLLIDER_ANY_GROUP);
         if groups(self) != groups(before) {
             collider.set_collision_groups(self.interaction(self.groups, self.mask));
         }
-        let groups = |own: &Self| (own.solver_groups, own.solver_mask, own.flags & DCD_PART_ANY_GROUP);
+        let groups = |own: &Self| (own.solver_groups, own.solver_mask, own.flags & DCD_COLLIDER_ANY_GROUP);
         if groups(self) != groups(before) {
             collider.set_solver_groups(self.interaction(self.solver_groups, self.solver_mask));
         }
@@ -252,7 +256,7 @@ impl DcdPartProperties {
 
     fn interaction(&self, groups: u32, mask: u32) -> InteractionGroups {
         let mode =
-            if self.has(DCD_PART_ANY_GROUP) { InteractionTestMode::Or } else { InteractionTestMode::And };
+            if self.has(DCD_COLLIDER_ANY_GROUP) { InteractionTestMode::Or } else { InteractionTestMode::And };
         InteractionGroups::new(Group::from_bits_retain(groups), Group::from_bits_retain(mask), mode)
     }
 
@@ -262,69 +266,69 @@ impl DcdPartProperties {
     }
 }
 
-/// Reads what one shape of a body is like. `part` is its number, from 0.
+/// Reads what one shape of a body is like. `collider` is its number, from 0.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_part_properties(
+pub unsafe extern "C" fn dcd_collider_properties(
     world: DcdWorld,
     body: DcdBodyId,
-    part: u32,
-    out: *mut DcdPartProperties,
+    collider: u32,
+    out: *mut DcdColliderProperties,
 ) -> DcdStatus {
-    guard("dcd_part_properties", || {
+    guard("dcd_collider_properties", || {
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
-            out.write(read(world, body, part)?);
+            out.write(read(world, body, collider)?);
             Ok(())
         })
     })
 }
 
-/// Changes what one shape of a body is like: read it by dcd_part_properties, change members, and give it back. What is as it was
+/// Changes what one shape of a body is like: read it by dcd_collider_properties, change members, and give it back. What is as it was
 /// stays as it is.
 ///
 /// `properties` is read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there or a member out of
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there or a member out of
 /// range, DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_part_set_properties(
+pub unsafe extern "C" fn dcd_collider_set_properties(
     world: DcdWorld,
     body: DcdBodyId,
-    part: u32,
-    properties: *const DcdPartProperties,
+    collider: u32,
+    properties: *const DcdColliderProperties,
 ) -> DcdStatus {
-    guard("dcd_part_set_properties", || {
+    guard("dcd_collider_set_properties", || {
         // SAFETY: the caller vouches for the pointer.
         let after = unsafe { pointer::read_sized(properties, "properties")? };
         with(world, |world| {
             world.dcd.changes_colliders()?;
-            let (id, before) = (registry::find(world, body)?, read(world, body, part)?);
+            let (id, before) = (registry::find(world, body)?, read(world, body, collider)?);
             after.check()?;
             world
                 .dcd
-                .update_collider(id, part as usize, |collider| after.apply(&before, collider))
+                .update_collider(id, collider as usize, |collider| after.apply(&before, collider))
                 .map_err(Failure::from)
         })
     })
 }
 
-/// Gives a body one more shape, the last of its parts; its number goes to `out`, which may be null. The contacts of the body
+/// Gives a body one more shape, the last of its colliders; its number goes to `out`, which may be null. The contacts of the body
 /// begin anew, without memory.
 ///
-/// `properties` is read during the call; null is DCD_PART_PROPERTIES_INIT.
+/// `properties` is read during the call; null is DCD_COLLIDER_PROPERTIES_INIT.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
-/// more than DCD_MAX_PARTS, DCD_ERR_UNSUPPORTED in a served world.
+/// more than DCD_MAX_COLLIDERS, DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_part_add(
+pub unsafe extern "C" fn dcd_collider_add(
     world: DcdWorld,
     body: DcdBodyId,
     shape: DcdShapeId,
-    properties: *const DcdPartProperties,
+    properties: *const DcdColliderProperties,
     out: *mut u32,
 ) -> DcdStatus {
-    guard("dcd_part_add", || {
+    guard("dcd_collider_add", || {
         // SAFETY: the caller vouches for what is not null.
         let (properties, out) = unsafe {
             (
@@ -336,13 +340,15 @@ pub unsafe extern "C" fn dcd_part_add(
         with(world, |world| {
             world.dcd.changes_colliders()?;
             let (id, shape) = (registry::find(world, body)?, shape::find(world, shape)?.clone());
-            let part = world.dcd.collider_count(id);
-            if part >= DCD_MAX_PARTS as usize {
-                return Err(Failure::argument(format!("the body has {part} parts; make a compound of some")));
+            let collider = world.dcd.collider_count(id);
+            if collider >= DCD_MAX_COLLIDERS as usize {
+                return Err(Failure::argument(format!(
+                    "the body has {collider} colliders; make a compound of some"
+                )));
             }
             world.dcd.insert_collider(id, properties.builder(shape))?;
             if let Some(out) = out {
-                out.write(part as u32);
+                out.write(collider as u32);
             }
             Ok(())
         })
@@ -352,117 +358,119 @@ pub unsafe extern "C" fn dcd_part_add(
 /// Takes a shape from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
 /// memory.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or is the only one,
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or is the only one,
 /// DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
-pub extern "C" fn dcd_part_remove(world: DcdWorld, body: DcdBodyId, part: u32) -> DcdStatus {
-    guard("dcd_part_remove", || {
+pub extern "C" fn dcd_collider_remove(world: DcdWorld, body: DcdBodyId, collider: u32) -> DcdStatus {
+    guard("dcd_collider_remove", || {
         with(world, |world| {
             world.dcd.changes_colliders()?;
             let id = registry::find(world, body)?;
-            if world.dcd.collider_count(id) == 1 && part == 0 {
-                return Err(Failure::argument("the body has no other part; destroy it, or disable the part"));
+            if world.dcd.collider_count(id) == 1 && collider == 0 {
+                return Err(Failure::argument(
+                    "the body has no other collider; destroy it, or disable the collider",
+                ));
             }
-            world.dcd.remove_collider(id, part as usize).map_err(Failure::from)
+            world.dcd.remove_collider(id, collider as usize).map_err(Failure::from)
         })
     })
 }
 
-/// Gives a part of a body another shape. The contacts of the body begin anew, without memory.
+/// Gives a collider of a body another shape. The contacts of the body begin anew, without memory.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a part that is not there,
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a collider that is not there,
 /// DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
-pub extern "C" fn dcd_part_set_shape(
+pub extern "C" fn dcd_collider_set_shape(
     world: DcdWorld,
     body: DcdBodyId,
-    part: u32,
+    collider: u32,
     shape: DcdShapeId,
 ) -> DcdStatus {
-    guard("dcd_part_set_shape", || {
+    guard("dcd_collider_set_shape", || {
         with(world, |world| {
             world.dcd.changes_colliders()?;
             let (id, shape) = (registry::find(world, body)?, shape::find(world, shape)?.clone());
             world
                 .dcd
-                .update_collider(id, part as usize, |collider| collider.set_shape(shape.clone()))
+                .update_collider(id, collider as usize, |collider| collider.set_shape(shape.clone()))
                 .map_err(Failure::from)
         })
     })
 }
 
 /// Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
-/// newtons. `part` is the number of one of its shapes, from 0, or DCD_ALL_PARTS.
+/// newtons. `collider` is the number of one of its shapes, from 0, or DCD_ALL_COLLIDERS.
 ///
 /// Of a contact that is there already, the end is told only if the beginning was.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, unknown bits or a threshold below 0,
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
 /// DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_events(
     world: DcdWorld,
     body: DcdBodyId,
-    part: u32,
+    collider: u32,
     events: u32,
     force_threshold: f32,
 ) -> DcdStatus {
     guard("dcd_body_set_events", || {
         check_bits(events, DCD_EVENT_CONTACT | DCD_EVENT_FORCE, "events")?;
         check_not_negative(force_threshold, "force_threshold")?;
-        change(world, body, part, |collider| {
+        change(world, body, collider, |collider| {
             collider.set_active_events(active_events(events));
             collider.set_contact_force_event_threshold(force_threshold);
         })
     })
 }
 
-/// Sets how a body slides and bounces: Coulomb coefficient, 0 or more, and restitution, 0 to 1. `part` as in
+/// Sets how a body slides and bounces: Coulomb coefficient, 0 or more, and restitution, 0 to 1. `collider` as in
 /// dcd_body_set_events.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or a coefficient out of range,
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or a coefficient out of range,
 /// DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_material(
     world: DcdWorld,
     body: DcdBodyId,
-    part: u32,
+    collider: u32,
     friction: f32,
     restitution: f32,
 ) -> DcdStatus {
     guard("dcd_body_set_material", || {
         check_not_negative(friction, "friction")?;
-        check_part(restitution, "restitution")?;
-        change(world, body, part, |collider| {
+        check_collider(restitution, "restitution")?;
+        change(world, body, collider, |collider| {
             collider.set_friction(friction);
             collider.set_restitution(restitution);
         })
     })
 }
 
-/// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `part` as in
+/// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `collider` as in
 /// dcd_body_set_events.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, DCD_ERR_UNSUPPORTED in a served
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED in a served
 /// world.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_groups(
     world: DcdWorld,
     body: DcdBodyId,
-    part: u32,
+    collider: u32,
     groups: u32,
     mask: u32,
 ) -> DcdStatus {
     guard("dcd_body_set_groups", || {
         let group = Group::from_bits_retain;
-        change(world, body, part, |collider| {
+        change(world, body, collider, |collider| {
             let mode = collider.collision_groups().test_mode;
             collider.set_collision_groups(InteractionGroups::new(group(groups), group(mask), mode));
         })
     })
 }
 
-/// DCD_PART_PROPERTIES_INIT.
-const USUAL: DcdPartProperties = DcdPartProperties {
-    struct_size: size_of::<DcdPartProperties>() as u32,
+/// DCD_COLLIDER_PROPERTIES_INIT.
+const USUAL: DcdColliderProperties = DcdColliderProperties {
+    struct_size: size_of::<DcdColliderProperties>() as u32,
     flags: 0,
     frame: DcdFrame { p: [0.0; 3], q: [0.0, 0.0, 0.0, 1.0] },
     density: 1000.0,
@@ -483,17 +491,17 @@ const USUAL: DcdPartProperties = DcdPartProperties {
     user_data: 0,
 };
 
-fn read(world: &World, body: DcdBodyId, part: u32) -> Result<DcdPartProperties, Failure> {
+fn read(world: &World, body: DcdBodyId, collider: u32) -> Result<DcdColliderProperties, Failure> {
     let id = world.mark.body_id(body)?;
     let record = world.dcd.record(id).ok_or_else(|| registry::missing(world, body))?;
-    let parts = &record.traits.colliders;
-    let collider = parts.get(part as usize).ok_or_else(|| {
+    let colliders = &record.traits.colliders;
+    let collider = colliders.get(collider as usize).ok_or_else(|| {
         Failure::argument(format!(
-            "the body has {} parts, there is no part {part}; count from 0",
-            parts.len()
+            "the body has {} colliders, there is no collider {collider}; count from 0",
+            colliders.len()
         ))
     })?;
-    Ok(DcdPartProperties::of(collider))
+    Ok(DcdColliderProperties::of(collider))
 }
 
 /// Rapier's flags for DCD_EVENT_… bits.
@@ -507,18 +515,18 @@ fn active_events(bits: u32) -> ActiveEvents {
 fn change(
     world: DcdWorld,
     body: DcdBodyId,
-    part: u32,
+    collider: u32,
     mut change: impl FnMut(&mut Collider),
 ) -> Result<(), Failure> {
     with(world, |world| {
         world.dcd.changes_colliders()?;
         let id = registry::find(world, body)?;
-        let parts = match part {
-            DCD_ALL_PARTS => 0..world.dcd.collider_count(id),
-            part => part as usize..part as usize + 1,
+        let colliders = match collider {
+            DCD_ALL_COLLIDERS => 0..world.dcd.collider_count(id),
+            collider => collider as usize..collider as usize + 1,
         };
-        for part in parts {
-            world.dcd.update_collider(id, part, &mut change)?;
+        for collider in colliders {
+            world.dcd.update_collider(id, collider, &mut change)?;
         }
         Ok(())
     })

@@ -86,7 +86,7 @@ fn layouts() -> Vec<Layout> {
             user_data
         }
         DcdBodyInfo {
-            struct_size, body_type, user_data, centre, mass, region, force, torque, parts, sleeping, outside, reserved
+            struct_size, body_type, user_data, centre, mass, region, force, torque, colliders, sleeping, outside, reserved
         }
         DcdForce { force, torque }
         DcdJointDef {
@@ -115,16 +115,16 @@ fn layouts() -> Vec<Layout> {
         }
         DcdFilter { struct_size, flags, groups, mask, exclude, exclude_count }
         DcdRay { origin, direction, max_distance, exclude, mask, flags }
-        DcdRayHit { body, user_data, point, normal, distance, part, subshape }
+        DcdRayHit { body, user_data, point, normal, distance, collider, subshape }
         DcdShapeCast { shape, pose, motion, turn, margin, mask, exclude, flags, reserved }
         DcdShapeHit {
-            body, user_data, point, normal, fraction, point_on_shape, normal_on_shape, part, subshape, flags, reserved
+            body, user_data, point, normal, fraction, point_on_shape, normal_on_shape, collider, subshape, flags, reserved
         }
         DcdPointQuery { point, max_distance, mask, exclude, flags, reserved }
-        DcdPointHit { body, user_data, point, distance, part, flags, reserved }
+        DcdPointHit { body, user_data, point, distance, collider, flags, reserved }
         DcdShapeQuery { shape, pose, exclude, mask, reserved }
         DcdBoxQuery { min, max, exclude, mask, reserved }
-        DcdOverlap { body, user_data, part, reserved }
+        DcdOverlap { body, user_data, collider, reserved }
         DcdQueryId { v }
         DcdRegionInfo { region, bodies, replicas, node, min, max }
         DcdOwner { struct_size, region, node, holders, flags }

@@ -105,7 +105,7 @@ pub mod query {
 pub mod network {
     #[cfg(feature = "physics")]
     pub use crate::cluster::Grouping;
-    pub use crate::net::{PeerName, PeerStats, Role as JoinRole};
+    pub use crate::net::{JoinRole, PeerName, PeerStats};
     #[cfg(feature = "physics")]
     pub use crate::protocol::{DelayThresholds, Pace, Thresholds};
     #[cfg(feature = "physics")]

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use dcd::net::PeerRole;
+use dcd::net::JoinRole;
 use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{BodyKind, DelayThresholds, Pace, Thresholds, Velocity, WorldPose};
 use dcd::runtime::{
@@ -62,13 +62,13 @@ fn serve_origin(
 }
 
 fn start_node(server: &ServerProcess) -> Member {
-    let token = server.token(PeerRole::Node, LIMIT).unwrap();
-    let identity = JoinConfig::new(server.address, token).join(PeerRole::Node).unwrap();
+    let token = server.token(JoinRole::Node, LIMIT).unwrap();
+    let identity = JoinConfig::new(server.address, token).join(JoinRole::Node).unwrap();
     Member::start(MemberConfig::new(server.address, identity)).unwrap()
 }
 
 fn connect(server: &ServerProcess) -> ClientWorld {
-    let token = server.token(PeerRole::Client, LIMIT).unwrap();
+    let token = server.token(JoinRole::Client, LIMIT).unwrap();
     ClientWorld::connect(&JoinConfig::new(server.address, token)).unwrap()
 }
 
@@ -255,7 +255,7 @@ fn a_client_drives_an_avatar_through_a_served_world_and_continues_after_a_pause(
     let scene = Scene::named("pile", &Params::new().with("n", 100)).unwrap();
     let (server, data) = serve(&scene, 2, 2, Pace::RealTime, None);
     let members: Vec<_> = (0..2).map(|_| start_node(&server)).collect();
-    let mut config = JoinConfig::new(server.address, server.token(PeerRole::Client, LIMIT).unwrap());
+    let mut config = JoinConfig::new(server.address, server.token(JoinRole::Client, LIMIT).unwrap());
     config.identity = Some(data.path().join("me"));
     let mut client = ClientWorld::connect(&config).unwrap();
     let ball = ColliderBuilder::ball(0.5).active_events(ActiveEvents::COLLISION_EVENTS);
@@ -278,7 +278,7 @@ fn a_client_drives_an_avatar_through_a_served_world_and_continues_after_a_pause(
     let id = client.id();
     client.leave().unwrap();
 
-    config.token = server.token(PeerRole::Client, LIMIT).unwrap();
+    config.token = server.token(JoinRole::Client, LIMIT).unwrap();
     let client = ClientWorld::connect(&config).unwrap();
     assert_eq!(client.id(), id, "who returns keeps the name");
     assert!(client.wait_body(avatar, LIMIT));
@@ -296,7 +296,7 @@ fn a_participant_computes_and_plays_in_one_process() {
     let scene = Scene::named("pile", &Params::new().with("n", 100)).unwrap();
     let (server, _data) = serve(&scene, 2, 2, Pace::RealTime, None);
     let node = start_node(&server);
-    let token = server.token(PeerRole::Participant, LIMIT).unwrap();
+    let token = server.token(JoinRole::Participant, LIMIT).unwrap();
     let mut player = ClientWorld::participate(&JoinConfig::new(server.address, token)).unwrap();
     let body = RigidBodyBuilder::dynamic();
     let avatar =
@@ -376,14 +376,14 @@ fn nodes_far_from_one_another_compute_the_world_each_and_agree() {
 fn what_is_wrong_on_entering_is_said() {
     let scene = Scene::named("tower", &Params::new()).unwrap();
     let (server, data) = serve(&scene, 1, 1, Pace::RealTime, None);
-    let token = server.token(PeerRole::Node, LIMIT).unwrap();
+    let token = server.token(JoinRole::Node, LIMIT).unwrap();
     let config = JoinConfig::new(server.address, &token);
     let error = ClientWorld::connect(&config).err().unwrap().to_string();
     assert!(error.contains("node") && error.contains("client"), "{error}");
-    config.join(PeerRole::Node).unwrap();
-    let error = config.join(PeerRole::Node).err().unwrap().to_string();
+    config.join(JoinRole::Node).unwrap();
+    let error = config.join(JoinRole::Node).err().unwrap().to_string();
     assert!(error.contains("used"), "{error}");
-    let error = JoinConfig::new(server.address, "no token").join(PeerRole::Node).err().unwrap().to_string();
+    let error = JoinConfig::new(server.address, "no token").join(JoinRole::Node).err().unwrap().to_string();
     assert!(error.contains("token"), "{error}");
     let twice = ServeConfig {
         listen: server.address,

@@ -7,7 +7,7 @@ use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use clap::Args;
-use dcd::net::Role;
+use dcd::net::JoinRole;
 use dcd::protocol::Pace;
 use dcd::runtime::measure::Plan;
 use dcd::runtime::{
@@ -211,12 +211,13 @@ fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Erro
             groups: Default::default(),
         },
     )?;
-    let identity = JoinConfig::new(server.address, server.token(Role::Node, LIMIT)?).join(Role::Node)?;
+    let identity =
+        JoinConfig::new(server.address, server.token(JoinRole::Node, LIMIT)?).join(JoinRole::Node)?;
     let node = Member::start(MemberConfig::new(server.address, identity))?;
     let mut times = Vec::new();
     // The first waits for the node to begin, and does not count.
     for _ in 0..joins + 1 {
-        let token = server.token(Role::Client, LIMIT)?;
+        let token = server.token(JoinRole::Client, LIMIT)?;
         times.push(calls.said(&["connect", &server.address.to_string(), &token])?["connect_ms"]);
     }
     server.stop();

@@ -10,7 +10,7 @@ use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::summary::{Computed, Summary};
 use super::values::{GIVE_UP, SERVER, address, wall_seconds};
-use crate::net::PeerRole;
+use crate::net::JoinRole;
 use crate::runtime::{JoinConfig, Member, MemberConfig};
 
 /// How often the user's wish to go is looked for.
@@ -68,7 +68,7 @@ impl Node {
             interrupt.listen_to_stdin();
         }
         let join = JoinConfig { identity: self.identity, ..JoinConfig::new(self.server, self.token) };
-        let mut config = MemberConfig::new(self.server, join.join(PeerRole::Node)?);
+        let mut config = MemberConfig::new(self.server, join.join(JoinRole::Node)?);
         config.listen = self.listen.unwrap_or(config.listen);
         config.advertise = self.advertise;
         config.give_up = self.give_up;

@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::values::duration;
-use crate::net::{Authority, PeerRole};
+use crate::net::{Authority, JoinRole};
 
 /// Prints tokens, one a line, each of which lets one process join the server of a data folder
 ///
@@ -23,7 +23,7 @@ pub(super) struct Token {
     data: PathBuf,
     /// What the process joins as: node, client, or participant (both in one process)
     #[arg(long, value_parser = role)]
-    role: PeerRole,
+    role: JoinRole,
     /// For how long the token can be used: 90s, 10m, 2h, 1d
     #[arg(long, value_name = "TIME", default_value = "10m", value_parser = duration)]
     valid: Duration,
@@ -46,9 +46,9 @@ impl Token {
     }
 }
 
-fn role(text: &str) -> Result<PeerRole, String> {
+fn role(text: &str) -> Result<JoinRole, String> {
     match text.parse() {
-        Ok(PeerRole::Server) | Err(_) => Err("write node, client or participant".to_owned()),
+        Ok(JoinRole::Server) | Err(_) => Err("write node, client or participant".to_owned()),
         Ok(role) => Ok(role),
     }
 }

@@ -259,8 +259,8 @@ impl Client {
             ClientEvent::Connected(peer) if self.is_leader(peer) => {
                 self.linked = true;
                 self.dial_leader_at = None;
-                for drive in self.newest.values().map(|&(drive, _)| drive).collect::<Vec<_>>() {
-                    self.send_drive(drive);
+                for input in self.newest.values().map(|&(input, _)| input).collect::<Vec<_>>() {
+                    self.send_input(input);
                 }
                 if self.area.is_some() {
                     self.send_interest();
@@ -289,9 +289,9 @@ impl Client {
             ClientEvent::Spawn { body, shapes } => self.want(FromClient::Spawn { body, shapes }),
             ClientEvent::Input { body, velocity, pose } => {
                 self.logical_time += 1;
-                let drive = Input { body, logical_time: self.logical_time, velocity, pose };
-                self.newest.insert(body, (drive, now));
-                self.send_drive(drive);
+                let input = Input { body, logical_time: self.logical_time, velocity, pose };
+                self.newest.insert(body, (input, now));
+                self.send_input(input);
             }
             ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
             ClientEvent::Interest(area) => self.turn_to(area),
@@ -454,8 +454,8 @@ impl Client {
         self.leader.as_ref().is_some_and(|member| peer == Peer::Node(member.node))
     }
 
-    fn send_drive(&mut self, drive: Input) {
-        let input = FromClient::Input(drive);
+    fn send_input(&mut self, input: Input) {
+        let input = FromClient::Input(input);
         match &self.leader {
             None => self.ask_server(input),
             Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(input)),
@@ -562,8 +562,8 @@ impl Client {
                 if self.linked || self.node.is_some() {
                     let now = self.now;
                     let fresh = self.newest.values().filter(|(_, at)| now < *at + STILL_MEANT);
-                    for drive in fresh.map(|&(drive, _)| drive).collect::<Vec<_>>() {
-                        self.send_drive(drive);
+                    for input in fresh.map(|&(input, _)| input).collect::<Vec<_>>() {
+                        self.send_input(input);
                     }
                     if self.area.is_some() {
                         self.send_interest();

@@ -15,7 +15,7 @@ pub use self::inter_group::Deviations;
 use self::inter_group::InterGroup;
 use self::interest::{Audience, Latest, Moved};
 use self::questions::Questions;
-pub(super) use self::telling::TELL_TICK;
+pub(super) use self::state_replication::TELL_TICK;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
@@ -49,7 +49,7 @@ pub struct Leader {
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
-    drives: BTreeMap<BodyId, Input>,
+    inputs: BTreeMap<BodyId, Input>,
     /// Newest inputs for avatars not heard of yet, and since when they wait.
     early: BTreeMap<BodyId, (Input, Tick)>,
     /// Avatars in the world and the logical time of their newest input.
@@ -93,7 +93,7 @@ impl Leader {
             events: BTreeMap::new(),
             next_due: now,
             ops: Vec::new(),
-            drives: BTreeMap::new(),
+            inputs: BTreeMap::new(),
             early: BTreeMap::new(),
             avatars: BTreeMap::new(),
             latest: Latest::new(),
@@ -186,34 +186,34 @@ impl Leader {
     }
 
     /// A client's input to move an avatar: its own, within the speed limit, newer than the last one.
-    pub fn drive(&mut self, client: ClientId, drive: Input) -> Result<(), Refusal> {
-        if drive.body.client() != Some(client) {
+    pub fn accept_input(&mut self, client: ClientId, input: Input) -> Result<(), Refusal> {
+        if input.body.client() != Some(client) {
             return Err(Refusal::NotYours);
         }
-        if !drive.velocity.is_within(self.speed_limit) {
+        if !input.velocity.is_within(self.speed_limit) {
             return Err(Refusal::TooFast);
         }
-        let Some(last) = self.avatars.get_mut(&drive.body) else {
+        let Some(last) = self.avatars.get_mut(&input.body) else {
             // A new leader, or one whom the input reached before the server's word, may yet hear of the avatar.
             let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
             if self.early.range(range).count() >= MAX_AVATARS {
                 return Err(Refusal::TooMany);
             }
-            let (known, _) = self.early.entry(drive.body).or_insert((drive, self.tick));
-            if known.logical_time < drive.logical_time {
-                *known = drive;
+            let (known, _) = self.early.entry(input.body).or_insert((input, self.tick));
+            if known.logical_time < input.logical_time {
+                *known = input;
             }
             return Ok(());
         };
         // Said again because it might have been lost.
-        if *last == Some(drive.logical_time) {
+        if *last == Some(input.logical_time) {
             return Ok(());
         }
-        if last.is_some_and(|last| drive.logical_time < last) {
+        if last.is_some_and(|last| input.logical_time < last) {
             return Err(Refusal::Late);
         }
-        *last = Some(drive.logical_time);
-        self.drives.insert(drive.body, drive);
+        *last = Some(input.logical_time);
+        self.inputs.insert(input.body, input);
         Ok(())
     }
 
@@ -285,7 +285,7 @@ impl Leader {
             }
         }
         self.sort_early();
-        ops.extend(std::mem::take(&mut self.drives).into_values().map(WorldOp::Input));
+        ops.extend(std::mem::take(&mut self.inputs).into_values().map(WorldOp::Input));
         ops.extend(self.corrections());
         ops.extend(self.questions.dispatch(&self.members));
         self.questions.allow();
@@ -298,15 +298,15 @@ impl Leader {
 
     /// Inputs for avatars that have appeared count now; those that waited too long are refused.
     fn sort_early(&mut self) {
-        for (id, (drive, since)) in std::mem::take(&mut self.early) {
+        for (id, (input, since)) in std::mem::take(&mut self.early) {
             if let Some(last) = self.avatars.get_mut(&id) {
                 // A later input may have come since the avatar appeared.
-                if *last < Some(drive.logical_time) {
-                    *last = Some(drive.logical_time);
-                    self.drives.insert(id, drive);
+                if *last < Some(input.logical_time) {
+                    *last = Some(input.logical_time);
+                    self.inputs.insert(id, input);
                 }
             } else if self.tick.0 - since.0 < EARLY_TICKS {
-                self.early.insert(id, (drive, since));
+                self.early.insert(id, (input, since));
             } else if let Some(client) = id.client() {
                 let refusal = ToClient::Rejected { body: Some(id), reason: Refusal::Unknown };
                 self.messages.push((client, refusal));
@@ -340,7 +340,7 @@ impl Leader {
     pub fn for_member(&mut self, node: NodeId, dispatch: &Dispatch) -> Dispatch {
         let holders = &mut self.holders;
         let mut concerns = |op: &WorldOp| match op {
-            WorldOp::Input(drive) => holders.concerns(node, drive.body),
+            WorldOp::Input(input) => holders.concerns(node, input.body),
             _ => true,
         };
         let ops = dispatch.ops.iter().filter(|op| concerns(op)).cloned().collect();
@@ -349,7 +349,7 @@ impl Leader {
 
     fn forget(&mut self, id: BodyId) {
         self.avatars.remove(&id);
-        self.drives.remove(&id);
+        self.inputs.remove(&id);
         self.latest.remove(&id);
         self.moved.remove(&id);
         self.audiences.values_mut().for_each(|audience| audience.forget(id));
@@ -360,17 +360,17 @@ impl Leader {
 
     /// Where clients want their avatars to go, for what is computed before the next tick.
     pub fn inputs(&self) -> impl Iterator<Item = Input> {
-        self.drives.values().copied()
+        self.inputs.values().copied()
     }
 
     /// What clients said that another leader must know: inputs that are not dispatched yet, and their interests.
     pub fn into_inputs(self) -> Vec<(ClientId, FromClient)> {
-        let early = self.early.into_values().map(|(drive, _)| drive);
-        let drives = self.drives.into_values().chain(early);
-        let drives = drives.filter_map(|drive| Some((drive.body.client()?, FromClient::Input(drive))));
+        let early = self.early.into_values().map(|(input, _)| input);
+        let inputs = self.inputs.into_values().chain(early);
+        let inputs = inputs.filter_map(|input| Some((input.body.client()?, FromClient::Input(input))));
         let areas = self.audiences.into_iter().map(|(client, audience)| (client, Some(audience.area())));
         let interests = areas.chain(self.interests);
-        drives.chain(interests.map(|(client, area)| (client, FromClient::Interest(area)))).collect()
+        inputs.chain(interests.map(|(client, area)| (client, FromClient::Interest(area)))).collect()
     }
 
     /// Whether anybody is told what happens.
@@ -435,7 +435,7 @@ mod tests {
         }
     }
 
-    fn drive(logical_time: u64, speed: f32) -> Input {
+    fn input(logical_time: u64, speed: f32) -> Input {
         let velocity = Velocity { linear: [0.0, speed, 0.0], angular: [0.0; 3] };
         Input { body: AVATAR, logical_time, velocity, pose: Some(WorldPose::default()) }
     }
@@ -481,20 +481,20 @@ mod tests {
     fn only_the_newest_wish_of_an_avatar_is_dispatched() {
         let mut leader = leader();
         leader.dispatch(Duration::ZERO);
-        assert_eq!(leader.accept_input(CLIENT, drive(5, 1.0)), Ok(()));
-        assert_eq!(leader.accept_input(CLIENT, drive(7, 2.0)), Ok(()));
-        assert_eq!(leader.accept_input(CLIENT, drive(6, 3.0)), Err(Refusal::Late));
-        assert_eq!(leader.accept_input(CLIENT, drive(8, 20.5)), Err(Refusal::TooFast));
-        assert_eq!(leader.accept_input(ClientId(5), drive(9, 1.0)), Err(Refusal::NotYours));
+        assert_eq!(leader.accept_input(CLIENT, input(5, 1.0)), Ok(()));
+        assert_eq!(leader.accept_input(CLIENT, input(7, 2.0)), Ok(()));
+        assert_eq!(leader.accept_input(CLIENT, input(6, 3.0)), Err(Refusal::Late));
+        assert_eq!(leader.accept_input(CLIENT, input(8, 20.5)), Err(Refusal::TooFast));
+        assert_eq!(leader.accept_input(ClientId(5), input(9, 1.0)), Err(Refusal::NotYours));
         both_done(&mut leader, 1, vec![], vec![]);
         let ops = leader.dispatch(Duration::from_secs(1)).unwrap().ops;
-        assert_eq!(ops, [WorldOp::Input(drive(7, 2.0))]);
+        assert_eq!(ops, [WorldOp::Input(input(7, 2.0))]);
     }
 
     #[test]
     fn a_wish_that_waited_for_its_avatar_does_not_undo_a_later_one() {
         let mut leader = leader();
-        assert_eq!(leader.accept_input(CLIENT, drive(5, 1.0)), Ok(()), "the avatar has not appeared yet");
+        assert_eq!(leader.accept_input(CLIENT, input(5, 1.0)), Ok(()), "the avatar has not appeared yet");
         let (id, epoch) = (AVATAR, crate::space::Epoch(0));
         let state = SharedState {
             id,
@@ -505,10 +505,10 @@ mod tests {
             sleeping: false,
         };
         leader.report(Report { view: ViewNumber(1), tick: Tick(0), states: vec![state] });
-        assert_eq!(leader.accept_input(CLIENT, drive(6, 2.0)), Ok(()));
+        assert_eq!(leader.accept_input(CLIENT, input(6, 2.0)), Ok(()));
         let ops = leader.dispatch(Duration::ZERO).unwrap().ops;
-        let drives: Vec<_> = ops.iter().filter(|op| matches!(op, WorldOp::Input(_))).collect();
-        assert_eq!(drives, [&WorldOp::Input(drive(6, 2.0))]);
+        let inputs: Vec<_> = ops.iter().filter(|op| matches!(op, WorldOp::Input(_))).collect();
+        assert_eq!(inputs, [&WorldOp::Input(input(6, 2.0))]);
     }
 
     #[test]
@@ -516,11 +516,11 @@ mod tests {
         let mut leader = leader();
         let early = BodyId::avatar(CLIENT, 7);
         for time in [6, 5] {
-            let drive = Input { body: early, ..drive(time, time as f32) };
-            assert_eq!(leader.accept_input(CLIENT, drive), Ok(()));
+            let input = Input { body: early, ..input(time, time as f32) };
+            assert_eq!(leader.accept_input(CLIENT, input), Ok(()));
         }
         let inputs = leader.into_inputs();
-        assert_eq!(inputs, [(CLIENT, FromClient::Input(Input { body: early, ..drive(6, 6.0) }))]);
+        assert_eq!(inputs, [(CLIENT, FromClient::Input(Input { body: early, ..input(6, 6.0) }))]);
     }
 
     #[test]

@@ -19,7 +19,7 @@ use super::key::Key;
 use super::ledger::Ledger;
 use super::token::{NONCE_BYTES, Secret, unix_seconds};
 use super::verify::{fingerprint, random};
-use super::{Identity, JoinRefusal, NetError, PeerName, PeerRole, ResumeKey, Token};
+use super::{Identity, JoinRefusal, JoinRole, NetError, PeerName, ResumeKey, Token};
 
 /// The root of trust of one world, kept in the server's data folder: who holds its key decides who takes part.
 ///
@@ -87,11 +87,11 @@ impl Authority {
     /// Mints a token that lets one process join as `role` until `now + valid_for`.
     pub fn issue_token(
         &self,
-        role: PeerRole,
+        role: JoinRole,
         valid_for: Duration,
         now: SystemTime,
     ) -> Result<Token, NetError> {
-        if role == PeerRole::Server {
+        if role == JoinRole::Server {
             return Err(NetError::ServerToken);
         }
         let nonce: [u8; NONCE_BYTES] = random()?;
@@ -168,7 +168,7 @@ impl Authority {
         self.issue(identity.who, &key, then, self.certificate_life).unwrap()
     }
 
-    fn resumed(&self, key: &str, role: PeerRole) -> Result<PeerName, JoinRefusal> {
+    fn resumed(&self, key: &str, role: JoinRole) -> Result<PeerName, JoinRefusal> {
         let key: ResumeKey = key.parse().map_err(|_| JoinRefusal::BadResumeKey)?;
         if !key.is_sealed_by(&self.secret) {
             return Err(JoinRefusal::BadResumeKey);

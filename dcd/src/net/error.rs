@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::{CloseCode, MAX_DATAGRAM_BYTES, PeerName, PeerRole};
+use super::{CloseCode, JoinRole, MAX_DATAGRAM_BYTES, PeerName};
 
 /// Why an authority, an identity, a join or a connection is not to be had.
 #[derive(Debug, thiserror::Error)]
@@ -154,9 +154,9 @@ pub enum TokenError {
     )]
     WrongRole {
         /// What it is for.
-        found: PeerRole,
+        found: JoinRole,
         /// What it should be for.
-        wanted: PeerRole,
+        wanted: JoinRole,
     },
 }
 
@@ -201,9 +201,9 @@ pub enum JoinRefusal {
     )]
     WrongRole {
         /// What the token is for.
-        token: PeerRole,
+        token: JoinRole,
         /// What the joiner was before.
-        resume: PeerRole,
+        resume: JoinRole,
     },
     /// A resume key of another authority, or forged.
     #[error("the resume key is not of this server's authority; join without it to be given new ids")]

@@ -9,7 +9,7 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer};
 
 use super::files::{at, replace_private};
 use super::verify::names_of;
-use super::{NetError, PeerName, PeerRole, ResumeKey};
+use super::{JoinRole, NetError, PeerName, ResumeKey};
 use crate::space::{ClientId, NodeId};
 
 /// A private key, the certificate for it that names role and ids, and the authority that issued it.
@@ -23,13 +23,13 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// PeerRole and ids together.
+    /// JoinRole and ids together.
     pub fn who(&self) -> PeerName {
         self.who
     }
 
     /// What the process is to the others.
-    pub fn role(&self) -> Role {
+    pub fn role(&self) -> JoinRole {
         self.who.role()
     }
 

@@ -12,7 +12,7 @@ use super::fields::{Fields, put_counted};
 use super::key::{Key, PublicKey};
 use super::verify::joining;
 use super::{
-    Authority, CloseCode, Identity, JoinRefusal, Limits, NetError, PROTOCOL_VERSION, PeerName, PeerRole,
+    Authority, CloseCode, Identity, JoinRefusal, JoinRole, Limits, NetError, PROTOCOL_VERSION, PeerName,
     ResumeKey, Token,
 };
 use crate::space::{ClientId, NodeId};
@@ -131,7 +131,7 @@ fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, String>> {
     match fields.take()? {
         [0] => Some(Err(String::from_utf8_lossy(fields.0).into_owned())),
         [1] => {
-            let role = PeerRole::from_code(fields.take::<1>()?[0])?;
+            let role = JoinRole::from_code(fields.take::<1>()?[0])?;
             let node = Some(u32::from_be_bytes(fields.take()?)).filter(|id| *id > 0).map(NodeId);
             let client = Some(u32::from_be_bytes(fields.take()?)).filter(|id| *id > 0).map(ClientId);
             let who = PeerName::from_parts(role, node, client)?;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::files::{at, open_private, replace_private};
 use super::token::NONCE_BYTES;
-use super::{NetError, PeerName, PeerRole};
+use super::{JoinRole, NetError, PeerName};
 use crate::space::{ClientId, NodeId};
 
 type Nonce = [u8; NONCE_BYTES];
@@ -75,17 +75,17 @@ impl Ledger {
         &mut self,
         nonce: Nonce,
         until_s: u64,
-        role: PeerRole,
+        role: JoinRole,
         resumed: Option<PeerName>,
         now_s: u64,
     ) -> Result<PeerName, NetError> {
         let who = resumed.unwrap_or_else(|| {
             let (node, client) = (NodeId(self.last_node + 1), ClientId(self.last_client + 1));
             match role {
-                PeerRole::Server => PeerName::Server,
-                PeerRole::Node => PeerName::Node(node),
-                PeerRole::Client => PeerName::Client(client),
-                PeerRole::Participant => PeerName::Participant(node, client),
+                JoinRole::Server => PeerName::Server,
+                JoinRole::Node => PeerName::Node(node),
+                JoinRole::Client => PeerName::Client(client),
+                JoinRole::Participant => PeerName::Participant(node, client),
             }
         });
         let (node, client) = (who.node().unwrap_or_default().0, who.client().unwrap_or_default().0);
@@ -125,8 +125,8 @@ mod tests {
     fn nonces_and_ids_survive_reopening_until_they_expire() {
         let folder = tempfile::tempdir().unwrap();
         let mut ledger = Ledger::open(folder.path(), 0).unwrap();
-        let first = ledger.record([1; 16], 100, PeerRole::Node, None, 0).unwrap();
-        let second = ledger.record([2; 16], 200, PeerRole::Participant, None, 0).unwrap();
+        let first = ledger.record([1; 16], 100, JoinRole::Node, None, 0).unwrap();
+        let second = ledger.record([2; 16], 200, JoinRole::Participant, None, 0).unwrap();
         assert_eq!(first, PeerName::Node(NodeId(1)));
         assert_eq!(second, PeerName::Participant(NodeId(2), ClientId(1)));
         drop(ledger);
@@ -134,7 +134,7 @@ mod tests {
         let mut ledger = Ledger::open(folder.path(), 150).unwrap();
         assert!(!ledger.is_used(&[1; 16]), "its token has expired, which is reason enough to refuse it");
         assert!(ledger.is_used(&[2; 16]));
-        let third = ledger.record([3; 16], 300, PeerRole::Node, None, 150).unwrap();
+        let third = ledger.record([3; 16], 300, JoinRole::Node, None, 150).unwrap();
         assert_eq!(third, PeerName::Node(NodeId(3)));
     }
 

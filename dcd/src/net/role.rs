@@ -7,7 +7,7 @@ use crate::space::{ClientId, NodeId};
 
 /// What a process does in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum PeerRole {
+pub enum JoinRole {
     /// Directory, record and arbiter.
     Server,
     /// Computes regions.
@@ -18,7 +18,7 @@ pub enum PeerRole {
     Participant,
 }
 
-impl PeerRole {
+impl JoinRole {
     pub(super) fn code(self) -> u8 {
         match self {
             Self::Server => 0,
@@ -35,7 +35,7 @@ impl PeerRole {
     }
 }
 
-impl fmt::Display for PeerRole {
+impl fmt::Display for JoinRole {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Server => "server",
@@ -46,7 +46,7 @@ impl fmt::Display for PeerRole {
     }
 }
 
-impl FromStr for PeerRole {
+impl FromStr for JoinRole {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -72,12 +72,12 @@ pub enum PeerName {
 
 impl PeerName {
     /// The role that the name implies.
-    pub fn role(self) -> Role {
+    pub fn role(self) -> JoinRole {
         match self {
-            Self::Server => PeerRole::Server,
-            Self::Node(_) => PeerRole::Node,
-            Self::Client(_) => PeerRole::Client,
-            Self::Participant(..) => PeerRole::Participant,
+            Self::Server => JoinRole::Server,
+            Self::Node(_) => JoinRole::Node,
+            Self::Client(_) => JoinRole::Client,
+            Self::Participant(..) => JoinRole::Participant,
         }
     }
 
@@ -108,12 +108,12 @@ impl PeerName {
     }
 
     /// The name and ids of `role`, when exactly the ids that the role has are there.
-    pub(super) fn from_parts(role: PeerRole, node: Option<NodeId>, client: Option<ClientId>) -> Option<Self> {
+    pub(super) fn from_parts(role: JoinRole, node: Option<NodeId>, client: Option<ClientId>) -> Option<Self> {
         match (role, node, client) {
-            (PeerRole::Server, None, None) => Some(Self::Server),
-            (PeerRole::Node, Some(node), None) => Some(Self::Node(node)),
-            (PeerRole::Client, None, Some(client)) => Some(Self::Client(client)),
-            (PeerRole::Participant, Some(node), Some(client)) => Some(Self::Participant(node, client)),
+            (JoinRole::Server, None, None) => Some(Self::Server),
+            (JoinRole::Node, Some(node), None) => Some(Self::Node(node)),
+            (JoinRole::Client, None, Some(client)) => Some(Self::Client(client)),
+            (JoinRole::Participant, Some(node), Some(client)) => Some(Self::Participant(node, client)),
             _ => None,
         }
     }
@@ -145,10 +145,10 @@ impl PeerName {
             }
         }
         let role = match (server, node.is_some(), client.is_some()) {
-            (true, ..) => PeerRole::Server,
-            (false, true, true) => PeerRole::Participant,
-            (false, true, false) => PeerRole::Node,
-            (false, false, _) => PeerRole::Client,
+            (true, ..) => JoinRole::Server,
+            (false, true, true) => JoinRole::Participant,
+            (false, true, false) => JoinRole::Node,
+            (false, false, _) => JoinRole::Client,
         };
         Self::from_parts(role, node, client)
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use super::base32::{self, Undecodable};
 use super::fields::Fields;
-use super::{PeerName, PeerRole, TokenError};
+use super::{JoinRole, PeerName, TokenError};
 use crate::space::{ClientId, NodeId};
 
 /// Lets one process join, once, in one role, until it expires. One line of text.
@@ -15,7 +15,7 @@ use crate::space::{ClientId, NodeId};
 /// authority minted it is for the server alone to check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Token {
-    pub(super) role: PeerRole,
+    pub(super) role: JoinRole,
     pub(super) nonce: [u8; NONCE_BYTES],
     pub(super) expires_unix_s: u64,
     /// SHA-256 of the authority's certificate.
@@ -41,18 +41,18 @@ const OTHER_LENGTH: TokenError = TokenError::Malformed("its length is another");
 
 impl Token {
     /// What the bearer joins as.
-    pub fn role(&self) -> Role {
+    pub fn role(&self) -> JoinRole {
         self.role
     }
 
     /// Says at once, without the server, that the token is for something else.
-    pub fn require(&self, wanted: PeerRole) -> Result<(), TokenError> {
+    pub fn require(&self, wanted: JoinRole) -> Result<(), TokenError> {
         if self.role == wanted { Ok(()) } else { Err(TokenError::WrongRole { found: self.role, wanted }) }
     }
 
     pub(super) fn mint(
         secret: &Secret,
-        role: PeerRole,
+        role: JoinRole,
         nonce: [u8; NONCE_BYTES],
         expires_unix_s: u64,
         fingerprint: [u8; 32],
@@ -97,7 +97,7 @@ impl FromStr for Token {
             Some((role, nonce, u64::from_be_bytes(expires), fingerprint, seal))
         };
         let (role, nonce, expires_unix_s, fingerprint, seal) = read().ok_or(OTHER_LENGTH)?;
-        let role = PeerRole::from_code(role).ok_or(TokenError::Malformed("it names no known role"))?;
+        let role = JoinRole::from_code(role).ok_or(TokenError::Malformed("it names no known role"))?;
         Ok(Self { role, nonce, expires_unix_s, fingerprint, seal })
     }
 }
@@ -144,7 +144,7 @@ impl FromStr for ResumeKey {
         let (role, node, client, seal) = read().ok_or(OTHER_LENGTH)?;
         let node = (node > 0).then_some(NodeId(node));
         let client = (client > 0).then_some(ClientId(client));
-        let who = PeerRole::from_code(role).and_then(|role| PeerName::from_parts(role, node, client));
+        let who = JoinRole::from_code(role).and_then(|role| PeerName::from_parts(role, node, client));
         Ok(Self { who: who.ok_or(TokenError::Malformed("its role and ids do not fit"))?, seal })
     }
 }
@@ -183,7 +183,7 @@ mod tests {
     const SECRET: Secret = Secret([7; 32]);
 
     fn token() -> Token {
-        Token::mint(&SECRET, PeerRole::Node, [5; NONCE_BYTES], 1_800_000_000, [9; 32])
+        Token::mint(&SECRET, JoinRole::Node, [5; NONCE_BYTES], 1_800_000_000, [9; 32])
     }
 
     #[test]
@@ -208,7 +208,7 @@ mod tests {
     fn a_seal_covers_every_field_and_another_secret_has_not_sealed_it() {
         assert!(token().is_sealed_by(&SECRET));
         assert!(!token().is_sealed_by(&Secret([8; 32])));
-        assert!(!Token { role: PeerRole::Client, ..token() }.is_sealed_by(&SECRET));
+        assert!(!Token { role: JoinRole::Client, ..token() }.is_sealed_by(&SECRET));
         assert!(!Token { expires_unix_s: u64::MAX, ..token() }.is_sealed_by(&SECRET));
         assert!(!Token { nonce: [6; NONCE_BYTES], ..token() }.is_sealed_by(&SECRET));
         assert!(!Token { fingerprint: [1; 32], ..token() }.is_sealed_by(&SECRET));
@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn a_token_for_another_role_says_which_to_mint() {
-        let error = token().require(PeerRole::Client).unwrap_err();
+        let error = token().require(JoinRole::Client).unwrap_err();
         assert!(error.to_string().contains("dcd token --role client"), "{error}");
     }
 }

@@ -30,7 +30,7 @@ pub(super) fn random<const N: usize>() -> Result<[u8; N], NetError> {
     filled.map(|()| bytes).map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))
 }
 
-/// PeerRole and ids that a certificate names; `None` for one that is not of dcd's making.
+/// JoinRole and ids that a certificate names; `None` for one that is not of dcd's making.
 pub(super) fn names_of(certificate: &CertificateDer<'_>) -> Option<PeerName> {
     let certificate = webpki::EndEntityCert::try_from(certificate).ok()?;
     PeerName::from_dns_names(certificate.valid_dns_names())

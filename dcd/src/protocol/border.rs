@@ -228,11 +228,11 @@ impl BorderMessage {
     }
 
     /// A body that is handed over goes where its user wants it to.
-    pub fn drive(&mut self, drive: &Input) {
-        let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == drive.body);
+    pub fn apply_input(&mut self, input: &Input) {
+        let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == input.body);
         if let Some(Transfer { body, .. }) = of {
-            body.state.velocity = drive.velocity;
-            body.state.pose = drive.pose.unwrap_or(body.state.pose);
+            body.state.velocity = input.velocity;
+            body.state.pose = input.pose.unwrap_or(body.state.pose);
         }
     }
 

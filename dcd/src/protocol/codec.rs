@@ -189,13 +189,13 @@ mod tests {
     }
 
     fn sample() -> Message {
-        let drive = crate::protocol::Input {
+        let input = crate::protocol::Input {
             body: BodyId::avatar(ClientId(3), 1),
             logical_time: 9,
             velocity: Velocity::default(),
             pose: Some(WorldPose::default()),
         };
-        let ops = vec![WorldOp::Remove(BodyId::persistent(4)), WorldOp::Input(drive)];
+        let ops = vec![WorldOp::Remove(BodyId::persistent(4)), WorldOp::Input(input)];
         Message::Dispatch(Dispatch { view: ViewNumber(2), tick: Tick(300), rounds: 2, ops })
     }
 

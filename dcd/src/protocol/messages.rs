@@ -85,8 +85,8 @@ impl Message {
             | Self::Pong(_)
             | Self::ToClient(_, ToClient::States { .. })
             | Self::Program(Program::Datagram(_))
-            | Self::ToServer(ToServer::Abroad { .. })
-            | Self::ToNode(ToNode::Abroad { .. }) => Lane::State,
+            | Self::ToServer(ToServer::InterGroup { .. })
+            | Self::ToNode(ToNode::InterGroup { .. }) => Lane::State,
             _ => Lane::Control,
         }
     }

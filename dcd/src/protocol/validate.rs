@@ -426,7 +426,7 @@ impl Check for WorldOp {
                 all(joints)
             }
             Self::Remove(_) | Self::RemoveJoint(_) => Ok(()),
-            Self::Input(drive) => drive.check(),
+            Self::Input(input) => input.check(),
             Self::Correct { states, .. } => all(states),
             Self::Ask { question, .. } => question.check(),
         }
@@ -557,7 +557,7 @@ impl Check for ToNode {
             Self::Adopt { view, .. } => view.check(),
             Self::Apply { ops, .. } => all(ops),
             Self::Roster(members) => ascending(members, |member| member.node, "roster"),
-            Self::Abroad { states, .. } => all(states),
+            Self::InterGroup { states, .. } => all(states),
             Self::Authority { stances, .. } => ascending(stances, |stance| stance.body, "stances"),
             Self::WorldEnd
             | Self::Settle { .. }
@@ -580,7 +580,7 @@ impl Check for ToServer {
                 delays.iter().try_for_each(|delay| not_negative(delay.delay_ms.as_slice(), "delay_ms"))
             }
             Self::Ballot { delay_ms, .. } => not_negative(delay_ms.as_slice(), "ballot.delay_ms"),
-            Self::Abroad { states, .. } => all(states),
+            Self::InterGroup { states, .. } => all(states),
             Self::Touched { bodies, .. } => ascending(bodies, |&(body, _)| body, "touched"),
             Self::Loaded | Self::LinkLost { .. } | Self::Call(_) | Self::Leave => Ok(()),
         }
@@ -590,7 +590,7 @@ impl Check for ToServer {
 impl Check for FromClient {
     fn check(&self) -> Result<(), Invalid> {
         match self {
-            Self::Input(drive) => drive.check(),
+            Self::Input(input) => input.check(),
             Self::Spawn { body, shapes } => {
                 body.check()?;
                 all(shapes)

@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use super::ending::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, Client, ClientEvent};
-use crate::net::{Identity, PeerRole, PeerStats, Token, join};
+use crate::net::{Identity, JoinRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{
     Area, ContactForce, EnvironmentProperties, Found, Handover, Question, Refusal, Touch, Velocity, WorldPose,
@@ -54,7 +54,7 @@ impl JoinConfig {
     }
 
     /// Trades the token for an identity of this role.
-    pub fn join(&self, role: PeerRole) -> Result<Identity, ProcessError> {
+    pub fn join(&self, role: JoinRole) -> Result<Identity, ProcessError> {
         let token: Token = self.token.trim().parse()?;
         token.require(role)?;
         let former = match &self.identity {
@@ -99,15 +99,15 @@ impl ClientWorld {
     /// Joins as a client, and waits until the server has told the whole world, as it is on its record. It need not have nodes
     /// yet: the world stands still until it has.
     pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
-        Self::enter(config, PeerRole::Client)
+        Self::enter(config, JoinRole::Client)
     }
 
     /// Joins as client and node in one process: the process also computes a share of the world.
     pub fn participate(config: &JoinConfig) -> Result<Self, ProcessError> {
-        Self::enter(config, PeerRole::Participant)
+        Self::enter(config, JoinRole::Participant)
     }
 
-    fn enter(config: &JoinConfig, role: PeerRole) -> Result<Self, ProcessError> {
+    fn enter(config: &JoinConfig, role: JoinRole) -> Result<Self, ProcessError> {
         let start = Instant::now();
         let identity = config.join(role)?;
         let client = identity.client().ok_or(ProcessError::Role { has: identity.role(), needs: role })?;
@@ -207,7 +207,7 @@ impl ClientWorld {
     }
 
     /// Gives an avatar a velocity, and with `pose` a new place. The newest input before a tick counts.
-    pub fn drive(
+    pub fn send_input(
         &self,
         avatar: BodyId,
         velocity: Velocity,

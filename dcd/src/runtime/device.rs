@@ -358,7 +358,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             WorldOp::RemoveJoint(id) => {
                 host.remove_joint(id);
             }
-            WorldOp::Input(drive) => steer(host, &drive),
+            WorldOp::Input(input) => steer(host, &input),
             // Answered when the tick is over.
             WorldOp::Ask { .. } => {}
             WorldOp::Correct { tick, states } => {
@@ -390,13 +390,13 @@ fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     });
 }
 
-fn steer(host: &mut RegionHost, drive: &Input) {
-    if let Some(pose) = drive.pose {
-        host.move_copies(drive.body, pose);
+fn steer(host: &mut RegionHost, input: &Input) {
+    if let Some(pose) = input.pose {
+        host.move_copies(input.body, pose);
     }
-    host.update(drive.body, |body| {
-        body.set_linvel(Vector::from_array(drive.velocity.linear), true);
-        body.set_angvel(Vector::from_array(drive.velocity.angular), true);
+    host.update(input.body, |body| {
+        body.set_linvel(Vector::from_array(input.velocity.linear), true);
+        body.set_angvel(Vector::from_array(input.velocity.angular), true);
     });
 }
 

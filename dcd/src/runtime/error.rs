@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::{DeviceError, WorldError};
 use crate::cluster::directory::DirectoryError;
-use crate::net::{NetError, PeerRole, TokenError};
+use crate::net::{JoinRole, NetError, TokenError};
 use crate::physics::{HostError, ShapeError};
 use crate::protocol::Refusal;
 use crate::space::TreeError;
@@ -41,9 +41,9 @@ pub enum ProcessError {
     #[error("this identity is of a {has}, the process is to be a {needs}: join with a token of that role")]
     Role {
         /// What it is.
-        has: PeerRole,
+        has: JoinRole,
         /// What it should be.
-        needs: PeerRole,
+        needs: JoinRole,
     },
     /// Somebody else ended it.
     #[error(

@@ -651,7 +651,7 @@ fn is_update(event: &ClientEvent) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::net::{Authority, PeerRole};
+    use crate::net::{Authority, JoinRole};
     use crate::runtime::JoinConfig;
 
     #[test]
@@ -677,10 +677,10 @@ mod tests {
         };
         let (net, _events) = Net::start(net).unwrap();
         let now = std::time::SystemTime::now();
-        let token = authority.issue_token(PeerRole::Node, Duration::from_secs(60), now).unwrap();
+        let token = authority.issue_token(JoinRole::Node, Duration::from_secs(60), now).unwrap();
         let join = JoinConfig::new(net.local_addr(), token.to_string());
         let node =
-            Member::start(MemberConfig::new(net.local_addr(), join.join(PeerRole::Node).unwrap())).unwrap();
+            Member::start(MemberConfig::new(net.local_addr(), join.join(JoinRole::Node).unwrap())).unwrap();
         node.leave();
         assert!(node.wait_over(2 * RELEASE), "it must not wait for ever");
         let error = node.finish().unwrap_err();

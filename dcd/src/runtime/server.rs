@@ -19,7 +19,7 @@ use super::{Connections, LocalWorld, ProcessError, RedbDirectory, WorldConfig, W
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
 use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::{
-    Authority, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerRole, PeerStats, check_address,
+    Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
 };
 use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings, can_build};
 use crate::protocol::{
@@ -250,7 +250,7 @@ impl ServerProcess {
     }
 
     /// A token for one process of this role to join with.
-    pub fn token(&self, role: PeerRole, valid_for: Duration) -> Result<String, ProcessError> {
+    pub fn token(&self, role: JoinRole, valid_for: Duration) -> Result<String, ProcessError> {
         let now = std::time::SystemTime::now();
         Ok(self.authority.issue_token(role, valid_for, now)?.to_string())
     }

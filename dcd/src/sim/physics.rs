@@ -87,11 +87,11 @@ impl Copy {
 
     fn fly(&mut self, world: &EnvironmentProperties, ops: Vec<WorldOp>) {
         for op in ops {
-            if let WorldOp::Input(drive) = op
-                && let Some(body) = self.bodies.get_mut(&drive.body)
+            if let WorldOp::Input(input) = op
+                && let Some(body) = self.bodies.get_mut(&input.body)
             {
-                body.state.velocity = drive.velocity;
-                body.state.pose = drive.pose.unwrap_or(body.state.pose);
+                body.state.velocity = input.velocity;
+                body.state.pose = input.pose.unwrap_or(body.state.pose);
             }
         }
         let movable = self.bodies.values_mut().filter(|body| body.traits.kind != BodyKind::Fixed);
@@ -258,11 +258,11 @@ impl StandIn {
                     }
                 }
             }
-            WorldOp::Input(drive) => {
-                let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&drive.body));
+            WorldOp::Input(input) => {
+                let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&input.body));
                 if let Some(owned) = owner {
-                    owned.body.state.velocity = drive.velocity;
-                    owned.body.state.pose = drive.pose.unwrap_or(owned.body.state.pose);
+                    owned.body.state.velocity = input.velocity;
+                    owned.body.state.pose = input.pose.unwrap_or(owned.body.state.pose);
                 }
             }
         }

@@ -359,7 +359,7 @@ fn wishes_against_the_rules_are_refused_with_the_reason() {
     let other = sim.start_client(None);
     sim.run_until(|sim| sim.client(other).is_joined() && sim.client(other).leader().is_some()).unwrap();
     let fast = Velocity { linear: [21.0, 0.0, 0.0], angular: [0.0; 3] };
-    let drive = |body, velocity| ClientEvent::Input { body, velocity, pose: None };
+    let input = |body, velocity| ClientEvent::Input { body, velocity, pose: None };
     let refusal_of = |sim: &mut Sim, who, input| {
         let known = sim.told().len();
         sim.submit(who, input);
@@ -374,9 +374,9 @@ fn wishes_against_the_rules_are_refused_with_the_reason() {
     };
     let again = ClientEvent::Spawn { body: sim_body(avatar(client), [1.0; 3]), shapes: Vec::new() };
     let foreign = ClientEvent::Spawn { body: sim_body(BodyId::persistent(99), [1.0; 3]), shapes: Vec::new() };
-    assert_eq!(refusal_of(&mut sim, client, drive(avatar(client), fast)), Refusal::TooFast);
-    assert_eq!(refusal_of(&mut sim, other, drive(avatar(client), Velocity::default())), Refusal::NotYours);
-    assert_eq!(refusal_of(&mut sim, other, drive(avatar(other), Velocity::default())), Refusal::Unknown);
+    assert_eq!(refusal_of(&mut sim, client, input(avatar(client), fast)), Refusal::TooFast);
+    assert_eq!(refusal_of(&mut sim, other, input(avatar(client), Velocity::default())), Refusal::NotYours);
+    assert_eq!(refusal_of(&mut sim, other, input(avatar(other), Velocity::default())), Refusal::Unknown);
     assert_eq!(refusal_of(&mut sim, client, again), Refusal::Exists);
     assert_eq!(refusal_of(&mut sim, other, foreign), Refusal::NotYours);
     assert_eq!(refusal_of(&mut sim, other, ClientEvent::Despawn(avatar(client))), Refusal::NotYours);

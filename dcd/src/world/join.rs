@@ -8,7 +8,7 @@ use super::remote::Remote;
 use super::role::Instead;
 use super::served::Served;
 use super::{Error, Inner, World};
-use crate::net::Role as JoinRole;
+use crate::net::JoinRole;
 use crate::runtime::{
     ClientWorld, JoinConfig, Member, MemberConfig, Origin, ServeConfig, ServerProcess, WorldConfig,
 };

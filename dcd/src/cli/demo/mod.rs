@@ -18,7 +18,7 @@ use super::interrupt::Interrupt;
 use super::scenes;
 use super::summary::Summary;
 use super::values::wall_seconds;
-use crate::net::{Authority, PeerRole};
+use crate::net::{Authority, JoinRole};
 use crate::scene::{AvatarHint, Params, Scene};
 
 /// What a step that takes a second or two may take on a busy machine.
@@ -125,7 +125,7 @@ impl Show<'_> {
         let mut nodes = Vec::new();
         for _ in 0..demo.nodes {
             let mut computing = self.command("node");
-            computing.args(["--server", &address, "--token", &self.token(PeerRole::Node)?, "--threads", "1"]);
+            computing.args(["--server", &address, "--token", &self.token(JoinRole::Node)?, "--threads", "1"]);
             let mut node = self.start("a node", &mut computing)?;
             let name = node.line("joined as ", STEP, self.interrupt)?;
             let name = name.trim_start_matches("joined as ").to_owned();
@@ -136,7 +136,7 @@ impl Show<'_> {
         self.common.say(&format!("the world begins: {view}"));
 
         let mut playing = Command::new(program);
-        playing.args([&address, &self.token(PeerRole::Client)?, &demo.seconds.as_secs_f64().to_string()]);
+        playing.args([&address, &self.token(JoinRole::Client)?, &demo.seconds.as_secs_f64().to_string()]);
         playing.args(hint.pose.translation.iter().map(f64::to_string));
         playing.args(hint.drive_m_s.iter().chain(&hint.half_size_m).map(f32::to_string));
         let client = Process::start("the C program", &mut playing, false)?;
@@ -250,7 +250,7 @@ impl Show<'_> {
         Process::start(name, command, self.common.is_verbose())
     }
 
-    fn token(&self, role: PeerRole) -> Result<String, Failure> {
+    fn token(&self, role: JoinRole) -> Result<String, Failure> {
         let now = std::time::SystemTime::now();
         Ok(self.authority.issue_token(role, Duration::from_secs(600), now)?.to_string())
     }

@@ -13,7 +13,7 @@ impl Node {
     pub(super) fn own_client(&mut self, message: FromClient) {
         let Some(client) = self.config.client else { return };
         match &message {
-            FromClient::Input(drive) => self.speculation.steer(*drive),
+            FromClient::Input(input) => self.speculation.steer(*input),
             FromClient::Interest(_) => self.interest = Some(message.clone()),
             _ => {}
         }
@@ -50,10 +50,10 @@ impl Node {
 
     fn lead_client(&mut self, client: ClientId, message: FromClient) {
         match (&mut self.leader, message) {
-            (Some(leader), FromClient::Input(drive)) => {
-                if let Err(reason) = leader.accept_input(client, drive) {
+            (Some(leader), FromClient::Input(input)) => {
+                if let Err(reason) = leader.accept_input(client, input) {
                     self.counters.rejected += 1;
-                    self.tell_client(client, ToClient::Rejected { body: Some(drive.body), reason });
+                    self.tell_client(client, ToClient::Rejected { body: Some(input.body), reason });
                 }
             }
             (Some(leader), FromClient::Interest(area)) => leader.take_interest(client, area),

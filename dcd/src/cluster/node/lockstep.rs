@@ -519,7 +519,7 @@ impl Node {
                 for op in &dispatch.ops {
                     match op {
                         WorldOp::Remove(gone) => removed.extend(message.forget(*gone)),
-                        WorldOp::Input(drive) => message.apply_input(drive),
+                        WorldOp::Input(input) => message.apply_input(input),
                         _ => {}
                     }
                 }

@@ -18,9 +18,9 @@ pub(super) struct Speculation {
 }
 
 impl Speculation {
-    pub(super) fn steer(&mut self, drive: Input) {
+    pub(super) fn steer(&mut self, input: Input) {
         if self.running.is_some() {
-            self.inputs.insert(drive.body, drive);
+            self.inputs.insert(input.body, input);
         }
     }
 
@@ -56,7 +56,7 @@ impl Node {
         self.speculation.running = Some((count + 1, (at + Duration::from_secs_f32(dt)).max(now)));
         self.counters.provisional += 1;
         let mut inputs = std::mem::take(&mut self.speculation.inputs);
-        inputs.extend(self.leader.iter().flat_map(|leader| leader.inputs()).map(|drive| (drive.body, drive)));
+        inputs.extend(self.leader.iter().flat_map(|leader| leader.inputs()).map(|input| (input.body, input)));
         self.ask(PhysicsCommand::Speculate(inputs.into_values().map(WorldOp::Input).collect()));
     }
 

@@ -20,11 +20,11 @@ impl Server {
     pub(super) fn hear_client(&mut self, client: ClientId, message: FromClient) {
         let record = &self.main().record;
         let refused = match message {
-            FromClient::Input(drive) if drive.body.client() != Some(client) => {
-                Some((drive.body, Refusal::NotYours))
+            FromClient::Input(input) if input.body.client() != Some(client) => {
+                Some((input.body, Refusal::NotYours))
             }
-            FromClient::Input(drive) => {
-                self.pass_on(client, drive);
+            FromClient::Input(input) => {
+                self.pass_on(client, input);
                 None
             }
             FromClient::Spawn { body, shapes } => {
@@ -77,20 +77,20 @@ impl Server {
     }
 
     /// A client that knows no leader, or whose node is still joining, speaks through the server.
-    fn pass_on(&mut self, client: ClientId, drive: Input) {
+    fn pass_on(&mut self, client: ClientId, input: Input) {
         let group = self.common.clients.get(&client).map_or(self.main, |entry| entry.group);
         let Some(group) = self.groups.get_mut(&group) else { return };
         match (&group.view, &group.change) {
             (Some(view), None) => {
                 let to = Peer::Node(view.leader);
-                let message = Message::FromClient(client, FromClient::Input(drive));
+                let message = Message::FromClient(client, FromClient::Input(input));
                 self.common.outputs.push_back(ServerOutput::Send { to, message });
             }
             // Nobody computes the world: the record is all there is to move.
             (None, _) => {
-                if let Some(body) = group.record.body_mut(drive.body) {
-                    body.state.velocity = drive.velocity;
-                    body.state.pose = drive.pose.unwrap_or(body.state.pose);
+                if let Some(body) = group.record.body_mut(input.body) {
+                    body.state.velocity = input.velocity;
+                    body.state.pose = input.pose.unwrap_or(body.state.pose);
                 }
             }
             // The next input will find a leader.

@@ -9,7 +9,7 @@ use crate::space::{ClientId, NodeId};
 #[test]
 fn a_killed_peer_is_reported_within_the_idle_time_out() {
     let server = Server::start();
-    let node = server.process(PeerRole::Node);
+    let node = server.process(JoinRole::Node);
     node.connect_to(&server.process);
     let start = Instant::now();
     node.net.vanish();
@@ -26,7 +26,7 @@ fn a_silent_peer_that_lives_is_kept() {
         ..Limits::default()
     };
     let server = Server::with_limits(limits.clone());
-    let node = Process::start(server.join(PeerRole::Node), None, limits);
+    let node = Process::start(server.join(JoinRole::Node), None, limits);
     let (here, _) = node.connect_to(&server.process);
     assert!(node.events.recv_timeout(Duration::from_millis(1_200)).is_err(), "nothing happens for long");
     node.net.send(here, Lane::Admin, b"still here").unwrap();
@@ -37,7 +37,7 @@ fn a_silent_peer_that_lives_is_kept() {
 fn a_frame_longer_than_the_role_may_send_closes_the_connection() {
     let server = Server::start();
     let generous = Limits { client_frame_bytes: 1 << 20, ..Limits::default() };
-    let client = Process::start(server.join(PeerRole::Client), None, generous);
+    let client = Process::start(server.join(JoinRole::Client), None, generous);
     let (here, _) = client.connect_to(&server.process);
     client.net.send(here, Lane::Client, vec![0; 64 << 10]).unwrap();
     assert_eq!(server.process.frame().1.len(), 64 << 10);
@@ -54,7 +54,7 @@ fn a_frame_longer_than_the_role_may_send_closes_the_connection() {
 fn an_anonymous_peer_that_does_not_join_is_closed() {
     // Closed for what it sends, not for taking its time.
     let server = Server::with_limits(Limits { handshake_timeout: HOUR, ..Limits::default() });
-    let fingerprint = server.token(PeerRole::Node).fingerprint;
+    let fingerprint = server.token(JoinRole::Node).fingerprint;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     for attempt in 0..2 {
         let closed = runtime.block_on(async {
@@ -78,7 +78,7 @@ fn an_anonymous_peer_that_does_not_join_is_closed() {
 #[test]
 fn peers_of_another_version_are_told_both() {
     let server = Server::start();
-    let identity = server.join(PeerRole::Node);
+    let identity = server.join(JoinRole::Node);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let versions = format!("version {PROTOCOL_VERSION}, the other 77");
     for (greeting, reason) in [([0, 77, 0, 0, 0], versions.as_str()), ([9, 1, 0, 0, 0], "greeting")] {
@@ -101,14 +101,14 @@ fn peers_of_another_version_are_told_both() {
 #[test]
 fn under_load_callers_prove_their_address_first_and_get_in_all_the_same() {
     let server = Server::with_limits(Limits { handshakes_before_retry: 0, ..Limits::default() });
-    let node = server.process(PeerRole::Node);
+    let node = server.process(JoinRole::Node);
     node.connect_to(&server.process);
 }
 
 #[test]
 fn handshakes_beyond_the_limit_are_not_answered() {
     let server = Server::with_limits(Limits { handshakes: 1, ..Limits::default() });
-    let token = server.token(PeerRole::Node);
+    let token = server.token(JoinRole::Node);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let idle = runtime.block_on(async {
         let (endpoint, connecting) = anonymous(server.addr(), token.fingerprint, PATIENCE).unwrap();
@@ -119,7 +119,7 @@ fn handshakes_beyond_the_limit_are_not_answered() {
     drop((idle, runtime));
     join(server.addr(), &token, None, PATIENCE).unwrap();
     // A handshake that is over makes room although the peer stays.
-    let (one, two) = (server.process(PeerRole::Node), server.process(PeerRole::Node));
+    let (one, two) = (server.process(JoinRole::Node), server.process(JoinRole::Node));
     one.connect_to(&server.process);
     two.connect_to(&server.process);
 }
@@ -127,11 +127,11 @@ fn handshakes_beyond_the_limit_are_not_answered() {
 #[test]
 fn a_node_does_not_talk_to_anonymous_peers_at_all() {
     let server = Server::start();
-    let node = server.process(PeerRole::Node);
-    let error = join(node.net.local_addr(), &server.token(PeerRole::Node), None, PATIENCE).unwrap_err();
+    let node = server.process(JoinRole::Node);
+    let error = join(node.net.local_addr(), &server.token(JoinRole::Node), None, PATIENCE).unwrap_err();
     assert!(matches!(error, NetError::WrongPeer { .. }), "a node is no server: {error}");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-    let authority = server.token(PeerRole::Node).fingerprint;
+    let authority = server.token(JoinRole::Node).fingerprint;
     let closed = runtime.block_on(async {
         let (endpoint, _) = anonymous(node.net.local_addr(), authority, PATIENCE).unwrap();
         let crypto = crate::net::verify::joining(authority).unwrap();
@@ -151,7 +151,7 @@ fn a_node_does_not_talk_to_anonymous_peers_at_all() {
 #[test]
 fn whoever_answers_under_another_name_is_not_talked_to() {
     let server = Server::start();
-    let (one, two) = (server.process(PeerRole::Node), server.process(PeerRole::Participant));
+    let (one, two) = (server.process(JoinRole::Node), server.process(JoinRole::Participant));
     let half_right = PeerName::Participant(two.net.who().node().unwrap(), ClientId(9));
     for expected in [PeerName::Node(NodeId(9)), PeerName::Server, half_right] {
         one.net.connect(two.net.local_addr(), expected);
@@ -163,7 +163,7 @@ fn whoever_answers_under_another_name_is_not_talked_to() {
 #[test]
 fn processes_of_two_worlds_do_not_talk() {
     let (server, foreign) = (Server::start(), Server::start());
-    let stranger = foreign.process(PeerRole::Node);
+    let stranger = foreign.process(JoinRole::Node);
     stranger.net.connect(server.addr(), PeerName::Server);
     let error = stranger.refused();
     assert!(matches!(error, NetError::WrongPeer { .. }), "{error}");
@@ -174,8 +174,8 @@ fn a_slow_reader_costs_its_limit_and_does_not_hold_up_others() {
     let server = Server::start();
     // Its inbox holds two frames of the longest kind, 2 MiB.
     let limits = Limits { frame_bytes: 1 << 20, ..Limits::default() };
-    let slow = Process::start(server.join(PeerRole::Client), None, limits);
-    let quick = server.process(PeerRole::Client);
+    let slow = Process::start(server.join(JoinRole::Client), None, limits);
+    let quick = server.process(JoinRole::Client);
     let (_, to_slow) = slow.connect_to(&server.process);
     let (_, to_quick) = quick.connect_to(&server.process);
     let frame = vec![5; 60_000];
@@ -209,7 +209,7 @@ fn a_slow_reader_costs_its_limit_and_does_not_hold_up_others() {
 #[test]
 fn datagrams_for_a_loop_that_does_not_read_are_dropped_and_counted() {
     let server = Server::start();
-    let node = server.process(PeerRole::Node);
+    let node = server.process(JoinRole::Node);
     let (here, there) = node.connect_to(&server.process);
     let mut sent = 0;
     let deadline = Instant::now() + PATIENCE;
@@ -226,7 +226,7 @@ fn datagrams_for_a_loop_that_does_not_read_are_dropped_and_counted() {
 #[test]
 fn a_port_that_is_taken_is_named() {
     let server = Server::start();
-    let node = server.join(PeerRole::Node);
+    let node = server.join(JoinRole::Node);
     let taken = server.addr();
     let config = NetConfig { listen: taken, identity: node, authority: None, limits: Limits::default() };
     let Err(error @ NetError::PortTaken { .. }) = Net::start(config) else { panic!("it is taken") };
@@ -253,7 +253,7 @@ fn an_address_where_nobody_answers_is_named_within_the_time_out() {
     let addr = silent.local_addr().unwrap();
     let server = Server::start();
     let start = Instant::now();
-    let error = join(addr, &server.token(PeerRole::Node), None, Duration::from_millis(700)).unwrap_err();
+    let error = join(addr, &server.token(JoinRole::Node), None, Duration::from_millis(700)).unwrap_err();
     assert!(matches!(error, NetError::Unreachable { .. }) && error.to_string().contains(&addr.to_string()));
     server.process.net.connect(addr, PeerName::Node(NodeId(1)));
     assert!(matches!(server.process.refused(), NetError::Unreachable { .. }));

@@ -14,7 +14,7 @@ fn refusal(result: Result<Identity, NetError>) -> String {
 
 /// The server's answer to bytes of our own making.
 fn reply(server: &Server, request: &[u8]) -> String {
-    let fingerprint = server.token(PeerRole::Node).fingerprint;
+    let fingerprint = server.token(JoinRole::Node).fingerprint;
     let reply = exchange(server.addr(), fingerprint, request, PATIENCE).unwrap();
     assert_eq!(reply[0], 0, "a refusal");
     String::from_utf8(reply[1..].to_vec()).unwrap()
@@ -23,12 +23,12 @@ fn reply(server: &Server, request: &[u8]) -> String {
 #[test]
 fn ids_are_counted_from_one_and_a_participant_gets_one_of_each() {
     let server = Server::start();
-    assert_eq!(server.join(PeerRole::Node).who(), PeerName::Node(NodeId(1)));
-    assert_eq!(server.join(PeerRole::Client).who(), PeerName::Client(ClientId(1)));
-    let both = server.join(PeerRole::Participant);
+    assert_eq!(server.join(JoinRole::Node).who(), PeerName::Node(NodeId(1)));
+    assert_eq!(server.join(JoinRole::Client).who(), PeerName::Client(ClientId(1)));
+    let both = server.join(JoinRole::Participant);
     assert_eq!(
         (both.role(), both.node(), both.client()),
-        (PeerRole::Participant, Some(NodeId(2)), Some(ClientId(2)))
+        (JoinRole::Participant, Some(NodeId(2)), Some(ClientId(2)))
     );
     assert_eq!(server.process.net.totals().joins_granted, 3);
 }
@@ -36,7 +36,7 @@ fn ids_are_counted_from_one_and_a_participant_gets_one_of_each() {
 #[test]
 fn a_token_lets_one_process_in_even_when_the_server_starts_again() {
     let Server { process, authority, folder } = Server::start();
-    let mint = || authority.issue_token(PeerRole::Node, HOUR, SystemTime::now()).unwrap();
+    let mint = || authority.issue_token(JoinRole::Node, HOUR, SystemTime::now()).unwrap();
     let (used, unused) = (mint(), mint());
     join(process.net.local_addr(), &used, None, PATIENCE).unwrap();
     let again = refusal(join(process.net.local_addr(), &used, None, PATIENCE));
@@ -56,7 +56,7 @@ fn a_token_lets_one_process_in_even_when_the_server_starts_again() {
 #[test]
 fn of_many_that_bring_the_same_token_at_once_one_gets_in() {
     let server = Server::start();
-    let (addr, token) = (server.addr(), server.token(PeerRole::Client));
+    let (addr, token) = (server.addr(), server.token(JoinRole::Client));
     let let_in = std::thread::scope(|scope| {
         let joins: Vec<_> =
             (0..6).map(|_| scope.spawn(|| join(addr, &token, None, PATIENCE).is_ok())).collect();
@@ -69,10 +69,10 @@ fn of_many_that_bring_the_same_token_at_once_one_gets_in() {
 fn tokens_are_minted_by_another_process_while_the_server_runs() {
     let server = Server::start();
     let other = Authority::load_or_create(server.folder.path()).unwrap();
-    let token = other.issue_token(PeerRole::Client, HOUR, SystemTime::now()).unwrap();
+    let token = other.issue_token(JoinRole::Client, HOUR, SystemTime::now()).unwrap();
     join(server.addr(), &token.to_string().parse().unwrap(), None, PATIENCE).unwrap();
     assert!(matches!(
-        other.issue_token(PeerRole::Server, HOUR, SystemTime::now()),
+        other.issue_token(JoinRole::Server, HOUR, SystemTime::now()),
         Err(NetError::ServerToken)
     ));
 }
@@ -81,7 +81,7 @@ fn tokens_are_minted_by_another_process_while_the_server_runs() {
 fn an_expired_token_is_refused() {
     let server = Server::start();
     let then = SystemTime::now() - 2 * HOUR;
-    let token = server.authority.issue_token(PeerRole::Node, HOUR, then).unwrap();
+    let token = server.authority.issue_token(JoinRole::Node, HOUR, then).unwrap();
     let reason = refusal(join(server.addr(), &token, None, PATIENCE));
     assert!(reason.contains("expired"), "{reason}");
 }
@@ -89,7 +89,7 @@ fn an_expired_token_is_refused() {
 #[test]
 fn a_joiner_does_not_talk_to_a_server_of_another_authority() {
     let (server, foreign) = (Server::start(), Server::start());
-    let result = join(server.addr(), &foreign.token(PeerRole::Node), None, PATIENCE);
+    let result = join(server.addr(), &foreign.token(JoinRole::Node), None, PATIENCE);
     let Err(error @ NetError::WrongPeer { .. }) = result else { panic!("{result:?}") };
     assert!(error.to_string().contains("not the one that the token names"), "{error}");
 }
@@ -97,9 +97,9 @@ fn a_joiner_does_not_talk_to_a_server_of_another_authority() {
 #[test]
 fn a_server_refuses_tokens_that_it_did_not_mint() {
     let (server, foreign) = (Server::start(), Server::start());
-    let fingerprint = server.token(PeerRole::Node).fingerprint;
-    let forged_roots = Token { fingerprint, ..foreign.token(PeerRole::Node) };
-    let forged_role = Token { role: PeerRole::Node, ..server.token(PeerRole::Client) };
+    let fingerprint = server.token(JoinRole::Node).fingerprint;
+    let forged_roots = Token { fingerprint, ..foreign.token(JoinRole::Node) };
+    let forged_role = Token { role: JoinRole::Node, ..server.token(JoinRole::Client) };
     for token in [forged_roots, forged_role] {
         let reason = refusal(join(server.addr(), &token, None, PATIENCE));
         assert!(reason.contains("not minted by this server's authority"), "{reason}");
@@ -132,7 +132,7 @@ fn unlike_versions_are_both_named() {
 #[test]
 fn requests_of_any_bytes_are_refused_and_spend_no_token() {
     let server = Server::start();
-    let token = server.token(PeerRole::Node);
+    let token = server.token(JoinRole::Node);
     let whole = request(&token.to_string()).encode(PROTOCOL_VERSION);
     // A key that is not the joiner's.
     let other = Key::generate().unwrap();
@@ -146,25 +146,25 @@ fn requests_of_any_bytes_are_refused_and_spend_no_token() {
 #[test]
 fn a_resume_key_brings_the_same_ids_back() {
     let server = Server::start();
-    let first = server.join(PeerRole::Participant);
-    server.join(PeerRole::Participant);
+    let first = server.join(JoinRole::Participant);
+    server.join(JoinRole::Participant);
     let resumed =
-        join(server.addr(), &server.token(PeerRole::Participant), first.resume(), PATIENCE).unwrap();
+        join(server.addr(), &server.token(JoinRole::Participant), first.resume(), PATIENCE).unwrap();
     assert_eq!(resumed.who(), first.who());
     assert_eq!(resumed.resume(), first.resume());
 
-    let wrong_role = refusal(join(server.addr(), &server.token(PeerRole::Client), first.resume(), PATIENCE));
+    let wrong_role = refusal(join(server.addr(), &server.token(JoinRole::Client), first.resume(), PATIENCE));
     assert!(wrong_role.contains("--role participant"), "{wrong_role}");
-    let foreign = Server::start().join(PeerRole::Client);
-    let foreign = refusal(join(server.addr(), &server.token(PeerRole::Client), foreign.resume(), PATIENCE));
+    let foreign = Server::start().join(JoinRole::Client);
+    let foreign = refusal(join(server.addr(), &server.token(JoinRole::Client), foreign.resume(), PATIENCE));
     assert!(foreign.contains("not of this server's authority"), "{foreign}");
-    assert_eq!(server.join(PeerRole::Node).node(), Some(NodeId(3)), "a resumed id is not given to another");
+    assert_eq!(server.join(JoinRole::Node).node(), Some(NodeId(3)), "a resumed id is not given to another");
 }
 
 #[test]
 fn an_identity_is_saved_for_its_owner_only_and_still_proves_the_name() {
     let server = Server::start();
-    let identity = server.join(PeerRole::Participant);
+    let identity = server.join(JoinRole::Participant);
     let path = server.folder.path().join("identity.pem");
     identity.save(&path).unwrap();
     #[cfg(unix)]
@@ -188,7 +188,7 @@ fn an_identity_is_saved_for_its_owner_only_and_still_proves_the_name() {
 fn an_expired_certificate_proves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let authority = Authority::load_or_create(folder.path()).unwrap();
-    let token = authority.issue_token(PeerRole::Node, HOUR, SystemTime::now()).unwrap();
+    let token = authority.issue_token(JoinRole::Node, HOUR, SystemTime::now()).unwrap();
     let authority = Arc::new(authority.with_certificate_life(HOUR));
     let identity = authority.server_identity().unwrap();
     let server = Process::start(identity, Some(authority.clone()), Limits::default());

@@ -94,16 +94,16 @@ impl Server {
         self.process.net.local_addr()
     }
 
-    fn token(&self, role: PeerRole) -> Token {
+    fn token(&self, role: JoinRole) -> Token {
         self.authority.issue_token(role, HOUR, SystemTime::now()).unwrap()
     }
 
-    fn join(&self, role: PeerRole) -> Identity {
+    fn join(&self, role: JoinRole) -> Identity {
         join(self.addr(), &self.token(role), None, PATIENCE).unwrap()
     }
 
     /// A process that has joined and listens.
-    fn process(&self, role: PeerRole) -> Process {
+    fn process(&self, role: JoinRole) -> Process {
         Process::start(self.join(role), None, Limits::default())
     }
 }

@@ -10,7 +10,7 @@ const LEAVING: CloseCode = CloseCode(CloseCode::FIRST_FREE + 1);
 #[test]
 fn frames_arrive_in_order_on_every_lane_and_in_both_directions() {
     let server = Server::start();
-    let node = server.process(PeerRole::Node);
+    let node = server.process(JoinRole::Node);
     let (here, there) = node.connect_to(&server.process);
     for number in 0..300u32 {
         for lane in Lane::ALL {
@@ -40,7 +40,7 @@ fn frames_arrive_in_order_on_every_lane_and_in_both_directions() {
 fn frames_of_every_size_up_to_the_limit_arrive_whole() {
     let limits = Limits { frame_bytes: 3 << 20, ..Limits::default() };
     let server = Server::with_limits(limits.clone());
-    let node = Process::start(server.join(PeerRole::Node), None, limits);
+    let node = Process::start(server.join(JoinRole::Node), None, limits);
     let (here, _) = node.connect_to(&server.process);
     for bytes in [0, 1, 1_200, 65_536, 65_537, 1 << 20, 3 << 20] {
         let frame: Vec<u8> = (0..bytes).map(|at: usize| (at * 31) as u8).collect();
@@ -56,7 +56,7 @@ fn frames_of_every_size_up_to_the_limit_arrive_whole() {
 #[test]
 fn datagrams_arrive_and_longer_ones_are_an_error() {
     let server = Server::start();
-    let client = server.process(PeerRole::Client);
+    let client = server.process(JoinRole::Client);
     let (here, there) = client.connect_to(&server.process);
     client.net.send_datagram(here, vec![3; MAX_DATAGRAM_BYTES]).unwrap();
     let NetEvent::Datagram { peer, bytes } = server.process.next() else { panic!("expected a datagram") };
@@ -68,7 +68,7 @@ fn datagrams_arrive_and_longer_ones_are_an_error() {
 #[test]
 fn nodes_and_participants_know_one_another_by_name() {
     let server = Server::start();
-    let (node, both) = (server.process(PeerRole::Node), server.process(PeerRole::Participant));
+    let (node, both) = (server.process(JoinRole::Node), server.process(JoinRole::Participant));
     node.net.connect(both.net.local_addr(), PeerName::Node(both.net.who().node().unwrap()));
     assert_eq!(node.connected().1, both.net.who());
     assert_eq!(both.connected().1, node.net.who());
@@ -77,7 +77,7 @@ fn nodes_and_participants_know_one_another_by_name() {
 #[test]
 fn closing_delivers_what_was_sent_before() {
     let server = Server::start();
-    let node = server.process(PeerRole::Node);
+    let node = server.process(JoinRole::Node);
     let (here, _) = node.connect_to(&server.process);
     for _ in 0..20 {
         node.net.send(here, Lane::Object, vec![1; 100_000]).unwrap();
@@ -97,7 +97,7 @@ fn closing_delivers_what_was_sent_before() {
 fn what_arrived_before_the_end_is_delivered_to_a_slow_reader_too() {
     let limits = Limits { frame_bytes: 1 << 20, linger: PATIENCE, ..Limits::default() };
     let server = Server::with_limits(limits.clone());
-    let node = Process::start(server.join(PeerRole::Node), None, limits);
+    let node = Process::start(server.join(JoinRole::Node), None, limits);
     let (here, _) = node.connect_to(&server.process);
     // The first fills the inbox, so that the second waits in QUIC when the connection ends.
     for _ in 0..2 {
@@ -114,7 +114,7 @@ fn what_arrived_before_the_end_is_delivered_to_a_slow_reader_too() {
 #[test]
 fn shutting_down_tells_peers_and_ends_the_events() {
     let server = Server::start();
-    let node = server.process(PeerRole::Node);
+    let node = server.process(JoinRole::Node);
     node.connect_to(&server.process);
     let Process { net, events } = node;
     net.shutdown();
@@ -127,7 +127,7 @@ fn shutting_down_tells_peers_and_ends_the_events() {
 #[test]
 fn a_small_frame_goes_to_and_fro_at_once() {
     let server = Server::start();
-    let node = server.process(PeerRole::Node);
+    let node = server.process(JoinRole::Node);
     let (here, there) = node.connect_to(&server.process);
     let mut round_trips: Vec<Duration> = Vec::new();
     for _ in 0..2_000 {

@@ -5,7 +5,7 @@
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Border, Ground, Moment, Side, agree, held, membership, nearby, share};
+use super::{Border, Ground, Moment, Side, consensus, ghosts, membership, predicted_contacts, shared};
 use crate::physics::ShapeError;
 use crate::physics::partition::Partition;
 use crate::physics::region::{BodyRef, Ownership, Region};

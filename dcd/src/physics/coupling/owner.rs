@@ -2,7 +2,7 @@
 //! and is felt until the owner's word overwrites it after the step. It does not conserve momentum across a border: each
 //! side solves the contact with its own copy of the other body.
 
-use super::{Ground, Side, halo, held};
+use super::{Ground, Side, ghosts, halo};
 use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::outbox::Outbox;

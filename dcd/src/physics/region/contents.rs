@@ -3,7 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::assembly::Assembly;
-use super::{BodyRef, Ownership, Region, Slot, anchor, assembly};
+use super::{BodyRef, Ownership, Region, Slot, assembly, floating_origin};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};

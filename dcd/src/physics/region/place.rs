@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use rapier3d::prelude::*;
 
-use super::{BodyRef, COVER_M, Ownership, Region, anchor};
+use super::{BodyRef, COVER_M, Ownership, Region, floating_origin};
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;

@@ -3,7 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::mass_splitting::MassSplit;
-use super::{Ownership, Region, guide};
+use super::{Ownership, Region, kinematic_targets};
 use crate::physics::hooks::Named;
 
 impl Region {

@@ -67,7 +67,7 @@ pub enum ToNode {
         motion: Motion,
     },
     /// To the leader of a group, from others: bodies about which they are believed. Newest wins.
-    Abroad {
+    InterGroup {
         /// The present view of the receiver.
         view: ViewNumber,
         /// Whether they come from the main group, whose ticks the others keep up with.
@@ -177,7 +177,7 @@ pub enum ToServer {
         delay_ms: Option<f32>,
     },
     /// From the leader: bodies about which its group is believed, as they are here. Newest wins.
-    Abroad {
+    InterGroup {
         /// The present view.
         view: ViewNumber,
         /// After which tick.

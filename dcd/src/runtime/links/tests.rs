@@ -28,7 +28,7 @@ fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) 
 }
 
 impl Pair {
-    fn new(role: crate::net::PeerRole) -> Self {
+    fn new(role: crate::net::JoinRole) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
         let identity = authority.server_identity().unwrap();
@@ -122,7 +122,7 @@ impl Pair {
 
 #[test]
 fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
-    let mut pair = Pair::new(crate::net::PeerRole::Client);
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
     pair.tell_world(60);
     assert!(pair.waiting_bytes() > 4 << 20, "{}", pair.waiting_bytes());
     pair.read_all();
@@ -151,7 +151,7 @@ fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
 
 #[test]
 fn a_node_may_be_behind_by_a_world_and_no_more() {
-    let mut pair = Pair::new(crate::net::PeerRole::Node);
+    let mut pair = Pair::new(crate::net::JoinRole::Node);
     pair.links.world_bytes = 8 << 20;
     let mut most = 0;
     while pair.links.keys.contains_key(&pair.peer) {
@@ -164,7 +164,7 @@ fn a_node_may_be_behind_by_a_world_and_no_more() {
 
 #[test]
 fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
-    let mut pair = Pair::new(crate::net::PeerRole::Client);
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
     pair.tell_world(60);
     assert!(pair.links.flush(Instant::now()));
     let stuck = pair.fill_sockets();
@@ -173,7 +173,7 @@ fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
     pair.links.flush(stuck + STUCK);
     assert_eq!((pair.given_up(), pair.waiting_bytes()), (vec![pair.peer], 0));
     // Who takes in a little now and then is slow, and stays.
-    let mut pair = Pair::new(crate::net::PeerRole::Client);
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
     pair.tell_world(60);
     let mut now = Instant::now();
     for part in 0..6 {
@@ -190,7 +190,7 @@ fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
 
 #[test]
 fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
-    let mut pair = Pair::new(crate::net::PeerRole::Participant);
+    let mut pair = Pair::new(crate::net::JoinRole::Participant);
     let connections = pair.links.connections.clone();
     assert_eq!(pair.changes(), [ConnectionChange::Came]);
     let [first] = &connections.list()[..] else { panic!("one connection, though it has two voices") };
@@ -231,7 +231,7 @@ fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
 
 #[test]
 fn a_connection_that_does_not_come_back_is_gone_but_for_the_server() {
-    let mut pair = Pair::new(crate::net::PeerRole::Client);
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
     let other = Connections::new(PeerName::Client(ClientId(1)), || ());
     let NetEvent::Connected { peer, who, addr } = pair.other_events.recv_timeout(PATIENCE).unwrap() else {
         panic!()
@@ -250,7 +250,7 @@ fn a_connection_that_does_not_come_back_is_gone_but_for_the_server() {
 
 #[test]
 fn a_program_that_takes_nothing_holds_up_its_writer_and_not_the_world() {
-    let mut pair = Pair::new(crate::net::PeerRole::Client);
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
     let connections = pair.links.connections.clone();
     let id = connections.list()[0].id;
     let mut written = 0;
@@ -286,7 +286,7 @@ fn a_program_that_takes_nothing_holds_up_its_writer_and_not_the_world() {
 #[test]
 fn who_writes_more_than_there_is_room_for_or_to_the_wrong_program_is_disconnected() {
     let frame = |bytes| protocol::encode(&Message::Program(Program::Message(vec![0; bytes])));
-    let mut pair = Pair::new(crate::net::PeerRole::Client);
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
     let NetEvent::Connected { peer: server, .. } = pair.other_events.recv_timeout(PATIENCE).unwrap() else {
         panic!()
     };
@@ -311,7 +311,7 @@ fn who_writes_more_than_there_is_room_for_or_to_the_wrong_program_is_disconnecte
 
 #[test]
 fn messages_outlive_their_link_and_not_without_bound() {
-    let pair = Pair::new(crate::net::PeerRole::Client);
+    let pair = Pair::new(crate::net::JoinRole::Client);
     let NetEvent::Connected { peer: link, who, addr } = pair.other_events.recv_timeout(PATIENCE).unwrap()
     else {
         panic!()

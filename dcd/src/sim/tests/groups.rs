@@ -58,7 +58,7 @@ fn ticks(sim: &Sim) -> BTreeMap<GroupId, u64> {
     sim.server().views().map(|(group, _)| (group, tick(group))).collect()
 }
 
-fn drive(sim: &mut Sim, client: ClientId, linear: [f32; 3]) -> Velocity {
+fn input(sim: &mut Sim, client: ClientId, linear: [f32; 3]) -> Velocity {
     let velocity = Velocity { linear, angular: [0.0; 3] };
     sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
     velocity
@@ -101,7 +101,7 @@ fn an_avatar_is_seen_in_its_group_within_two_ticks_of_a_wish() {
             .collect();
         assert_eq!(others.len(), 1);
         let began = sim.now();
-        let input = drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
+        let input = input(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
         let speeds = |velocity: Velocity| velocity.linear.map(f32::abs);
         let sees = |sim: &Sim| {
             let view = sim.client(others[0]).body(avatar(who)).expect("it is there");
@@ -128,7 +128,7 @@ fn groups_keep_step_and_bodies_are_where_the_believed_group_has_them_but_for_the
     let mut since: BTreeMap<(GroupId, BodyId), u32> = BTreeMap::new();
     for _ in 0..20 {
         let who = clients[random.below(6) as usize];
-        drive(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
+        input(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
         sim.run_for(Duration::from_secs(1)).unwrap();
         let ticks = comparer.compare(&mut sim);
         assert!(ticks.len() >= 9, "{} ticks in a second", ticks.len());

@@ -223,7 +223,7 @@ impl Trial<'_> {
             if self.spawned.insert(client) {
                 let place = [self.random.unit() * 16.0, 4.0, 4.0];
                 self.sim
-                    .input(client, ClientEvent::Spawn { body: sim_body(avatar, place), shapes: Vec::new() });
+                    .submit(client, ClientEvent::Spawn { body: sim_body(avatar, place), shapes: Vec::new() });
             }
             return;
         }

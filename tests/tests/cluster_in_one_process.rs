@@ -265,7 +265,7 @@ fn a_client_drives_an_avatar_through_a_served_world_and_continues_after_a_pause(
     let east = Velocity { linear: [10.0, 0.0, 0.0], angular: [0.0; 3] };
     let mut touches = Vec::new();
     while client.body(avatar).unwrap().body.state.pose.translation[0] < 0.0 {
-        client.drive(avatar, east, None).unwrap();
+        client.send_input(avatar, east, None).unwrap();
         let seen = client.updates();
         assert!(client.wait_update(seen, LIMIT));
         let events = client.take_events();
@@ -274,7 +274,7 @@ fn a_client_drives_an_avatar_through_a_served_world_and_continues_after_a_pause(
     }
     assert!(touches.iter().any(|(_, touch)| touch.began), "the avatar must have run into towers");
     let too_fast = Velocity { linear: [100.0, 0.0, 0.0], angular: [0.0; 3] };
-    client.drive(avatar, too_fast, None).unwrap();
+    client.send_input(avatar, too_fast, None).unwrap();
     let id = client.id();
     client.leave().unwrap();
 

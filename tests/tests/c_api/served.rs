@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use dcd::net::Role;
+use dcd::net::JoinRole;
 use dcd::protocol::Pace;
 use dcd::runtime::{
     Delivery, JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
@@ -45,15 +45,15 @@ impl Cluster {
         .unwrap();
         let nodes = (0..nodes)
             .map(|_| {
-                let token = server.token(Role::Node, LIMIT).unwrap();
-                let identity = JoinConfig::new(server.address, token).join(Role::Node).unwrap();
+                let token = server.token(JoinRole::Node, LIMIT).unwrap();
+                let identity = JoinConfig::new(server.address, token).join(JoinRole::Node).unwrap();
                 Member::start(MemberConfig::new(server.address, identity)).unwrap()
             })
             .collect();
         Self { server, nodes, folder }
     }
 
-    fn token(&self, role: Role) -> String {
+    fn token(&self, role: JoinRole) -> String {
         self.server.token(role, LIMIT).unwrap()
     }
 
@@ -84,7 +84,7 @@ fn join_drives_an_avatar_through_towers_and_hears_of_contacts() {
     let cluster = Cluster::start(2);
     let program = build(&root().join("examples-c/join.c"), cluster.folder.path(), &[]);
     let mut join = Command::new(program);
-    join.arg(cluster.server.address.to_string()).arg(cluster.token(Role::Client));
+    join.arg(cluster.server.address.to_string()).arg(cluster.token(JoinRole::Client));
     let said = run_well(join.args(["2", "-12", "1", "0.75", "10", "0", "0"]));
     let last = said.lines().last().expect("it says something");
     let value = |name: &str| -> f64 {
@@ -103,7 +103,7 @@ fn a_game_loop_written_for_a_local_world_joins_a_served_one() {
     let cluster = Cluster::start(2);
     let program = build(&root().join("examples-c/game_loop.c"), cluster.folder.path(), &[]);
     let mut game = Command::new(program);
-    let said = run_well(game.arg(cluster.server.address.to_string()).arg(cluster.token(Role::Client)));
+    let said = run_well(game.arg(cluster.server.address.to_string()).arg(cluster.token(JoinRole::Client)));
     let last = said.lines().last().expect("it says something");
     let numbers: Vec<u32> =
         last.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
@@ -124,7 +124,7 @@ fn the_program_of_the_readme_joins_a_served_world_by_another_call() {
     let (declared, rest) = rest.split_once("    def.regions").expect("it sets the definition");
     let (_, rest) = rest.split_once("    ball.pose").expect("it makes the ball last");
     let joins = joins.replace("192.0.2.7:7420", &cluster.server.address.to_string());
-    let joins = joins.replace("dcd1-...", &cluster.token(Role::Client));
+    let joins = joins.replace("dcd1-...", &cluster.token(JoinRole::Client));
     let declared = declared.replace("ground = DCD_BODY_DEF_INIT, ", "");
     let source = format!("{before}{declared}{joins}    ball.pose{rest}");
     let source = source.replace("    const float half[3] = { 50.0f, 0.5f, 50.0f };\n", "");
@@ -140,7 +140,7 @@ fn an_mmo_client_draws_its_avatar_ahead_of_what_it_hears() {
     let cluster = Cluster::start(2);
     let program = build(&root().join("examples-c/mmo_client.c"), cluster.folder.path(), &SANITIZED);
     let mut client = Command::new(program);
-    client.arg(cluster.server.address.to_string()).arg(cluster.token(Role::Client));
+    client.arg(cluster.server.address.to_string()).arg(cluster.token(JoinRole::Client));
     let connections = cluster.server.connections().clone();
     let host = std::thread::spawn(move || {
         let mut seen = 0;
@@ -175,21 +175,21 @@ fn check(said: &str) {
 #[test]
 fn a_client_can_do_what_the_header_says_and_names_its_role_for_the_rest() {
     let cluster = Cluster::start(2);
-    check(&run_well(cluster.program("play").arg(cluster.token(Role::Client))));
+    check(&run_well(cluster.program("play").arg(cluster.token(JoinRole::Client))));
     cluster.stop();
 }
 
 #[test]
 fn sanitizers_find_nothing_in_a_client() {
     let cluster = Cluster::start(1);
-    check(&run_well(cluster.program_with("play", &SANITIZED).arg(cluster.token(Role::Client))));
+    check(&run_well(cluster.program_with("play", &SANITIZED).arg(cluster.token(JoinRole::Client))));
     cluster.stop();
 }
 
 #[test]
 fn a_participant_plays_like_a_client_and_hands_its_share_over() {
     let cluster = Cluster::start(1);
-    check(&run_well(cluster.program("participate").arg(cluster.token(Role::Participant))));
+    check(&run_well(cluster.program("participate").arg(cluster.token(JoinRole::Participant))));
     assert!(cluster.server.wait(LIMIT, |summary, _| summary.nodes == 1));
     cluster.stop();
 }
@@ -199,7 +199,7 @@ fn a_client_with_an_interest_hears_of_a_part_of_the_world() {
     for nodes in [1, 2] {
         let cluster = Cluster::start(nodes);
         let mut program = cluster.program("interest");
-        check(&run_well(program.args([cluster.token(Role::Client), cluster.token(Role::Client)])));
+        check(&run_well(program.args([cluster.token(JoinRole::Client), cluster.token(JoinRole::Client)])));
         cluster.stop();
     }
 }
@@ -208,7 +208,7 @@ fn a_client_with_an_interest_hears_of_a_part_of_the_world() {
 fn an_avatar_left_behind_is_found_again() {
     let cluster = Cluster::start(2);
     let mut program = cluster.program("return");
-    program.args([cluster.token(Role::Client), cluster.token(Role::Client)]);
+    program.args([cluster.token(JoinRole::Client), cluster.token(JoinRole::Client)]);
     check(&run_well(program.arg(cluster.folder.path().join("me"))));
     cluster.stop();
 }
@@ -217,7 +217,7 @@ fn an_avatar_left_behind_is_found_again() {
 fn a_lost_server_is_said_by_every_step() {
     let cluster = Cluster::start(1);
     let mut program = cluster.program("lose");
-    let mut child = program.arg(cluster.token(Role::Client)).stdout(Stdio::piped()).spawn().unwrap();
+    let mut child = program.arg(cluster.token(JoinRole::Client)).stdout(Stdio::piped()).spawn().unwrap();
     let mut said = BufReader::new(child.stdout.take().unwrap());
     let mut line = String::new();
     said.read_line(&mut line).unwrap();
@@ -266,7 +266,7 @@ fn a_client_plays_on_while_the_server_is_killed_and_started_again() {
     };
     let nodes = [0, 1].map(|_| {
         let address = address.parse().unwrap();
-        let identity = JoinConfig::new(address, token("node")).join(Role::Node).unwrap();
+        let identity = JoinConfig::new(address, token("node")).join(JoinRole::Node).unwrap();
         Member::start(MemberConfig::new(address, identity)).unwrap()
     });
     let mut program = Command::new(build(&root().join("tests/tests/c_api/client.c"), folder.path(), &[]));
@@ -296,7 +296,7 @@ fn what_is_wrong_on_entering_is_said_to_c() {
     // Bound and silent: nobody else can answer there.
     let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let mut program = cluster.program("fail");
-    program.args([cluster.token(Role::Client), cluster.token(Role::Node)]);
+    program.args([cluster.token(JoinRole::Client), cluster.token(JoinRole::Node)]);
     check(&run_well(program.arg(silent.local_addr().unwrap().to_string())));
     cluster.stop();
 }

@@ -1,5 +1,5 @@
-//! What a border costs: a step of two regions with 0, 100 and 1,000 bodies held by both, beside one bare Rapier world with the
-//! same 4,000 boxes; and apart from it the half that steps and gathers, and the half that agrees and applies.
+//! Measures what a border costs: a step of two regions with 0, 100 and 1,000 bodies held by both, beside one bare Rapier world with the
+//! same 4,000 boxes; and apart from it the half that steps and gathers, and the half that applies and comes to consensus.
 //!
 //! `cargo bench -p dcd-benches`; one thread, so that only work is counted.
 

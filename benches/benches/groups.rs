@@ -1,4 +1,4 @@
-//! How long the server takes to group 1,000 nodes: delays by distance, as on a network; one clique; and graphs on which a search
+//! Measures how long the server takes to group 1,000 nodes: delays by distance, as on a network; one clique; and graphs on which a search
 //! for cliques has the most to do. To stay below 200 ms each.
 //!
 //! `cargo bench -p dcd-benches --bench groups`

@@ -1,4 +1,4 @@
-//! The fault table: every row of faults, many seeds each, whole clusters in virtual time. What it says is the same on every
+//! Fills the fault table: every row of faults, many seeds each, whole clusters in virtual time. What it says is the same on every
 //! machine; how long it takes is not.
 
 use std::error::Error;

@@ -1,4 +1,4 @@
-//! Where and when something was measured: a figure without its machine says nothing.
+//! Records where and when something was measured: a figure without its machine says nothing.
 
 use std::process::Command;
 use std::thread::available_parallelism;

@@ -1,4 +1,4 @@
-//! The speed and accuracy suite of dcd: what partitioning costs and gains, how far its results are off, and where its methods
+//! Runs the speed and accuracy suite of dcd: what partitioning costs and gains, how far its results are off, and where its methods
 //! fail.
 
 mod accuracy;

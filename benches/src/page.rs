@@ -1,4 +1,4 @@
-//! The generated parts of `results/README.md`: tables between markers, made from the CSVs.
+//! Replaces the generated parts of `results/README.md`: tables between markers, made from the CSVs.
 
 use std::error::Error;
 use std::path::Path;

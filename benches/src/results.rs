@@ -1,4 +1,4 @@
-//! Results as CSV: the one form in which figures are kept. Pictures and tables are made from it, never from a run.
+//! Writes and reads results as CSV: the one form in which figures are kept. Pictures and tables are made from it, never from a run.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};

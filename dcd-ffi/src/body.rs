@@ -1,4 +1,4 @@
-//! Bodies: making, naming, destroying.
+//! Creates, finds and destroys bodies, and checks their definitions.
 
 use std::collections::BTreeSet;
 
@@ -20,7 +20,7 @@ use crate::types::{
     DcdVelocity, check_pose, check_velocity,
 };
 
-/// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
+/// The definition of a body. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
 /// dcd_collider_set_properties change it later.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -105,7 +105,7 @@ unsafe impl Sized32 for DcdBodyDef {
     const NAME: &'static str = "DcdBodyDef";
 }
 
-/// Makes a body. As dcd_bodies_create with one.
+/// Creates one body, as dcd_bodies_create.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_create(
     world: DcdWorld,
@@ -116,13 +116,14 @@ pub unsafe extern "C" fn dcd_body_create(
     guard("dcd_body_create", || unsafe { create(world, def, 1, out) })
 }
 
-/// Makes `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
+/// Creates `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
 /// moves them. In a served world they are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
 ///
 /// `defs` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
 /// than DCD_MAX_ITEMS bodies, and in a served world for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
-/// ids, DCD_ERR_UNSUPPORTED in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when its link is gone.
+/// ids, DCD_ERR_UNSUPPORTED in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when
+/// its link is gone.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bodies_create(
     world: DcdWorld,
@@ -310,7 +311,7 @@ fn destroy(world: DcdWorld, bodies: &[DcdBodyId]) -> Result<(), Failure> {
     })
 }
 
-/// Whether the id names a body of this world.
+/// Returns whether the id names a body of this world.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_is_valid(world: DcdWorld, body: DcdBodyId) -> bool {
     guard_value(false, || with(world, |world| find(world, body)).is_ok())

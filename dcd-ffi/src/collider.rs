@@ -1,4 +1,4 @@
-//! The shapes that a body consists of: what they are like to touch, what they weigh, what they report.
+//! Adds, changes, reads and removes the colliders of a body: shape, friction, restitution, mass, collision groups, events.
 
 use dcd::protocol::{ColliderMass, ColliderRecord};
 use rapier3d::prelude::*;
@@ -11,13 +11,13 @@ use crate::shape;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdFrame};
 
-/// In place of a collider's number: all shapes of the body.
+/// Names all colliders of a body, in place of a collider's number.
 pub const DCD_ALL_COLLIDERS: u32 = u32::MAX;
 
-/// Most shapes of one body.
+/// The most colliders of one body.
 pub const DCD_MAX_COLLIDERS: u32 = 4096;
 
-/// How the coefficients of two shapes in contact become one; of two rules the one with the higher number counts.
+/// The rule by which the coefficients of two colliders in contact become one; of two rules the one with the higher number counts.
 pub type DcdCombineRule = u32;
 
 /// (a + b) / 2.
@@ -50,10 +50,10 @@ pub const DCD_PAIR_FIXED_FIXED: u32 = 32;
 pub const DCD_COLLIDER_SENSOR: u32 = 1;
 /// In DcdColliderProperties.flags: is not there until this is taken away.
 pub const DCD_COLLIDER_DISABLED: u32 = 2;
-/// In DcdColliderProperties.flags: one match of groups and mask is enough for two shapes that both say so; else both must match.
+/// In DcdColliderProperties.flags: one match of groups and mask is enough for two colliders that both say so; else both must match.
 pub const DCD_COLLIDER_ANY_GROUP: u32 = 4;
 
-/// What one shape of a body is like. Start from DCD_COLLIDER_PROPERTIES_INIT, or from dcd_collider_properties.
+/// The properties of one collider of a body. Start from DCD_COLLIDER_PROPERTIES_INIT, or from dcd_collider_properties.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdColliderProperties {
@@ -93,7 +93,7 @@ pub struct DcdColliderProperties {
     pub pairs: u32,
     /// 0.
     pub reserved: u32,
-    /// Your own of this shape; nothing else carries it.
+    /// Your own of this collider; nothing else carries it.
     pub user_data: u64,
 }
 
@@ -188,7 +188,7 @@ impl DcdColliderProperties {
         check_bits(self.pairs, 63, "pairs")
     }
 
-    /// A new shape like this.
+    /// Builds a collider with these properties.
     pub(crate) fn builder(&self, shape: SharedShape) -> ColliderBuilder {
         let builder = ColliderBuilder::new(shape)
             .position(self.frame.pose())
@@ -208,7 +208,7 @@ impl DcdColliderProperties {
         if self.mass > 0.0 { builder.mass(self.mass) } else { builder.density(self.density) }
     }
 
-    /// Makes a shape of the properties `before` one of these. What is as it was is not touched: of some of it Rapier knows
+    /// Changes a collider from the properties `before` to these. What is as it was is not touched: of some of it Rapier knows
     /// more than C.
     fn apply(&self, before: &Self, collider: &mut Collider) {
         if self.frame != before.frame {
@@ -266,7 +266,7 @@ impl DcdColliderProperties {
     }
 }
 
-/// Reads what one shape of a body is like. `collider` is its number, from 0.
+/// Reads the properties of one collider of a body. `collider` is its number, from 0.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there.
 #[unsafe(no_mangle)]
@@ -286,8 +286,8 @@ pub unsafe extern "C" fn dcd_collider_properties(
     })
 }
 
-/// Changes what one shape of a body is like: read it by dcd_collider_properties, change members, and give it back. What is as it was
-/// stays as it is.
+/// Changes the properties of one collider of a body: read them by dcd_collider_properties, change members, and give them back. What is
+/// as it was stays as it is.
 ///
 /// `properties` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there or a member out of
@@ -314,7 +314,7 @@ pub unsafe extern "C" fn dcd_collider_set_properties(
     })
 }
 
-/// Gives a body one more shape, the last of its colliders; its number goes to `out`, which may be null. The contacts of the body
+/// Adds a collider to a body, as the last of its colliders; its number goes to `out`, which may be null. The contacts of the body
 /// begin anew, without memory.
 ///
 /// `properties` is read during the call; null is DCD_COLLIDER_PROPERTIES_INIT.
@@ -355,7 +355,7 @@ pub unsafe extern "C" fn dcd_collider_add(
     })
 }
 
-/// Takes a shape from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
+/// Removes a collider from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
 /// memory.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or is the only one,
@@ -400,7 +400,7 @@ pub extern "C" fn dcd_collider_set_shape(
 }
 
 /// Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
-/// newtons. `collider` is the number of one of its shapes, from 0, or DCD_ALL_COLLIDERS.
+/// newtons. `collider` is the number of one of its colliders, from 0, or DCD_ALL_COLLIDERS.
 ///
 /// Of a contact that is there already, the end is told only if the beginning was.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,

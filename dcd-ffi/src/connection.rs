@@ -1,4 +1,4 @@
-//! Other processes that a served world connects this one with.
+//! Declares the connections of a served world with other processes: their states, their figures, and why they end.
 
 mod calls;
 
@@ -14,7 +14,7 @@ use crate::role::{DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DCD_ROLE
 use crate::status::{self, Failure};
 pub use calls::*;
 
-/// What became of a connection, or how it is.
+/// The state of a connection.
 pub type DcdConnectionState = u32;
 
 /// It is new, and has a link.
@@ -26,12 +26,12 @@ pub const DCD_CONNECTION_BACK: DcdConnectionState = 3;
 /// It is over, and its id is stale.
 pub const DCD_CONNECTION_GONE: DcdConnectionState = 4;
 
-/// Why a connection is lost or gone.
+/// The cause of a connection being lost or gone.
 pub type DcdCause = u32;
 
 /// It is not: it came, or is back.
 pub const DCD_CAUSE_NONE: DcdCause = 0;
-/// It went by its own wish, or this process did.
+/// It left by itself, or this process did.
 pub const DCD_CAUSE_LEFT: DcdCause = 1;
 /// The server's program sent it away (dcd_disconnect), or this process.
 pub const DCD_CAUSE_SENT_AWAY: DcdCause = 2;
@@ -53,7 +53,7 @@ pub const DCD_CAUSE_FAILED: DcdCause = 9;
 /// Bytes of a reason at most, NUL included.
 pub const DCD_MAX_REASON: usize = 256;
 
-/// Something became of a connection.
+/// A change of the state of a connection.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdConnectionEvent {
@@ -114,7 +114,7 @@ unsafe impl Sized32 for DcdConnectionInfo {
     const NAME: &'static str = "DcdConnectionInfo";
 }
 
-/// What a process is, and its numbers as a node and as a client.
+/// Returns the role of a process, and its numbers as a node and as a client.
 pub(crate) fn names(who: PeerName) -> (DcdRole, u32, u32) {
     let role = match who {
         PeerName::Server => DCD_ROLE_SERVER,

@@ -1,4 +1,4 @@
-//! What happened in the last step.
+//! Collects the events of the last step for C: contacts, forces, transfers, bodies that came or went, connections, messages.
 
 mod calls;
 
@@ -24,7 +24,7 @@ pub const DCD_CONTACT_ENDED: u32 = 1;
 /// In DcdContact.flags: one of them is a sensor.
 pub const DCD_CONTACT_SENSOR: u32 = 1;
 
-/// Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
+/// A contact event: two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
 /// a served world, of avatars of this process.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -47,13 +47,13 @@ pub struct DcdContact {
     pub kind: u32,
     /// DCD_CONTACT_… bits.
     pub flags: u32,
-    /// Which shape of `a`, from 0: bodies of scenes may have several.
+    /// Which collider of `a`, from 0: bodies of scenes may have several.
     pub collider_a: u32,
-    /// Which shape of `b`.
+    /// Which collider of `b`.
     pub collider_b: u32,
 }
 
-/// A contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
+/// A contact force event: a contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdContactForce {
@@ -69,14 +69,14 @@ pub struct DcdContactForce {
     pub force: [f32; 3],
     /// Sum of their magnitudes, newtons.
     pub magnitude: f32,
-    /// Which shape of `a`, from 0.
+    /// Which collider of `a`, from 0.
     pub collider_a: u32,
-    /// Which shape of `b`.
+    /// Which collider of `b`.
     pub collider_b: u32,
 }
 
-/// A body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of in the step,
-/// and another region owned it than when it was heard of before. That is exact for both times, and leaves out what it went
+/// A transfer: a body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of
+/// in the step, and another region owned it than when it was heard of before. That is exact for both times, and leaves out what it went
 /// through between them; nothing is told of bodies whose owner was not known before (DCD_OWNER_BY_PLACE), of bodies outside the
 /// interest, and of regions that another node computes now.
 #[repr(C)]
@@ -110,7 +110,7 @@ pub const DCD_REFUSED_UNKNOWN: u32 = 3;
 pub const DCD_REFUSED_EXISTS: u32 = 4;
 /// In DcdBodyChange.reason: the velocity is above the limit that the server sets.
 pub const DCD_REFUSED_TOO_FAST: u32 = 5;
-/// In DcdBodyChange.reason: a newer wish was there before.
+/// In DcdBodyChange.reason: a newer input had arrived before.
 pub const DCD_REFUSED_LATE: u32 = 6;
 /// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's.
 pub const DCD_REFUSED_SHAPE: u32 = 7;
@@ -118,8 +118,8 @@ pub const DCD_REFUSED_SHAPE: u32 = 7;
 /// use the shapes that you have.
 pub const DCD_REFUSED_TOO_MANY: u32 = 8;
 
-/// A body of a served world appeared or is gone, or a wish was refused. Bodies that were there on joining are not told of, and
-/// nothing is in a local world.
+/// A change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
+/// told of, and nothing is in a local world.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBodyChange {
@@ -136,7 +136,7 @@ pub struct DcdBodyChange {
 /// In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 pub const DCD_EVENTS_LOST: u32 = 1;
 
-/// What happened in the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
+/// The events of the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdEventView {

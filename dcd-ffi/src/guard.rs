@@ -1,4 +1,4 @@
-//! What every entry point runs in.
+//! Runs the body of every entry point: turns failures and panics into a status and a message.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};

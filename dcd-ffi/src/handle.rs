@@ -1,4 +1,4 @@
-//! Handles: numbers that name things for C, and that stay wrong for ever once their thing is gone.
+//! Makes and resolves handles: numbers that name things for C, and that stay stale for ever once their thing is gone.
 
 use dcd::runtime::ConnectionId;
 use dcd::space::{BodyId, JointId};
@@ -63,7 +63,7 @@ impl<T> Slots<T> {
     }
 }
 
-/// What the handles of one world are mixed with, so that another world does not know them.
+/// The number that the handles of one world are mixed with, so that another world does not know them.
 ///
 /// A body's id has 64 bits and all may be in use: the upper half names a client, 0 in a local world. The mark is added to
 /// that half without carry. In another world the handle then names a body of a client that is not there, always if that

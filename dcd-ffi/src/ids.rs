@@ -1,4 +1,4 @@
-//! Handles as C sees them: opaque numbers, each in a struct of its own.
+//! Declares the types of handles as C sees them: opaque numbers, each in a struct of its own.
 
 /// A world, whatever its role. 0 is null.
 #[repr(C)]

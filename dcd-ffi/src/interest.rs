@@ -1,4 +1,4 @@
-//! What part of a served world a client wants to hear of.
+//! Sets the area of interest of a client: the part of a served world that it is told of.
 
 use dcd::protocol::{Area, WORLD_REACH_M};
 
@@ -8,12 +8,12 @@ use crate::pointer::{self, check_point};
 use crate::registry::with;
 use crate::status::{DcdStatus, Failure};
 
-/// Sets what a client or participant wants to hear of from now on: bodies whose origin is within `radius` metres of `centre`
-/// (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is farther off may touch
-/// an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such bodies in it. It saves
-/// bytes and time where the world is large. A radius of 0 or less, or of infinity, is everything, as at first; `centre` may be
-/// null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius of where it was said
-/// last, nothing is sent.
+/// Sets the area of interest of a client or participant, what it hears of from now on: bodies whose origin is within `radius`
+/// metres of `centre` (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is
+/// farther off may touch an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such
+/// bodies in it. It saves bytes and time where the world is large. A radius of 0 or less, or of infinity, is everything, as at
+/// first; `centre` may be null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius
+/// of where it was said last, nothing is sent.
 ///
 /// Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
 /// DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What

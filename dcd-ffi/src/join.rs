@@ -1,4 +1,4 @@
-//! Entering a world that a server holds.
+//! Joins a world that a server holds, as a client or as a participant, and lists the avatars of this process.
 
 use std::ffi::c_char;
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -14,7 +14,7 @@ use crate::registry::{self, with};
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_NULL, DCD_ERR_TIMEOUT, DcdStatus, Failure};
 use crate::world;
 
-/// How a client joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
+/// The definition of a client that joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdClientDef {
@@ -33,7 +33,7 @@ pub struct DcdClientDef {
     pub user_data: u64,
 }
 
-/// How a participant joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
+/// The definition of a participant that joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdParticipantDef {
@@ -72,11 +72,11 @@ unsafe impl Sized32 for DcdParticipantDef {
 /// - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands
 ///   where you put it; DCD_BODY_APPEARED tells that it is in the world, DCD_BODY_REFUSED that it is not to be, and then its
 ///   id is stale.
-/// - dcd_body_set_velocity drives an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends what was set. The
+/// - dcd_body_set_velocity sets the speed of an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends this input. The
 ///   server may set a limit to speed and refuse by DCD_BODY_REFUSED.
 /// - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. A server that is out of
 ///   reach is dialled again for half a minute: meanwhile the world goes on as long as nodes compute it, avatars can be
-///   driven, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
+///   moved, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
 ///   it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
 /// - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
 ///   your own avatars, if they ask for them.

@@ -1,4 +1,4 @@
-//! Joints: tying bodies together, limits, motors.
+//! Creates, changes, reads and destroys joints: their frames, limits, motors and softness.
 
 use dcd::protocol::{JointRecord, WorldPose};
 use dcd::space::JointId;
@@ -12,7 +12,7 @@ use crate::registry::{self, World, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 
-/// What a joint lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
+/// The type of a joint: what it lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
 pub type DcdJointType = u32;
 
 /// Nothing: the frames stay together. It has no axis of its own.
@@ -56,15 +56,15 @@ pub const DCD_JOINT_COLLIDE: u32 = 4;
 /// In DcdJointDef.flags: it does nothing until dcd_joint_set_flags takes this away.
 pub const DCD_JOINT_DISABLED: u32 = 8;
 
-/// What stiffness and damping of a motor are per.
+/// The model of a motor: whether stiffness and damping are per unit of mass.
 pub type DcdMotorModel = u32;
 
-/// Unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
+/// Per unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
 pub const DCD_MOTOR_ACCELERATION: DcdMotorModel = 0;
-/// Nothing: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
+/// Not per unit of mass: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
 pub const DCD_MOTOR_FORCE: DcdMotorModel = 1;
 
-/// What drives an axis: stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force. Start
+/// A motor of an axis: stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force. Start
 /// from DCD_JOINT_MOTOR_INIT, which holds the axis still by any force. For a speed give `velocity`; for a servo `position`,
 /// `stiffness` and `damping`.
 #[repr(C)]
@@ -84,7 +84,7 @@ pub struct DcdJointMotor {
     pub model: DcdMotorModel,
 }
 
-/// How a joint is made. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
+/// The definition of a joint. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdJointDef {
@@ -123,7 +123,7 @@ pub struct DcdJointDef {
     pub user_data: u64,
 }
 
-/// What a joint is now. Start from DCD_JOINT_INFO_INIT.
+/// The state of a joint. Start from DCD_JOINT_INFO_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdJointInfo {
@@ -145,7 +145,7 @@ pub struct DcdJointInfo {
     pub offset: DcdFrame,
     /// Angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
     pub position: f32,
-    /// What held the axes along x, y and z of frame_a that it locks, in the last step, newtons. Rapier mixes what it solves, so
+    /// Force that held the axes along x, y and z of frame_a that it locks, in the last step, newtons. Rapier mixes what it solves, so
     /// take it for an estimate, as of what should break the joint.
     pub force: [f32; 3],
     /// As in DcdJointDef.
@@ -173,7 +173,7 @@ unsafe impl Sized32 for DcdJointInfo {
     const NAME: &'static str = "DcdJointInfo";
 }
 
-/// Ties two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
+/// Creates a joint between two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
 /// together is owned and moved whole by one region, so keep it small against a region.
 ///
 /// `def` is read during the call. The joint is gone when either body is destroyed.
@@ -207,7 +207,7 @@ pub unsafe extern "C" fn dcd_joint_create(
     })
 }
 
-/// Unties two bodies and wakes them.
+/// Destroys a joint and wakes its bodies.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
 #[unsafe(no_mangle)]
@@ -220,13 +220,13 @@ pub extern "C" fn dcd_joint_destroy(world: DcdWorld, joint: DcdJointId) -> DcdSt
     })
 }
 
-/// Whether the id names a joint of this world.
+/// Returns whether the id names a joint of this world.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_joint_is_valid(world: DcdWorld, joint: DcdJointId) -> bool {
     guard_value(false, || with(world, |world| find(world, joint)).is_ok())
 }
 
-/// Says what a joint is now: what it ties, where it stands, what it bears.
+/// Reads the state of a joint: what it ties, where it stands, what it bears.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]
@@ -278,8 +278,8 @@ pub unsafe extern "C" fn dcd_joint_set_limit(
     })
 }
 
-/// Drives one axis of a joint, and wakes its bodies. Null stops the motor: the axis is free again. Coupled axes have one motor, a
-/// spring's is DCD_AXIS_X.
+/// Sets the motor of one axis of a joint, and wakes its bodies. Null stops the motor: the axis is free again. Coupled axes have
+/// one motor, a spring's is DCD_AXIS_X.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, an unknown model, an axis that is locked or
 /// none, or coupled axes about which it would turn.
@@ -483,7 +483,7 @@ fn axes(bits: u8) -> JointAxesMask {
     JointAxesMask::from_bits_truncate(bits)
 }
 
-/// What a type locks, couples and has as its own axes.
+/// Returns what a type locks, couples and has as its own axes.
 fn layout(joint_type: DcdJointType) -> Option<(JointAxesMask, JointAxesMask, &'static [JointAxis])> {
     let (none, along) = (JointAxesMask::empty(), JointAxesMask::LIN_AXES);
     Some(match joint_type {
@@ -567,7 +567,7 @@ fn parse(def: &DcdJointDef) -> Result<GenericJoint, Failure> {
     Ok(joint)
 }
 
-/// Whether Rapier can couple these axes: along two or three, about two.
+/// Checks that Rapier can couple these axes: along two or three, about two.
 fn check_coupled(locked: JointAxesMask, coupled: JointAxesMask) -> Result<(), Failure> {
     let count = |axes: JointAxesMask| (coupled & axes).bits().count_ones();
     let fits = count(JointAxesMask::LIN_AXES) != 1 && matches!(count(JointAxesMask::ANG_AXES), 0 | 2);

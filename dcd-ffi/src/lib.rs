@@ -1,9 +1,9 @@
-//! The C API of dcd. Its documentation is `include/dcd.h`, which is generated from this crate: `cargo test -p dcd-ffi`
+//! Exposes dcd as a C API. Its documentation is `include/dcd.h`, which is generated from this crate: `cargo test -p dcd-ffi`
 //! fails when the two differ, `UPDATE=1 cargo test -p dcd-ffi --test header` writes the header anew.
 //!
 //! Every entry point runs inside [`guard`](guard::guard): panics become `DCD_ERR_PANIC`, failures a status and a message.
-//! Pointers are checked in `pointer`, handles in `handle`, worlds found in `registry`; what a process can do in its role is [`dcd::World`]'s to say.
-//! All unsafe code of the project is here.
+//! Pointers are checked in `pointer`, handles in `handle`, worlds found in `registry`; [`dcd::World`] says what a process can do in its
+//! role. All unsafe code of the project is here.
 // The comments of this crate become those of the C header, where brackets are only brackets.
 #![allow(rustdoc::broken_intra_doc_links, rustdoc::private_intra_doc_links)]
 // What a caller must keep to is said once, in the head of the header, and per function in its documentation there.

@@ -1,11 +1,11 @@
-//! The library itself: version, errors, log.
+//! Reports the version of the library, the names of its status codes, and the last error.
 
 use std::ffi::c_char;
 
 use crate::guard::guard_value;
 use crate::status::{self, DcdStatus};
 
-/// The version of the library that runs: major * 1000000 + minor * 1000 + patch. The header's own is DCD_VERSION;
+/// Returns the version of the library that runs: major * 1000000 + minor * 1000 + patch. The header's own is DCD_VERSION;
 /// dcd_version_check() compares them.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_version() -> u32 {
@@ -21,13 +21,13 @@ pub extern "C" fn dcd_version() -> u32 {
     VERSION
 }
 
-/// The same as text, as "0.1.0". Lives as long as the program.
+/// Returns the version as text, as "0.1.0". Lives as long as the program.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_version_string() -> *const c_char {
     concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
 }
 
-/// The name of a status, as "DCD_ERR_NULL"; "(no DCD status)" for other numbers. Lives as long as the program.
+/// Returns the name of a status, as "DCD_ERR_NULL"; "(no DCD status)" for other numbers. Lives as long as the program.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_status_string(status: DcdStatus) -> *const c_char {
     status::name(status).as_ptr()

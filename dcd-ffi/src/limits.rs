@@ -1,4 +1,4 @@
-//! Bounds of what the library takes.
+//! Declares the bounds of what the library takes: items per call, numbers, coordinates.
 
 /// Most items of one bulk call.
 pub const DCD_MAX_ITEMS: usize = 16_777_216;

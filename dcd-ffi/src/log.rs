@@ -1,4 +1,4 @@
-//! What dcd logs, handed to one C function.
+//! Forwards the log lines of dcd to one C function.
 
 use std::cell::Cell;
 use std::ffi::{c_char, c_void};
@@ -13,7 +13,7 @@ use tracing::{Event, Level, Metadata, Subscriber};
 use crate::guard::guard;
 use crate::status::{DCD_ERR_BUSY, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 
-/// How grave a log line is; DCD_LOG_OFF to DCD_LOG_TRACE.
+/// The severity of a log line; DCD_LOG_OFF to DCD_LOG_TRACE.
 pub type DcdLogLevel = u32;
 
 /// Nothing.
@@ -64,7 +64,7 @@ thread_local! {
     static INSIDE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether this thread is in the user's function now; then it may hold locks of ours.
+/// Returns whether this thread is in the user's function now; then it may hold locks of ours.
 pub(crate) fn inside() -> bool {
     INSIDE.try_with(Cell::get).unwrap_or(false)
 }

@@ -1,4 +1,4 @@
-//! What programs at both ends of a connection say to each other.
+//! Declares the messages that programs at both ends of a connection send each other, and lends those received to C.
 
 mod calls;
 
@@ -24,7 +24,7 @@ pub const DCD_MAX_DATAGRAM: usize = 1_024;
 
 const _: () = assert!(DCD_MAX_MESSAGE == PROGRAM_MESSAGE_BYTES && DCD_MAX_DATAGRAM == PROGRAM_DATAGRAM_BYTES);
 
-/// What the program at the other end of a connection sent by dcd_send.
+/// A message that the program at the other end of a connection sent by dcd_send.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdMessage {

@@ -1,4 +1,4 @@
-//! Where bodies are, how they move, whether they sleep.
+//! Reads and sets the pose, velocity, kinematic target and sleep of single bodies.
 
 use dcd::{BodyId, BodyKind, WorldPose};
 
@@ -11,7 +11,7 @@ use crate::registry::{World, find, missing, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DCD_NO_REGION, DcdBodyType, DcdPose, DcdVelocity, check_pose, check_velocity};
 
-/// What a body is now. Start from DCD_BODY_INFO_INIT.
+/// The state of a body besides pose and velocity. Start from DCD_BODY_INFO_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBodyInfo {
@@ -28,11 +28,11 @@ pub struct DcdBodyInfo {
     /// The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
     /// not appeared yet. In a served world as DcdOwner.region.
     pub region: u32,
-    /// What dcd_body_set_force and dcd_body_add_force made of the force on it, newtons.
+    /// The force that dcd_body_set_force and dcd_body_add_force put on it, newtons.
     pub force: [f32; 3],
-    /// And of the torque, newton metres.
+    /// The torque, newton metres.
     pub torque: [f32; 3],
-    /// How many shapes it has.
+    /// How many colliders it has.
     pub colliders: u32,
     /// Whether it sleeps: it costs nothing until something wakes it.
     pub sleeping: bool,
@@ -47,7 +47,7 @@ unsafe impl Sized32 for DcdBodyInfo {
     const NAME: &'static str = "DcdBodyInfo";
 }
 
-/// Says what a body is now: type, mass, owner, sleep.
+/// Reads the type, mass, owner, forces and sleep of a body.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]
@@ -78,7 +78,7 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
     })
 }
 
-/// Reads where a body is and how it moves. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
+/// Reads the pose and velocity of a body. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
 /// dcd_state_read.
 ///
 /// Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
@@ -115,7 +115,7 @@ pub unsafe extern "C" fn dcd_body_get(
     })
 }
 
-/// The pose between two, for drawing between steps: `t` = 0 is `from`, 1 is `to`. Positions go straight, rotations by SLERP
+/// Interpolates between two poses, for drawing between steps: `t` = 0 is `from`, 1 is `to`. Positions go straight, rotations by SLERP
 /// the shorter way. `from`, `to` and `out` may be the same. Needs no world; may run beside any other call.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_ARGUMENT for a `t` that is not finite, a pose out of range or a q that is not of length 1.
@@ -147,10 +147,11 @@ pub unsafe extern "C" fn dcd_pose_interpolate(
     })
 }
 
-/// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
+/// Teleports a body to a pose, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
 /// avatars of this process, and the next dcd_step asks for it.
 ///
-/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
+/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
+/// pose out of range or whose q is not of length 1.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_pose(
     world: DcdWorld,
@@ -167,10 +168,11 @@ pub unsafe extern "C" fn dcd_body_set_pose(
     })
 }
 
-/// Sets how a dynamic or kinematic body moves, and wakes it. In a served world only avatars of this process, and the next
+/// Sets the velocity of a dynamic or kinematic body, and wakes it. In a served world only avatars of this process, and the next
 /// dcd_step asks for it.
 ///
-/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a fixed body or one that follows poses.
+/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
+/// numbers out of range, a fixed body or one that follows poses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(
     world: DcdWorld,
@@ -187,8 +189,8 @@ pub unsafe extern "C" fn dcd_body_set_velocity(
     })
 }
 
-/// Sends a body of type DCD_KINEMATIC_POSE to a pose, where it is after the next step: what it touches feels the speed that this
-/// takes. It stays there until it is sent on. For many bodies see dcd_state_write.
+/// Sets the kinematic target of a body of type DCD_KINEMATIC_POSE: the pose that it has after the next step. What it touches feels the
+/// speed that this takes. It stays there until it gets another. For many bodies see dcd_state_write.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another type, a pose out of range or whose q is not of length 1, or
 /// so far off that it would be faster than DCD_MAX_NUMBER; DCD_ERR_UNSUPPORTED in a served world.
@@ -234,7 +236,7 @@ pub extern "C" fn dcd_body_sleep(world: DcdWorld, body: DcdBodyId) -> DcdStatus 
     })
 }
 
-/// What there is to say of a body.
+/// Returns what the world knows of a body.
 pub(crate) fn view(world: &World, body: DcdBodyId) -> Result<dcd::Body, Failure> {
     let id = world.mark.body_id(body)?;
     world.dcd.body(id).ok_or_else(|| missing(world, body))

@@ -1,4 +1,4 @@
-//! Arrays that C may go on reading after they were filled anew.
+//! Lends arrays that C may go on reading after they were filled anew.
 
 /// An array lent to C. Growing it keeps the old memory, so that a late reader reads old numbers, never freed memory; the
 /// sizes are powers of two, so what is kept is never more than what is in use.

@@ -1,4 +1,4 @@
-//! Pointers from C, checked before anything is done with them.
+//! Checks pointers and numbers from C before anything is done with them.
 
 use std::ffi::{CStr, c_char};
 
@@ -123,7 +123,7 @@ impl<T> Room<T> {
     }
 }
 
-/// Whether a pointer can point to one or more `T`.
+/// Checks that a pointer can point to one or more `T`.
 pub(crate) fn check<T>(pointer: *const T, name: &str) -> Result<(), Failure> {
     if pointer.is_null() || !pointer.is_aligned() {
         return Err(bad_pointer(pointer.is_null(), name, align_of::<T>()));
@@ -141,7 +141,7 @@ fn bad_pointer(is_null: bool, name: &str, alignment: usize) -> Failure {
     }
 }
 
-/// Whether a bulk call of so many items is within bounds.
+/// Checks that a bulk call of so many items is within bounds.
 pub(crate) fn check_count(count: usize, name: &str) -> Result<(), Failure> {
     if count > DCD_MAX_ITEMS {
         return Err(Failure::argument(format!(
@@ -151,7 +151,7 @@ pub(crate) fn check_count(count: usize, name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether all numbers are within range.
+/// Checks that all numbers are within range.
 pub(crate) fn check_numbers(numbers: &[f32], name: &str) -> Result<(), Failure> {
     match numbers.iter().find(|v| !is_in_range(**v)) {
         None => Ok(()),
@@ -161,12 +161,12 @@ pub(crate) fn check_numbers(numbers: &[f32], name: &str) -> Result<(), Failure> 
     }
 }
 
-/// Whether a number is one that stays finite in a step; NaN is not.
+/// Returns whether a number is one that stays finite in a step; NaN is not.
 pub(crate) fn is_in_range(number: f32) -> bool {
     number.abs() <= DCD_MAX_NUMBER
 }
 
-/// Whether a number is one that stays finite in a step, and not below 0.
+/// Checks that a number is one that stays finite in a step, and not below 0.
 pub(crate) fn check_not_negative(value: f32, name: &str) -> Result<(), Failure> {
     if is_in_range(value) && value >= 0.0 {
         return Ok(());
@@ -174,7 +174,7 @@ pub(crate) fn check_not_negative(value: f32, name: &str) -> Result<(), Failure> 
     Err(Failure::argument(format!("{name} is {value}; give a number from 0 to DCD_MAX_NUMBER")))
 }
 
-/// Whether a number is a part of a whole.
+/// Checks that a number is a fraction: from 0 to 1.
 pub(crate) fn check_collider(value: f32, name: &str) -> Result<(), Failure> {
     match (0.0..=1.0).contains(&value) {
         true => Ok(()),
@@ -182,7 +182,7 @@ pub(crate) fn check_collider(value: f32, name: &str) -> Result<(), Failure> {
     }
 }
 
-/// Whether a member that is kept for later versions is left alone.
+/// Checks that a member that is kept for later versions is 0.
 pub(crate) fn check_reserved(reserved: u32) -> Result<(), Failure> {
     if reserved == 0 {
         return Ok(());
@@ -190,7 +190,7 @@ pub(crate) fn check_reserved(reserved: u32) -> Result<(), Failure> {
     Err(Failure::argument(format!("reserved is {reserved}; leave it 0, as the struct's _INIT macro does")))
 }
 
-/// Whether a point of world space is within range.
+/// Checks that a point of world space is within range.
 pub(crate) fn check_point(point: &[f64; 3], name: &str) -> Result<(), Failure> {
     // NaN is not at most anything.
     if point.iter().all(|v| v.abs() <= DCD_MAX_COORDINATE) {

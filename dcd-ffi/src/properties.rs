@@ -1,4 +1,4 @@
-//! What bodies are like and how that is changed while they live.
+//! Reads and changes the properties of living bodies: type, damping, locked axes, thresholds of sleep, extra mass.
 
 use dcd::protocol::{BodyKind, BodyTraits, ExtraMass};
 use rapier3d::prelude::*;
@@ -13,7 +13,7 @@ use crate::types::{
     DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType,
 };
 
-/// What a body is like, but for its shapes: the members of DcdBodyDef, to be read and changed later. Start from
+/// The properties of a body, but for those of its colliders: the members of DcdBodyDef, to be read and changed later. Start from
 /// DCD_BODY_PROPERTIES_INIT and dcd_body_properties.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -154,7 +154,7 @@ impl DcdBodyProperties {
         Ok(())
     }
 
-    /// A new body like this; the thresholds of its sleep Rapier's builder does not know.
+    /// Builds a body with these properties; the thresholds of its sleep Rapier's builder does not know.
     pub(crate) fn builder(&self) -> Result<RigidBodyBuilder, Failure> {
         let builder = RigidBodyBuilder::new(kind_of(self.body_type)?)
             .linear_damping(self.linear_damping)
@@ -177,7 +177,7 @@ impl DcdBodyProperties {
         })
     }
 
-    /// Makes a body of the properties `before` one of these. What is as it was is not touched: of some of it Rapier knows
+    /// Changes a body from the properties `before` to these. What is as it was is not touched: of some of it Rapier knows
     /// more than C.
     pub(crate) fn apply(&self, before: &Self, body: &mut RigidBody) {
         if self.body_type != before.body_type
@@ -282,7 +282,7 @@ pub(crate) fn type_of(kind: BodyKind) -> DcdBodyType {
     }
 }
 
-/// Reads what a body is like.
+/// Reads the properties of a body.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]
@@ -301,7 +301,7 @@ pub unsafe extern "C" fn dcd_body_properties(
     })
 }
 
-/// Changes what a body is like: read it by dcd_body_properties, change members, and give it back. What is as it was stays
+/// Changes the properties of a body: read them by dcd_body_properties, change members, and give them back. What is as it was stays
 /// as it is; if anything but user_data was changed, the body wakes. A body that becomes fixed, or movable, loses the memory
 /// of its contacts.
 ///

@@ -1,4 +1,4 @@
-//! Forces and impulses.
+//! Applies forces, torques and impulses to bodies.
 
 use dcd::{BodyId, BodyKind};
 use rapier3d::prelude::*;
@@ -10,7 +10,7 @@ use crate::pointer::{self, check_point, is_in_range};
 use crate::registry::{self, World, with};
 use crate::status::{DcdStatus, Failure};
 
-/// Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
+/// Applies an impulse to a dynamic body, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 /// is the centre of mass.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
@@ -42,7 +42,7 @@ pub unsafe extern "C" fn dcd_body_apply_impulse(
     })
 }
 
-/// Turns a dynamic body once, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
+/// Applies an angular impulse to a dynamic body, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
     world: DcdWorld,
@@ -60,7 +60,7 @@ pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
     })
 }
 
-/// Sets what pushes a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
+/// Sets the force and torque on a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
 /// in N m, world axes; null is none. Set both to none to stop. A later call replaces what an earlier one set.
 ///
 /// Errors: as dcd_body_apply_impulse.
@@ -85,8 +85,8 @@ pub unsafe extern "C" fn dcd_body_set_force(
     })
 }
 
-/// Adds to what dcd_body_set_force set: `force` in N, world axes, at `point` in world space, metres; a null `point` is the centre
-/// of mass. What it turns by is reckoned now and stays when the body moves on: for a thruster, set no force and add those of all
+/// Adds a force to that of dcd_body_set_force: `force` in N, world axes, at `point` in world space, metres; a null `point` is the centre
+/// of mass. Its torque is computed now and stays when the body moves on: for a thruster, set no force and add those of all
 /// thrusters before each step.
 ///
 /// Errors: as dcd_body_apply_impulse.
@@ -136,7 +136,7 @@ unsafe fn read_point(point: *const f64) -> Result<Option<[f64; 3]>, Failure> {
     check_point(&point, "point").map(|()| Some(point))
 }
 
-/// How a push at a point turns a body, about the centre of mass, which is the same in every region, whatever its anchor.
+/// Returns how a push at a point turns a body about the centre of mass, which is the same in every region, whatever its origin (anchor).
 fn turn_of(world: &World, id: BodyId, push: Vector, point: Option<[f64; 3]>) -> Vector {
     match (point, world.dcd.centre_of_mass(id)) {
         (Some(point), Some(centre)) => {
@@ -160,7 +160,7 @@ pub(crate) fn check_dynamic(world: &World, id: BodyId) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether a body keeps a speed in range when it is pushed so for `seconds`; impulses last one.
+/// Checks that a body keeps a speed in range when it is pushed so for `seconds`; impulses last one.
 fn check_kick(world: &World, id: BodyId, push: Vector, turn: Vector, seconds: f32) -> Result<(), Failure> {
     let Some(velocity) = world.dcd.velocity_after(id, push * seconds, turn * seconds) else { return Ok(()) };
     if velocity.linear.iter().chain(&velocity.angular).all(|v| is_in_range(*v)) {

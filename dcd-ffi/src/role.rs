@@ -1,8 +1,8 @@
-//! Roles as C sees them.
+//! Declares the roles of a process as C sees them.
 
 use dcd::Role;
 
-/// What a process is to a world.
+/// The role of a process in a world.
 pub type DcdRole = u32;
 
 /// Computes all of it.

@@ -1,4 +1,4 @@
-//! Holding a world that other processes compute and play in, and computing a share of one.
+//! Creates servers, which hold a world for other processes, mints join tokens, and joins worlds as a node.
 
 use std::ffi::c_char;
 use std::net::SocketAddr;
@@ -24,26 +24,26 @@ pub const DCD_SERVER_FRESH: u32 = 1;
 /// In DcdServerDef.flags: as fast as the nodes can, rather than in real time.
 pub const DCD_SERVER_UNPACED: u32 = 2;
 
-/// How nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
+/// The settings by which nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdGroupDef {
     /// sizeof(DcdGroupDef).
     pub struct_size: u32,
-    /// Nodes run ahead of one another by at most so many ticks, and extrapolate, 0 to 60; 0: they keep in step. Else the
+    /// Nodes run ahead of one another by at most so many ticks, and extrapolate, 0 to 60; 0: lockstep. Else the
     /// coupling must be DCD_COUPLING_OWNER.
     pub lag_ticks: u32,
     /// Nodes share a group whose round trips are below this, milliseconds; 0: all that reach each other share one.
     pub near_ms: f32,
     /// Members above this round trip are voted out of their group, milliseconds; above near_ms, and 0 where that is 0.
     pub far_ms: f32,
-    /// How far a body may be from where the group that is believed about it has it, metres, above 0.
+    /// How far a body may be from its place in the group that is authoritative for it, metres, above 0.
     pub agree: f32,
     /// Nodes in a group at most, 1 to 1024.
     pub size: u32,
 }
 
-/// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
+/// The definition of a server. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdServerDef {
@@ -79,7 +79,7 @@ pub struct DcdServerDef {
     pub user_data: u64,
 }
 
-/// How a node joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
+/// The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdNodeDef {
@@ -116,12 +116,12 @@ unsafe impl Sized32 for DcdNodeDef {
     const NAME: &'static str = "DcdNodeDef";
 }
 
-/// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
+/// Creates a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 /// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 ///
 /// It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
-/// for your program: of dcd_events, connections and messages. Of the handle count besides dcd_world_info, dcd_stats,
-/// dcd_address, dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
+/// for your program: of dcd_events, connections and messages. The handle also serves dcd_world_info, dcd_stats, dcd_address,
+/// dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
 /// from the same process. dcd_world_destroy ends the world for all. The folder keeps its keys (authority.pem), the list of
 /// used tokens (joins.log), locks, and world.redb, which has no world to go on with; after a process that ends without, it has.
 ///
@@ -231,8 +231,8 @@ pub unsafe extern "C" fn dcd_token_create(
     })
 }
 
-/// Says where a server or a node listens, as "127.0.0.1:7420": into `buf` of `cap` bytes with a NUL; `needed` receives the size
-/// with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+/// Writes the address at which a server or a node listens, as "127.0.0.1:7420": into `buf` of `cap` bytes with a NUL; `needed`
+/// receives the size with NUL. With `cap` 0 `buf` may be null, to ask for the size.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
 /// DCD_ERR_UNSUPPORTED for a world of another role.
@@ -253,7 +253,7 @@ pub unsafe extern "C" fn dcd_address(
 /// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
 /// which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
 ///
-/// Of the handle count what counts of a server's, but for tokens and dcd_disconnect; dcd_participant_join is for who wants to see the world too.
+/// The handle serves the calls that a server's does, but for tokens and dcd_disconnect; to see the world too, use dcd_participant_join.
 /// dcd_world_destroy first hands the share to other nodes, which may take some seconds.
 /// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
 #[unsafe(no_mangle)]

@@ -1,4 +1,4 @@
-//! Shapes: made once, used by any number of bodies.
+//! Creates and destroys shapes, each of which any number of bodies may use.
 
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M};
@@ -269,7 +269,7 @@ pub unsafe extern "C" fn dcd_shape_compound(
     })
 }
 
-/// Gives a shape's handle back. Bodies made with it keep their shape.
+/// Destroys a shape's handle. Bodies made with it keep their shape.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
 #[unsafe(no_mangle)]

@@ -1,4 +1,4 @@
-//! Worlds as bytes: saved, and gone back to.
+//! Saves worlds as bytes or files, and restores them.
 
 use std::ffi::{c_char, c_void};
 use std::io::Read;
@@ -12,7 +12,7 @@ use crate::pointer::{self, Room};
 use crate::registry::with;
 use crate::status::{DCD_ERR_ARGUMENT, DCD_ERR_IO, DCD_ERR_VERSION, DcdStatus, Failure};
 
-/// Saves a local world whole: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
+/// Saves a snapshot of a local world: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
 /// or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
 ///
 /// The bytes go to `buf` of `cap` bytes, and their number to `needed`. `buf` may be null with `cap` 0, to ask for the number, which
@@ -50,7 +50,7 @@ pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_
     })
 }
 
-/// Makes a local world the one that was saved to these `size` bytes: into the world that it was saved from, to go back, or into
+/// Restores a snapshot of `size` bytes into a local world: into the one that it was saved from, to go back, or into
 /// any other, which loses what it held. Threads and shapes stay those of this world; all else is as saved, gravity and
 /// regions too.
 ///
@@ -74,7 +74,7 @@ pub unsafe extern "C" fn dcd_snapshot_load(world: DcdWorld, data: *const c_void,
     })
 }
 
-/// Makes a local world the one that was saved to a file, as dcd_snapshot_load.
+/// Restores a snapshot from a file into a local world, as dcd_snapshot_load.
 ///
 /// Errors: as dcd_snapshot_load, and DCD_ERR_IO when the file cannot be read.
 #[unsafe(no_mangle)]

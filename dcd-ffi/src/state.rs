@@ -1,4 +1,4 @@
-//! The state of many bodies at a time: lent as arrays, or copied by a list of ids.
+//! Declares the state of many bodies at a time: lent to C as arrays, or copied by a list of ids.
 
 mod calls;
 
@@ -16,7 +16,7 @@ pub const DCD_STATE_SLEEPING: u32 = 1;
 /// In DcdStateView.flags: your interest does not reach the body (dcd_interest_set); the state is that last heard of.
 pub const DCD_STATE_OUTSIDE: u32 = 2;
 
-/// What dcd_state_read and dcd_state_write copy.
+/// The field of a body that dcd_state_read and dcd_state_write copy.
 pub type DcdField = u32;
 
 /// A DcdPose.
@@ -30,7 +30,7 @@ pub const DCD_FIELD_FORCE: DcdField = 3;
 /// A DcdPose, as dcd_body_set_target takes it; to be written only.
 pub const DCD_FIELD_TARGET: DcdField = 4;
 
-/// What pushes a body in every step, in world axes.
+/// The force and torque on a body in every step, in world axes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdForce {
@@ -40,7 +40,7 @@ pub struct DcdForce {
     pub torque: [f32; 3],
 }
 
-/// Every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
+/// The state of every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
 /// made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]

@@ -1,4 +1,4 @@
-//! Counters, and the state as one number.
+//! Reads the counters of a world, as a struct or as text, and hashes its state to one number.
 
 use std::ffi::c_char;
 use std::fmt::Write;
@@ -23,7 +23,7 @@ pub struct DcdStats {
     pub ticks: u64,
     /// Movable bodies.
     pub bodies: u64,
-    /// Copies of bodies held by regions that do not own them; 0 in a served world, as the next two.
+    /// Ghosts: copies of bodies in regions that do not own them; 0 in a served world, as the next two.
     pub replicas: u64,
     /// Bodies that changed owner in a step, ever.
     pub transfers: u64,
@@ -105,7 +105,7 @@ pub unsafe extern "C" fn dcd_stats_text(
     })
 }
 
-/// Computes one number from the pose and velocity of every movable body: equal worlds, equal numbers, whatever the number of
+/// Hashes the pose and velocity of every movable body to one number: equal worlds, equal numbers, whatever the number of
 /// threads.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.

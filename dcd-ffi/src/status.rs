@@ -1,4 +1,4 @@
-//! Status codes, and the message that goes with a failure.
+//! Declares the status codes, and keeps the message that goes with a failure.
 
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
@@ -9,7 +9,7 @@ use dcd::runtime::{ConnectionError, ProcessError, SnapshotError, WorldError};
 use dcd::scene::SceneError;
 use dcd::{Instead, Unsupported};
 
-/// What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
+/// The result of a call: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 pub type DcdStatus = i32;
 
 /// Done.

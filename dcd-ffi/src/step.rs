@@ -1,4 +1,4 @@
-//! Time.
+//! Advances worlds by one step, on the calling thread or in the background.
 
 use std::time::Duration;
 

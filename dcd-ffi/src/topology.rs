@@ -1,4 +1,4 @@
-//! How the world is cut, who owns what, and what borders cost.
+//! Lists the regions and borders of a world, and reads which region and node own a body.
 
 use dcd::World as Dcd;
 use dcd::physics::BorderView;
@@ -18,7 +18,7 @@ pub struct DcdRegionInfo {
     pub region: u32,
     /// Bodies that it owns; in a served world, of those that are known, by what dcd_body_owner says.
     pub bodies: u32,
-    /// Bodies of its neighbours that it computes along, since they are near; 0 in a served world.
+    /// Ghosts that it holds: copies of bodies that its neighbours own; 0 in a served world.
     pub replicas: u32,
     /// The node that computes it, as the server numbers nodes from 1, as last told: it may have changed hands some milliseconds
     /// ago. DCD_NO_NODE in a local world, and while nobody computes.
@@ -40,7 +40,7 @@ pub const DCD_OWNER_BY_PLACE: u32 = 4;
 /// In DcdOwner.flags: what this world shows of the body was heard from others, and is some milliseconds old.
 pub const DCD_OWNER_HEARD: u32 = 2;
 
-/// Who has authority over a body. Start from DCD_OWNER_INIT.
+/// The owner of a body: the region with authority over it. Start from DCD_OWNER_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdOwner {
@@ -63,7 +63,7 @@ unsafe impl Sized32 for DcdOwner {
     const NAME: &'static str = "DcdOwner";
 }
 
-/// Where two regions meet.
+/// A border between two regions.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBorderInfo {
@@ -73,7 +73,7 @@ pub struct DcdBorderInfo {
     pub b: u32,
     /// Movable bodies that both hold, whoever owns them.
     pub bodies: u32,
-    /// How often the two agree in the next step; with DCD_COUPLING_AUTO as often as the border came to need.
+    /// How often the two come to consensus in the next step; with DCD_COUPLING_AUTO as often as the border came to need.
     pub exchanges: u32,
     /// Contact hops across the border within which bodies live in both regions, at the side where it is more; 0 with
     /// DCD_COUPLING_OWNER and _PROXY.
@@ -141,7 +141,7 @@ fn borders(world: &Dcd) -> Result<Vec<DcdBorderInfo>, Failure> {
     Ok(world.borders()?.into_iter().map(info).collect())
 }
 
-/// Says who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
+/// Reads who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
 #[unsafe(no_mangle)]

@@ -1,4 +1,4 @@
-//! Values that several groups of functions share.
+//! Declares values that several groups of functions share: poses, velocities, types of bodies, flags.
 
 use dcd::protocol::{Velocity, WorldPose};
 use rapier3d::prelude as rapier;
@@ -6,7 +6,7 @@ use rapier3d::prelude as rapier;
 use crate::pointer::{check_numbers, check_point};
 use crate::status::Failure;
 
-/// A place and a turn in world space.
+/// A pose in world space: position and rotation.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdPose {
@@ -16,7 +16,7 @@ pub struct DcdPose {
     pub q: [f32; 4],
 }
 
-/// How a body moves, in world axes.
+/// The velocity of a body, in world axes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdVelocity {
@@ -26,7 +26,7 @@ pub struct DcdVelocity {
     pub angular: [f32; 3],
 }
 
-/// A place and a turn relative to a body or a shape.
+/// A pose relative to a body or a shape: position and rotation.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdFrame {
@@ -61,7 +61,7 @@ impl From<DcdVelocity> for Velocity {
 }
 
 impl DcdFrame {
-    /// Whether it is a place and a turn.
+    /// Checks that it is a position and a rotation.
     pub(crate) fn check(&self, name: &str) -> Result<(), Failure> {
         check_numbers(&self.p, &format!("{name}.p"))?;
         if (WorldPose { translation: [0.0; 3], rotation: self.q }).is_valid() {
@@ -75,7 +75,7 @@ impl DcdFrame {
     }
 }
 
-/// How a body moves.
+/// The type of a body: how it moves.
 pub type DcdBodyType = u32;
 
 /// Never. Ground and walls.

@@ -1,4 +1,4 @@
-//! Worlds: making, finding, destroying.
+//! Creates local worlds, empty or from a scene, describes worlds, and destroys them.
 
 use std::ffi::c_char;
 
@@ -12,7 +12,7 @@ use crate::registry::{self, add, with};
 use crate::role::{DcdRole, number_of};
 use crate::status::{DcdStatus, Failure};
 
-/// How regions agree on the bodies that they share.
+/// The coupling: how regions come to consensus on the bodies that they share.
 pub type DcdCoupling = u32;
 
 /// What the scene says, else DCD_COUPLING_AUTO.
@@ -21,14 +21,15 @@ pub const DCD_COUPLING_DEFAULT: DcdCoupling = 0;
 pub const DCD_COUPLING_PROXY: DcdCoupling = 1;
 /// Copies are overwritten by their owner after each step. The cheapest; momentum is not conserved across a border.
 pub const DCD_COUPLING_OWNER: DcdCoupling = 2;
-/// Bodies near a border live in both regions, each copy with its share of the mass, and regions agree on means.
+/// Bodies near a border live in both regions, each copy with a part of the mass (mass splitting), and take the mean velocity of all
+/// copies (consensus).
 pub const DCD_COUPLING_OVERLAP: DcdCoupling = 3;
 /// As DCD_COUPLING_OVERLAP, and a small group of bodies that touch one another moves whole to one region.
 pub const DCD_COUPLING_ISLAND: DcdCoupling = 4;
 /// As DCD_COUPLING_ISLAND, with as many exchanges at each border as its copies' disagreement asks for.
 pub const DCD_COUPLING_AUTO: DcdCoupling = 5;
 
-/// How much accuracy DCD_COUPLING_AUTO is asked for.
+/// The accuracy that DCD_COUPLING_AUTO is asked for.
 pub type DcdPreset = u32;
 
 /// What the scene says, else DCD_PRESET_GAME.
@@ -40,7 +41,7 @@ pub const DCD_PRESET_GAME: DcdPreset = 2;
 /// Accuracy first: 4 exchanges at most, 3 hops deep, islands of 1024 bodies, 0.01 m/s.
 pub const DCD_PRESET_PRECISE: DcdPreset = 3;
 
-/// How a local world is made. Start from DCD_WORLD_DEF_INIT.
+/// The definition of a local world. Start from DCD_WORLD_DEF_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdWorldDef {
@@ -64,7 +65,7 @@ pub struct DcdWorldDef {
     pub max: [f64; 3],
     /// Your own; dcd_world_info gives it back.
     pub user_data: u64,
-    /// DCD_COUPLING_...: how regions agree. It says nothing in a world of one region.
+    /// DCD_COUPLING_...: how regions come to consensus. It says nothing in a world of one region.
     pub coupling: DcdCoupling,
     /// DCD_PRESET_...: what stands for DCD_COUPLING_AUTO and the four numbers below; with another coupling it must be 0.
     pub preset: DcdPreset,
@@ -79,7 +80,7 @@ pub struct DcdWorldDef {
     pub tolerance: f32,
 }
 
-/// What a world is. Start from DCD_WORLD_INFO_INIT.
+/// The role, tick and settings of a world. Start from DCD_WORLD_INFO_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdWorldInfo {
@@ -111,7 +112,7 @@ unsafe impl Sized32 for DcdWorldInfo {
     const NAME: &'static str = "DcdWorldInfo";
 }
 
-/// How many threads a process that joins is to use.
+/// Returns how many threads a process that joins is to use.
 pub(crate) fn asked_threads(asked: u32) -> Result<usize, Failure> {
     if asked > 1024 {
         return Err(Failure::argument(format!("threads is {asked}; give 1 to 1024, or 0")));
@@ -119,7 +120,7 @@ pub(crate) fn asked_threads(asked: u32) -> Result<usize, Failure> {
     Ok(threads(asked))
 }
 
-/// How many threads are meant; 0 is one per core.
+/// Returns how many threads are meant; 0 is one per core.
 pub(crate) fn threads(asked: u32) -> usize {
     match asked {
         0 => std::thread::available_parallelism().map_or(1, |cores| cores.get()),
@@ -127,7 +128,7 @@ pub(crate) fn threads(asked: u32) -> usize {
     }
 }
 
-/// Which of all is meant: numbers are in their order from 1, and 0 is none.
+/// Returns which of all is meant: numbers are in their order from 1, and 0 is none.
 fn nth<T: Copy>(all: &[T], number: u32, name: &str, prefix: &str) -> Result<Option<T>, Failure> {
     match (number as usize).checked_sub(1) {
         None => Ok(None),
@@ -137,7 +138,7 @@ fn nth<T: Copy>(all: &[T], number: u32, name: &str, prefix: &str) -> Result<Opti
     }
 }
 
-/// What a definition asks of the coupling; the numbers' ranges are checked with all others.
+/// Returns what a definition asks of the coupling; the numbers' ranges are checked with all others.
 fn choice(def: &DcdWorldDef) -> Result<CouplingChoice, Failure> {
     let coupling = nth(&Coupling::ALL, def.coupling, "coupling", "DCD_COUPLING_")?;
     let method = match (coupling, nth(&Preset::ALL, def.preset, "preset", "DCD_PRESET_")?) {
@@ -163,7 +164,7 @@ fn choice(def: &DcdWorldDef) -> Result<CouplingChoice, Failure> {
     })
 }
 
-/// Makes an empty world that this process computes alone. Destroy it with dcd_world_destroy.
+/// Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
 ///
 /// `def` is read during the call. `out` receives the handle.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, DCD_ERR_LIMIT without threads.
@@ -196,7 +197,7 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
     })
 }
 
-/// Makes a local world that holds what a scene says: a scene of the library ("tower", "pile", "chain" …) or a file, whose
+/// Creates a local world from a scene: a scene of the library ("tower", "pile", "chain" …) or a file, whose
 /// name ends in .toml, .xml, .mjcf or .urdf. Body i of the scene is dcd_body_at(world, i).
 ///
 /// `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
@@ -276,13 +277,13 @@ pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
     })
 }
 
-/// Whether the handle names a world. Never waits.
+/// Returns whether the handle names a world. Never waits.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_world_is_valid(world: DcdWorld) -> bool {
     guard_value(false, || registry::contains(world))
 }
 
-/// Says what a world is.
+/// Reads the role, tick and settings of a world.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]

@@ -1,4 +1,4 @@
-//! One rigid-body world, computed by many [Rapier](https://rapier.rs) worlds: one per region of space, on the cores of one machine
+//! Computes one rigid-body world by many [Rapier](https://rapier.rs) worlds: one per region of space, on the cores of one machine
 //! or on many machines. Every body has exactly one owner; contacts and joints hold across the borders of regions.
 //!
 //! ```
@@ -19,9 +19,11 @@
 //! # }
 //! ```
 //!
-//! - [`World`] is the front for every role of a process: a local world, or the client, participant, server or node of a served one.
+//! - [`World`] is the interface for every role of a process: a local world, or the client, participant, server or node of a
+//!   served one.
 //! - [`manual`] explains concepts, how to choose a coupling, serving, and limits. The crate's `examples/` are programs to begin from.
-//! - [`query`] holds what asks where things are, [`network`] what joins and serves worlds, [`error`] the causes inside [`Error`].
+//! - [`query`] holds ray casts, shape casts, projections and overlaps, [`network`] what joins and serves worlds, [`error`] the
+//!   causes inside [`Error`].
 //!
 //! | feature | gives | by default |
 //! |---|---|---|
@@ -34,7 +36,7 @@
 //! | `enhanced-determinism` | equal bits on unlike machines, at 3 to 10 % of the speed | no |
 #![forbid(unsafe_code)]
 
-/// The Rapier that regions are made of: use this one, so that its builders fit.
+/// The version of Rapier that regions are made of: use this one, so that its builders fit.
 #[cfg(feature = "physics")]
 pub use rapier3d;
 
@@ -44,7 +46,8 @@ pub mod prelude;
 #[cfg(feature = "physics")]
 mod world;
 
-// The insides: no promise is made of them. They are public for the tests, the benches and the C API of this workspace.
+// Internal modules: no promise of stability is made for them. They are public for the tests, the benches and the C API of this
+// workspace.
 #[doc(hidden)]
 pub mod cluster;
 #[doc(hidden)]
@@ -90,7 +93,8 @@ pub use space::{Axis, Balance, BodyId, Bounds, Cell, ClientId, Epoch, JointId, N
 #[cfg(feature = "physics")]
 pub use world::{Body, BodyChange, Error, Instead, MovableBody, Owner, RegionInfo, Role, Unsupported, World};
 
-/// Rays, moving shapes, points and overlaps: what asks where things are, at once in a local world, later in any.
+/// Spatial queries: ray casts, shape casts, point projections and overlaps, answered at once in a local world, some ticks later
+/// in a served one.
 #[cfg(feature = "physics")]
 pub mod query {
     pub use crate::physics::{BodyFilter, PointHit, Queries, RayHit, ShapeHit, WorldMotion, WorldRay};
@@ -100,7 +104,7 @@ pub mod query {
     };
 }
 
-/// Joining a served world, serving one, and what passes between programs.
+/// Joins and serves worlds, and passes messages between programs.
 #[cfg(feature = "net")]
 pub mod network {
     #[cfg(feature = "physics")]
@@ -117,7 +121,7 @@ pub mod network {
     pub use crate::world::Arrivals;
 }
 
-/// The causes that [`Error`] tells apart.
+/// The error types that [`Error`] wraps.
 #[cfg(feature = "physics")]
 pub mod error {
     pub use crate::physics::{ControlError, HostError, QueryError, ShapeError};

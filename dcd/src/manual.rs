@@ -1,4 +1,4 @@
-//! The manual: what a user of dcd should know beyond the documentation of single items.
+//! Holds the manual: concepts, couplings, serving, limits and architecture, beyond the documentation of single items.
 
 #[doc = include_str!("../manual/concepts.md")]
 pub mod concepts {}

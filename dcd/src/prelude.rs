@@ -1,4 +1,4 @@
-//! What a program needs that makes, steps and reads a world: `use dcd::prelude::*;`, with Rapier's own prelude in it.
+//! Re-exports what a program needs to make, step and read a world, with Rapier's own prelude: `use dcd::prelude::*;`.
 
 #[doc(no_inline)]
 pub use rapier3d::prelude::*;

@@ -1,4 +1,4 @@
-//! Regions that follow the load: what is computed does not depend on where the planes are.
+//! Tests that regions follow the load, and that what is computed does not depend on where the planes are.
 
 use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{Velocity, WorldPose};

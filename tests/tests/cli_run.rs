@@ -1,4 +1,4 @@
-//! `dcd run` and `dcd scenes` as real processes: results, files, errors, exit codes, Ctrl-C.
+//! Tests `dcd run` and `dcd scenes` as real processes: results, files, errors, exit codes, Ctrl-C.
 
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! `dcd run --save` and `dcd run FILE.dcd` as real processes.
+//! Tests `dcd run --save` and `dcd run FILE.dcd` as real processes.
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,4 +1,4 @@
-//! Server, nodes and clients with real QUIC over loopback, each on threads of this process.
+//! Tests server, nodes and clients with real QUIC over loopback, each on threads of this process.
 
 use std::time::Duration;
 

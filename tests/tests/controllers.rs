@@ -1,4 +1,4 @@
-//! Rapier's controllers across borders: characters walk and cars drive as in one Rapier world.
+//! Tests Rapier's controllers across borders: characters walk and cars drive as in one Rapier world.
 
 use dcd::physics::{BodyFilter, CharacterMove, ControlError, Coupling, Vehicle};
 use dcd::protocol::WorldPose;

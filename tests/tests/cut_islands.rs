@@ -1,4 +1,5 @@
-//! Islands that lie in several regions for good, because no region takes them whole: they come to rest as in one world, and stay there.
+//! Tests islands that lie in several regions for good, because no region takes them whole: they come to rest as in one world, and
+//! stay there.
 
 use dcd::physics::{Coupling, StepSettings};
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
@@ -69,7 +70,7 @@ fn a_wall_that_is_cut_falls_asleep_and_moves_no_farther_than_one_world_lets_it()
     }
 }
 
-/// One exchange a tick drops it, and a wall does not need more.
+/// One exchange per tick drops it, and a wall does not need more.
 #[test]
 fn auto_takes_more_exchanges_for_a_heavy_load_and_not_for_a_wall() {
     let tower = Scene::named("tower", &Params::new().with("top_mass_ratio", 100).with("sleep", 0)).unwrap();

@@ -1,4 +1,4 @@
-//! One front for every role: the same program in a local world and in a served one, and the same refusals.
+//! Tests the one front, `dcd::World`, of every role: the same program in a local world and in a served one, and the same refusals.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! The files of each crate depend on each other in one direction only.
+//! Tests that the files of each crate depend on each other in one direction only.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -1,4 +1,4 @@
-//! Islands that lie in many regions, too large to be computed whole by one of them, and what moves along on belts.
+//! Tests islands that lie in many regions, too large to be computed whole by one of them, and what moves along on belts.
 
 use dcd::physics::{Measured, StepSettings};
 use dcd::protocol::WorldPose;

@@ -1,4 +1,4 @@
-//! Worlds of many kilometres: what happens far out is what happens at the origin.
+//! Tests worlds of many kilometres: what happens far out is what happens at the origin.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
@@ -43,7 +43,7 @@ fn bodies_100_km_apart_keep_millimetres() {
 
 #[test]
 fn a_stack_that_is_carried_a_hundred_kilometres_arrives_as_it_left() {
-    // One region, whose anchor must follow.
+    // One region, whose floating origin (anchor) must follow.
     let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
     let belt = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 400.0);
     world.insert(belt, ColliderBuilder::cuboid(5.0, 0.5, 5.0).translation(Vector::Y * -0.5)).unwrap();

@@ -1,4 +1,4 @@
-//! What bodies of several regions do when they meet: as in one world, with its energy, its momentum, and nobody passed by.
+//! Tests collisions of bodies of several regions: as in one world, with its energy, its momentum, and no body passed by.
 
 use dcd::physics::Measured;
 use dcd::protocol::{Velocity, WorldPose};

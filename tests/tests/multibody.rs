@@ -1,4 +1,4 @@
-//! Multibody joints in a partitioned world: one region has all of a multibody, and it moves on in one piece.
+//! Tests multibody joints in a partitioned world: one region has all of a multibody, and it moves on in one piece.
 
 use dcd::physics::{Coupling, LinkSettings, StepSettings};
 use dcd::protocol::WorldPose;

@@ -1,4 +1,4 @@
-//! A partitioned world through its public API: what is true of one Rapier world stays true of many.
+//! Tests a partitioned world through its public API: what is true of one Rapier world stays true of many.
 
 use dcd::physics::Coupling;
 use dcd::protocol::{Velocity, WorldPose};

@@ -1,4 +1,4 @@
-//! Ragdolls that tumble down stairs through eight regions come apart no more than in one world.
+//! Tests that ragdolls that tumble down stairs through eight regions come apart no more than in one world.
 
 use dcd::physics::{Coupling, Measured};
 use dcd::rapier3d::prelude::*;

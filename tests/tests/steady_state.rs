@@ -1,4 +1,4 @@
-//! What a step may cost in the steady state: nothing is allocated per body.
+//! Tests what a step may cost in the steady state: nothing is allocated per body.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -1,4 +1,4 @@
-//! What must hold of all regions between two ticks, in lively scenes, by every coupling.
+//! Tests what must hold of all regions between two ticks, in lively scenes, by every coupling.
 
 use dcd::physics::Coupling;
 use dcd::prelude::*;

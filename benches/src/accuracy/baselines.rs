@@ -1,4 +1,4 @@
-//! The methods that others use must still fail where they do, or the suite has lost its teeth.
+//! Tests that the methods of others, owner and proxy, still fail where they do; else the suite has lost its teeth.
 
 use dcd::physics::Coupling;
 

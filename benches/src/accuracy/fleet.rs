@@ -1,5 +1,5 @@
-//! A world whose regions are each computed by a host of their own, as on nodes, so that what they tell each other can be
-//! late or lost. What changes who holds and owns a body always arrives, as it does over the network: only the words on how
+//! Computes a world whose regions have a host each, as on nodes, so that their messages to each other can be
+//! late or lost. What changes who holds and owns a body always arrives, as it does over the network: only the messages on how
 //! bodies moved are touched.
 
 use std::collections::VecDeque;

@@ -1,4 +1,4 @@
-//! When a reading passes.
+//! Decides whether a reading passes.
 //!
 //! - Its error is at most that of one bare world and a tenth more, plus what rounding alone may add (`floor`: 0.1 mm for
 //!   lengths, 1e-4 m/s for speeds, 1e-4 for plain numbers), or at most the scene's own threshold.

@@ -1,4 +1,4 @@
-//! The named limits: what fails for a cause that is known and stands in the results. At most three.
+//! Lists the named limits: what fails for a cause that is known and stands in the results. At most three.
 
 /// A cause, and where it shows.
 pub(crate) struct Limit {
@@ -34,7 +34,7 @@ const SKIPPED_GAS: &str = "one in ten skipped by all: gas";
 /// copy with half of the mass is hit in one region, its twin in the other is not, and the mean of both counts.
 const EDGE_IMPACT: &str = "a body at the edge of the overlap is hit with a part of its mass";
 
-/// Two regions that each see something of an island that the other does not see yet: where their words meet, one impulse is taken
+/// Two regions that each see something of an island that the other does not see yet: where their messages meet, one impulse is taken
 /// once on one side and not at all, or otherwise, on the other.
 const CROWD: &str = "a contact that begins in a crowd may be seen by one of two regions alone";
 
@@ -42,7 +42,7 @@ const CROWD: &str = "a contact that begins in a crowd may be seen by one of two 
 /// step shakes by 22 mm/s instead of 17.
 const TAKEN_OVER: &str = "what changes region under load, or falling asleep, takes longer to come to rest";
 
-/// Why this case of this experiment is known to fail, if it is. Methods that are there to be compared with are not excused.
+/// Returns why this case of this experiment is known to fail, if it is. Methods that are there to be compared with are not excused.
 pub(crate) fn cause(experiment: &str, case: &str, method: &str) -> Option<&'static str> {
     LIMITS
         .iter()

@@ -1,4 +1,4 @@
-//! The accuracy suite: scenes where partitioned worlds go wrong, each with the border where it hurts, against closed forms
+//! Runs the accuracy suite: scenes where partitioned worlds go wrong, each with the border where it hurts, against closed forms
 //! and one bare Rapier world.
 
 #[cfg(test)]
@@ -125,7 +125,7 @@ fn regions(text: &str) -> Result<usize, String> {
     }
 }
 
-/// A method with as many exchanges a tick as suit it.
+/// A method with as many exchanges per tick as suit it.
 pub(crate) fn use_method(config: &mut WorldConfig, method: Coupling) {
     config.step.coupling = method;
     config.step.exchanges = method.usual_exchanges();

@@ -1,4 +1,4 @@
-//! The error of a case by any setup, against what one bare Rapier world makes of it.
+//! Measures the error of a case by any setup, against what one bare Rapier world makes of it.
 //!
 //! Other parts of this package measure single experiments with it:
 //!

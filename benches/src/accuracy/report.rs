@@ -1,4 +1,4 @@
-//! What is printed and written: a table as it grows, CSV with every case, JSON with the worst case of each row.
+//! Prints and writes the results: a table as it grows, CSV with every case, JSON with the worst case of each row.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! Runs a scene of a case, and looks at it.
+//! Runs a scene of a case, and records a trace of it.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -63,7 +63,7 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
     Ok(run)
 }
 
-/// The world of a scene of a case, its dt and its solver iterations a tick.
+/// The world of a scene of a case, its dt and its solver iterations per tick.
 pub(crate) fn world_of(
     case: &Case,
     scene: &Scene,

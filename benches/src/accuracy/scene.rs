@@ -1,4 +1,4 @@
-//! What an experiment is: scenes, where they are cut, and a formula that turns what was seen into one error.
+//! Describes an experiment: scenes, where they are cut, and a formula that turns what was seen into one error.
 
 use dcd::scene::Scene;
 use dcd::space::Axis;

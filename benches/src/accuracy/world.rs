@@ -1,4 +1,4 @@
-//! The worlds that a case is run by: one bare Rapier world, one cut into regions, or regions whose exchanges fail.
+//! Builds and steps the worlds that a case is run by: one bare Rapier world, one cut into regions, or regions whose exchanges fail.
 
 use dcd::physics::{Measured, View};
 use dcd::rapier3d::prelude::*;

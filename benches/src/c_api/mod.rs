@@ -1,4 +1,4 @@
-//! What the C API costs: calls as a C program sees them, joining a world, and the size of a program that links it.
+//! Measures what the C API costs: calls as a C program sees them, joining a world, and the size of a program that links it.
 
 use std::collections::BTreeMap;
 use std::error::Error;

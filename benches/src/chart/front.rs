@@ -1,4 +1,4 @@
-//! Whether `auto` lies on the front: no fixed setting of as many regions is both faster and more accurate beyond noise.
+//! Decides whether `auto` lies on the Pareto front: no fixed setting of as many regions is both faster and more accurate beyond noise.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! Speed against accuracy: every coupling at every number of regions and exchanges, one bare Rapier world swept over its time
+//! Charts speed against accuracy: every coupling at every number of regions and exchanges, one bare Rapier world swept over its time
 //! step and over its iterations, and `auto` with its presets; and whether anything fixed is better than `auto`.
 //!
 //! Errors come from the accuracy suite, on all cores. Times come from runs of their own, one world at a time: nothing is

@@ -1,4 +1,4 @@
-//! The scenes of the chart, and what is swept in each.
+//! Lists the scenes of the chart, and what is swept in each.
 
 use dcd::physics::{Coupling, Preset};
 

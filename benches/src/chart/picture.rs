@@ -1,4 +1,4 @@
-//! The chart: speed to the right, small errors at the top, so the best is top right.
+//! Draws the chart: speed to the right, small errors at the top, so the best is top right.
 
 use plotters::style::RGBColor;
 

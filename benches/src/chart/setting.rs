@@ -1,4 +1,4 @@
-//! One way to compute a scene: measured twice, for its error and for its speed.
+//! Runs a scene by one setting, which is measured twice: for its error and for its speed.
 
 use std::time::Instant;
 
@@ -17,7 +17,7 @@ pub(super) enum Setting {
         sweep: &'static str,
         bare: Bare,
     },
-    /// A coupling with so many exchanges a tick.
+    /// A coupling with so many exchanges per tick.
     Fixed { method: Coupling, regions: usize, exchanges: usize },
     /// `auto`, which chooses.
     Auto { preset: Preset, regions: usize },

@@ -1,4 +1,4 @@
-//! Rapier in a simulated cluster.
+//! Gives the nodes of a simulated cluster the physics of real ones, by Rapier.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What the thesis of 2006 could not measure: how far groups are from one another over time, how far replicas are from their
+//! Measures what the thesis of 2006 could not: how far groups are from one another over time, how far ghosts are from their
 //! owners inside a group, and what keeping groups together costs on the wire. Whole clusters in virtual time, with real physics.
 
 mod device;
@@ -56,7 +56,7 @@ pub(crate) struct Row {
     avatars_max_m: f64,
     replicas_mean_m: f64,
     replicas_max_m: f64,
-    /// Persistent bodies that another group than the main one is believed about.
+    /// Persistent bodies for which another group than the main one is authoritative.
     claimed: usize,
     /// Between the first and the last group's completion of the same tick.
     apart_ms: f64,

@@ -1,4 +1,4 @@
-//! Deviations and bytes over time, and the table of the page.
+//! Draws deviations and bytes over time, and writes the table of the page.
 
 use crate::draw::{COLOURS, Line, LinePanel, LinePanels, Mark};
 use crate::page::table as markdown;

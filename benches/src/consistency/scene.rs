@@ -1,4 +1,4 @@
-//! Three groups of four nodes that compute the same gas, far from one another, and a wandering avatar in each.
+//! Sets up three groups of four nodes that compute the same gas, far from one another, and a wandering avatar in each.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -139,7 +139,7 @@ impl Running {
         Ok(())
     }
 
-    /// Runs for a time, with users that drive their avatars from place to place.
+    /// Runs for a time, with users that move their avatars from place to place.
     pub(super) fn run_for(&mut self, time: Duration) -> Result<(), Box<dyn Error>> {
         let end = self.sim.now() + time;
         while self.sim.now() < end {

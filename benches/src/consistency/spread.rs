@@ -1,4 +1,4 @@
-//! What the deviations of one tick, or of all, come to.
+//! Reduces the deviations of one tick, or of all, to mean, 99th percentile and largest.
 
 /// Mean, 99th percentile and largest; zeros of nothing.
 #[derive(Clone, Copy, Debug, Default)]

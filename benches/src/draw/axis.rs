@@ -1,4 +1,4 @@
-//! A logarithmic axis that may run backwards: small errors belong at the top.
+//! Scales a logarithmic axis that may run backwards: small errors belong at the top.
 
 use std::ops::Range;
 

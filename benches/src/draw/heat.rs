@@ -1,4 +1,4 @@
-//! Heat maps beside one another on one logarithmic scale of colours.
+//! Draws heat maps beside one another on one logarithmic scale of colours.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

@@ -1,4 +1,4 @@
-//! Small multiples of lines on logarithmic axes, with one legend for all.
+//! Draws small multiples of lines on logarithmic axes, with one legend for all.
 
 use plotters::prelude::*;
 

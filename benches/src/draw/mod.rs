@@ -1,4 +1,4 @@
-//! Pictures: drawn as SVG, and turned into PNG. The font is part of the program, so that a machine without one draws too.
+//! Draws pictures as SVG, and turns them into PNG. The font is part of the program, so that a machine without one draws too.
 
 mod axis;
 mod heat;

@@ -1,4 +1,4 @@
-//! Where methods fail: heat maps over what makes them fail, with the map of one bare Rapier world beside each.
+//! Maps where methods fail: heat maps over what makes them fail, with the map of one bare Rapier world beside each.
 
 mod network;
 mod picture;

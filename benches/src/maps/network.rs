@@ -1,4 +1,4 @@
-//! Exchanges that come late or not at all: how late, how many, and in which direction.
+//! Maps the error by exchanges that come late or not at all: how late, how many, and in which direction.
 
 use dcd::runtime::{WorldConfig, WorldError};
 

@@ -1,4 +1,4 @@
-//! A picture a panel: the bare world first, then every method.
+//! Draws one picture per panel: the bare world first, then every method.
 
 use super::{BARE, Kind, Row};
 use crate::draw::{HeatMap, HeatMaps};

@@ -1,4 +1,4 @@
-//! Projectiles that cross several regions a step and meet a thin wall just past a border.
+//! Maps the error of projectiles that cross several regions a step and meet a thin wall just past a border.
 
 use dcd::physics::Measured as _;
 use dcd::protocol::WorldPose;

@@ -1,4 +1,4 @@
-//! Bouncing across a border: how elastic, and with how many exchanges.
+//! Maps the error of bouncing across a border: how elastic, and with how many exchanges.
 
 use dcd::physics::Measured as _;
 use dcd::protocol::WorldPose;

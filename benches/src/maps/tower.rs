@@ -1,4 +1,4 @@
-//! Towers: how heavy the top may be, how high the tower, and where the border may lie.
+//! Maps which towers stand: how heavy the top may be, how high the tower, and where the border may lie.
 
 use dcd::physics::Measured as _;
 use dcd::protocol::{Velocity, WorldPose};

@@ -1,4 +1,4 @@
-//! What every engine is given: boxes and balls of one material, as a scene of the library has them.
+//! Describes the bodies that every engine is given: boxes and balls of one material, as a scene of the library has them.
 
 use std::error::Error;
 

@@ -1,4 +1,4 @@
-//! Box3D through its C interface. All calls that Rust cannot check are in this file.
+//! Runs Box3D through its C interface. All calls that Rust cannot check are in this file.
 
 use std::error::Error;
 use std::ffi::{c_char, c_int};

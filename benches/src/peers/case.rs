@@ -1,4 +1,4 @@
-//! The scenes: towers that land, cubes that fly, boxes that are poured, and a tall pyramid.
+//! Lists the scenes of the comparison: towers that land, cubes that fly, boxes that are poured, and a tall pyramid.
 
 use std::error::Error;
 

@@ -1,4 +1,4 @@
-//! The engines, and how each computes a scene.
+//! Lists the engines, and sets up a scene in each.
 
 use std::collections::BTreeMap;
 use std::error::Error;

@@ -1,4 +1,4 @@
-//! Jolt through the C interface JoltC. All calls that Rust cannot check are in this file.
+//! Runs Jolt through the C interface JoltC. All calls that Rust cannot check are in this file.
 
 use std::error::Error;
 use std::ffi::{CStr, c_uint, c_void};

@@ -1,4 +1,4 @@
-//! What is measured of every engine alike: from the poses and velocities read back, by one geometry and one formula.
+//! Measures every engine alike: from the poses and velocities read back, by one geometry and one formula.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::parry::query;

@@ -1,4 +1,4 @@
-//! The same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time of a step beside what the step is worth, measured
+//! Compares the same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time of a step beside what the step is worth, measured
 //! alike for all from the poses read back.
 
 mod bodies;

@@ -1,4 +1,4 @@
-//! Time against penetration of all engines, and the table of the page.
+//! Draws time against penetration of all engines, and writes the table of the page.
 
 use crate::draw::{BLACK_LINE, COLOURS, Line, LinePanel, LinePanels, Mark};
 use crate::page::table as markdown;

@@ -1,4 +1,4 @@
-//! One face for all engines: a world is stepped, and where its bodies are is read back.
+//! Defines the one interface of all engines: a world is stepped, and where its bodies are is read back.
 
 use std::error::Error;
 use std::time::{Duration, Instant};

@@ -1,4 +1,4 @@
-//! The scenes: what is run, for how long, and what is held against one world.
+//! Lists the scenes: what is run, for how long, and what is held against one world.
 
 use std::error::Error;
 

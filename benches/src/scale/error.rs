@@ -1,5 +1,5 @@
-//! The error of a setting: how far its statistics are from those of one bare world, in parts of what that world's own runs
-//! differ by when their bodies start a micrometre aside.
+//! Measures the error of a setting: how far its statistics are from those of one bare world, in parts of what that world's own
+//! runs differ by when their bodies start a micrometre aside.
 
 use std::error::Error;
 

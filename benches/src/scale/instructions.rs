@@ -1,4 +1,4 @@
-//! Cost without noise: instructions a step on one thread, counted by callgrind of valgrind. The program runs itself as a child.
+//! Measures cost without noise: instructions per step on one thread, counted by callgrind of valgrind. The program runs itself as a child.
 
 use std::error::Error;
 use std::process::{Command, Stdio};

@@ -1,4 +1,4 @@
-//! Time and error in the same row: large scenes with bodies at every border, by what dcd chooses itself, by forced numbers of
+//! Measures time and error in the same row: large scenes with bodies at every border, by what dcd chooses itself, by forced numbers of
 //! regions and by fixed methods, against one bare Rapier world. A gain that costs an error shows the error beside it.
 
 mod case;

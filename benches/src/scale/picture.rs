@@ -1,4 +1,4 @@
-//! Speed against error of all settings, and the small matrix of the page.
+//! Draws speed against error of all settings, and writes the small matrix of the page.
 
 use crate::draw::{BLACK_LINE, COLOURS, Line, LinePanel, LinePanels, Mark};
 use crate::page::table as markdown;

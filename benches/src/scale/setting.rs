@@ -1,4 +1,4 @@
-//! How a scene is computed.
+//! Lists the settings by which a scene is computed: bare, by default, by numbers of regions, by fixed methods.
 
 use dcd::physics::Coupling;
 use dcd::runtime::{Partitioning, WorldConfig};
@@ -13,7 +13,7 @@ pub(super) enum Setting {
     Default,
     /// So many regions, by the coupling that is the default.
     Auto(usize),
-    /// Two regions by another method, with one exchange a tick.
+    /// Two regions by another method, with one exchange per tick.
     Fixed(Coupling),
 }
 

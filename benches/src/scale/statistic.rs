@@ -1,4 +1,4 @@
-//! What a run is reduced to: figures on which the runs of one world agree, though places of single bodies do not.
+//! Reduces a run to statistics: figures on which the runs of one world agree, though places of single bodies do not.
 
 use dcd::scene::Scene;
 

@@ -1,4 +1,4 @@
-//! The worlds that are timed.
+//! Lists the worlds that are timed.
 
 use std::error::Error;
 

@@ -1,4 +1,4 @@
-//! One measurement.
+//! Makes one measurement: steps a fresh world of a scene, and counts its ghosts and exchanges.
 
 use std::error::Error;
 

@@ -1,4 +1,4 @@
-//! What partitioning costs at one region and gains at more: step times against one bare Rapier world, and against Rapier's own
+//! Measures what partitioning costs at one region and gains at more: step times against one bare Rapier world, and against Rapier's own
 //! `parallel` solver on the same threads. Machines are noisy: all variants of a case are run in turn, several times over, and
 //! the run with the smallest median counts.
 

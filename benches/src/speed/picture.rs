@@ -1,4 +1,4 @@
-//! Step time over the number of bodies, and the table of the page.
+//! Draws step time over the number of bodies, and writes the table of the page.
 
 use crate::draw::{BLACK_LINE, COLOURS, Line, LinePanel, LinePanels, Mark};
 use crate::page::table as markdown;

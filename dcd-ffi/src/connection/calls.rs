@@ -1,4 +1,4 @@
-//! Listing connections, ending them, waiting for what comes over them.
+//! Lists connections, ends them, and waits for what comes over them.
 
 use std::ffi::c_char;
 use std::time::Duration;
@@ -35,7 +35,7 @@ pub unsafe extern "C" fn dcd_connections(
     })
 }
 
-/// Says how a connection is.
+/// Reads the state and figures of a connection.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, also once it is gone, DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]
@@ -56,11 +56,11 @@ pub unsafe extern "C" fn dcd_connection_info(
     })
 }
 
-/// Sends a process away from a server's world. It is told `reason`, a text shorter than DCD_MAX_REASON, or null for none; a node's
+/// Disconnects a process from a server's world. It is told `reason`, a text shorter than DCD_MAX_REASON, or null for none; a node's
 /// regions are handed over first, a client's avatars wait for its return, which takes a new token. Returns at once;
 /// DCD_CONNECTION_GONE tells when it is gone, and there its dcd_step says DCD_ERR_NETWORK with the reason.
 ///
-/// Who wants to leave a world calls dcd_world_destroy.
+/// To leave a world, call dcd_world_destroy.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a reason that is too long, DCD_ERR_UNSUPPORTED for a world that
 /// is not a server.
 #[unsafe(no_mangle)]

@@ -1,4 +1,4 @@
-//! Asking for what happened.
+//! Lends the events of the last step to C.
 
 use super::DcdEventView;
 use crate::guard::guard;
@@ -7,7 +7,7 @@ use crate::pointer::Out;
 use crate::registry::with;
 use crate::status::DcdStatus;
 
-/// Lends what happened in the last step; nothing before the first. Poll it once a step: a step without a look loses its
+/// Lends the events of the last step; nothing before the first. Poll it once a step: a step without a look loses its
 /// events, and the messages that came.
 ///
 /// The arrays are the library's, and live as those of dcd_state_view do.

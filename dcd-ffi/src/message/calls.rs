@@ -1,4 +1,4 @@
-//! Sending messages.
+//! Sends messages to the program at the other end of a connection.
 
 use std::ffi::c_void;
 

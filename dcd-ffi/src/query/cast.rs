@@ -1,4 +1,4 @@
-//! Shapes that move.
+//! Casts shapes: finds the first body that each moving shape meets.
 
 use dcd::protocol::{CastAnswer, CastQuestion, ShapeHash};
 use rapier3d::prelude::SharedShape;
@@ -54,7 +54,7 @@ pub struct DcdShapeHit {
     pub point_on_shape: [f32; 3],
     /// Outward of the shape there, in its own space.
     pub normal_on_shape: [f32; 3],
-    /// Which shape of the body, from 0.
+    /// Which collider of the body, from 0.
     pub collider: u32,
     /// As in DcdRayHit.
     pub subshape: u32,

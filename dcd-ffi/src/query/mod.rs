@@ -1,4 +1,4 @@
-//! Rays, shapes that move, overlaps, nearest points: many questions a call, of the state as it is now.
+//! Answers queries of the state as it is now, many per call: ray casts, shape casts, overlaps, nearest points.
 
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Room, Sized32, check_bits};
@@ -20,7 +20,7 @@ pub const DCD_FILTER_NO_SENSORS: u32 = 8;
 /// In DcdFilter.flags: overlooks all but sensors.
 pub const DCD_FILTER_NO_SOLIDS: u32 = 16;
 
-/// What all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
+/// A filter: what all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdFilter {
@@ -28,7 +28,7 @@ pub struct DcdFilter {
     pub struct_size: u32,
     /// DCD_FILTER_… bits.
     pub flags: u32,
-    /// Groups that the queries belong to: shapes whose mask meets none of them are overlooked. 0 asks no shape's mask.
+    /// Groups that the queries belong to: colliders whose mask meets none of them are overlooked. 0 asks no collider's mask.
     pub groups: u32,
     /// Groups that the queries meet; 0xFFFFFFFF for all.
     pub mask: u32,
@@ -113,7 +113,7 @@ impl<'a, Q> Batch<'a, Q> {
         Ok(Asked { world, queries, overlooks: self.overlooks(world)?, mask: self.mask() })
     }
 
-    /// What all queries overlook.
+    /// Returns what all queries overlook.
     fn overlooks(&self, world: &World) -> Result<Overlooks, Failure> {
         let (flags, groups) = self.filter.map_or((0, 0), |filter| (filter.flags, filter.groups));
         check_bits(flags, QueryFilterFlags::all().bits(), "filter->flags")?;
@@ -199,7 +199,7 @@ impl<'a, Q> Batch<'a, Q> {
     }
 }
 
-/// Where each of several lists of these lengths ends, one behind the other.
+/// Writes where each of several lists of these lengths ends, one behind the other.
 ///
 /// # Safety
 /// `ends` is valid for writing an entry for each list.
@@ -212,7 +212,7 @@ unsafe fn write_ends(lengths: impl Iterator<Item = usize>, ends: *mut usize) {
     }
 }
 
-/// Whom a single query meets.
+/// Returns whom a single query meets.
 fn meets(world: &World, all: u32, mask: u32, exclude: DcdBodyId) -> Result<Meets, Failure> {
     let but = if exclude.v == 0 { None } else { Some(registry::find(world, exclude)?) };
     Ok(Meets { mask: all & mask, but })

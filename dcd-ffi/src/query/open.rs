@@ -1,4 +1,4 @@
-//! Queries that are submitted and not fetched yet.
+//! Keeps the queries that are submitted and not fetched yet.
 
 use dcd::protocol::Found;
 
@@ -17,7 +17,7 @@ impl OpenQueries {
     }
 }
 
-/// What is submitted at a time.
+/// Queries that are submitted together.
 pub(crate) struct Submitted {
     pub kind: Kind,
     pub cost: usize,

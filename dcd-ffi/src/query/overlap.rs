@@ -1,4 +1,4 @@
-//! What overlaps shapes, points and boxes.
+//! Finds the bodies that overlap shapes, points and boxes.
 
 use dcd::physics::QueryError;
 use dcd::protocol::{Overlap, OverlapQuestion, Place, ShapeHash};
@@ -14,7 +14,7 @@ use crate::registry::World;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, check_pose};
 
-/// A shape somewhere. Start from DCD_SHAPE_QUERY_INIT and give a shape.
+/// A shape at a pose, to find what overlaps it. Start from DCD_SHAPE_QUERY_INIT and give a shape.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdShapeQuery {
@@ -30,7 +30,7 @@ pub struct DcdShapeQuery {
     pub reserved: u32,
 }
 
-/// A box along the axes of the world. Corners may be infinite. Start from DCD_BOX_QUERY_INIT and give them.
+/// A box along the axes of the world (AABB). Corners may be infinite. Start from DCD_BOX_QUERY_INIT and give them.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBoxQuery {
@@ -54,7 +54,7 @@ pub struct DcdOverlap {
     pub body: DcdBodyId,
     /// Its user data.
     pub user_data: u64,
-    /// Which shape of it, from 0.
+    /// Which collider of it, from 0.
     pub collider: u32,
     /// 0.
     pub reserved: u32,
@@ -100,7 +100,7 @@ pub unsafe extern "C" fn dcd_overlap_points(
     })
 }
 
-/// Finds every body whose own box along the axes of the world touches each of `count` boxes, by age: what may overlap it, at
+/// Finds every body whose AABB, its own box along the axes of the world, touches each of `count` boxes, by age: what may overlap it, at
 /// little cost. Outputs as of dcd_cast_rays_all.
 ///
 /// Errors: as dcd_cast_rays_all; DCD_ERR_ARGUMENT also for a box whose min is above its max.
@@ -121,7 +121,7 @@ pub unsafe extern "C" fn dcd_overlap_boxes(
     })
 }
 
-/// Whatever says of a place.
+/// A query that names a place.
 pub(super) trait Somewhere {
     /// What an array of them is called.
     const NAME: &'static str;

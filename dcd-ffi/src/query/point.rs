@@ -1,4 +1,4 @@
-//! The places of bodies that are nearest to points.
+//! Projects points onto bodies: finds the place of any body that is nearest to each point.
 
 use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, meets, refused, user_data};
 use crate::guard::guard;
@@ -36,7 +36,7 @@ pub struct DcdPointHit {
     pub point: [f64; 3],
     /// From the point that was asked about, metres.
     pub distance: f32,
-    /// Which shape of the body, from 0.
+    /// Which collider of the body, from 0.
     pub collider: u32,
     /// DCD_HIT_INSIDE or 0.
     pub flags: u32,

@@ -1,4 +1,4 @@
-//! Rays.
+//! Casts rays: finds the first body that each meets, or all of them.
 
 use dcd::protocol::{RayAnswer, RayQuestion};
 use rapier3d::prelude::Vector;
@@ -42,7 +42,7 @@ pub struct DcdRayHit {
     pub normal: [f32; 3],
     /// From the origin, metres.
     pub distance: f32,
-    /// Which shape of the body, from 0.
+    /// Which collider of the body, from 0.
     pub collider: u32,
     /// Which triangle of a mesh or terrain, which part of a compound; else 0.
     pub subshape: u32,
@@ -81,7 +81,7 @@ pub unsafe extern "C" fn dcd_cast_rays(
     })
 }
 
-/// Finds every body that each of `count` rays meets, a shape of it once, the nearest first. The hits of all rays go to `hits`, which
+/// Finds every body that each of `count` rays meets, a collider of it once, the nearest first. The hits of all rays go to `hits`, which
 /// has `cap` entries, and their number to `total`; those of rays[i] end before hits[ends[i]] and begin where those of the ray
 /// before end. `ends` has `count` entries. With `cap` 0 `hits` may be null, to ask for the number.
 ///

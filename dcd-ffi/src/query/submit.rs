@@ -1,4 +1,4 @@
-//! Questions whose answers come later: in a served world they are with the nodes that own the bodies.
+//! Submits queries whose answers come later: in a served world the nodes that own the bodies give them.
 
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{
@@ -24,13 +24,13 @@ use crate::status::{DCD_ERR_BUSY, DCD_ERR_LIMIT, DcdStatus, Failure};
 /// The most that one submission may cost, and the most bodies of its filter. A ray costs 1, a shape that is cast or overlaps
 /// DCD_SHAPE_COST, a point or a box 1; overlaps that are submitted together cost DCD_OVERLAPS_COST at least.
 pub const DCD_MAX_SUBMITTED_COST: usize = 1024;
-/// What a submitted shape costs.
+/// The cost of a submitted shape.
 pub const DCD_SHAPE_COST: usize = 8;
-/// What submitted overlaps cost at least.
+/// The least cost of overlaps that are submitted together.
 pub const DCD_OVERLAPS_COST: usize = 64;
 /// The most queries that a world may have open: submitted, and neither fetched nor cancelled.
 pub const DCD_MAX_OPEN_QUERIES: usize = 64;
-/// The most that all of them may cost.
+/// The most that all open queries of a world may cost.
 pub const DCD_MAX_OPEN_COST: usize = 4096;
 /// The most that the overlaps of one submission may find.
 pub const DCD_MAX_SUBMITTED_OVERLAPS: usize = 4096;
@@ -51,7 +51,7 @@ const _: () = assert!(
         && DCD_MAX_TURNING_SIZE == MAX_TURNING_M
 );
 
-/// Asks what each of `count` rays meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
+/// Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
 /// client or participant asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
 /// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
 ///
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn dcd_rays_submit(
     })
 }
 
-/// Asks what each of `count` moving shapes meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
+/// Submits `count` shape casts, to find what each meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
 /// dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 ///
 /// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain, a turn longer than
@@ -113,7 +113,7 @@ fn submitted_cast(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQ
     cast::question(world, mask, cast)
 }
 
-/// Asks for every body that each of `count` shapes overlaps; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_shapes,
+/// Submits `count` shapes, to find every body that each overlaps; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_shapes,
 /// where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 ///
 /// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
@@ -129,7 +129,7 @@ pub unsafe extern "C" fn dcd_overlap_shapes_submit(
     guard("dcd_overlap_shapes_submit", || unsafe { submit_overlaps(world, shapes, count, filter, out) })
 }
 
-/// Asks for every body that each of `count` points lies in; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_points,
+/// Submits `count` points, to find every body that each lies in; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_points,
 /// where and when dcd_rays_submit answers.
 ///
 /// Errors: as dcd_rays_submit.
@@ -145,7 +145,7 @@ pub unsafe extern "C" fn dcd_overlap_points_submit(
     guard("dcd_overlap_points_submit", || unsafe { submit_overlaps(world, points, count, filter, out) })
 }
 
-/// Asks for every body whose own box touches each of `count` boxes; dcd_query_poll_overlaps fetches the answer. As
+/// Submits `count` boxes, to find every body whose AABB touches each; dcd_query_poll_overlaps fetches the answer. As
 /// dcd_overlap_boxes, where and when dcd_rays_submit answers.
 ///
 /// Errors: as dcd_rays_submit; DCD_ERR_ARGUMENT also for a box whose min is above its max.

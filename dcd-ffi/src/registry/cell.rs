@@ -1,4 +1,4 @@
-//! One world behind its lock, and the thread that steps it in the background.
+//! Guards one world by a lock, and steps it in the background by a thread of its own.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};

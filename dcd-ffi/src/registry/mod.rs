@@ -1,4 +1,4 @@
-//! The worlds that this process has handles of, and what C needs with each.
+//! Keeps the worlds that this process has handles of, and what C needs with each: shapes, lent arrays, open queries.
 
 mod cell;
 
@@ -109,7 +109,7 @@ pub(crate) fn remove(world: DcdWorld) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether the handle names a world.
+/// Returns whether the handle names a world.
 pub(crate) fn contains(world: DcdWorld) -> bool {
     worlds().get(world.v).is_some()
 }

@@ -1,4 +1,4 @@
-//! Lending and copying the state of many bodies.
+//! Lends and copies the state of many bodies at a time.
 
 use dcd::BodyId;
 use rapier3d::prelude::Vector;
@@ -208,7 +208,7 @@ impl<'a> Bulk<'a> {
         Ok(Self { bodies: unsafe { pointer::slice(bodies, count, "bodies")? }, stride })
     }
 
-    /// Whether all bodies are there.
+    /// Checks that all bodies are there.
     fn check(&self, world: &World) -> Result<(), Failure> {
         self.bodies.iter().try_for_each(|&body| registry::find(world, body).map(drop))
     }

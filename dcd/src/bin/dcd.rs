@@ -1,4 +1,4 @@
-//! The command line of dcd; its subcommands live in `dcd::cli`.
+//! Runs the command line of dcd; its subcommands live in `dcd::cli`.
 use std::process::ExitCode;
 
 /// Keeps the pages that a step gives back: the system's allocator returns them to the kernel, which clears them for the next step.

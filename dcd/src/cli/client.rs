@@ -1,4 +1,4 @@
-//! `dcd client`: avatars that wander through a served world, for load.
+//! Implements `dcd client`: avatars that wander through a served world, for load.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -19,9 +19,9 @@ use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
 use crate::space::{BodyId, Bounds};
 
-/// How often the user's input to end is looked for when the world stands still.
+/// Interval at which Ctrl-C is looked for when the world stands still.
 const LOOK: Duration = Duration::from_millis(100);
-/// An avatar that has not reached its goal by then chooses another.
+/// Time after which an avatar that has not reached its goal chooses another.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Half the edge of an avatar's box.
 const HALF_M: f32 = 0.4;
@@ -78,7 +78,7 @@ pub(super) struct Client {
     json: bool,
 }
 
-/// What it prints at its end.
+/// The summary that it prints at its end.
 #[derive(Serialize)]
 struct Played {
     client: String,
@@ -137,7 +137,7 @@ impl Client {
         crowd.played().show(json)?;
         if interrupt.asked() {
             common.say("leaving: the avatars wait at the server");
-            // Who wants to go does not mind that the world has ended meanwhile.
+            // A user who asked to leave does not mind that the world has ended meanwhile.
             return match crowd.world.leave() {
                 Ok(_) | Err(ProcessError::ServerGone { .. }) => Ok(interrupt.exit_code()),
                 Err(error) => Err(error.into()),
@@ -149,7 +149,7 @@ impl Client {
     }
 }
 
-/// A client's avatars and where they want to go.
+/// A client's avatars and their goals.
 struct Crowd {
     world: ClientWorld,
     bounds: Bounds,
@@ -170,7 +170,7 @@ struct Walker {
 }
 
 impl Crowd {
-    /// Avatars of an earlier stay go on; only missing ones are made.
+    /// Enters the world: avatars of an earlier stay go on; only missing ones are made.
     fn enter(
         mut world: ClientWorld,
         count: usize,
@@ -185,7 +185,7 @@ impl Crowd {
             )));
         }
         let bounds = environment.tree.bounds();
-        // Unlike clients go unlike ways.
+        // Different clients go different ways.
         let mut dice = Dice::new(world.id().0.into());
         let former = world.own_avatars();
         let missing = count.saturating_sub(former.len());
@@ -211,7 +211,7 @@ impl Crowd {
         Ok(Self { world, bounds, speed_m_s, interest_m, dice, start, walkers, contacts, refusals, moved_m })
     }
 
-    /// Waits for news of the world and answers each avatar's.
+    /// Waits for news of the world and sends each avatar's input.
     fn step(&mut self) -> Result<(), ProcessError> {
         let seen = self.world.updates();
         self.world.wait_update(seen, LOOK);
@@ -258,7 +258,7 @@ impl Crowd {
     }
 }
 
-/// A place near the ground of the world's box, where most things are.
+/// Returns a random place near the ground of the world's box, where most things are.
 fn somewhere(bounds: &Bounds, dice: &mut Dice) -> [f64; 3] {
     let unit = [dice.between(0.05, 0.95), dice.between(0.0, 1.0), dice.between(0.05, 0.95)].map(f64::from);
     let size: [f64; 3] = std::array::from_fn(|i| bounds.max[i] - bounds.min[i]);
@@ -270,7 +270,7 @@ fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-/// This speed in that direction.
+/// Returns a velocity of this speed in that direction.
 fn pace(towards: [f64; 3], speed_m_s: f32) -> Velocity {
     let length = distance_m(towards, [0.0; 3]).max(1e-9);
     // A hair below the speed, so that rounding does not break the world's limit.

@@ -1,4 +1,4 @@
-//! What all subcommands share: how much is said, and where.
+//! Defines the arguments that all subcommands share: how much is printed, and where.
 
 use std::io::{IsTerminal, Write};
 
@@ -31,24 +31,24 @@ impl Common {
         let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
     }
 
-    /// Whether people want to know nothing but the result.
+    /// Returns whether people want to see nothing but the result.
     pub(super) fn is_quiet(&self) -> bool {
         self.quiet
     }
 
-    /// Whether people want to know details.
+    /// Returns whether people want to see details.
     pub(super) fn is_verbose(&self) -> bool {
         self.verbose > 0
     }
 
-    /// A word to people on standard error, unless they want none.
+    /// Prints a message for people on standard error, unless they want none.
     pub(super) fn say(&self, text: &str) {
         if !self.quiet {
             eprintln!("{text}");
         }
     }
 
-    /// A bar on standard error, hidden unless a person is looking on.
+    /// Returns a bar on standard error, hidden unless a person is looking on.
     pub(super) fn progress(&self, length: u64, unit: &str, json: bool) -> ProgressBar {
         if json || self.quiet || !std::io::stderr().is_terminal() {
             return ProgressBar::hidden();

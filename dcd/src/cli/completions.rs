@@ -1,4 +1,4 @@
-//! `dcd completions`: what a shell must know to complete the command line.
+//! Implements `dcd completions`: prints the script by which a shell completes the command line.
 
 use std::process::ExitCode;
 

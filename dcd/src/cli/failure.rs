@@ -1,4 +1,4 @@
-//! How a subcommand fails: with a cause, a remedy and an exit code.
+//! Defines how a subcommand fails: with a cause, a remedy and an exit code.
 
 use std::process::ExitCode;
 
@@ -7,7 +7,7 @@ use crate::net::NetError;
 use crate::runtime::{ProcessError, WorldError};
 use crate::scene::SceneError;
 
-/// Why a subcommand did not do what was asked.
+/// The failure of a subcommand.
 #[derive(Debug)]
 pub(super) struct Failure {
     message: String,
@@ -15,22 +15,22 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    /// The user asked for something that cannot be; nothing was done.
+    /// Creates a failure of usage: the user asked for something that cannot be; nothing was done.
     pub(super) fn usage(message: impl Into<String>) -> Self {
         Self { message: message.into(), code: 2 }
     }
 
-    /// Something failed while it ran.
+    /// Creates a failure of a run: something failed while it ran.
     pub(super) fn run(message: impl Into<String>) -> Self {
         Self { message: message.into(), code: 1 }
     }
 
-    /// Ctrl-C, where there is nothing to report.
+    /// Creates the failure of Ctrl-C, where there is nothing to report.
     pub(super) fn interrupted() -> Self {
         Self { message: "ended by Ctrl-C".to_owned(), code: 130 }
     }
 
-    /// Says it on standard error.
+    /// Prints it on standard error and returns the exit code.
     pub(super) fn report(self) -> ExitCode {
         eprintln!("error: {}", self.message);
         ExitCode::from(self.code)

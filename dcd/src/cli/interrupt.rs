@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM: the first asks a command to end in order, a later one ends it at once.
+//! Handles Ctrl-C and SIGTERM: the first asks a command to end in order, a later one ends it at once.
 
 use std::io::Read;
 use std::process::ExitCode;
@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 
 use super::failure::Failure;
 
-/// Exit code of what was ended by Ctrl-C: 128 + SIGINT.
+/// Exit code of a command that Ctrl-C ended: 128 + SIGINT.
 const EXIT: u8 = 130;
 
-/// One press may be heard twice: from the terminal, and from a parent process that passes on what it hears.
+/// Time in which one press may be heard twice: from the terminal, and from a parent process that passes on what it hears.
 const ONE_PRESS: Duration = Duration::from_millis(200);
 
 static FIRST: OnceLock<Instant> = OnceLock::new();
@@ -19,12 +19,12 @@ static SIGNALLED: AtomicBool = AtomicBool::new(false);
 static ABANDONED: AtomicBool = AtomicBool::new(false);
 static INSTALLED: OnceLock<Result<(), String>> = OnceLock::new();
 
-/// Proof that Ctrl-C is heard from here on.
+/// A proof that Ctrl-C is heard from here on.
 #[derive(Clone, Copy)]
 pub(super) struct Interrupt(());
 
 impl Interrupt {
-    /// Takes Ctrl-C over for the rest of the process.
+    /// Takes over Ctrl-C for the rest of the process.
     pub(super) fn listen() -> Result<Self, Failure> {
         let handler = || {
             let first = FIRST.get_or_init(Instant::now);
@@ -43,7 +43,7 @@ impl Interrupt {
         }
     }
 
-    /// The end of standard input asks for an end too: a parent process ends its children in order with it, on every
+    /// Takes the end of standard input as a request to end too: a parent process ends its children in order with it, on every
     /// system, and they do not outlive a parent that is killed.
     pub(super) fn listen_to_stdin(self) {
         std::thread::spawn(|| {
@@ -54,12 +54,12 @@ impl Interrupt {
         });
     }
 
-    /// Whether the user asked for an end.
+    /// Returns whether the user asked for an end.
     pub(super) fn asked(self) -> bool {
         SIGNALLED.load(Ordering::SeqCst) || ABANDONED.load(Ordering::SeqCst)
     }
 
-    /// The exit code of a command that ended in order.
+    /// Returns the exit code of a command that ended in order.
     pub(super) fn exit_code(self) -> ExitCode {
         if SIGNALLED.load(Ordering::SeqCst) { ExitCode::from(EXIT) } else { ExitCode::SUCCESS }
     }

@@ -1,4 +1,4 @@
-//! `dcd man`: the manual.
+//! Implements `dcd man`: prints the manual or writes its pages.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -45,7 +45,7 @@ fn refused(path: &Path, error: &std::io::Error) -> String {
     format!("cannot write {}: {error}; give --out a folder that you may write to", path.display())
 }
 
-/// File names and texts: the page of `dcd` first, then one a subcommand.
+/// Returns file names and texts: the page of `dcd` first, then one per subcommand.
 fn pages() -> Vec<(String, String)> {
     let mut dcd = Cli::command();
     dcd.build();

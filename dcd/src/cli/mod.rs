@@ -1,4 +1,4 @@
-//! The command line `dcd`: one file a subcommand.
+//! Implements the command line `dcd`: one file per subcommand.
 //!
 //! To add one: a file with a struct that derives [`clap::Args`] (its doc comment is the help text) and has
 //! `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`, its `mod` line, and a line in `subcommands!`.

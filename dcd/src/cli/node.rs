@@ -1,4 +1,4 @@
-//! `dcd node`: computes a share of a served world.
+//! Implements `dcd node`: a process that computes a share of a served world.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use super::values::{GIVE_UP, SERVER, address, wall_seconds};
 use crate::net::JoinRole;
 use crate::runtime::{JoinConfig, Member, MemberConfig};
 
-/// How often the user's wish to go is looked for.
+/// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Computes a share of the world that a server holds
@@ -82,7 +82,7 @@ impl Node {
             common.say("leaving: regions are handed over first");
             node.leave();
         }
-        // Bounded: who asked to leave is gone a few seconds later whatever the server does.
+        // Bounded: a node that asked to leave is gone a few seconds later whatever the server does.
         while !node.wait_over(LOOK) {}
         Computed::from(&node.summary()).show(self.json)?;
         node.finish()?;

@@ -1,4 +1,4 @@
-//! `dcd scenes`: what the library holds.
+//! Implements `dcd scenes`: lists the scenes of the library.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -30,7 +30,7 @@ impl Scenes {
     }
 }
 
-/// A scene as users name it: a path, a scene of the library, or a file that the sources ship by its bare name.
+/// Opens a scene as users name it: a path, a scene of the library, or a file that the sources ship by its bare name.
 pub(super) fn open(name: &str, params: &Params) -> Result<Scene, SceneError> {
     match Scene::open(name, params) {
         Err(error @ SceneError::UnknownScene { .. }) => match shipped(name) {
@@ -41,14 +41,14 @@ pub(super) fn open(name: &str, params: &Params) -> Result<Scene, SceneError> {
     }
 }
 
-/// Of a file in dcd/scenes/, where the sources are still where this binary was built.
+/// Returns the path of a file in dcd/scenes/, if the sources are still where this binary was built.
 fn shipped(name: &str) -> Option<String> {
     let is_bare = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(format!("{name}.toml"));
     (is_bare && path.is_file()).then(|| path.to_string_lossy().into_owned())
 }
 
-/// Every scene of the library, for help texts.
+/// Lists every scene of the library, for help texts.
 pub(super) fn overview() -> String {
     let scenes: Vec<_> = library().iter().map(describe).collect();
     format!(

@@ -1,4 +1,4 @@
-//! `dcd serve`: a world that other processes compute and play in.
+//! Implements `dcd serve`: the server of a world that other processes compute and play in.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ use crate::scene::Params;
 use crate::space::MAX_REGIONS;
 use crate::space::Tick;
 
-/// How often the user's wish to end is looked for.
+/// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Serves a world that nodes compute and clients play in
@@ -181,7 +181,7 @@ impl Serve {
         Ok(GroupConfig { lag_ticks: self.lag, thresholds, grouping })
     }
 
-    /// Tells of memberships until the world ends or the user wants it to.
+    /// Reports memberships until the world ends or the user asks for its end.
     fn watch(&self, server: &ServerProcess, interrupt: Interrupt, common: &Common) -> Result<(), Failure> {
         let bar = common.progress(self.ticks.unwrap_or(0), "ticks", self.json || self.ticks.is_none());
         let mut told = None;
@@ -203,7 +203,7 @@ fn number(view: Option<&View>) -> Option<ViewNumber> {
     view.map(|view| view.number)
 }
 
-/// Who computes what, in one line.
+/// Describes a membership in one line.
 fn membership(view: Option<&View>) -> String {
     let Some(view) = view else { return "view none: no node is left; the world waits for one".to_owned() };
     let shares: Vec<_> = view

@@ -1,4 +1,4 @@
-//! `dcd simulate`: whole clusters in virtual time, under faults, from seeds.
+//! Implements `dcd simulate`: runs whole clusters in virtual time, under faults, from seeds.
 
 use std::ops::Range;
 use std::process::ExitCode;
@@ -102,7 +102,7 @@ impl Simulate {
     }
 }
 
-/// A row, for programs.
+/// A row of the fault table, for programs.
 #[derive(Serialize)]
 struct Told {
     faults: &'static str,

@@ -1,4 +1,4 @@
-//! What processes of a cluster did: as JSON objects and as tables.
+//! Prints the summaries of processes of a cluster as JSON objects and as tables.
 
 use serde::Serialize;
 
@@ -8,9 +8,9 @@ use crate::runtime::measure::StepTimes;
 use crate::runtime::{NodeSummary, ServerSummary};
 use crate::space::Tick;
 
-/// Something that is shown to people as a table and to programs as a JSON object.
+/// A summary that is shown to people as a table and to programs as a JSON object.
 pub(super) trait Summary: Serialize {
-    /// Names and values, in order.
+    /// Returns names and values, in order.
     fn rows(&self) -> Vec<(&'static str, String)>;
 
     /// Prints it; the JSON object is one line.
@@ -25,7 +25,7 @@ pub(super) trait Summary: Serialize {
     }
 }
 
-/// What `dcd serve` prints at its end.
+/// The summary that `dcd serve` prints at its end.
 #[derive(Serialize)]
 pub(super) struct Served {
     pub tick: u64,
@@ -41,7 +41,7 @@ pub(super) struct Served {
 }
 
 impl Served {
-    /// The state is known to be of the last tick only when there was one.
+    /// Creates it. The state is known to be of the last tick only when there was one.
     pub(super) fn new(summary: &ServerSummary, last_tick: Option<Tick>) -> Self {
         let is_whole = last_tick == Some(summary.tick);
         Self {
@@ -74,7 +74,7 @@ impl Summary for Served {
     }
 }
 
-/// What `dcd node` prints at its end.
+/// The summary that `dcd node` prints at its end.
 #[derive(Serialize)]
 pub(super) struct Computed {
     pub node: String,

@@ -1,4 +1,4 @@
-//! `dcd token`: lets processes in.
+//! Implements `dcd token`: prints tokens with which processes join a server.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

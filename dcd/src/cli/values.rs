@@ -1,15 +1,15 @@
-//! Values that several subcommands take.
+//! Parses values that several subcommands take.
 
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::Duration;
 
-/// Where servers listen and are looked for unless told otherwise.
+/// Default address of servers.
 pub(super) const SERVER: &str = "127.0.0.1:7420";
 
-/// How long a server that is out of reach is waited for unless told otherwise, in seconds.
+/// Default time to wait for a server that is out of reach, in seconds.
 pub(super) const GIVE_UP: &str = "30";
 
-/// An address with its port; names are looked up.
+/// Parses an address with its port; names are looked up.
 pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
     if let Ok(address) = text.parse() {
         return Ok(address);
@@ -28,7 +28,7 @@ pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
     found.first().copied().ok_or_else(|| format!("`{text}` has no address; write it as numbers"))
 }
 
-/// A time with its unit: 90s, 10m, 2h, 1d.
+/// Parses a time with its unit: 90s, 10m, 2h, 1d.
 pub(super) fn duration(text: &str) -> Result<Duration, String> {
     let wrong = || "write a time with its unit, from 1s to 365d: 90s, 10m, 2h or 1d".to_owned();
     let unit = text.chars().next_back().ok_or_else(wrong)?;
@@ -46,7 +46,7 @@ pub(super) fn duration(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// Seconds of real time, at most a year.
+/// Parses seconds of real time, at most a year.
 pub(super) fn wall_seconds(text: &str) -> Result<Duration, String> {
     let wrong = || "write seconds above 0 and up to a year, as 10 or 0.5".to_owned();
     let value: f64 = text.parse().map_err(|_| wrong())?;
@@ -57,14 +57,14 @@ pub(super) fn wall_seconds(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// Metres a second, above 0.
+/// Parses metres per second, above 0.
 pub(super) fn speed(text: &str) -> Result<f32, String> {
     let wrong = || "write metres a second, above 0 and up to 100000".to_owned();
     let value: f32 = text.parse().map_err(|_| wrong())?;
     if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
 }
 
-/// Milliseconds or metres.
+/// Parses a positive number: milliseconds or metres.
 pub(super) fn positive(text: &str) -> Result<f32, String> {
     let wrong = || "write a number above 0 and up to 100000".to_owned();
     let value: f32 = text.parse().map_err(|_| wrong())?;

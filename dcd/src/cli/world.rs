@@ -1,4 +1,4 @@
-//! How a scene becomes a world, for every subcommand that makes one.
+//! Configures a world from a scene and arguments, for every subcommand that makes one.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -9,7 +9,7 @@ use crate::runtime::{Partitioning, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::{Axis, TreeError};
 
-/// The most bodies of an island that one node of a served world has whole.
+/// The most bodies of an island that one node of a served world owns whole.
 const SERVED_ISLAND: usize = 256;
 
 /// How the world is cut and how its regions agree.
@@ -41,7 +41,7 @@ pub(super) struct CutArgs {
 }
 
 impl CutArgs {
-    /// The world that the scene and the arguments ask for; `regions` are made by halving.
+    /// Returns the configuration of the world that the scene and the arguments ask for; `regions` are made by halving.
     pub(super) fn config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
         let mut config = WorldConfig::for_scene(scene);
         if let Some(count) = regions {
@@ -60,7 +60,7 @@ impl CutArgs {
         Ok(config)
     }
 
-    /// The same for a world that nodes share: unless told otherwise, islands that are too much for one of them are cut.
+    /// Returns the same for a world that nodes share: unless told otherwise, islands that are too large for one of them are cut.
     pub(super) fn served_config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
         let mut config = self.config(scene, regions)?;
         if self.island_limit.is_none() && scene.coupling.island_limit.is_none() {
@@ -69,7 +69,7 @@ impl CutArgs {
         Ok(config)
     }
 
-    /// The first of these options that was given, for commands in which nothing is left to choose.
+    /// Returns the first of these options that was given, for commands in which nothing is left to choose.
     pub(super) fn first_given(&self) -> Option<&'static str> {
         let given = [
             ("--cut", !self.cut.is_empty()),

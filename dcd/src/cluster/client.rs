@@ -1,4 +1,5 @@
-//! A process that hosts avatars: joins at the server, moves its avatars through the leader, keeps its view of the world.
+//! Implements a client, a process that hosts avatars: it joins at the server, sends avatar inputs to the leader, and keeps its
+//! copy of the world up to date.
 
 #[cfg(test)]
 mod tests;
@@ -14,19 +15,19 @@ use crate::protocol::{
 };
 use crate::space::{Allocation, BodyId, ClientId, Epoch, GroupId, NodeId, RegionId, Tick};
 
-/// Contacts, and transfers, kept for a user who does not ask; the oldest go first.
+/// The most contacts, and handovers, kept for a user who does not fetch them; the oldest go first.
 const MAX_EVENTS: usize = 4_096;
 
-/// Between attempts to dial the server, or a leader that cannot be reached.
+/// The time between attempts to dial the server, or a leader that cannot be reached.
 const AGAIN: Duration = Duration::from_millis(250);
 
-/// When a question that is not answered is asked again: with whoever leads by then.
+/// The time after which an unanswered question is asked again, of whoever leads by then.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
 
-/// A input older than this is not said again only because the membership has changed: much may have happened since.
+/// An input older than this is not sent again only because the membership has changed: much may have happened since.
 const STILL_MEANT: Duration = Duration::from_secs(5);
 
-/// What happens to a client.
+/// An event for a client: a message, a link, or a request of its user.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientEvent {
     /// A link is up.
@@ -40,7 +41,7 @@ pub enum ClientEvent {
         /// What it says.
         message: Message,
     },
-    /// The leader speaks through the node in the same process.
+    /// A message of the leader, through the node in the same process.
     Node(ToClient),
     /// The user wants a new avatar.
     Spawn {
@@ -60,17 +61,17 @@ pub enum ClientEvent {
     },
     /// An avatar is to go for good.
     Despawn(BodyId),
-    /// The user asks about bodies; its number is unlike those of questions before.
+    /// The user asks about bodies; the question's number is unlike those of questions before.
     Ask(Question),
     /// The user does not want the answer any more.
     Forget(u64),
-    /// The user wants to hear of bodies in this area, or of all.
+    /// The user sets the area of interest, or wants to hear of all bodies.
     Interest(Option<Area>),
-    /// The user goes.
+    /// The user leaves.
     Leave,
 }
 
-/// What a client wants done, or tells its user.
+/// An action that a client wants done, or an event for its user.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientOutput {
     /// Send this.
@@ -94,7 +95,7 @@ pub enum ClientOutput {
     Inserted(BodyId),
     /// A body disappeared.
     Removed(BodyId),
-    /// A input was refused.
+    /// An input, or another request, was refused.
     Rejected {
         /// Concerning which body.
         body: Option<BodyId>,
@@ -110,15 +111,15 @@ pub enum ClientOutput {
 pub struct BodyView {
     /// The body, with its latest state.
     pub body: BodyRecord,
-    /// After which tick.
+    /// The tick of that state.
     pub tick: Tick,
-    /// Whether it was computed by a node that waits for others: a guess, until one that is not comes.
+    /// Whether its state is of a speculative tick: a guess, until one that is not comes.
     pub provisional: bool,
-    /// Whether the client's interest did not reach it when it was last heard of, or has left it since: it may be elsewhere.
+    /// Whether it was outside the client's area of interest when it was last heard of, or is since: it may be elsewhere.
     pub outside: bool,
-    /// The region that owned it when it was last heard of; `None` until its owner is told. No guess counts.
+    /// The region that owned it when it was last heard of; `None` until its owner is heard of. Speculative states do not count.
     pub owner: Option<RegionId>,
-    /// Epoch and tick of the newest state that is no guess.
+    /// Epoch and tick of the newest state that is not speculative.
     settled: (Epoch, Tick),
 }
 
@@ -128,7 +129,7 @@ impl BodyView {
         Self { settled, body, tick: Tick(0), provisional: false, outside: false, owner: None }
     }
 
-    /// Takes a state in, unless something newer is known. A guess never counts against what is none.
+    /// Takes a state in, unless something newer is known. A speculative state never counts against one that is not.
     fn learn(
         &mut self,
         state: &SharedState,
@@ -155,24 +156,24 @@ impl BodyView {
             self.body.state.sleeping = state.sleeping;
             self.outside = outside;
         }
-        // Who computes while others are waited for owns nothing of theirs.
+        // A node that computes speculatively owns nothing of the others.
         let from = if is_news && !provisional { self.owner.replace(state.owner) } else { None };
         let from = from.filter(|from| *from != state.owner);
         from.map(|from| Handover { body: state.id, from, to: state.owner })
     }
 
-    /// After which tick the newest state was that is no guess.
+    /// Returns the tick of the newest state that is not speculative.
     pub fn settled_tick(&self) -> Tick {
         self.settled.1
     }
 
-    /// Where the body is `seconds` later if nothing touches it (dead reckoning, thesis 3.3.11): the velocity holds.
+    /// Returns the pose of the body `seconds` later if nothing touches it (dead reckoning, thesis 3.3.11): the velocity holds.
     pub fn extrapolated(&self, seconds: f64) -> WorldPose {
         self.body.state.pose.moved(&self.body.state.velocity, seconds)
     }
 }
 
-/// The state machine.
+/// The state machine of a client.
 #[derive(Clone, Debug)]
 pub struct Client {
     id: ClientId,
@@ -181,30 +182,30 @@ pub struct Client {
     world: Option<EnvironmentProperties>,
     joined: bool,
     bodies: BTreeMap<BodyId, BodyView>,
-    /// Bodies that the server, which tells of the world again, has not spoken of yet.
+    /// Bodies that the server has not sent yet while it sends the world again.
     unspoken: BTreeSet<BodyId>,
-    /// The newest of its group heard of.
+    /// The newest tick of its group heard of.
     tick: Tick,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
     joints: Vec<JointRecord>,
     group: Option<GroupId>,
     leader: Option<Member>,
-    /// Which node computes each region, as far as known.
+    /// The node that computes each region, as far as known.
     allocation: Allocation,
     linked: bool,
     server_linked: bool,
     dial_server_at: Option<Duration>,
     dial_leader_at: Option<Duration>,
     logical_time: u64,
-    /// The newest input for each avatar and its time: said again when a link is back, and to a new leader.
+    /// The newest input for each avatar and its time: sent again when a link is back, and to a new leader.
     newest: BTreeMap<BodyId, (Input, Duration)>,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
     asked: BTreeMap<u64, (Question, Duration)>,
     answers: BTreeMap<u64, Found>,
-    /// What it wants to hear of, as said to the leader; `None` is everything.
+    /// Its area of interest, as sent to the leader; `None` is everything.
     area: Option<Area>,
     now: Duration,
-    /// What the server has not answered yet, in order: said again when it is back.
+    /// Requests that the server has not answered yet, in order: sent again when it is back.
     unanswered: Vec<FromClient>,
     touches: VecDeque<(Tick, Touch)>,
     forces: VecDeque<(Tick, ContactForce)>,
@@ -213,7 +214,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// A client without links; `node` is the node in the same process, if there is one. The first event is
+    /// Returns a client without links; `node` is the node in the same process, if there is one. The first event is
     /// [`ClientEvent::Connected`] with [`Peer::Server`].
     pub fn new(id: ClientId, node: Option<NodeId>) -> Self {
         Self {
@@ -307,7 +308,7 @@ impl Client {
         }
     }
 
-    /// To be called at [`Client::poll_timeout`].
+    /// Does what is due; to be called at [`Client::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         if self.dial_server_at.take_if(|at| *at <= now).is_some() {
             self.outputs.push_back(ClientOutput::Redial);
@@ -318,89 +319,89 @@ impl Client {
         }
     }
 
-    /// When [`Client::handle_timeout`] is next due; ask again after every event.
+    /// Returns when [`Client::handle_timeout`] is next due; ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
         let ask = self.asked.values().map(|&(_, at)| at).min();
         self.dial_server_at.into_iter().chain(self.dial_leader_at).chain(ask).min()
     }
 
-    /// The next thing to do, until there is none.
+    /// Returns the next output, until there is none.
     pub fn poll_output(&mut self) -> Option<ClientOutput> {
         self.outputs.pop_front()
     }
 
-    /// Its name.
+    /// Returns its id.
     pub fn id(&self) -> ClientId {
         self.id
     }
 
-    /// The world, once the server has told.
+    /// Returns the properties of the world, once the server has sent them.
     pub fn world(&self) -> Option<&EnvironmentProperties> {
         self.world.as_ref()
     }
 
-    /// Whether the whole world has arrived.
+    /// Returns whether the whole world has arrived.
     pub fn is_joined(&self) -> bool {
         self.joined
     }
 
-    /// Who leads, as far as known.
+    /// Returns the leader, as far as known.
     pub fn leader(&self) -> Option<NodeId> {
         self.leader.as_ref().map(|member| member.node)
     }
 
-    /// The node that computes a region, as far as known.
+    /// Returns the node that computes a region, as far as known.
     pub fn computed_by(&self, region: RegionId) -> Option<NodeId> {
         self.allocation.get(&region).copied()
     }
 
-    /// The group that it plays with, as far as known: epochs and ticks of unlike groups do not compare.
+    /// Returns the group that it plays with, as far as known: epochs and ticks of different groups do not compare.
     pub fn group(&self) -> Option<GroupId> {
         self.group
     }
 
-    /// The newest tick heard of, guesses included; of a world at rest too, every half second or so.
+    /// Returns the newest tick heard of, speculative ones included; in a world at rest too, every half second or so.
     pub fn tick(&self) -> Tick {
         self.tick
     }
 
-    /// A body as last heard of.
+    /// Returns a body as last heard of.
     pub fn body(&self, id: BodyId) -> Option<&BodyView> {
         self.bodies.get(&id)
     }
 
-    /// All bodies in id order.
+    /// Returns all bodies in id order.
     pub fn bodies(&self) -> impl Iterator<Item = &BodyView> {
         self.bodies.values()
     }
 
-    /// All shapes by name.
+    /// Returns all shapes by hash.
     pub fn shapes(&self) -> &BTreeMap<ShapeHash, ShapeRecord> {
         &self.shapes
     }
 
-    /// Joints that were there when the client joined.
+    /// Returns the joints that were there when the client joined.
     pub fn joints(&self) -> &[JointRecord] {
         &self.joints
     }
 
-    /// Beginnings and ends of contacts of own avatars since the last call.
+    /// Returns the beginnings and ends of contacts of own avatars since the last call.
     pub fn take_touches(&mut self) -> impl Iterator<Item = (Tick, Touch)> {
         std::mem::take(&mut self.touches).into_iter()
     }
 
-    /// Forces on own avatars above their thresholds since the last call.
+    /// Returns the forces on own avatars above their thresholds since the last call.
     pub fn take_forces(&mut self) -> impl Iterator<Item = (Tick, ContactForce)> {
         std::mem::take(&mut self.forces).into_iter()
     }
 
-    /// Bodies that were heard to have another owner than before since the last call, in the order in which that was heard. What
-    /// they went through between two times that they were heard of is not told.
+    /// Returns the changes of owner that were heard of since the last call, in the order in which they were heard of. Owners in
+    /// between that were not heard of are left out.
     pub fn take_handovers(&mut self) -> impl Iterator<Item = Handover> {
         std::mem::take(&mut self.handovers).into_iter()
     }
 
-    /// The answer to a question, if it has come. It is forgotten with this.
+    /// Returns the answer to a question, if it has come, and forgets it.
     pub fn take_answer(&mut self, number: u64) -> Option<Found> {
         self.answers.remove(&number)
     }
@@ -409,12 +410,12 @@ impl Client {
         self.outputs.push_back(ClientOutput::Send { to, message });
     }
 
-    /// What lasts goes to the server, whose record outlives every leader.
+    /// Sends what lasts to the server, whose record outlives every leader.
     fn ask_server(&mut self, message: FromClient) {
         self.send(Peer::Server, Message::FromClient(self.id, message));
     }
 
-    /// The same, said again until it is answered.
+    /// Sends a request to the server, again until it is answered.
     fn want(&mut self, message: FromClient) {
         self.unanswered.push(message.clone());
         self.ask_server(message);
@@ -431,7 +432,7 @@ impl Client {
         }
     }
 
-    /// The world is here, perhaps again: what it does not show of our inputs is said once more.
+    /// Sends unanswered requests again when the world has arrived, perhaps anew, unless it shows that they were done.
     fn say_again(&mut self) {
         for message in std::mem::take(&mut self.unanswered) {
             let is_done = match &message {
@@ -477,7 +478,7 @@ impl Client {
         Hearing { client: self.id, areas }
     }
 
-    /// Says what it wants to hear of, unless what was said stands for it.
+    /// Sends the area of interest, unless the one sent before stands for it.
     fn turn_to(&mut self, area: Option<Area>) {
         let is_known = match (&self.area, &area) {
             (Some(known), Some(area)) => known.stands_for(area),
@@ -495,12 +496,13 @@ impl Client {
         self.send_interest();
     }
 
-    /// To the leader alone, who must know; the next one is told anew.
+    /// Sends the area of interest to the leader alone; the next one is sent it anew.
     fn send_interest(&mut self) {
         self.tell_leader(FromClient::Interest(self.area));
     }
 
-    /// Asks what is due by then once more, or for the first time: nobody is there to be asked before the link to the leader is.
+    /// Asks the questions that are due by then once more, or for the first time: before there is a link to the leader, nobody
+    /// can be asked.
     fn ask_again(&mut self, now: Duration, due_by: Duration) {
         let mut again = Vec::new();
         for (question, at) in self.asked.values_mut().filter(|(_, at)| *at <= due_by) {
@@ -590,7 +592,7 @@ impl Client {
                 let hearing = self.hearing();
                 for state in states {
                     let outside = !hearing.follows(state.id, &state.pose);
-                    // Nobody would take a guess back there.
+                    // Nobody would take a speculative state back there.
                     if stamp.provisional && outside {
                         continue;
                     }
@@ -621,7 +623,7 @@ impl Client {
         }
     }
 
-    /// A body of the server's record; what the leader told before may be newer.
+    /// Takes in a body of the server's record; what the leader sent before may be newer.
     fn know(&mut self, body: BodyRecord) {
         if self.bodies.get(&body.id).is_none_or(|view| view.settled.0 < body.epoch) {
             let outside = self.hearing().misses(&body);
@@ -648,21 +650,21 @@ impl Client {
     }
 }
 
-/// Of what the leader tells a client.
+/// The area of which the leader sends a client all that moves.
 struct Hearing {
     client: ClientId,
-    /// Its area, and what is around its avatars; `None`: of everything.
+    /// Its area of interest, and areas around its avatars; `None`: everywhere.
     areas: Option<Vec<Area>>,
 }
 
 impl Hearing {
-    /// Whether it is told of a body whenever that moves, if this is where it is.
+    /// Returns whether it is sent a body at this pose whenever that moves.
     fn follows(&self, id: BodyId, pose: &WorldPose) -> bool {
         let Some(areas) = &self.areas else { return true };
         id.client() == Some(self.client) || areas.iter().any(|area| area.covers(pose.translation))
     }
 
-    /// Whether a body may be elsewhere than where it is known to be.
+    /// Returns whether a body may be elsewhere than where it is known to be.
     fn misses(&self, body: &BodyRecord) -> bool {
         body.traits.kind != BodyKind::Fixed && !self.follows(body.id, &body.state.pose)
     }

@@ -1,4 +1,5 @@
-//! Physics as the node machine sees it: a device that is given one command at a time and answers with an event.
+//! Defines the interface of a node to its physics: a device that takes one [`PhysicsCommand`] at a time and answers with a
+//! [`PhysicsEvent`].
 
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, JointRecord,
@@ -6,7 +7,7 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, RegionId, Tick};
 
-/// Which bodies a sample lists.
+/// The bodies that a sample of states lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
     /// None.
@@ -17,18 +18,18 @@ pub enum Sampling {
     All,
 }
 
-/// What the node asks of its physics. [`PhysicsCommand::World`], [`PhysicsCommand::Load`] and [`PhysicsCommand::Return`]
-/// have no answer; every other command is given only after the last one was answered. A [`PhysicsCommand::World`]
-/// forgets all that was before.
+/// A command of the node to its physics. [`PhysicsCommand::World`], [`PhysicsCommand::Load`] and [`PhysicsCommand::Return`]
+/// have no answer; every other command is given only after the last one was answered. A [`PhysicsCommand::World`] forgets all
+/// that was before.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhysicsCommand {
-    /// The world to come; before anything else.
+    /// Set the properties of the world to come; before anything else.
     World(EnvironmentProperties),
-    /// Keep these: shapes, or immovable bodies that each region is to hold as far as it touches them. May repeat.
+    /// Keep these shapes, or these immovable bodies, which each region is to hold as far as it touches them. May repeat.
     Load(Chunk),
-    /// Compute these regions from now on, and no other. Kept regions keep their bodies; all forget which regions hold
-    /// replicas, and treat their own replicas as stale until the exchange that follows has confirmed them. Bodies of regions
-    /// that are not kept are let go of. The answer, [`PhysicsEvent::Computed`], announces every replica that others need.
+    /// Compute these regions from now on, and no other. Kept regions keep their bodies; all forget which regions hold replicas,
+    /// and treat their own replicas as stale until the exchange that follows has confirmed them. Bodies of regions that are not
+    /// kept are released. The answer, [`PhysicsEvent::Computed`], announces every replica that others need.
     Rebuild {
         /// The last completed tick.
         tick: Tick,
@@ -50,8 +51,8 @@ pub enum PhysicsCommand {
         /// In order.
         ops: Vec<WorldOp>,
     },
-    /// All border messages of the round are there, in order of (from, to). Answered by [`PhysicsEvent::Computed`] when the
-    /// tick has a further round, else by [`PhysicsEvent::Settled`].
+    /// Take in all border messages of the round, in order of (from, to). Answered by [`PhysicsEvent::Computed`] when the tick
+    /// has a further round, else by [`PhysicsEvent::Settled`].
     Accept {
         /// Which tick.
         tick: Tick,
@@ -64,7 +65,7 @@ pub enum PhysicsCommand {
         /// What it lists for the server.
         checkpoint: Sampling,
     },
-    /// Take in what others said that is not taken in yet, without computing: membership changes. Answered by
+    /// Take in border messages that are not taken in yet, without computing, for membership changes. Answered by
     /// [`PhysicsEvent::Drained`].
     Drain {
         /// The last computed tick.
@@ -72,18 +73,18 @@ pub enum PhysicsCommand {
         /// In order of ticks; within one in order of (from, to).
         incoming: Vec<BorderMessage>,
     },
-    /// Others are waited for in vain: compute a tick of a copy of all that is held here, as if nobody else were there. The
-    /// first makes the copy; the world itself stands still. Answered by [`PhysicsEvent::Speculated`].
+    /// Compute a speculative tick, while other nodes are waited for in vain: on a copy of all that is held here, as if nobody
+    /// else were there. The first makes the copy; the world itself stands still. Answered by [`PhysicsEvent::Speculated`].
     Speculate(Vec<WorldOp>),
-    /// Forget the copy. No answer.
+    /// Discard the copy of the speculative ticks. No answer.
     Return,
-    /// Answered by [`PhysicsEvent::Surveyed`].
+    /// List all owned bodies. Answered by [`PhysicsEvent::Surveyed`].
     Survey,
-    /// Answered by [`PhysicsEvent::Found`].
+    /// Return these bodies with their states. Answered by [`PhysicsEvent::Found`].
     Fetch(Vec<BodyId>),
 }
 
-/// What physics answers.
+/// An answer of the physics to a [`PhysicsCommand`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhysicsEvent {
     /// To [`PhysicsCommand::Rebuild`], [`PhysicsCommand::Step`], or [`PhysicsCommand::Accept`] with a round to come.
@@ -101,9 +102,9 @@ pub enum PhysicsEvent {
         stats: TickStats,
         /// Avatars of which a copy is held here, in id order.
         holds: Vec<BodyId>,
-        /// What the regions saw.
+        /// Contact events of the regions.
         events: Vec<RegionEvents>,
-        /// To the questions that came with the tick.
+        /// Answers to the questions that came with the tick.
         answers: Vec<Answer>,
         /// For clients, as sampled, in id order.
         report: Vec<SharedState>,
@@ -112,10 +113,10 @@ pub enum PhysicsEvent {
     },
     /// To [`PhysicsCommand::Drain`].
     Drained,
-    /// Where the bodies of the copy are, in id order; those that rest may be left out.
+    /// The states of the copied bodies after a speculative tick, in id order; those that rest may be left out.
     Speculated(Vec<SharedState>),
     /// Every owned body, in id order.
     Surveyed(Vec<Claim>),
-    /// Those of the asked-for bodies that are held, owned or replica, at the epoch of their owner, in id order.
+    /// The fetched bodies that are held here, owned or replica, at the epoch of their owner, in id order.
     Found(Vec<BodyRecord>),
 }

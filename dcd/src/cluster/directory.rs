@@ -1,6 +1,7 @@
-//! What a server keeps so that it may die: the world's entries, behind a trait that a file and a consensus store both fit.
+//! Defines the server's durable storage, a key-value store of the world's entries from which it recovers after a crash, behind
+//! a trait ([`Directory`]) that fits both a file and a consensus store.
 //!
-//! A directory maps [`Key`]s to bytes. Whoever writes names the [`Revision`] at which it read what it builds on, so that of two
+//! A directory maps [`Key`]s to bytes. A writer names the [`Revision`] at which it read what it builds on, so that of two
 //! writers one finds that it has lost. One server at a time *holds* a directory. How the trait maps:
 //!
 //! | | a file (`redb`) | a consensus store (etcd) |
@@ -12,7 +13,7 @@
 //! | a [`Batch`] that is not durable | stays in memory until a durable one | as durable as any |
 //! | a batch of any size | as it is | beyond 128 operations or 1.5 MB: values of many keys in chunks under a new name, then one transaction that names them |
 //!
-//! So the only entry that vanishes unless renewed is the holder's own, and it has no key here: whoever implements the trait
+//! So the only entry that vanishes unless renewed is the holder's own, and it has no key here: the implementation of the trait
 //! keeps it. A holder whose tenure ends by the clock stops sending before it does.
 
 #[cfg(test)]
@@ -27,12 +28,12 @@ use crate::space::{BodyId, GroupId, JointId};
 
 pub use memory::MemoryDirectory;
 
-/// What an entry is about.
+/// The key of an entry: what the entry is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Key {
-    /// What holds for the world as a whole.
+    /// The world as a whole: its settings, newest view number and tick.
     World,
-    /// A group: its view, its leader, how far it is.
+    /// A group: its present view and the one before.
     Group(GroupId),
     /// A body as last known.
     Body(BodyId),
@@ -47,61 +48,62 @@ pub enum Key {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Revision(pub u64);
 
-/// One entry as it was read.
+/// An entry as it was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// What it is about.
+    /// Its key.
     pub key: Key,
-    /// Of the commit that wrote it.
+    /// The revision of the commit that wrote it.
     pub revision: Revision,
     /// Its value.
     pub value: Vec<u8>,
 }
 
-/// Writes that happen together or not at all.
+/// An atomic batch of writes: they happen together or not at all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Batch {
     /// New values in order; `None` removes the entry, if there is one.
     pub writes: Vec<(Key, Option<Vec<u8>>)>,
-    /// It and all batches before it outlive the machine's crash once it is committed. Otherwise a crash may undo it, and
-    /// with it all batches after it.
+    /// Whether it and all batches before it survive a crash of the machine once it is committed. Otherwise a crash may undo it,
+    /// and with it all batches after it.
     pub durable: bool,
 }
 
-/// What must hold for a batch to be written.
+/// A condition for a batch to be written: an entry is at this revision, or absent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Condition {
-    /// Of this entry,
+    /// The key of the entry.
     pub key: Key,
-    /// this is the revision; `None`: there is no such entry.
+    /// The revision that it must have; `None`: there must be no such entry.
     pub at: Option<Revision>,
 }
 
-/// How long the holder of a directory is its only one.
+/// The time for which the holder of a directory is its only one (its lease).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tenure {
     /// As long as it has the directory open.
     WhileOpen,
-    /// For so long from the moment at which it *began* to ask, unless it asks again.
+    /// For so long from the moment at which it *began* to ask, unless it renews the lease.
     For(Duration),
 }
 
-/// A store of the world's entries, held by one server.
+/// A store of the world's entries, held by one server at a time.
 pub trait Directory: Send {
-    /// All entries in the order of their keys.
+    /// Returns all entries in the order of their keys.
     fn load(&mut self) -> Result<Vec<Entry>, DirectoryError>;
 
     /// Writes all of the batch if all conditions hold, otherwise nothing. A batch without writes that is durable makes those
     /// before it durable.
     ///
-    /// After [`DirectoryError::Changed`] nothing is written. After any other error nobody knows: open the directory anew.
+    /// After [`DirectoryError::Changed`] nothing is written. After any other error it is unknown whether it was: open the
+    /// directory anew.
     fn commit(&mut self, batch: &Batch, conditions: &[Condition]) -> Result<Revision, DirectoryError>;
 
-    /// Goes on holding the directory. To be asked three times in a tenure's time, so that two answers may be lost.
+    /// Renews the hold on the directory. To be called three times per tenure, so that two answers may be lost.
     fn renew(&mut self) -> Result<Tenure, DirectoryError>;
 }
 
-/// Why a directory is not to be had, or does not take a batch.
+/// An error of opening, reading or writing a directory.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DirectoryError {
     /// The race is lost: somebody else wrote first.
@@ -149,13 +151,13 @@ pub enum DirectoryError {
         /// What is wrong with it.
         what: String,
     },
-    /// It is something else.
+    /// It is not a world of dcd.
     #[error("{place} is no world of dcd; choose another place, or move it away to begin a world here")]
     Foreign {
         /// Where it is.
         place: String,
     },
-    /// Written by an unlike dcd.
+    /// It was written by another version of dcd.
     #[error(
         "{place} has format {found}, this dcd reads {known}; run the version that wrote it, or begin the world anew \
          (--fresh)"
@@ -163,9 +165,9 @@ pub enum DirectoryError {
     Format {
         /// Where it is.
         place: String,
-        /// What it has.
+        /// The format it has.
         found: u64,
-        /// What we know.
+        /// The format that this version reads.
         known: u64,
     },
 }
@@ -174,11 +176,11 @@ fn at(revision: Option<Revision>) -> String {
     revision.map_or_else(|| "absent".to_owned(), |revision| format!("at {revision}"))
 }
 
-/// The first byte of every key: another number, another encoding of keys.
+/// The first byte of every encoded key: the version of the encoding.
 const KEY_VERSION: u8 = 1;
 
 impl Key {
-    /// A name for stores that know bytes: ordered as keys are.
+    /// Encodes the key as bytes, which are ordered as keys are.
     pub fn to_bytes(self) -> Vec<u8> {
         let mut bytes = vec![KEY_VERSION, self.kind()];
         match self {
@@ -191,7 +193,7 @@ impl Key {
         bytes
     }
 
-    /// The key whose name this is, if it is one.
+    /// Decodes a key from the bytes of [`Self::to_bytes`]; `None` if they are not one.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let [KEY_VERSION, kind, id @ ..] = bytes else { return None };
         Some(match kind {

@@ -1,10 +1,10 @@
-//! Which nodes share a group (thesis 3.3.7, 4.3.1.4): those of which each reaches every other quickly, both ways. So a group is
-//! a clique of the graph of near pairs, and a node is in exactly one group.
+//! Forms groups of nodes by network delay (thesis 3.3.7, 4.3.1.4): nodes share a group if each reaches every other quickly,
+//! both ways. So a group is a clique of the graph of near pairs, and a node is in exactly one group.
 //!
-//! The thesis sorts all subsets of the nodes; here a search with a bound on its work finds the largest clique of those that
-//! are left, which comes to the same ([`form_groups`]). Besides measured delays the thesis names other sources of what belongs
-//! together: the network (or exchange, or provider), the registered town, groups that users declare. They are all
-//! keys of nodes to this module, see [`Hint`].
+//! The thesis sorts all subsets of the nodes; here a search with a bound on its work finds the largest clique of those that are
+//! left, which comes to the same ([`form_groups`]). Besides measured delays the thesis names other sources of what belongs
+//! together: the network (or exchange, or provider), the registered town, groups that users declare. To this module they are
+//! all keys of nodes, see [`Hint`].
 
 mod clique;
 mod leftovers;
@@ -23,31 +23,32 @@ use crate::space::NodeId;
 pub struct GroupRules {
     /// A pair is near when the delays both ways, in milliseconds, are below this; `None`: when each reaches the other.
     pub threshold_ms: Option<f64>,
-    /// Nodes in a group at most, so that its leader is not overloaded (thesis 3.3.8).
+    /// The largest number of nodes in a group, so that its leader is not overloaded (thesis 3.3.8).
     pub max_size: usize,
-    /// Which sizes are liked.
+    /// The preferred sizes of groups.
     pub policy: GroupPolicy,
 }
 
 impl Default for GroupRules {
-    /// All that reach each other, up to the 32 nodes that the thesis tried (table 5.7).
+    /// Returns rules by which all nodes that reach each other share a group, up to the 32 nodes that the thesis tried (table
+    /// 5.7).
     fn default() -> Self {
         Self { threshold_ms: None, max_size: 32, policy: GroupPolicy::Largest }
     }
 }
 
-/// Which sizes of groups are liked.
+/// The preferred sizes of groups.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GroupPolicy {
-    /// Groups as large as can be, though somebody be left alone: the thesis's algorithm.
+    /// Groups as large as possible, even if a node is left alone: the thesis's algorithm.
     #[default]
     Largest,
-    /// Groups of 2^k nodes, since halving shares the world evenly among so many, and nobody alone where that is possible: what
-    /// the thesis would prefer (3.3.7). A group of another size is formed only where somebody would else be alone.
+    /// Groups of 2^k nodes, since halving shares the world evenly among so many, and no node alone where that is possible: what
+    /// the thesis would prefer (3.3.7). A group of another size is formed only where a node would else be alone.
     PowersOfTwo,
 }
 
-/// Rules that cannot be.
+/// An error in the rules of groups: they cannot be followed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GroupError {
     /// See the message.
@@ -59,7 +60,7 @@ pub enum GroupError {
 }
 
 impl GroupRules {
-    /// The rules, if they can be followed.
+    /// Returns the rules, if they can be followed.
     pub fn checked(self) -> Result<Self, GroupError> {
         match self.threshold_ms {
             _ if self.max_size == 0 => Err(GroupError::NoSize),
@@ -73,7 +74,7 @@ impl GroupRules {
         self.cut(self.max_size)
     }
 
-    /// How many nodes of a clique of so many become a group.
+    /// Returns how many nodes of a clique of this size become a group.
     fn cut(&self, size: usize) -> usize {
         let size = size.min(self.max_size);
         match self.policy {
@@ -89,44 +90,45 @@ impl GroupRules {
     }
 }
 
-/// What some source other than delays knows about nodes: which network each is in, which town, which declared group. Nodes of one
-/// key belong together; a node without a key is one of which nothing is known. A hint never makes a pair near that is
-/// not: users declare groups of friends in far countries, and one provider serves a continent (thesis 3.3.10, 4.3.1.4).
+/// A hint from a source other than delays about which nodes belong together: the network of each, its town, its declared group.
+/// Nodes of one key belong together; of a node without a key nothing is known. A hint never makes a pair near that is not:
+/// users declare groups of friends in far countries, and one provider serves a continent (thesis 3.3.10, 4.3.1.4).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hint {
     /// The key of each node, opaque.
     pub keys: BTreeMap<NodeId, u64>,
-    /// What it is used for.
+    /// Its use.
     pub usage: HintUse,
 }
 
-/// What a [`Hint`] is used for.
+/// The use of a [`Hint`]: to forbid shared groups, or to prefer them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HintUse {
     /// Nodes of different keys never share a group, and need not even measure their delay.
     Prune,
-    /// Of equally large groups one of nodes of one key is formed first.
+    /// Of equally large groups, one whose nodes have one key is formed first.
     Seed,
 }
 
 impl Hint {
-    /// Whether these hints let two nodes share a group. If not, nobody needs to measure their delay.
+    /// Returns whether these hints let two nodes share a group. If not, nobody needs to measure their delay.
     pub fn allow(hints: &[Self], a: NodeId, b: NodeId) -> bool {
         let parts = |hint: &Self| hint.usage == HintUse::Prune && hint.same_key(a, b) == Some(false);
         !hints.iter().any(parts)
     }
 
-    /// Whether two nodes have one key; `None` if either has none.
+    /// Returns whether two nodes have one key; `None` if either has none.
     fn same_key(&self, a: NodeId, b: NodeId) -> Option<bool> {
         Some(self.keys.get(&a)? == self.keys.get(&b)?)
     }
 }
 
-/// Groups of these nodes, largest first, equals by their lowest id; in each the ids ascend, so that its leader is the first.
+/// Forms groups of these nodes and returns them, largest first, equals by their lowest id; in each the ids ascend, so that its
+/// leader is the first.
 ///
-/// Again and again the largest clique of those that are left becomes a group, cut to the size that the rules allow; whoever has
-/// the most others to go to is left out of it first. A clique is the largest indeed unless the search for it
-/// exceeds its share of a fixed amount of work. The same arguments always give the same groups.
+/// Repeatedly the largest clique of the nodes that are left becomes a group, cut to the size that the rules allow; the node
+/// with the most other nodes near it is left out first. The clique is indeed the largest unless the search for it exceeds its
+/// share of a fixed amount of work. The same arguments always give the same groups.
 ///
 /// `delay_ms(a, b)` is the delay from `a` to `b`, `None` if it is unknown or `b` cannot be reached. It is asked about every
 /// ordered pair at most once, a million times for 1,000 nodes: let it look into an array.
@@ -187,7 +189,7 @@ fn seeds(graph: &Graph, hints: &[Hint]) -> Vec<Ranks> {
     seeds
 }
 
-/// The largest clique within any one seed, or the first that is large enough.
+/// Returns the largest clique within any one seed, or the first that is large enough.
 fn seeded(graph: &Graph, left: &Ranks, seeds: &[Ranks], enough: usize, work: &mut Work) -> Vec<usize> {
     let mut best = Vec::new();
     for seed in seeds {
@@ -201,7 +203,7 @@ fn seeded(graph: &Graph, left: &Ranks, seeds: &[Ranks], enough: usize, work: &mu
     best
 }
 
-/// Cuts a clique to a size. Those go who have the most others near them, and of equals the highest id.
+/// Cuts a clique to a size. The nodes with the most others near them are left out, of equals those with the highest ids.
 fn leave_out(graph: &Graph, left: &Ranks, clique: &mut Vec<usize>, size: usize) {
     clique.sort_by_key(|&rank| (graph.near(rank).common(left), graph.node(rank)));
     clique.truncate(size);
@@ -220,11 +222,11 @@ fn named(graph: &Graph, groups: Vec<Vec<usize>>) -> Vec<Vec<NodeId>> {
     groups
 }
 
-/// The group that a newcomer is to join, by its place in `groups`: one with room whose every member is near. The
-/// largest; by [`GroupPolicy::PowersOfTwo`] rather one that will have 2^k members. Of equals the one with the most members of
-/// the newcomer's keys, earlier hints outranking later ones; then the first. `None`: the newcomer stays alone.
+/// Returns the index in `groups` of the group that a newcomer is to join: one with room whose every member is near. Of these
+/// the largest; with [`GroupPolicy::PowersOfTwo`] rather one that will have 2^k members. Of equals the one with the most
+/// members of the newcomer's keys, earlier hints outranking later ones; then the first. `None`: the newcomer stays alone.
 ///
-/// A group that the newcomer is in already, and one without members, is none to join.
+/// The newcomer never joins a group that it is in already, nor one without members.
 ///
 /// # Panics
 /// When the rules would not pass [`GroupRules::checked`].

@@ -1,5 +1,5 @@
-//! The part of a node that is active while it leads: opens each tick when all members are done, takes clients' inputs in,
-//! and passes contacts and states on to clients (thesis 3.3.8, 4.3.2.10).
+//! Implements the leader of a group, the part of a node that is active while it leads: it opens each tick when all members are
+//! done with the last (lockstep), takes in clients' inputs, and sends contacts and states to clients (thesis 3.3.8, 4.3.2.10).
 
 mod holders;
 mod inter_group;
@@ -24,10 +24,10 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 
-/// How long a input waits for its avatar to appear, in ticks.
+/// How long an input waits for its avatar to appear, in ticks.
 const EARLY_TICKS: u64 = 60;
 
-/// State of a leadership: it begins and ends with a view.
+/// The state of a leader: it begins and ends with a view.
 #[derive(Clone, Debug)]
 pub struct Leader {
     view: ViewNumber,
@@ -43,7 +43,7 @@ pub struct Leader {
     done: BTreeMap<NodeId, (Tick, TickStats)>,
     /// How many ticks members may be apart.
     lag: u64,
-    /// The most that a member which is done wants for the next tick.
+    /// The most rounds that a member wants for the next tick, of those that are done.
     rounds_wanted: u32,
     holders: Holders,
     events: BTreeMap<RegionId, RegionEvents>,
@@ -59,21 +59,21 @@ pub struct Leader {
     reminded: BodyId,
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
-    /// Up to which tick each was told last.
+    /// The tick that each client was last sent.
     told: BTreeMap<ClientId, Tick>,
     questions: Questions,
-    /// What clients have said since the last tick that they want to hear of.
+    /// Interests that clients have sent since the last tick.
     interests: BTreeMap<ClientId, Option<Area>>,
-    /// Of clients that do not want to hear of everything.
+    /// Audiences of clients that have an area of interest.
     audiences: BTreeMap<ClientId, Audience>,
     messages: Vec<(ClientId, ToClient)>,
     thresholds: Thresholds,
-    /// While there are other groups.
+    /// The state between groups, while there are other groups.
     inter_group: Option<InterGroup>,
 }
 
 impl Leader {
-    /// Leads this view from `now` on.
+    /// Returns the leader of this view from `now` on.
     pub fn new(now: Duration, view: &View, world: &EnvironmentProperties) -> Self {
         let participants =
             view.members.iter().filter_map(|member| Some((member.client?, Peer::Node(member.node))));
@@ -111,33 +111,33 @@ impl Leader {
         }
     }
 
-    /// The view it leads.
+    /// Returns the view it leads.
     pub fn view(&self) -> ViewNumber {
         self.view
     }
 
-    /// The server's operations for the next tick.
+    /// Adds the server's operations to the next tick.
     pub fn apply(&mut self, ops: Vec<WorldOp>) {
         self.ops.extend(ops);
     }
 
-    /// A client is linked directly; it is told of every body at once, and says again what it is interested in.
+    /// Admits a client that is linked directly; it is sent every body at once, and sends its interest again.
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
         self.uninterest(client);
         self.tell_everything(client);
     }
 
-    /// A client wants to hear of an area from now on, or of everything: after the present tick, so that however often it
-    /// changes its mind, all bodies are looked at once a tick.
+    /// Takes in a client's area of interest; `None` is everything. It counts after the present tick, so that however often it
+    /// changes, all bodies are looked at once per tick.
     pub fn take_interest(&mut self, client: ClientId, area: Option<Area>) {
-        // One that is not linked says it again when it is.
+        // One that is not linked sends it again when it is.
         if self.clients.contains_key(&client) {
             self.interests.insert(client, area);
         }
     }
 
-    /// A client asks about bodies, perhaps once more; the answer comes with the tick to come, or a later one.
+    /// Takes in a client's question about bodies, perhaps once more; the answer comes with the next tick, or a later one.
     pub fn ask(&mut self, client: ClientId, question: Question) {
         if self.clients.contains_key(&client) {
             self.questions.ask(client, question);
@@ -170,7 +170,7 @@ impl Leader {
         self.tell(client, self.tick, false, states);
     }
 
-    /// A client's direct link is gone.
+    /// Removes a client whose direct link is gone.
     pub fn dismiss(&mut self, client: ClientId) {
         if self.clients.get(&client) == Some(&Peer::Client(client)) {
             self.clients.remove(&client);
@@ -180,12 +180,13 @@ impl Leader {
         }
     }
 
-    /// Over which link a client is reached.
+    /// Returns the link over which a client is reached.
     pub fn route(&self, client: ClientId) -> Option<Peer> {
         self.clients.get(&client).copied()
     }
 
-    /// A client's input to move an avatar: its own, within the speed limit, newer than the last one.
+    /// Accepts a client's input for an avatar if that is its own, and the input is within the speed limit and newer than the
+    /// last one.
     pub fn accept_input(&mut self, client: ClientId, input: Input) -> Result<(), Refusal> {
         if input.body.client() != Some(client) {
             return Err(Refusal::NotYours);
@@ -205,7 +206,7 @@ impl Leader {
             }
             return Ok(());
         };
-        // Said again because it might have been lost.
+        // Sent again because it might have been lost.
         if *last == Some(input.logical_time) {
             return Ok(());
         }
@@ -217,7 +218,7 @@ impl Leader {
         Ok(())
     }
 
-    /// A member reached the barrier.
+    /// Takes in that a member has completed a tick: it has reached the barrier.
     pub fn done(&mut self, from: NodeId, done: Done) {
         // A message may come again after a link broke.
         let is_new = self.done.get(&from).is_none_or(|&(known, _)| known < done.tick);
@@ -244,7 +245,7 @@ impl Leader {
         }
     }
 
-    /// Bodies that moved in one member's regions.
+    /// Takes in the states of bodies that moved in one member's regions.
     pub fn report(&mut self, report: Report) {
         for state in report.states {
             let known = self.latest.get(&state.id);
@@ -259,12 +260,12 @@ impl Leader {
         }
     }
 
-    /// When the next tick may be dispatched, if all members are ready for it.
+    /// Returns when the next tick may be dispatched, if all members are ready for it.
     pub fn timeout(&self) -> Option<Duration> {
         (self.is_complete() && self.last_tick != Some(self.tick)).then_some(self.next_due)
     }
 
-    /// The next tick, if all members are ready and its time has come.
+    /// Opens the next tick, if all members are ready and its time has come.
     pub fn dispatch(&mut self, now: Duration) -> Option<Dispatch> {
         if self.timeout().is_none_or(|due| now < due) {
             return None;
@@ -314,17 +315,17 @@ impl Leader {
         }
     }
 
-    /// Messages for clients since the last call.
+    /// Returns the messages for clients since the last call.
     pub fn take_messages(&mut self) -> Vec<(ClientId, ToClient)> {
         std::mem::take(&mut self.messages)
     }
 
-    /// What the last tick cost each member that is done with it.
+    /// Returns what the last tick cost each member that is done with it.
     pub fn stats(&self) -> impl Iterator<Item = (NodeId, TickStats)> {
         self.done.iter().map(|(&node, &(_, stats))| (node, stats))
     }
 
-    /// The newest tick that all members have completed.
+    /// Returns the newest tick that all members have completed.
     fn completed(&self) -> Option<Tick> {
         let ticks = self.members.iter().map(|node| self.done.get(node).map(|&(tick, _)| tick));
         ticks.min().flatten()
@@ -335,8 +336,8 @@ impl Leader {
         self.completed().is_some_and(|completed| self.tick.0 <= completed.0 + self.lag)
     }
 
-    /// What concerns one member of a dispatch: inputs for avatars go to those who hold them, and once more to those who held
-    /// them before, so that they let go (thesis 3.3.8).
+    /// Returns the part of a dispatch that concerns one member: inputs for avatars go to members that hold them, and once more
+    /// to those that held them before, so that they let go (thesis 3.3.8).
     pub fn for_member(&mut self, node: NodeId, dispatch: &Dispatch) -> Dispatch {
         let holders = &mut self.holders;
         let mut concerns = |op: &WorldOp| match op {
@@ -358,12 +359,12 @@ impl Leader {
         self.forget_in_other_groups(id);
     }
 
-    /// Where clients want their avatars to go, for what is computed before the next tick.
+    /// Returns the inputs that are not dispatched yet, for speculative ticks.
     pub fn inputs(&self) -> impl Iterator<Item = Input> {
         self.inputs.values().copied()
     }
 
-    /// What clients said that another leader must know: inputs that are not dispatched yet, and their interests.
+    /// Returns what another leader must know of clients: inputs that are not dispatched yet, and their interests.
     pub fn into_inputs(self) -> Vec<(ClientId, FromClient)> {
         let early = self.early.into_values().map(|(input, _)| input);
         let inputs = self.inputs.into_values().chain(early);
@@ -373,12 +374,12 @@ impl Leader {
         inputs.chain(interests.map(|(client, area)| (client, FromClient::Interest(area)))).collect()
     }
 
-    /// Whether anybody is told what happens.
+    /// Returns whether there are clients to send states to.
     pub fn has_clients(&self) -> bool {
         !self.clients.is_empty()
     }
 
-    /// Members that have not completed the newest tick.
+    /// Returns the members that have not completed the newest tick, but for the lag that they may have.
     pub fn missing(&self) -> impl Iterator<Item = NodeId> {
         let is_behind =
             |node: &&NodeId| self.done.get(node).is_none_or(|&(tick, _)| tick.0 + self.lag < self.tick.0);
@@ -395,7 +396,7 @@ mod tests {
     const CLIENT: ClientId = ClientId(4);
     const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
 
-    /// Leads two members and has one client with one avatar; the first tick may be dispatched.
+    /// Returns a leader of two members that has one client with one avatar; the first tick may be dispatched.
     fn leader() -> Leader {
         let member = |id| Member { node: NodeId(id), address: ([127, 0, 0, 1], 1).into(), client: None };
         let view = View {

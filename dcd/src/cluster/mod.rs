@@ -1,6 +1,7 @@
-//! The cluster as state machines without socket, clock or thread: each is fed with (now, event) and asked for outputs. The
-//! runtime gives them links and physics; the simulator gives them a virtual clock and a stand-in. `now` is the time since
-//! the process began, from a clock that never goes back.
+//! Implements the cluster protocol (membership, lockstep, view changes, clients) as sans-I/O state machines: each takes (now,
+//! event) and returns outputs, without socket, clock or thread. The runtime gives them links and physics; the simulator gives
+//! them a virtual clock and a stand-in for physics. `now` is the time since the process began, from a clock that never goes
+//! back.
 //!
 //! A group computes in lockstep. [`Server`] keeps the record and decides membership; [`Node`] computes regions through a
 //! physics *device* ([`PhysicsCommand`], [`PhysicsEvent`]); one node contains the [`Leader`]; [`Client`] hosts avatars.

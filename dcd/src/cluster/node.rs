@@ -1,5 +1,5 @@
-//! A process that computes regions: takes part in the group's lockstep and view changes, and leads the group if the server
-//! says so. The physics is a device behind [`PhysicsCommand`] and [`PhysicsEvent`].
+//! Implements a node, a process that computes regions: it takes part in the group's lockstep and view changes, and leads the
+//! group if the server says so. The physics is a device behind [`PhysicsCommand`] and [`PhysicsEvent`].
 
 mod clients;
 mod links;
@@ -24,10 +24,10 @@ use crate::space::{BodyId, ClientId, NodeId, Tick};
 /// Early border messages kept from one member beside those of the ticks that members may be apart.
 const EARLY_BORDERS: usize = 4;
 
-/// What a node is told at its start.
+/// The configuration of a node.
 #[derive(Clone, Debug)]
 pub struct NodeConfig {
-    /// Its name, as on its certificate.
+    /// Its id, as on its certificate.
     pub id: NodeId,
     /// Where others reach it.
     pub address: SocketAddr,
@@ -37,11 +37,11 @@ pub struct NodeConfig {
     pub report_every: u64,
     /// Ticks between checkpoints of moved bodies to the server; at most 0.5 s worth.
     pub checkpoint_every: u64,
-    /// How long others are waited for before the node computes provisionally for its clients.
+    /// How long others are waited for before the node computes speculative ticks for its clients.
     pub patience: Duration,
 }
 
-/// What happens to a node.
+/// An event for a node: a message, a link, or an answer of its physics, its client or its user.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NodeEvent {
     /// A link is up.
@@ -57,13 +57,13 @@ pub enum NodeEvent {
     },
     /// The physics has done what it was asked.
     Physics(PhysicsEvent),
-    /// The client in the same process speaks to the leader.
+    /// A message of the client in the same process to the leader.
     Client(FromClient),
-    /// The user wants the node to go; it ends with [`NodeOutput::Stopped`].
+    /// The user wants the node to leave; it ends with [`NodeOutput::Stopped`].
     Leave,
 }
 
-/// What a node wants done.
+/// An action that a node wants done.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NodeOutput {
     /// Send this; wait with it while the link is being made.
@@ -81,11 +81,11 @@ pub enum NodeOutput {
     Disconnect(NodeId),
     /// Give the physics this.
     Physics(PhysicsCommand),
-    /// The leader speaks to the client in the same process.
+    /// A message of the leader to the client in the same process.
     Client(ToClient),
     /// A tick is complete here.
     Settled(Tick),
-    /// The end.
+    /// The node has stopped.
     Stopped {
         /// Why.
         farewell: Farewell,
@@ -94,22 +94,22 @@ pub enum NodeOutput {
     },
 }
 
-/// What was dropped, and why.
+/// Counters of what was dropped, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NodeCounters {
-    /// Of an earlier view or tick.
+    /// Messages of an earlier view or tick.
     pub stale: u64,
-    /// From somebody who may not say that.
+    /// Messages from a sender that may not send them.
     pub refused: u64,
     /// Early border messages and inputs beyond their bounds.
     pub overflow: u64,
     /// Clients' inputs that the leader refused.
     pub rejected: u64,
-    /// Ticks computed without the others, for clients only.
+    /// Speculative ticks: computed without the others, for clients only.
     pub provisional: u64,
 }
 
-/// The state machine.
+/// The state machine of a node.
 #[derive(Clone, Debug)]
 pub struct Node {
     config: NodeConfig,
@@ -129,33 +129,33 @@ pub struct Node {
     tick_takes: Duration,
     /// When the leader last said anything.
     since_leader: Option<Duration>,
-    /// When a leader that waits says so again.
+    /// When a leader that waits says so again (heartbeat).
     reassure_at: Duration,
     complained_at: Duration,
     speculation: Speculation,
-    /// Of the present view: those that another member may not have completed, and the newest of all.
+    /// Dispatches of the present view that another member may not have completed, and the newest tick of all.
     dispatches: VecDeque<Dispatch>,
     dispatched: Tick,
     /// Messages up to this tick have been taken in before their time, for a view change.
     drained: Tick,
     holds: Vec<BodyId>,
     change: Option<PendingView>,
-    /// What the leader dispatched since that began: it counts if nothing comes of the change.
+    /// What the leader dispatched since the change began: it counts if nothing comes of the change.
     held: Vec<Dispatch>,
     placed: Vec<Placed>,
     joints: Vec<JointRecord>,
     early: BTreeMap<NodeId, VecDeque<Border>>,
     leader: Option<Leader>,
-    /// What clients said before this node leads.
+    /// What clients sent before this node leads.
     inputs: Vec<(ClientId, FromClient)>,
-    /// What the client in this process said last that it wants to hear of.
+    /// The newest interest of the client in this process.
     interest: Option<FromClient>,
     links: BTreeSet<Peer>,
     link: Links,
-    /// The newest word to the leader, and whether the next report is to be of all bodies.
+    /// The newest `Done` to the leader, and whether the next report is to be of all bodies.
     done: Option<Done>,
     report_all: bool,
-    /// Up to which tick the server was told last.
+    /// The tick that the server was last sent.
     told: Tick,
     leaving: bool,
     watch: Option<DelayMonitor>,
@@ -192,7 +192,7 @@ impl PendingView {
 }
 
 impl Node {
-    /// A node without links. The first event is [`NodeEvent::Connected`] with [`Peer::Server`].
+    /// Returns a node without links. The first event is [`NodeEvent::Connected`] with [`Peer::Server`].
     pub fn new(config: NodeConfig) -> Self {
         assert!(config.report_every > 0 && config.checkpoint_every > 0, "samples are at least a tick apart");
         Self {
@@ -258,7 +258,7 @@ impl Node {
         }
     }
 
-    /// To be called at [`Node::poll_timeout`].
+    /// Does what is due; to be called at [`Node::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         if self.stopped {
             return;
@@ -273,7 +273,7 @@ impl Node {
         self.speculate(now);
     }
 
-    /// When [`Node::handle_timeout`] is next due; ask again after every event.
+    /// Returns when [`Node::handle_timeout`] is next due; ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
         if self.stopped {
             return None;
@@ -292,52 +292,52 @@ impl Node {
             .min()
     }
 
-    /// The next thing to do, until there is none.
+    /// Returns the next output, until there is none.
     pub fn poll_output(&mut self) -> Option<NodeOutput> {
         self.outputs.pop_front()
     }
 
-    /// Its name.
+    /// Returns its id.
     pub fn id(&self) -> NodeId {
         self.config.id
     }
 
-    /// The last completed tick.
+    /// Returns the last completed tick.
     pub fn tick(&self) -> Tick {
         self.tick
     }
 
-    /// The present membership.
+    /// Returns the present view: the membership.
     pub fn view(&self) -> Option<&View> {
         self.view.as_ref()
     }
 
-    /// The leadership, while this node leads.
+    /// Returns the leader's state, while this node leads.
     pub fn leader(&self) -> Option<&Leader> {
         self.leader.as_ref()
     }
 
-    /// What was dropped.
+    /// Returns the counters of what was dropped.
     pub fn counters(&self) -> NodeCounters {
         self.counters
     }
 
-    /// Whether it computes provisionally, because others are waited for.
+    /// Returns whether it computes speculative ticks, because others are waited for.
     pub fn is_speculating(&self) -> bool {
         self.speculation.is_running()
     }
 
-    /// Whether the server can be heard.
+    /// Returns whether the link to the server is up.
     pub fn has_server(&self) -> bool {
         self.link.server_up()
     }
 
-    /// Round trips to peers.
+    /// Returns the round trips to peers.
     pub fn pinger(&self) -> &Pinger {
         &self.pinger
     }
 
-    /// How many ticks later what others say is taken in.
+    /// Returns how many ticks later the border messages of others are taken in.
     fn lag(&self) -> u64 {
         self.world.as_ref().map_or(0, |world| world.protocol.lag_ticks())
     }

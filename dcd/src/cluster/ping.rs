@@ -1,5 +1,5 @@
-//! Round trips to peers (thesis 3.3.9, 4.3.1.5): pinged the more rarely the farther they are; of the last few the middle one
-//! counts, where the thesis takes the average. They tell of clocks as well.
+//! Measures round trips to peers, and the offsets of their clocks, by pings (thesis 3.3.9, 4.3.1.5). Peers are pinged the more
+//! rarely the farther they are; of the last few round trips the median counts, where the thesis takes the average.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -7,22 +7,22 @@ use std::time::Duration;
 use super::Peer;
 use crate::protocol::{Message, Ping, Pong};
 
-/// Round trips kept.
+/// Round trips kept per peer.
 const KEPT: usize = 16;
-/// Round trips that are made often, so that one does not count for much.
+/// How many round trips to a peer are made often at first, so that one does not count for much.
 const FIRST: usize = 3;
 
-/// Seconds between pings: `interval(t) = Imin + (Imax − Imin)·(t − tmin)/(tmax − tmin)`, kept within [Imin, Imax] (thesis
-/// 4.3.1.5). Delays in milliseconds, intervals in seconds.
+/// Returns the seconds between pings: `interval(t) = Imin + (Imax − Imin)·(t − tmin)/(tmax − tmin)`, kept within [Imin, Imax]
+/// (thesis 4.3.1.5). Delays in milliseconds, intervals in seconds.
 pub fn ping_interval_s(delay_ms: f64, delays_ms: [f64; 2], intervals_s: [f64; 2]) -> f64 {
     let share = (delay_ms - delays_ms[0]) / (delays_ms[1] - delays_ms[0]);
     (intervals_s[0] + (intervals_s[1] - intervals_s[0]) * share).clamp(intervals_s[0], intervals_s[1])
 }
 
-/// Two clocks drift apart by no more, parts in a million: each is taken to run up to 500 ppm fast or slow.
+/// The largest drift between two clocks, parts per million: each is taken to run up to 500 ppm fast or slow.
 const DRIFT_PPM: u64 = 1_000;
 
-/// What four time stamps tell.
+/// The delay and the clock offset that the four time stamps of a round trip give.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RoundTrip {
     /// Time on the way, both ways together, microseconds.
@@ -31,12 +31,12 @@ pub struct RoundTrip {
     pub offset_us: i64,
 }
 
-/// What is known of a peer's clock.
+/// The estimated offset of a peer's clock, with a bound on its error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClockOffset {
     /// The peer's clock minus ours, microseconds.
     pub offset_us: i64,
-    /// By how much that may be wrong.
+    /// By how much that may be wrong, microseconds.
     pub error_us: u64,
 }
 
@@ -47,37 +47,37 @@ const OFTEN: Duration = Duration::from_millis(250);
 #[derive(Clone, Debug)]
 struct Entry {
     next: Duration,
-    /// And when each was complete.
+    /// The last round trips, and when each was complete.
     trips: VecDeque<(Duration, RoundTrip)>,
 }
 
-/// Pings every linked peer on a schedule of its own.
+/// Pings every linked peer at an interval of its own.
 ///
-/// Of every peer's clock it is known how much it may be off from what is taken for it ([`Pinger::clock`]). Small is that error
-/// for the server's alone: under 5 ms where round trips take less than 7 ms and pings arrive. Others are pinged at
-/// the thesis's intervals, between which clocks drift apart by 5 ms at least.
+/// [`Pinger::clock`] bounds the error of every peer's clock offset. That error is small for the server's clock alone: under 5
+/// ms where round trips take less than 7 ms and pings arrive. Others are pinged at the thesis's intervals, between which clocks
+/// drift apart by 5 ms at least.
 #[derive(Clone, Debug, Default)]
 pub struct Pinger {
     peers: BTreeMap<Peer, Entry>,
 }
 
 impl Pinger {
-    /// A link is up: ping it at once.
+    /// Adds a peer whose link is up; its first ping is due at once.
     pub fn add(&mut self, now: Duration, peer: Peer) {
         self.peers.insert(peer, Entry { next: now, trips: VecDeque::new() });
     }
 
-    /// The link is gone.
+    /// Removes a peer whose link is gone.
     pub fn remove(&mut self, peer: Peer) {
         self.peers.remove(&peer);
     }
 
-    /// When the next ping is due.
+    /// Returns when the next ping is due.
     pub fn timeout(&self) -> Option<Duration> {
         self.peers.values().map(|entry| entry.next).min()
     }
 
-    /// Pings that are due, in order of peers.
+    /// Returns the pings that are due, in order of peers.
     pub fn due(&mut self, now: Duration) -> Vec<(Peer, Message)> {
         let mut pings = Vec::new();
         for (&peer, entry) in self.peers.iter_mut().filter(|(_, entry)| entry.next <= now) {
@@ -95,12 +95,12 @@ impl Pinger {
         pings
     }
 
-    /// A ping.
+    /// Returns a ping.
     pub fn ask(now: Duration) -> Message {
         Message::Ping(Ping { sent_us: micros(now) })
     }
 
-    /// The answer to a ping.
+    /// Returns the answer to a ping.
     pub fn answer(now: Duration, ping: Ping) -> Message {
         Message::Pong(Pong { sent_us: ping.sent_us, received_us: micros(now), answered_us: micros(now) })
     }
@@ -116,17 +116,18 @@ impl Pinger {
         }
     }
 
-    /// The middle one of the last round trips to a peer, microseconds.
+    /// Returns the median of the last round trips to a peer, microseconds.
     pub fn delay_us(&self, peer: Peer) -> Option<f64> {
         middle_us(&self.peers.get(&peer)?.trips)
     }
 
-    /// The newest round trip to a peer, microseconds.
+    /// Returns the newest round trip to a peer, microseconds.
     pub fn latest_us(&self, peer: Peer) -> Option<u64> {
         self.peers.get(&peer)?.trips.back().map(|(_, trip)| trip.delay_us)
     }
 
-    /// The peer's clock by that of the last round trips which may be off the least: quick, and not long ago.
+    /// Returns the offset of the peer's clock by that of the last round trips whose error is the smallest: quick, and not long
+    /// ago.
     pub fn clock(&self, now: Duration, peer: Peer) -> Option<ClockOffset> {
         let of = |&(at, trip): &(Duration, RoundTrip)| {
             let drift_us = micros(now.saturating_sub(at)) * DRIFT_PPM / 1_000_000;
@@ -145,8 +146,8 @@ fn round_trip(pong: Pong, now_us: u64) -> Option<RoundTrip> {
     Some(RoundTrip { delay_us, offset_us: i64::try_from((outward + homeward) / 2).ok()? })
 }
 
-/// A process that was stopped for a while gives a few late answers, which say nothing of the way to it: an average would keep a
-/// node out of its group for many minutes.
+/// Returns the median. A process that was stopped for a while gives a few late answers, which say nothing of the way to it: an
+/// average would keep a node out of its group for many minutes.
 fn middle_us(trips: &VecDeque<(Duration, RoundTrip)>) -> Option<f64> {
     let mut delays_us: Vec<u64> = trips.iter().map(|(_, trip)| trip.delay_us).collect();
     delays_us.sort_unstable();

@@ -1,4 +1,5 @@
-//! The server's record of the world: every body as last known, so that nothing is lost with a node (thesis 3.3.5).
+//! Records the world on the server: every body, shape and joint as last known, so that nothing is lost with a node (thesis
+//! 3.3.5).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,7 +12,7 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, DistributionTree, Epoch, Groups, JointId, RegionId, Tick};
 
-/// Where a recorded body stands with the nodes.
+/// The life cycle of a recorded body: waiting for a node, live, being removed, or parked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Life {
     /// No node has been told of it.
@@ -20,9 +21,9 @@ pub enum Life {
     Live,
     /// The nodes have been told to remove it and have not confirmed yet.
     Removing {
-        /// Kept on record for its client's return.
+        /// Whether it is kept on record for its client's return.
         park: bool,
-        /// The client is back already.
+        /// Whether the client is back already.
         back: bool,
     },
     /// An avatar whose client is away.
@@ -38,7 +39,7 @@ pub(super) struct StoredBody {
 }
 
 impl StoredBody {
-    /// The last tick after which its state was told.
+    /// Returns the tick of its last known state.
     pub(super) fn tick(&self) -> Tick {
         self.tick
     }
@@ -50,10 +51,10 @@ impl Check for StoredBody {
     }
 }
 
-/// What is not written down yet.
+/// Changes that are not written to the directory yet.
 #[derive(Clone, Debug, Default)]
 struct Changes {
-    /// Bodies that came, went or changed their standing.
+    /// Bodies that came, went or changed their [`Life`].
     lives: BTreeSet<BodyId>,
     /// Bodies that moved.
     states: BTreeSet<BodyId>,
@@ -61,7 +62,7 @@ struct Changes {
     joints: BTreeSet<JointId>,
 }
 
-/// Bodies, shapes and joints of a world, in id order.
+/// The record of a world: its bodies, shapes and joints, in id order.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     bodies: BTreeMap<BodyId, StoredBody>,
@@ -71,7 +72,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// A record of a world that no node knows yet.
+    /// Returns a record of a world that no node knows yet.
     pub fn new(bodies: Vec<BodyRecord>, shapes: Vec<ShapeRecord>, joints: Vec<JointRecord>) -> Self {
         let mut record = Self::default();
         for body in bodies {
@@ -82,7 +83,7 @@ impl Record {
         record
     }
 
-    /// A record as it was written down. Joints of bodies that have gone since are left out.
+    /// Returns a record as it was stored. Joints of bodies that have gone since are left out.
     pub(super) fn restored(
         bodies: Vec<StoredBody>,
         shapes: Vec<ShapeRecord>,
@@ -95,7 +96,7 @@ impl Record {
         Self { bodies, shapes, joints, changes: Changes::default() }
     }
 
-    /// The same world for another group: with `known`, its nodes hold it already; else it waits for nodes.
+    /// Copies the record for another group: with `known`, its nodes hold it already; else it waits for nodes.
     pub(super) fn copied(&self, known: bool) -> Self {
         let mut copy = Self { changes: Changes::default(), ..self.clone() };
         if known {
@@ -114,7 +115,7 @@ impl Record {
         copy
     }
 
-    /// Names the world as it is now: another scene has another name.
+    /// Returns a hash of the world as it is now: another scene has another one.
     pub fn fingerprint(&self) -> u64 {
         let mut hasher = blake3::Hasher::new();
         let parts = self.bodies.values().map(encode_value);
@@ -127,24 +128,25 @@ impl Record {
         u64::from_le_bytes(first)
     }
 
-    /// Everything is to be written down.
+    /// Marks everything as to be written to the directory.
     pub(super) fn mark_all(&mut self) {
         self.changes.lives = self.bodies.keys().copied().collect();
         self.changes.shapes = self.shapes.keys().copied().collect();
         self.changes.joints = self.joints.keys().copied().collect();
     }
 
-    /// Whether it is to be written down where bodies are.
+    /// Returns whether states of bodies are to be written to the directory.
     pub(super) fn has_moved(&self) -> bool {
         !self.changes.states.is_empty()
     }
 
-    /// Nothing is to be written down.
+    /// Forgets what was to be written to the directory.
     pub(super) fn forget_changes(&mut self) {
         self.changes = Changes::default();
     }
 
-    /// What has changed since the last call: the standing of bodies, or, if `soft`, where they are.
+    /// Returns what has changed since the last call, as writes: lives of bodies, shapes and joints, or, if `soft`, states of
+    /// bodies that moved.
     pub(super) fn take_changes(&mut self, soft: bool) -> Vec<(Key, Option<Vec<u8>>)> {
         if soft {
             let moved = std::mem::take(&mut self.changes.states);
@@ -164,7 +166,7 @@ impl Record {
         (Key::Body(id), self.bodies.get(&id).map(encode_value))
     }
 
-    /// A new body, waiting for a node.
+    /// Adds a new body, which waits for a node.
     pub(super) fn insert(&mut self, body: BodyRecord) {
         self.changes.lives.insert(body.id);
         self.bodies.insert(body.id, StoredBody { body, tick: Tick(0), life: Life::Waiting });
@@ -192,30 +194,30 @@ impl Record {
         new
     }
 
-    /// How long those of some shapes are, as messages, that are not on record.
+    /// Returns the encoded length of those of these shapes that are not on record.
     pub(super) fn bytes_of_new(&self, shapes: &[ShapeRecord]) -> usize {
         let new = shapes.iter().filter(|shape| !self.shapes.contains_key(&shape.hash()));
         new.map(|shape| encode_value(shape).len()).sum()
     }
 
-    /// Whether a body can be an avatar with its shapes, of which these came along, and whether these can be built.
+    /// Returns whether a body can be an avatar with its shapes, some of which it brought, and whether those can be built.
     pub(super) fn admits(&self, avatar: &BodyRecord, brought: &[ShapeRecord], can_build: CanBuild) -> bool {
         let with: BTreeMap<_, _> = brought.iter().map(|shape| (shape.hash(), shape)).collect();
         let find = |hash| with.get(&hash).copied().or_else(|| self.shapes.get(&hash));
         avatar.suits_clients(find) && can_build(&self.shapes, brought)
     }
 
-    /// A body as last known.
+    /// Returns a body as last known.
     pub fn body(&self, id: BodyId) -> Option<&BodyRecord> {
         self.bodies.get(&id).map(|entry| &entry.body)
     }
 
-    /// Where a body stands.
+    /// Returns where a body is in its life cycle.
     pub fn life(&self, id: BodyId) -> Option<Life> {
         self.bodies.get(&id).map(|entry| entry.life)
     }
 
-    /// Bodies in the world, as last known: live ones and those on their way.
+    /// Returns the bodies in the world, as last known: live ones and those that wait for a node.
     pub fn present(&self) -> impl Iterator<Item = &BodyRecord> {
         self.bodies
             .values()
@@ -223,7 +225,7 @@ impl Record {
             .map(|entry| &entry.body)
     }
 
-    /// Movable bodies and where they stand; immovable ones have no owner, every node is told of them on joining.
+    /// Returns the movable bodies with their lives; immovable ones have no owner, every node is sent them on joining.
     pub(super) fn movable_lives(&self) -> impl Iterator<Item = (BodyId, Life)> {
         self.bodies
             .iter()
@@ -231,12 +233,12 @@ impl Record {
             .map(|(&id, entry)| (id, entry.life))
     }
 
-    /// Ids of all recorded bodies and where they stand.
+    /// Returns the ids of all recorded bodies with their lives.
     pub fn lives(&self) -> impl Iterator<Item = (BodyId, Life)> {
         self.bodies.iter().map(|(&id, entry)| (id, entry.life))
     }
 
-    /// The recorded bodies of one client.
+    /// Returns the recorded bodies of one client: its avatars.
     pub fn avatars(&self, client: ClientId) -> Vec<(BodyId, Life)> {
         let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
         self.bodies.range(range).map(|(&id, entry)| (id, entry.life)).collect()
@@ -266,7 +268,7 @@ impl Record {
         }
     }
 
-    /// The same with a whole body.
+    /// Takes a whole body in, unless something newer is known, like [`Self::checkpoint`].
     pub(super) fn freshen(&mut self, tick: Tick, body: BodyRecord) {
         if let Some(entry) = self.bodies.get_mut(&body.id)
             && (entry.body.epoch, entry.tick) <= (body.epoch, tick)
@@ -277,7 +279,8 @@ impl Record {
         }
     }
 
-    /// A body as its owner holds it. The record may know of a later epoch, of a view that nobody came to compute: it stays.
+    /// Takes a body in as its owner holds it. The record may know of a later epoch, of a view that nobody came to compute: that
+    /// epoch stays.
     pub(super) fn reclaim(&mut self, tick: Tick, body: BodyRecord) {
         if let Some(entry) = self.bodies.get_mut(&body.id)
             && entry.tick <= tick
@@ -297,7 +300,7 @@ impl Record {
         }
     }
 
-    /// Shapes as chunks, each before the compounds that name it, without those of `known`, which it is added to.
+    /// Returns shapes as chunks, each before the compounds that name it, without those of `known`, to which they are added.
     pub(super) fn shape_chunks(&self, known: &mut BTreeSet<ShapeHash>) -> Vec<Chunk> {
         let mut new: Vec<_> = self.shapes.iter().filter(|(hash, _)| !known.contains(hash)).collect();
         new.sort_by_key(|(_, shape)| shape.is_compound());
@@ -305,7 +308,7 @@ impl Record {
         chunks(new.into_iter().map(|(_, shape)| shape.clone()), Chunk::Shapes)
     }
 
-    /// Immovable bodies as chunks, without those of `known`, which it is added to.
+    /// Returns immovable bodies as chunks, without those of `known`, to which they are added.
     pub(super) fn scenery_chunks(&self, known: &mut BTreeSet<BodyId>) -> Vec<Chunk> {
         let new: Vec<_> = self
             .present()
@@ -316,12 +319,13 @@ impl Record {
         chunks(new, Chunk::Bodies)
     }
 
-    /// Joints of any of these bodies as chunks.
+    /// Returns the joints of any of these bodies as chunks.
     pub(super) fn joint_chunks(&self, of: impl Fn(BodyId) -> bool) -> Vec<Chunk> {
         chunks(self.joints.values().filter(|joint| of(joint.a) || of(joint.b)).cloned(), Chunk::Joints)
     }
 
-    /// The region that each of these ownerless bodies belongs to: assemblies go whole, to where their lowest body is.
+    /// Returns the region that each of these ownerless bodies belongs to: assemblies (bodies held by joints) go whole, to the
+    /// region of their body with the lowest id.
     pub(super) fn place(&self, tree: &DistributionTree, ids: &BTreeSet<BodyId>) -> Vec<Placed> {
         let movable =
             |id| self.bodies.get(&id).is_some_and(|entry| entry.body.traits.kind != BodyKind::Fixed);
@@ -343,7 +347,7 @@ impl Record {
             .collect()
     }
 
-    /// Movable bodies in each region, for allocation by load.
+    /// Counts the movable bodies in each region, for allocation by load.
     pub(super) fn loads(&self, tree: &DistributionTree) -> BTreeMap<RegionId, f64> {
         let mut loads: BTreeMap<RegionId, f64> = tree.leaves().map(|leaf| (leaf, 0.0)).collect();
         for body in self.present().filter(|body| body.traits.kind != BodyKind::Fixed) {

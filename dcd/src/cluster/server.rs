@@ -1,5 +1,5 @@
-//! The server: directory of nodes and clients, record of every body, and the one who decides membership (thesis 3.3.5,
-//! 4.3.1, 4.3.3). It may fail and come back: what it must know again is stored before anything follows from it.
+//! Implements the server: it knows all nodes and clients, records every body, and decides membership (thesis 3.3.5, 4.3.1,
+//! 4.3.3). It may fail and come back: what it must know again is stored before anything follows from it.
 
 mod arbiter;
 mod avatars;
@@ -28,32 +28,32 @@ pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
 pub use self::regroup::Grouping;
 pub use self::stored::RestoreError;
 
-/// While something is due, the server looks up so often.
+/// How often the server wakes up while something is due.
 const BEAT: Duration = Duration::from_millis(250);
-/// When it could not for so long, it was stopped.
+/// If it did not wake up for so long, its process was stopped.
 const STOPPED: Duration = BEAT.saturating_mul(2);
-/// What all are told when the world ends.
+/// The reason that all nodes and clients are given when the world ends.
 pub const WORLD_ENDED: &str = "the world has ended";
-/// How often it is written down where bodies are.
+/// How often the states of bodies are written to the directory.
 const STORE_EVERY: Duration = Duration::from_secs(2);
 
-/// What a server is told at its start.
+/// The configuration of a server.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
     /// The world.
     pub world: EnvironmentProperties,
     /// Nodes to wait for before the world first begins; at least 1.
     pub min_nodes: usize,
-    /// Who may share a group, beside the thresholds of delay that the world has.
+    /// The rules of who may share a group, beside the delay thresholds of the world.
     pub grouping: Grouping,
     /// Whether nodes can build the shapes of an avatar: one that they cannot, once on record, would stop all that join later.
     pub can_build: CanBuild,
 }
 
-/// Whether shapes, each after its parts, can be built where others are on record already.
+/// A function that returns whether shapes, each after its parts, can be built where others are on record already.
 pub type CanBuild = fn(&BTreeMap<ShapeHash, ShapeRecord>, &[ShapeRecord]) -> bool;
 
-/// What happens to a server.
+/// An event for a server: a message, a lost link, or a command of its operator.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
 pub enum ServerEvent {
@@ -79,11 +79,11 @@ pub enum ServerEvent {
     Stop,
 }
 
-/// What a server wants done, in this order.
+/// An action that a server wants done; to be done in order.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "an output lives until it is done")]
 pub enum ServerOutput {
-    /// Write this down, durably if it says so, before anything that follows is done.
+    /// Write this to the directory, durably if it says so, before anything that follows is done.
     Store(Batch),
     /// Send this.
     Send {
@@ -103,18 +103,18 @@ pub enum ServerOutput {
     },
     /// A view begins.
     Began {
-        /// Of which group.
+        /// The group.
         group: GroupId,
-        /// What it is.
+        /// Its view.
         view: View,
     },
-    /// No node of the main group is left, or none is heard of; the record holds the world.
+    /// No node of a group is left, or none is heard of; the record holds the world.
     Held(Tick),
-    /// A group has no members left, and is no more.
+    /// A group without members was dissolved.
     Dissolved(GroupId),
-    /// A node's view was declared over while it could not be reached, or it is to be in another group.
+    /// A node was expelled from its view: it could not be reached, or is to be in another group.
     Expelled(NodeId),
-    /// What all members together own, when the world is to end; over all groups.
+    /// An audit of what all members together own, when the world is to end; over all groups.
     Audited {
         /// Bodies of the world that no node owns.
         lost: Vec<BodyId>,
@@ -125,12 +125,12 @@ pub enum ServerOutput {
     Ended,
 }
 
-/// The state machine.
+/// The state machine of the server.
 #[derive(Clone, Debug)]
 pub struct Server {
     common: Common,
     groups: BTreeMap<GroupId, Group>,
-    /// The group whose record is the world's, but for bodies about which another is believed.
+    /// The group whose record is the world's, but for bodies for which another is authoritative.
     main: GroupId,
     last_group: GroupId,
     arbiter: arbiter::Arbiter,
@@ -146,7 +146,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// A server with a world that waits for nodes.
+    /// Returns a server with a world that waits for nodes.
     pub fn new(config: ServerConfig, record: Record) -> Self {
         assert!(config.min_nodes > 0, "a world begins with at least one node");
         let main = GroupId(1);
@@ -231,7 +231,7 @@ impl Server {
         self.finish(mark);
     }
 
-    /// To be called at [`Server::poll_timeout`].
+    /// Does what is due; to be called at [`Server::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         let mark = self.begin(now);
         let now = self.common.now;
@@ -266,12 +266,12 @@ impl Server {
         self.finish(mark);
     }
 
-    /// When [`Server::handle_timeout`] is next due; ask again after every event.
+    /// Returns when [`Server::handle_timeout`] is next due; ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
         self.due().map(|due| due.min(self.common.now + BEAT) + self.stopped)
     }
 
-    /// When something is due, by the time that counts.
+    /// Returns when something is due, by the time that counts.
     fn due(&self) -> Option<Duration> {
         let nodes = self.common.nodes.values().filter_map(|entry| entry.absent_until);
         let clients = self.common.clients.values().filter_map(|entry| entry.absent_until);
@@ -286,47 +286,47 @@ impl Server {
             .filter(|_| !self.ended)
     }
 
-    /// The next thing to do, until there is none.
+    /// Returns the next output, until there is none.
     pub fn poll_output(&mut self) -> Option<ServerOutput> {
         self.common.outputs.pop_front()
     }
 
-    /// The newest tick that a member of the main group is known to have completed.
+    /// Returns the newest tick that a member of the main group is known to have completed.
     pub fn tick(&self) -> Tick {
         self.main().tick
     }
 
-    /// The record of the world: that of the main group.
+    /// Returns the record of the world: that of the main group.
     pub fn record(&self) -> &Record {
         &self.main().record
     }
 
-    /// The membership of the main group, while nodes compute the world.
+    /// Returns the view (membership) of the main group, while nodes compute the world.
     pub fn view(&self) -> Option<&View> {
         self.main().view.as_ref().filter(|_| !self.main().held)
     }
 
-    /// All groups and their memberships.
+    /// Returns all groups and their views.
     pub fn views(&self) -> impl Iterator<Item = (GroupId, &View)> {
         self.groups.values().filter_map(|group| Some((group.id, group.view.as_ref()?)))
     }
 
-    /// The group whose record is the world's.
+    /// Returns the group whose record is the world's.
     pub fn main_group(&self) -> GroupId {
         self.main
     }
 
-    /// Whether a view change is under way.
+    /// Returns whether a view change is under way.
     pub fn is_changing(&self) -> bool {
         self.groups.values().any(|group| group.change.is_some())
     }
 
-    /// Nodes that have joined and are linked.
+    /// Returns the nodes that have joined and are linked.
     pub fn linked_nodes(&self) -> impl Iterator<Item = NodeId> {
         self.common.nodes.iter().filter(|(_, entry)| entry.linked).map(|(&node, _)| node)
     }
 
-    /// Messages dropped because they were of an earlier view or from somebody who may not say that.
+    /// Returns the count of messages dropped because they were of an earlier view or from a sender that may not send them.
     pub fn stale(&self) -> u64 {
         self.common.stale
     }
@@ -348,7 +348,7 @@ impl Server {
         self.common.outputs.len()
     }
 
-    /// What follows from any event: membership is put right, and what changed is written down first.
+    /// Ends the handling of any event: puts membership right, and writes what changed down first.
     fn finish(&mut self, mark: usize) {
         if self.ended {
             return;
@@ -457,7 +457,7 @@ impl Server {
         }
     }
 
-    /// Everybody is told that the world is over.
+    /// Tells everybody that the world is over.
     fn end(&mut self) {
         let audits = self.groups.values_mut().filter_map(|group| group.audit.take());
         let (lost, doubled): (Vec<_>, Vec<_>) = audits.unzip();

@@ -1,11 +1,12 @@
-//! Votes on who belongs to a group while the world runs (thesis 3.3.9, 4.3.1.5, 4.3.2.7).
+//! Implements votes on the membership of groups while the world runs: inclusion and rejection by delay (thesis 3.3.9, 4.3.1.5,
+//! 4.3.2.7).
 //!
-//! Every node watches its delays to the others ([`DelayMonitor`]) and calls for a vote; the server opens a poll or
-//! refuses ([`Polls`]), members answer by the delay that they perceive ([`VoteThresholds::ballot`]), and the motion passes or
-//! not ([`Motion::passes`]). An evicted node becomes a group of one.
+//! Every node monitors its delays to the others ([`DelayMonitor`]) and calls for a vote; the server opens a poll or refuses
+//! ([`Polls`]), members answer by the delay that they perceive ([`VoteThresholds::ballot`]), and the motion passes or not
+//! ([`Motion::passes`]). An evicted node becomes a group of one.
 //!
-//! Against flapping: the gap between the thresholds, three strikes before a vote, and on the server one vote at a time for
-//! everybody concerned, rests, a cap, and a stay that grows with each eviction.
+//! Flapping is prevented by the gap between the thresholds, by three strikes before a vote, and on the server by one vote at a
+//! time for all nodes concerned, rests, a cap, and a stay that grows with each eviction.
 
 mod delay_monitor;
 #[cfg(test)]
@@ -20,18 +21,18 @@ use crate::space::NodeId;
 pub use self::delay_monitor::{DelayMonitor, DelayRules};
 pub use self::polls::{Call, Outcome, PollRules, Polls, VoteRefusal};
 
-/// Where a delay begins to be short and where it begins to be long, in milliseconds of round trips.
+/// The delay thresholds of votes, in milliseconds of round trips.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoteThresholds {
-    /// Below this average a node belongs into the group.
+    /// Below this average a node belongs in the group.
     pub inclusion_ms: f64,
-    /// Above this average a node does not belong into the group.
+    /// Above this average a node does not belong in the group.
     pub rejection_ms: f64,
     /// How far beyond `rejection_ms` the latest round trip may be as long as the average is good.
     pub deviation_ms: f64,
 }
 
-/// Settings of votes that cannot be.
+/// An error in the settings of votes: they cannot be followed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum VoteError {
     /// See the message.
@@ -61,7 +62,7 @@ pub enum VoteError {
     },
 }
 
-/// What a node knows of its delay to another.
+/// A node's measured delay to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PeerDelay {
     /// Nothing yet.
@@ -72,7 +73,7 @@ pub enum PeerDelay {
     Unreachable,
 }
 
-/// What a member says about a candidate, be the vote on inclusion or on rejection.
+/// A member's vote on a candidate, be the motion inclusion or rejection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ballot {
     /// It shall be in the group: yes to inclusion, no to rejection.
@@ -83,14 +84,14 @@ pub enum Ballot {
     Reject,
 }
 
-/// Ballots, counted.
+/// The counts of the ballots of a vote.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// I of the thesis.
+    /// Ballots to include: I of the thesis.
     pub include: u32,
-    /// A of the thesis.
+    /// Abstentions: A of the thesis.
     pub abstain: u32,
-    /// R of the thesis.
+    /// Ballots to reject: R of the thesis.
     pub reject: u32,
 }
 
@@ -104,7 +105,7 @@ impl From<DelayThresholds> for VoteThresholds {
 }
 
 impl VoteThresholds {
-    /// The thresholds, if they can be followed.
+    /// Returns the thresholds, if they can be followed.
     pub fn checked(self) -> Result<Self, VoteError> {
         let Self { inclusion_ms, rejection_ms, deviation_ms } = self;
         if !(inclusion_ms > 0.0 && inclusion_ms < rejection_ms && rejection_ms.is_finite()) {
@@ -116,7 +117,7 @@ impl VoteThresholds {
         Ok(self)
     }
 
-    /// How a member that perceives this delay votes on a candidate (thesis 4.3.1.5).
+    /// Returns the ballot of a member that perceives this delay to a candidate (thesis 4.3.1.5).
     pub fn ballot(&self, delay: PeerDelay) -> Ballot {
         match delay {
             PeerDelay::AverageMs(ms) if ms < self.inclusion_ms => Ballot::Include,
@@ -128,14 +129,15 @@ impl VoteThresholds {
 }
 
 impl Motion {
-    /// Whom it is about.
+    /// Returns the node that the motion is about.
     pub const fn candidate(self) -> NodeId {
         match self {
             Self::Include(node) | Self::Reject(node) => node,
         }
     }
 
-    /// Whether these ballots carry it (thesis 4.3.1.5). Inclusion: nobody against and somebody for. Rejection: I + 0.5A − 2R < 0.
+    /// Returns whether these ballots carry the motion (thesis 4.3.1.5). Inclusion: nobody against and somebody for. Rejection:
+    /// I + 0.5A − 2R < 0.
     pub const fn passes(self, tally: Tally) -> bool {
         let Tally { include, abstain, reject } = tally;
         match self {

@@ -1,4 +1,4 @@
-//! The server's certificate authority: mints tokens, redeems them for certificates.
+//! Implements the server's certificate authority: mints tokens and redeems them for certificates.
 
 use std::fs::OpenOptions;
 use std::path::{Path, PathBuf};
@@ -36,14 +36,14 @@ pub struct Authority {
 
 /// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
 const CERTIFICATE_LIFE: Duration = Duration::from_secs(24 * 3600);
-/// Clocks of machines may differ by this much before a fresh certificate seems not yet valid.
+/// How much the clocks of machines may differ before a fresh certificate seems not yet valid.
 const CLOCK_SKEW: Duration = Duration::from_secs(600);
-/// The server's own certificate is made anew at each start. Whoever steals its key has the folder and so the
+/// Lifetime of the server's own certificate, which is made anew at each start. Whoever steals its key has the folder and so the
 /// authority's key; a short life would only stop servers that run long.
 const SERVER_CERTIFICATE_LIFE: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
 
 impl Authority {
-    /// The authority of the folder, made on first use.
+    /// Loads the authority of the folder, or makes it on first use.
     pub fn load_or_create(folder: &Path) -> Result<Self, NetError> {
         std::fs::create_dir_all(folder).map_err(at(folder))?;
         // A server and `dcd token` may both come first.
@@ -78,7 +78,7 @@ impl Authority {
         })
     }
 
-    /// Certificates last this long instead of a day.
+    /// Sets the lifetime of certificates, instead of a day.
     pub fn with_certificate_life(mut self, life: Duration) -> Self {
         self.certificate_life = life;
         self
@@ -104,7 +104,7 @@ impl Authority {
         ))
     }
 
-    /// The server's own identity, made anew at each start.
+    /// Makes the server's own identity, anew at each start.
     pub fn server_identity(&self) -> Result<Identity, NetError> {
         let now = SystemTime::now();
         let key = Key::generate()?;
@@ -119,7 +119,7 @@ impl Authority {
         })
     }
 
-    /// Takes the folder for this server, or says that another one has it.
+    /// Opens the ledger, which locks the folder for this server; an error says that another one has it.
     pub(super) fn open_ledger(&self) -> Result<(), NetError> {
         self.ledger(SystemTime::now()).map(|_| ())
     }
@@ -161,7 +161,7 @@ impl Authority {
         })
     }
 
-    /// A certificate with the names and key of another one, as if issued `then`.
+    /// Returns a certificate with the names and key of another one, as if issued `then`.
     #[cfg(test)]
     pub(super) fn renewed(&self, identity: &Identity, then: SystemTime) -> CertificateDer<'static> {
         let key = Key::from_der(&identity.key).unwrap();
@@ -208,7 +208,7 @@ impl Authority {
     }
 }
 
-/// The text of a new `authority.pem`: key and self-signed certificate.
+/// Returns the text of a new `authority.pem`: key and self-signed certificate.
 fn new_authority() -> Result<String, NetError> {
     let key = Key::generate()?;
     let certificate = of_authority().self_signed(&key).map_err(tls)?;
@@ -216,7 +216,7 @@ fn new_authority() -> Result<String, NetError> {
     Ok(key + &pem_section("CERTIFICATE", certificate.der()))
 }
 
-/// What the authority's own certificate says.
+/// Returns the parameters of the authority's own certificate.
 fn of_authority() -> CertificateParams {
     let mut params = CertificateParams::default();
     params.distinguished_name = named("dcd authority");

@@ -1,11 +1,11 @@
-//! Bytes as one line of text that survives terminals, shells and changes of case: base 32 of RFC 4648 in lower case without
-//! padding, closed by a checksum, so that a mistyped text is told from a refused one.
+//! Encodes bytes as one line of text that survives terminals, shells and changes of case: base 32 of RFC 4648 in lower case
+//! without padding, closed by a checksum, so that a mistyped text is distinguished from a refused one.
 
 use data_encoding::{BASE32_NOPAD, DecodeKind};
 
 const CHECKSUM_BYTES: usize = 4;
 
-/// Why a text does not decode.
+/// The error for a text that does not decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Undecodable {
     /// A character that is not of the alphabet.
@@ -14,12 +14,12 @@ pub(super) enum Undecodable {
     Checksum,
 }
 
-/// `bytes` and their checksum.
+/// Encodes `bytes` and their checksum.
 pub(super) fn encode(bytes: &[u8]) -> String {
     BASE32_NOPAD.encode(&[bytes, &checksum(bytes)].concat()).to_ascii_lowercase()
 }
 
-/// The bytes of a text made by [`encode`].
+/// Decodes a text made by [`encode`].
 pub(super) fn decode(text: &str) -> Result<Vec<u8>, Undecodable> {
     // First, since what is no text of ours may have any length.
     if !text.bytes().all(|letter| matches!(letter.to_ascii_lowercase(), b'a'..=b'z' | b'2'..=b'7')) {

@@ -1,4 +1,4 @@
-//! Calls that come in and calls that go out: from the first packet until the connection ends.
+//! Accepts and dials connections, and serves each from the first packet until it ends.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -16,7 +16,7 @@ use super::{
     Authority, CloseCause, CloseCode, Limits, NetError, NetEvent, NetTotals, PeerKey, PeerName, PeerStats,
 };
 
-/// What callers and tasks share.
+/// The state that callers and tasks share.
 pub(super) struct Shared {
     pub(super) local_addr: SocketAddr,
     pub(super) endpoint: Endpoint,
@@ -57,12 +57,12 @@ impl Shared {
     }
 }
 
-/// Takes calls, as many at a time as there is room for.
+/// Accepts incoming connections, as many at a time as there is room for.
 pub(super) async fn accept(shared: Arc<Shared>) {
     while let Some(incoming) = shared.endpoint.accept().await {
         let under_way = shared.limits.handshakes - shared.handshake_slots.available_permits();
         if under_way >= shared.limits.handshakes_before_retry && incoming.may_retry() {
-            // The address is forged or the caller calls again; either way we keep nothing of it.
+            // The address is forged or the peer dials again; either way we keep no state of it.
             let _ = incoming.retry();
             continue;
         }
@@ -78,7 +78,7 @@ pub(super) async fn accept(shared: Arc<Shared>) {
     }
 }
 
-/// Serves one caller: a proven peer for as long as it stays, an anonymous one for one join.
+/// Serves one incoming connection: a proven peer for as long as it stays, an anonymous one for one join.
 async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaphorePermit) {
     let timeout = shared.limits.handshake_timeout;
     let addr = incoming.remote_address();
@@ -163,7 +163,7 @@ async fn call(
     }
 }
 
-/// A connection's life between its `Connected` and its `Closed`.
+/// Carries a connection from its `Connected` event to its `Closed` event.
 async fn carry(
     shared: &Arc<Shared>,
     key: PeerKey,

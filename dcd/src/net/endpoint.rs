@@ -1,4 +1,4 @@
-//! A process's place in the network: one UDP port, its connections, and the threads that serve them.
+//! Runs a process's network endpoint: one UDP port, its connections, and the threads that serve them.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
@@ -19,20 +19,20 @@ use super::{
     PeerStats, SendError,
 };
 
-/// What a process needs to take part.
+/// The settings of a process's network.
 pub struct NetConfig {
     /// Where to listen; port 0 takes any free one.
     pub listen: SocketAddr,
-    /// Who we are.
+    /// The identity of this process.
     pub identity: Identity,
-    /// The server's authority: with it, joins are answered.
+    /// The authority, on a server: with it, joins are answered.
     pub authority: Option<Arc<Authority>>,
     /// Time-outs and sizes.
     pub limits: Limits,
 }
 
-/// The network of one process. Its methods return at once and may be called from any thread; what happens comes back as
-/// [`NetEvents`]. Dropping it shuts it down.
+/// The network of one process. Its methods return at once and may be called from any thread; outcomes come back as [`NetEvents`].
+/// Dropping it shuts it down.
 pub struct Net {
     shared: Arc<Shared>,
     /// `None` once it is shut down.
@@ -42,7 +42,7 @@ pub struct Net {
 }
 
 impl Net {
-    /// Listens, and on a server begins to answer joins.
+    /// Starts to listen, and on a server to answer joins.
     pub fn start(config: NetConfig) -> Result<(Self, NetEvents), NetError> {
         let NetConfig { listen, identity, authority, limits } = config;
         if let Some(authority) = &authority {
@@ -52,7 +52,7 @@ impl Net {
         let dial = client_config(&identity, &limits)?;
         let socket = bind(listen)?;
         // One thread leaves the cores to the regions. Two gain little (measured on two cores, both ends in one process): there
-        // and back 65 instead of 80 µs at full rate, 150 to 350 µs with either at 100 frames a second.
+        // and back 65 instead of 80 µs at full rate, 150 to 350 µs with either at 100 frames per second.
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .max_blocking_threads(4)
@@ -85,18 +85,18 @@ impl Net {
         Ok((Self { shared, runtime: Some(runtime), closing: Mutex::default() }, receiver))
     }
 
-    /// Where we listen.
+    /// Returns the address that this process listens on.
     pub fn local_addr(&self) -> SocketAddr {
         self.shared.local_addr
     }
 
-    /// Who we are.
+    /// Returns the name of this process.
     pub fn who(&self) -> PeerName {
         self.shared.who
     }
 
     /// Dials `addr`, where `expected` must prove itself. [`Connected`](super::NetEvent::Connected) or
-    /// [`ConnectFailed`](super::NetEvent::ConnectFailed) tells.
+    /// [`ConnectFailed`](super::NetEvent::ConnectFailed) follows.
     pub fn connect(&self, addr: SocketAddr, expected: PeerName) -> PeerKey {
         let key = self.shared.new_key();
         if let Some(runtime) = &self.runtime {
@@ -121,7 +121,7 @@ impl Net {
         self.shared.peer(peer).ok_or(SendError::NotConnected)?.send_datagram(bytes)
     }
 
-    /// Bytes of datagrams that wait to be sent: more than a few mean a thin link.
+    /// Returns the bytes of datagrams that wait to be sent: more than a few mean a narrow link.
     pub fn datagrams_waiting(&self, peer: PeerKey) -> usize {
         self.shared.peer(peer).map_or(0, |peer| peer.datagrams_waiting())
     }
@@ -139,12 +139,12 @@ impl Net {
         }
     }
 
-    /// What has passed over a living connection.
+    /// Returns the traffic over a living connection.
     pub fn stats(&self, peer: PeerKey) -> Option<PeerStats> {
         self.shared.peer(peer).map(|peer| peer.stats())
     }
 
-    /// What has passed over all.
+    /// Returns the traffic over all connections.
     pub fn totals(&self) -> NetTotals {
         let peers = self.shared.peers.read().unwrap_or_else(PoisonError::into_inner);
         let mut totals = *self.shared.totals();
@@ -187,7 +187,7 @@ impl Net {
         self.shared.events.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
-    /// Goes without a word, as a killed process does.
+    /// Stops without closing connections, as a killed process does.
     #[cfg(test)]
     pub(crate) fn vanish(mut self) {
         let runtime = self.runtime.take().expect("it is running");
@@ -224,7 +224,7 @@ fn client_config(identity: &Identity, limits: &Limits) -> Result<ClientConfig, N
     Ok(config)
 }
 
-/// Whether this address can be listened on now: to know it before anything is made for a server.
+/// Checks that this address can be listened on now, before anything is made for a server.
 #[cfg(feature = "physics")]
 pub(crate) fn check_address(listen: SocketAddr) -> Result<(), NetError> {
     bind(listen).map(drop)

@@ -1,4 +1,4 @@
-//! What can go wrong, each with its cause and remedy.
+//! Defines the errors of authorities, identities, joins, connections and sending; each message names cause and remedy.
 
 use std::io;
 use std::net::SocketAddr;
@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use super::{CloseCode, JoinRole, MAX_DATAGRAM_BYTES, PeerName};
 
-/// Why an authority, an identity, a join or a connection is not to be had.
+/// The error of an authority, an identity, a join or a connection.
 #[derive(Debug, thiserror::Error)]
 pub enum NetError {
-    /// A file or folder.
+    /// A file or folder cannot be used.
     #[error("cannot use {}: {source}; check that it exists and that this user may read and write it", path.display())]
     File {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
         /// What the system said.
         source: io::Error,
@@ -21,7 +21,7 @@ pub enum NetError {
     /// A file whose content is not what it should be.
     #[error("{} is damaged or of another program ({what}); restore it from a copy or remove it and join anew", path.display())]
     Damaged {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
         /// What is wrong with it.
         what: String,
@@ -32,7 +32,7 @@ pub enum NetError {
         /// The folder.
         path: PathBuf,
     },
-    /// The text of a token.
+    /// The text of a token is refused.
     #[error(transparent)]
     Token(#[from] TokenError),
     /// Two processes on one port.
@@ -52,37 +52,37 @@ pub enum NetError {
     /// Nobody answers.
     #[error("no answer from {addr} within {} ms; check that it is running, the address, and that UDP passes", waited.as_millis().next_multiple_of(10))]
     Unreachable {
-        /// Who was called.
+        /// The address that was dialled.
         addr: SocketAddr,
         /// For how long.
         waited: Duration,
     },
-    /// Whoever answers is not who was asked for.
+    /// The process that answers is not the one that was dialled.
     #[error(
         "{addr} does not prove to be {expected}: {detail}; check the address, and take a token or certificate of that server"
     )]
     WrongPeer {
-        /// Who was called.
+        /// The address that was dialled.
         addr: SocketAddr,
-        /// Who should have answered.
+        /// The name that should have answered.
         expected: PeerName,
         /// What TLS said.
         detail: String,
     },
-    /// The server does not let us in.
+    /// The server refuses this process.
     #[error("{addr} refuses: {reason}")]
     Refused {
-        /// Who was called.
+        /// The address that was dialled.
         addr: SocketAddr,
         /// Why, for programs.
         code: CloseCode,
-        /// Its words, with cause and remedy.
+        /// The server's text, with cause and remedy.
         reason: String,
     },
     /// The connection broke before it was of use.
     #[error("the connection to {addr} failed: {detail}; try again, and see the log of the other side")]
     Broken {
-        /// Who was called.
+        /// The address that was dialled.
         addr: SocketAddr,
         /// What QUIC said.
         detail: String,
@@ -100,7 +100,7 @@ pub enum NetError {
     Threads(io::Error),
 }
 
-/// Why something is not sent.
+/// The error for a frame or datagram that is not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SendError {
     /// No such connection, or none any more.
@@ -132,7 +132,7 @@ pub enum SendError {
     },
 }
 
-/// Why a text is not a token, or not the one that is needed.
+/// The error for a text that is not a token, or not the one that is needed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TokenError {
     /// Not a token at all.
@@ -160,10 +160,10 @@ pub enum TokenError {
     },
 }
 
-/// Why a server does not let a process join. Its text travels to the joiner.
+/// The reason for which a server refuses a join. Its text travels to the joiner.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum JoinRefusal {
-    /// Unlike programs.
+    /// The two programs have different protocol versions.
     #[error(
         "this server speaks protocol version {server}, the joiner speaks {joiner}; run the same dcd version on both"
     )]
@@ -179,22 +179,22 @@ pub enum JoinRefusal {
     /// The text in the request is not a token.
     #[error("{0}")]
     BadToken(TokenError),
-    /// Minted elsewhere, or forged.
+    /// The token was minted elsewhere, or forged.
     #[error(
         "the token was not minted by this server's authority; mint one with `dcd token` on its data folder, or \
          dcd_token_create at the server"
     )]
     OtherAuthority,
-    /// Too late.
+    /// The token has expired.
     #[error("the token has expired; mint a new one with `dcd token`, or dcd_token_create at the server")]
     Expired,
-    /// A second time.
+    /// The token was used before.
     #[error(
         "the token has been used already, and each lets one process in once; mint a new one with `dcd token`, or \
          dcd_token_create at the server"
     )]
     Used,
-    /// A resume key for something else.
+    /// The resume key is for another role than the token.
     #[error(
         "the token is for a {token}, the resume key is of a {resume}; mint a token with `dcd token --role {resume}`, or \
          dcd_token_create at the server"
@@ -208,7 +208,7 @@ pub enum JoinRefusal {
     /// A resume key of another authority, or forged.
     #[error("the resume key is not of this server's authority; join without it to be given new ids")]
     BadResumeKey,
-    /// Something failed on our side.
+    /// The server failed to record the join.
     #[error("the server could not record the join ({0}); see its log and its disk")]
     Server(String),
 }

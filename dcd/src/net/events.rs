@@ -1,4 +1,4 @@
-//! What the network tells a role's loop.
+//! Defines the events of the network that a role's loop reads.
 
 use std::net::SocketAddr;
 use std::sync::mpsc;
@@ -9,26 +9,26 @@ use tokio::sync::OwnedSemaphorePermit;
 
 use super::{Lane, NetError, PeerName};
 
-/// One connection, for as long as the process lives: never given a second time.
+/// The key of a connection, never given a second time while the process lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PeerKey(pub(super) u64);
 
-/// Something happened on a connection. Per connection the order is `Connected`, then frames and datagrams, then `Closed`,
-/// or `ConnectFailed` alone.
+/// An event of a connection. Per connection the order is `Connected`, then frames and datagrams, then `Closed`, or
+/// `ConnectFailed` alone.
 #[derive(Debug)]
 pub enum NetEvent {
     /// Both sides have proved their names; frames can be sent.
     Connected {
         /// The connection.
         peer: PeerKey,
-        /// Whom the peer proved to be.
+        /// The name that the peer proved.
         who: PeerName,
         /// Where it is.
         addr: SocketAddr,
     },
-    /// [`Net::connect`](super::Net::connect) came to nothing.
+    /// [`Net::connect`](super::Net::connect) failed.
     ConnectFailed {
-        /// The connection that is none.
+        /// The key of the connection that failed.
         peer: PeerKey,
         /// Why.
         error: NetError,
@@ -37,59 +37,59 @@ pub enum NetEvent {
     Frame {
         /// Who sent it.
         peer: PeerKey,
-        /// Where.
+        /// The lane it came on.
         lane: Lane,
-        /// What.
+        /// Its bytes.
         bytes: Vec<u8>,
     },
     /// A datagram; others may have been lost or overtaken.
     Datagram {
         /// Who sent it.
         peer: PeerKey,
-        /// What.
+        /// Its bytes.
         bytes: Vec<u8>,
     },
     /// The connection is over; nothing of it follows.
     Closed {
         /// The connection.
         peer: PeerKey,
-        /// Who was there.
+        /// The name that the peer had proved.
         who: PeerName,
-        /// In what way it ended.
+        /// The way in which it ended.
         cause: CloseCause,
-        /// In words.
+        /// The reason, for people.
         reason: String,
     },
 }
 
-/// In what way a connection ended.
+/// The way in which a connection ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CloseCause {
     /// We closed it.
     ByUs,
-    /// The peer closed it, and why.
+    /// The peer closed it, with this code.
     ByPeer(CloseCode),
     /// The peer does not know the connection any more: it was killed, and something new is in its place.
     Forgotten,
-    /// Nothing was heard of the peer for the idle time-out: killed, stopped, or cut off.
+    /// Nothing was received from the peer for the idle time-out: killed, stopped, or cut off.
     TimedOut,
     /// The peer broke a rule, and we closed.
     Violation,
 }
 
-/// Why a connection is closed, for programs; words for people go beside it. Who closes connections by
-/// [`Net::close`](super::Net::close) gives codes of its own, from [`CloseCode::FIRST_FREE`] on.
+/// The code with which a connection is closed, for programs; a text for people goes beside it. Callers of
+/// [`Net::close`](super::Net::close) define codes of their own, from [`CloseCode::FIRST_FREE`] on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CloseCode(pub u32);
 
 impl CloseCode {
-    /// In good order: what was to be done is done, or the process ends.
+    /// In good order: the work is done, or the process ends.
     pub const DONE: Self = Self(0);
     /// The peer broke a rule.
     pub const VIOLATION: Self = Self(1);
     /// The peers do not fit together, or there is no room; the reason says which.
     pub const REFUSED: Self = Self(2);
-    /// The first that this module gives no meaning to.
+    /// The first code that this module gives no meaning to.
     pub const FIRST_FREE: u32 = 16;
 
     pub(super) fn of(close: &ApplicationClose) -> Self {
@@ -115,22 +115,22 @@ impl NetEvents {
         (sender, Self { deliveries })
     }
 
-    /// The next event, waiting for it. An error says that the network is shut down and all is read.
+    /// Waits for the next event. An error says that the network is shut down and all is read.
     pub fn recv(&self) -> Result<NetEvent, mpsc::RecvError> {
         self.deliveries.recv().map(Delivery::into_event)
     }
 
-    /// The next event, waiting no longer than `timeout`.
+    /// Waits for the next event, no longer than `timeout`.
     pub fn recv_timeout(&self, timeout: Duration) -> Result<NetEvent, mpsc::RecvTimeoutError> {
         self.deliveries.recv_timeout(timeout).map(Delivery::into_event)
     }
 
-    /// The next event if it is there.
+    /// Returns the next event if it is there.
     pub fn try_recv(&self) -> Result<NetEvent, mpsc::TryRecvError> {
         self.deliveries.try_recv().map(Delivery::into_event)
     }
 
-    /// All events that are there.
+    /// Returns all events that are there.
     pub fn try_iter(&self) -> impl Iterator<Item = NetEvent> + '_ {
         std::iter::from_fn(|| self.try_recv().ok())
     }

@@ -1,17 +1,17 @@
-//! Reads fields off the front of bytes that may be anything.
+//! Reads fields from the front of untrusted bytes.
 
-/// What is left to read. A `None` says that the bytes end too early.
+/// The bytes left to read. `None` says that they end too early.
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
 impl<'a> Fields<'a> {
-    /// The next `N` bytes.
+    /// Takes the next `N` bytes.
     pub(super) fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
         let (head, rest) = self.0.split_first_chunk()?;
         self.0 = rest;
         Some(*head)
     }
 
-    /// The next bytes, as many as the length of two bytes before them says.
+    /// Takes the next bytes, as many as the two-byte length before them says.
     pub(super) fn take_counted(&mut self) -> Option<&'a [u8]> {
         let length = u16::from_be_bytes(self.take()?);
         let (head, rest) = self.0.split_at_checked(usize::from(length))?;
@@ -19,7 +19,7 @@ impl<'a> Fields<'a> {
         Some(head)
     }
 
-    /// `None` when something is left.
+    /// Returns `None` when something is left.
     pub(super) fn end(&self) -> Option<()> {
         self.0.is_empty().then_some(())
     }

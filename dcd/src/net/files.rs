@@ -1,4 +1,4 @@
-//! Files that hold secrets: readable by their owner only, replaced as a whole or not at all.
+//! Opens and replaces files that hold secrets: readable by their owner only, replaced as a whole or not at all.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -11,7 +11,7 @@ pub(super) fn at(path: &Path) -> impl FnOnce(io::Error) -> NetError + '_ {
     |source| NetError::File { path: path.to_owned(), source }
 }
 
-/// Opens with mode 0600 on systems that know it.
+/// Opens a file with mode 0600 on systems that know it.
 pub(crate) fn open_private(path: &Path, options: &mut OpenOptions) -> Result<File, NetError> {
     #[cfg(unix)]
     {

@@ -1,4 +1,4 @@
-//! What a process holds to prove its name.
+//! Defines, saves and loads the identity of a process: the key and certificate that prove its name.
 
 use std::fmt;
 use std::path::Path;
@@ -23,33 +23,33 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// JoinRole and ids together.
+    /// Returns role and ids together.
     pub fn who(&self) -> PeerName {
         self.who
     }
 
-    /// What the process is to the others.
+    /// Returns the role of the process.
     pub fn role(&self) -> JoinRole {
         self.who.role()
     }
 
-    /// The id as a node.
+    /// Returns the id as a node.
     pub fn node(&self) -> Option<NodeId> {
         self.who.node()
     }
 
-    /// The id as a client.
+    /// Returns the id as a client.
     pub fn client(&self) -> Option<ClientId> {
         self.who.client()
     }
 
-    /// With it and a fresh token the process gets the same ids again. A server has none.
+    /// Returns the resume key: with it and a fresh token the process gets the same ids again. A server has none.
     pub fn resume(&self) -> Option<&ResumeKey> {
         self.resume.as_ref()
     }
 
-    /// Until when the certificate proves the name. Connections outlive it; new ones need a fresh identity: join again with
-    /// the resume key.
+    /// Returns the time until which the certificate proves the name. Connections outlive it; new ones need a fresh identity: join
+    /// again with the resume key.
     pub fn expires(&self) -> SystemTime {
         UNIX_EPOCH + Duration::from_secs(self.expires_unix_s)
     }
@@ -100,7 +100,7 @@ impl fmt::Debug for Identity {
     }
 }
 
-/// One section of a PEM file.
+/// Returns one section of a PEM file.
 pub(super) fn pem_section(label: &str, der: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = format!("-----BEGIN {label}-----\n");

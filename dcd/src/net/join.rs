@@ -1,4 +1,4 @@
-//! How a process without a name gets one: it trades a token for a certificate.
+//! Joins a server: a process without a name trades a token for a certificate, and the server answers.
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
@@ -53,17 +53,17 @@ pub fn join(
     })
 }
 
-/// What a joiner says.
+/// A request to join.
 pub(super) struct JoinRequest {
     pub(super) token: String,
-    /// Its own, for which it wants a certificate.
+    /// The joiner's key, for which it requests a certificate.
     pub(super) key: PublicKey,
-    /// That it is its own.
+    /// Proof that the joiner has the private half of the key.
     pub(super) proof: Vec<u8>,
     pub(super) resume: Option<String>,
 }
 
-/// What it gets.
+/// The answer to a granted request.
 pub(super) struct Admission {
     pub(super) who: PeerName,
     pub(super) certificate: Vec<u8>,
@@ -74,7 +74,7 @@ pub(super) struct Admission {
 
 /// Requests and answers are short; longer ones are cut off.
 const MESSAGE_LIMIT_BYTES: usize = 16 << 10;
-/// So that a request is known as one whatever its version.
+/// Identifies a request whatever its version.
 const MAGIC: [u8; 4] = *b"join";
 
 impl JoinRequest {
@@ -146,7 +146,7 @@ fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, String>> {
     }
 }
 
-/// Dials without a name, says `request`, returns the answer.
+/// Dials without a name, sends `request`, returns the answer.
 pub(super) fn exchange(
     server: SocketAddr,
     fingerprint: [u8; 32],
@@ -185,7 +185,7 @@ async fn say_goodbye(connection: &Connection) {
     let _ = tokio::time::timeout(Duration::from_millis(200), on_its_way).await;
 }
 
-/// An endpoint without a certificate, and its connection to a server.
+/// Makes an endpoint without a certificate, and its connection to a server.
 pub(super) fn anonymous(
     server: SocketAddr,
     fingerprint: [u8; 32],
@@ -219,8 +219,8 @@ async fn ask(connection: &Connection, request: &[u8]) -> Result<Vec<u8>, Connect
     }
 }
 
-/// The server's side: reads one request, answers it, and nothing else. `decided` hears whether the peer is let in, before
-/// the peer does.
+/// Answers a join on the server's side: reads one request, answers it, and nothing else. `decided` is called with whether the
+/// peer is admitted, before the peer learns it.
 pub(super) async fn answer(
     connection: &Connection,
     authority: Arc<Authority>,
@@ -263,7 +263,7 @@ pub(super) async fn answer(
     connection.close(CloseCode::DONE.into(), b"answered");
 }
 
-/// Why a connection that we dialled came to nothing.
+/// Returns the error for a connection that we dialled and that failed.
 pub(super) fn explain(
     addr: SocketAddr,
     expected: PeerName,

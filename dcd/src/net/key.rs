@@ -1,6 +1,6 @@
-//! Key pairs as every dcd process has one: Ed25519, made and used by ring.
+//! Makes and uses the key pair of a dcd process: Ed25519, by ring.
 //!
-//! No process of ours shows another kind, so none is understood: whatever is not here, cannot be attacked.
+//! No dcd process uses another kind, so none is accepted: code that is not here cannot be attacked.
 
 use std::fmt;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use rustls::pki_types::{PrivateKeyDer, PrivatePkcs8KeyDer};
 
 use super::NetError;
 
-/// What a proof of possession is made of beside the token that it is for.
+/// The prefix of what a proof of possession signs; the token that it is for follows.
 const PROOF: &[u8] = b"dcd joins with this key and the token ";
 
 /// A private key with its public half.
@@ -23,12 +23,12 @@ pub(super) struct Key {
     der: PrivatePkcs8KeyDer<'static>,
 }
 
-/// The public half of somebody's key.
+/// The public half of a process's key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct PublicKey(pub(super) [u8; ED25519_PUBLIC_KEY_LEN]);
 
 impl Key {
-    /// A new one.
+    /// Generates a key.
     pub(super) fn generate() -> Result<Self, NetError> {
         let made = Ed25519KeyPair::generate_pkcs8(&SystemRandom::new());
         let made = made.map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))?;
@@ -42,7 +42,7 @@ impl Key {
         Some(Self { pair, der: der.clone_key() })
     }
 
-    /// PKCS#8.
+    /// Returns the key as PKCS#8.
     pub(super) fn der(&self) -> &PrivatePkcs8KeyDer<'static> {
         &self.der
     }
@@ -51,14 +51,14 @@ impl Key {
         PublicKey(self.pair.public_key().as_ref().try_into().expect("it has this length"))
     }
 
-    /// Shows who has the token that this key is theirs.
+    /// Signs the token: a proof that the joiner has the private half of this key.
     pub(super) fn prove(&self, token: &str) -> Vec<u8> {
         self.pair.sign(&[PROOF, token.as_bytes()].concat()).as_ref().to_vec()
     }
 }
 
 impl PublicKey {
-    /// Whether the one who made the proof for this token has the private half.
+    /// Returns whether the proof for this token was made with the private half.
     pub(super) fn is_proved(&self, token: &str, proof: &[u8]) -> bool {
         let key = UnparsedPublicKey::new(&ED25519, self.0);
         key.verify(&[PROOF, token.as_bytes()].concat(), proof).is_ok()
@@ -91,7 +91,7 @@ impl rcgen::SigningKey for Key {
     }
 }
 
-/// Gives TLS our keys.
+/// A certificate resolver that gives our key to TLS.
 #[derive(Debug)]
 pub(super) struct Keys;
 

@@ -1,4 +1,4 @@
-//! Ordered frames on one stream each: what a lane holds back while its stream is blocked, and how frames are read.
+//! Sends and reads ordered frames on lanes, one QUIC stream each; queues what a lane's stream does not take while it is blocked.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -8,20 +8,21 @@ use std::task::{Context, Poll, Waker};
 
 use quinn::{ReadError, ReadExactError, RecvStream, SendStream, WriteError};
 
-/// Frames of one lane arrive in order; a lane that stalls does not hold up the others (thesis: separate channels).
+/// A channel of ordered frames: frames of one lane arrive in order; a lane that stalls does not hold up the others (thesis:
+/// separate channels).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Lane {
     /// Membership, leadership, pings, distribution. Goes first when the link is narrow.
     Admin,
     /// Exchanges, transfers, shapes.
     Object,
-    /// What clients ask for and are told.
+    /// Client inputs, queries and state replication.
     Client,
-    /// What programs say to each other: goes last, and takes no room from others.
+    /// Messages between programs: goes last, and takes no room from others.
     Program,
 }
 
-/// How many there are.
+/// Number of lanes.
 pub(super) const LANES: usize = Lane::ALL.len();
 
 impl Lane {
@@ -62,7 +63,7 @@ impl LaneSender {
         Self { stream, waiting: VecDeque::new(), sent: 0, task: None }
     }
 
-    /// Sends or queues. `queued` counts the bytes that wait on all lanes of the peer; when they are more than `limit`
+    /// Sends a frame or queues it. `queued` counts the bytes that wait on all lanes of the peer; when they are more than `limit`
     /// the frame is refused. A frame is never refused when nothing waits.
     pub(super) fn send(
         &mut self,
@@ -92,7 +93,7 @@ impl LaneSender {
         Ok(())
     }
 
-    /// The lane's task: writes what waits, for as long as the connection lives.
+    /// Polls the lane's task: writes what waits, for as long as the connection lives.
     pub(super) fn poll_run(&mut self, context: &mut Context<'_>, queued: &AtomicUsize) -> Poll<WriteError> {
         self.task = Some(context.waker().clone());
         match self.flush(context, queued) {
@@ -101,7 +102,7 @@ impl LaneSender {
         }
     }
 
-    /// Ready when nothing waits; then the stream is finished.
+    /// Polls until nothing waits; then the stream is finished.
     pub(super) fn poll_finish(
         &mut self,
         context: &mut Context<'_>,
@@ -144,7 +145,7 @@ impl LaneSender {
     }
 }
 
-/// Why a lane does not take a frame.
+/// The reason for which a lane refuses a frame.
 pub(super) enum SendFailure {
     /// Too much waits already.
     Full,
@@ -155,7 +156,7 @@ pub(super) enum SendFailure {
 /// A frame's length in front of it, u32, little endian.
 const PREFIX_BYTES: usize = 4;
 
-/// What a lane's stream says next.
+/// The next item on a lane's stream.
 pub(super) enum FrameStart {
     /// A frame of this many bytes follows.
     Length(usize),
@@ -163,7 +164,7 @@ pub(super) enum FrameStart {
     Finished,
 }
 
-/// Why a lane cannot be read any further.
+/// The error with which reading a lane ends.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum LaneError {
     #[error("a frame of {bytes} bytes on the {lane}, its limit is {limit}")]

@@ -1,4 +1,4 @@
-//! What an authority must not forget: which tokens were used, and which ids are given away.
+//! Records an authority's joins durably: which tokens were used, and which ids were given.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -16,7 +16,7 @@ type Nonce = [u8; NONCE_BYTES];
 /// folder's lock while it has the ledger open; minting tokens needs no ledger.
 pub(super) struct Ledger {
     log: File,
-    /// Of the whole lines in the log.
+    /// Length of the whole lines in the log.
     log_bytes: u64,
     log_path: PathBuf,
     /// Nonces of used tokens, each until its token would have expired anyway.

@@ -1,4 +1,4 @@
-//! A bound on everything that a peer can make us hold.
+//! Bounds everything that a peer can make us hold: frames, queues, windows, connections, handshakes.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,17 +9,17 @@ use super::PeerName;
 use super::lanes::LANES;
 use crate::protocol::link;
 
-/// Datagrams are never longer: they must fit into one packet on every path.
+/// The longest datagram: it must fit into one packet on every path.
 pub const MAX_DATAGRAM_BYTES: usize = crate::protocol::DATAGRAM_BYTES;
 
-/// Time-outs and sizes of a process's network. The defaults suit a cluster that steps 60 times a second.
+/// Time-outs and sizes of a process's network. The defaults suit a cluster that steps at 60 ticks per second.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// A peer that is silent for so long is reported as closed: killed, cut off, or stopped.
+    /// A peer that is silent for this long is reported as closed: killed, cut off, or stopped.
     pub idle_timeout: Duration,
-    /// A side that has nothing to say says so this often.
+    /// How often an idle side sends a keep-alive.
     pub keep_alive: Duration,
-    /// From the first packet to the last greeting; also for a join.
+    /// How long the handshake may take, from the first packet to the last greeting; also a join.
     pub handshake_timeout: Duration,
     /// How long closing waits until the peer has what was sent before.
     pub linger: Duration,
@@ -35,7 +35,7 @@ pub struct Limits {
     pub connections: usize,
     /// How many handshakes and joins may be under way; more are ignored, and dial again by themselves.
     pub handshakes: usize,
-    /// From so many handshakes on, a dialler must first prove that it has the address it writes from.
+    /// From this many handshakes under way on, a dialler must first prove that it has the address it writes from.
     pub handshakes_before_retry: usize,
 }
 
@@ -57,32 +57,32 @@ impl Default for Limits {
     }
 }
 
-/// What a server or node may send ahead of our reading.
+/// How much a server or node may send ahead of our reading.
 const RECEIVE_WINDOW_BYTES: u32 = 4 << 20;
-/// The same for one that has not proved its name yet: a flood of them must not cost much.
+/// How much a peer that has not proved its name may send ahead: a flood of them must not cost much.
 const UNPROVEN_WINDOW_BYTES: u32 = 32 << 10;
-/// The world's three lanes fit into the connection's window together, so that a stalled one leaves room for the others; the
-/// program lane never has more on it than its own, small window.
+/// The receive window of one stream: the world's three lanes fit into the connection's window together, so that a stalled one
+/// leaves room for the others; the program lane never has more on it than its own, small window.
 const STREAM_WINDOW_BYTES: u32 = 5 << 18;
 
 impl Limits {
-    /// Frames *from* `who` may be so long.
+    /// Returns how long a frame *from* `who` may be.
     pub(super) fn frame_bytes_of(&self, who: PeerName) -> usize {
         if is_client_only(who) { self.client_frame_bytes } else { self.frame_bytes }
     }
 
-    /// So much may wait *for* `who`.
+    /// Returns how many bytes may wait *for* `who`.
     pub(super) fn queue_bytes_of(&self, who: PeerName) -> usize {
         if is_client_only(who) { self.client_queue_bytes } else { self.queue_bytes }
     }
 
-    /// So much may be in flight to `who`.
+    /// Returns how many bytes may be in flight to `who`.
     pub(super) fn send_window_of(&self, who: PeerName) -> u64 {
         let world = if is_client_only(who) { self.client_queue_bytes } else { link::WINDOW_BYTES };
         (world + link::PROGRAM_WINDOW_BYTES) as u64
     }
 
-    /// So much may `who` send ahead of our reading.
+    /// Returns how many bytes `who` may send ahead of our reading.
     pub(super) fn receive_window_of(&self, who: PeerName) -> VarInt {
         if is_client_only(who) {
             u32::try_from(2 * self.client_frame_bytes).map_or(VarInt::MAX, VarInt::from_u32)
@@ -91,7 +91,7 @@ impl Limits {
         }
     }
 
-    /// So much of what `who` sent may wait for the role's loop; then the connection alone is held back.
+    /// Returns how many bytes from `who` may wait for the role's loop; beyond that only its connection is held back.
     pub(super) fn inbox_bytes_of(&self, who: PeerName) -> usize {
         link::inbox_bytes(self.frame_bytes_of(who))
     }

@@ -1,4 +1,4 @@
-//! Byte frames between processes over QUIC, with an authority of our own, join tokens and mutual TLS.
+//! Carries byte frames between processes over QUIC, with an authority of our own, join tokens and mutual TLS.
 //!
 //! A server makes its own [`Authority`] on first start. The authority mints a [`Token`]; a new process trades it for an
 //! [`Identity`] with `join`; with an identity it starts its [`Net`] and dials others, each side proving its name.
@@ -43,5 +43,5 @@ pub use role::{JoinRole, PeerName};
 pub use stats::{NetTotals, PeerStats};
 pub use token::{ResumeKey, Token};
 
-/// The version of everything that dcd processes say to one another. Processes of unlike versions refuse each other.
+/// The version of dcd's whole network protocol. Processes of different versions refuse each other.
 pub const PROTOCOL_VERSION: u32 = 4;

@@ -1,4 +1,4 @@
-//! One proven connection: its lanes, its datagrams, its end.
+//! Carries one proven connection: greets, sends and reads its lanes and datagrams, and closes it.
 
 use std::future::poll_fn;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -17,25 +17,25 @@ use super::{
 };
 use crate::protocol::link;
 
-/// What callers and tasks share of a connection.
+/// The state of a connection that callers and tasks share.
 pub(super) struct Peer {
     pub(super) key: PeerKey,
     pub(super) who: PeerName,
     connection: Connection,
     lanes: [Mutex<LaneSender>; LANES],
-    /// What waits for the world's lanes together.
+    /// Bytes that wait for the world's lanes together.
     queue: Queue,
-    /// What waits for the program lane.
+    /// Bytes that wait for the program lane.
     program_queue: Queue,
     inbox_bytes: usize,
-    /// Frames from the peer may be so long.
+    /// The longest frame accepted from the peer.
     frame_limit: usize,
     counters: Counters,
     /// The rule that the peer broke, if it did.
     violation: Mutex<Option<String>>,
 }
 
-/// Bytes that wait, and how many may.
+/// The number of bytes that wait, and how many may.
 struct Queue {
     bytes: AtomicUsize,
     limit: usize,
@@ -53,7 +53,7 @@ pub(super) struct Lanes {
     receivers: [RecvStream; LANES],
 }
 
-/// Why two processes do not begin to talk.
+/// The reason for which a greeting fails.
 pub(super) enum GreetError {
     Lost(ConnectionError),
     Refused(String),
@@ -153,7 +153,7 @@ impl Peer {
         if length > MAX_DATAGRAM_BYTES {
             return Err(SendError::DatagramTooLong { bytes: length });
         }
-        // QUIC makes room by dropping the oldest: the newest state is the one worth sending.
+        // QUIC makes room by dropping the oldest datagrams: the newest state is the one worth sending.
         if self.connection.datagram_send_buffer_space() < length {
             self.counters.datagrams_dropped.fetch_add(1, Ordering::Relaxed);
         }
@@ -171,7 +171,7 @@ impl Peer {
         }
     }
 
-    /// Bytes of datagrams that wait to be sent.
+    /// Returns the bytes of datagrams that wait to be sent.
     pub(super) fn datagrams_waiting(&self) -> usize {
         link::DATAGRAM_QUEUE_BYTES.saturating_sub(self.connection.datagram_send_buffer_space())
     }
@@ -305,7 +305,7 @@ impl Peer {
 
 const DATAGRAM_INBOX_BYTES: usize = 64 << 10;
 
-/// What a message takes of its inbox: its bytes and what carrying it costs, but never more than there is.
+/// Returns what a message takes of its inbox: its bytes and the overhead of carrying it, but never more than the whole inbox.
 fn share_of(length: usize, inbox_bytes: usize) -> u32 {
     const OVERHEAD_BYTES: usize = 64;
     u32::try_from((length + OVERHEAD_BYTES).min(inbox_bytes)).unwrap_or(u32::MAX)

@@ -1,14 +1,14 @@
-//! What a process is to the others, and the names that its certificate proves.
+//! Defines the roles of processes and the names that their certificates prove.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::space::{ClientId, NodeId};
 
-/// What a process does in the world.
+/// The role of a process in a served world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum JoinRole {
-    /// Directory, record and arbiter.
+    /// Keeps the directory and the record of the world, and decides on membership.
     Server,
     /// Computes regions.
     Node,
@@ -71,7 +71,7 @@ pub enum PeerName {
 }
 
 impl PeerName {
-    /// The role that the name implies.
+    /// Returns the role that the name implies.
     pub fn role(self) -> JoinRole {
         match self {
             Self::Server => JoinRole::Server,
@@ -81,7 +81,7 @@ impl PeerName {
         }
     }
 
-    /// The id as a node, if it is one.
+    /// Returns the id as a node, if it is one.
     pub fn node(self) -> Option<NodeId> {
         match self {
             Self::Node(node) | Self::Participant(node, _) => Some(node),
@@ -89,7 +89,7 @@ impl PeerName {
         }
     }
 
-    /// The id as a client, if it is one.
+    /// Returns the id as a client, if it is one.
     pub fn client(self) -> Option<ClientId> {
         match self {
             Self::Client(client) | Self::Participant(_, client) => Some(client),
@@ -97,8 +97,8 @@ impl PeerName {
         }
     }
 
-    /// Whether a process that proved to be `self` is the one that was asked for: a participant answers to its names
-    /// as node and as client too.
+    /// Returns whether a process that proved to be `self` is the one that was dialled: a participant answers to its names as node
+    /// and as client too.
     pub fn answers_to(self, expected: PeerName) -> bool {
         match expected {
             Self::Server | Self::Participant(..) => self == expected,
@@ -107,7 +107,7 @@ impl PeerName {
         }
     }
 
-    /// The name and ids of `role`, when exactly the ids that the role has are there.
+    /// Returns the name of `role` with these ids, if exactly the ids that the role has are given.
     pub(super) fn from_parts(role: JoinRole, node: Option<NodeId>, client: Option<ClientId>) -> Option<Self> {
         match (role, node, client) {
             (JoinRole::Server, None, None) => Some(Self::Server),
@@ -118,7 +118,7 @@ impl PeerName {
         }
     }
 
-    /// The DNS names of the certificate.
+    /// Returns the DNS names of the certificate.
     pub(super) fn dns_names(self) -> Vec<String> {
         let mut names = Vec::new();
         if self == Self::Server {
@@ -129,7 +129,7 @@ impl PeerName {
         names
     }
 
-    /// The name of a certificate with exactly these DNS names.
+    /// Returns the name of a certificate with exactly these DNS names.
     pub(super) fn from_dns_names<'a>(names: impl Iterator<Item = &'a str>) -> Option<Self> {
         let (mut server, mut node, mut client) = (false, None, None);
         for name in names {

@@ -1,11 +1,11 @@
-//! Counters.
+//! Counts the traffic of connections: bytes, frames, datagrams, packets, round trips.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use quinn::PathStats;
 
-/// What has passed over one connection. Bytes are those of frames and datagrams, without QUIC's own.
+/// Traffic over one connection. Bytes are those of frames and datagrams, without QUIC's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PeerStats {
     /// Bytes received.
@@ -26,13 +26,13 @@ pub struct PeerStats {
     pub bytes_waiting: u64,
     /// Packets of QUIC sent.
     pub packets_out: u64,
-    /// Those of them that got lost on the way, as far as QUIC knows.
+    /// Packets lost on the way, as far as QUIC knows.
     pub packets_lost: u64,
     /// Smoothed round trip as QUIC sees it. In totals: of the slowest peer.
     pub rtt: Duration,
 }
 
-/// What has passed over all connections since the start, and who came.
+/// Traffic over all connections since the start, with joins and handshakes granted and refused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NetTotals {
     /// Sums over living and closed connections.
@@ -50,7 +50,7 @@ pub struct NetTotals {
 }
 
 impl PeerStats {
-    /// Adds what passed over another connection.
+    /// Adds the traffic of another connection.
     pub(crate) fn add(&mut self, other: &Self) {
         self.bytes_in += other.bytes_in;
         self.bytes_out += other.bytes_out;

@@ -1,4 +1,4 @@
-//! The texts that let a process in: a join token (once), and a resume key (the same ids again).
+//! Encodes and checks the texts that admit a process: a join token (once), and a resume key (the same ids again).
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use super::fields::Fields;
 use super::{JoinRole, PeerName, TokenError};
 use crate::space::{ClientId, NodeId};
 
-/// Lets one process join, once, in one role, until it expires. One line of text.
+/// A join token: lets one process join, once, in one role, until it expires. One line of text.
 ///
 /// The joiner reads two things in it: the role, and the fingerprint by which it knows the server's authority. That the
 /// authority minted it is for the server alone to check.
@@ -23,14 +23,14 @@ pub struct Token {
     pub(super) seal: [u8; SEAL_BYTES],
 }
 
-/// Proof that the authority gave these ids to the bearer before; with it and a fresh token they are given again.
+/// A resume key: proof that the authority gave these ids to the bearer before; with it and a fresh token they are given again.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResumeKey {
     pub(super) who: PeerName,
     pub(super) seal: [u8; SEAL_BYTES],
 }
 
-/// What seals tokens and resume keys: known to the authority only.
+/// The secret that seals tokens and resume keys, known to the authority only.
 pub(super) struct Secret(pub(super) [u8; 32]);
 
 pub(super) const NONCE_BYTES: usize = 16;
@@ -40,12 +40,12 @@ const RESUME_PREFIX: &str = "dcdr1-";
 const OTHER_LENGTH: TokenError = TokenError::Malformed("its length is another");
 
 impl Token {
-    /// What the bearer joins as.
+    /// Returns the role that the bearer joins as.
     pub fn role(&self) -> JoinRole {
         self.role
     }
 
-    /// Says at once, without the server, that the token is for something else.
+    /// Checks, without the server, that the token is for this role.
     pub fn require(&self, wanted: JoinRole) -> Result<(), TokenError> {
         if self.role == wanted { Ok(()) } else { Err(TokenError::WrongRole { found: self.role, wanted }) }
     }
@@ -163,7 +163,7 @@ impl Secret {
     }
 }
 
-/// Whole seconds since 1970; before that is 0.
+/// Returns whole seconds since 1970; 0 before that.
 pub(super) fn unix_seconds(time: SystemTime) -> u64 {
     time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO).as_secs()
 }

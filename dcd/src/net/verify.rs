@@ -1,4 +1,4 @@
-//! TLS as all dcd processes use it: version 1.3, ring, our own authority, no resumption and no early data.
+//! Configures TLS for all dcd processes: version 1.3, ring, our own authority, no resumption and no early data.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -17,32 +17,32 @@ use super::{Identity, NetError, PeerName};
 
 const ALPN: &[u8] = b"dcd";
 
-/// SHA-256, by which tokens name an authority.
+/// Returns the SHA-256 by which tokens name an authority.
 pub(super) fn fingerprint(certificate: &CertificateDer<'_>) -> [u8; 32] {
     let hash = ring::digest::digest(&ring::digest::SHA256, certificate);
     hash.as_ref().try_into().expect("SHA-256 has 32 bytes")
 }
 
-/// Bytes that nobody can foresee.
+/// Returns random bytes that nobody can predict.
 pub(super) fn random<const N: usize>() -> Result<[u8; N], NetError> {
     let mut bytes = [0; N];
     let filled = System.fill(&mut bytes);
     filled.map(|()| bytes).map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))
 }
 
-/// JoinRole and ids that a certificate names; `None` for one that is not of dcd's making.
+/// Returns the role and ids that a certificate names; `None` for one that is not dcd's.
 pub(super) fn names_of(certificate: &CertificateDer<'_>) -> Option<PeerName> {
     let certificate = webpki::EndEntityCert::try_from(certificate).ok()?;
     PeerName::from_dns_names(certificate.valid_dns_names())
 }
 
-/// Whom the other side of a connection has proved to be; `None` for an anonymous one.
+/// Returns the name that the other side of a connection has proved; `None` for an anonymous one.
 pub(super) fn names_of_peer(peer_identity: Option<Box<dyn Any>>) -> Option<PeerName> {
     let chain = peer_identity?.downcast::<Vec<CertificateDer<'static>>>().ok()?;
     names_of(chain.first()?)
 }
 
-/// How to answer: everyone proves its name, except that a server lets anonymous peers in to join.
+/// Configures the answering side: everyone proves its name, except that a server lets anonymous peers in to join.
 pub(super) fn answering(identity: &Identity, anonymous_may_join: bool) -> Result<ServerConfig, NetError> {
     let roots = Arc::new(roots(&identity.authority)?);
     let mut clients = WebPkiClientVerifier::builder_with_provider(roots, provider());
@@ -63,7 +63,7 @@ pub(super) fn answering(identity: &Identity, anonymous_may_join: bool) -> Result
     Ok(config)
 }
 
-/// How to dial with an identity.
+/// Configures the dialling side, with an identity.
 pub(super) fn dialling(identity: &Identity) -> Result<ClientConfig, NetError> {
     let config = ClientConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&TLS13])
@@ -74,7 +74,7 @@ pub(super) fn dialling(identity: &Identity) -> Result<ClientConfig, NetError> {
     Ok(for_dcd(config))
 }
 
-/// How to dial a server without an identity: it must show the authority that the token names.
+/// Configures dialling a server without an identity: it must show the authority that the token names.
 pub(super) fn joining(fingerprint: [u8; 32]) -> Result<ClientConfig, NetError> {
     let verifier = PinnedAuthority { fingerprint };
     let config = ClientConfig::builder_with_provider(provider())
@@ -92,13 +92,13 @@ fn for_dcd(mut config: ClientConfig) -> ClientConfig {
     config
 }
 
-/// What signs certificates and handshakes.
+/// The signature algorithms of certificates and handshakes.
 static SIGNATURES: WebPkiSupportedAlgorithms = WebPkiSupportedAlgorithms {
     all: &[webpki::ring::ED25519],
     mapping: &[(SignatureScheme::ED25519, &[webpki::ring::ED25519])],
 };
 
-/// The cryptography of all links: no more of it than our own processes show each other.
+/// Returns the cryptography of all links: no more of it than our own processes use.
 fn provider() -> Arc<CryptoProvider> {
     Arc::new(CryptoProvider {
         cipher_suites: vec![
@@ -113,7 +113,7 @@ fn provider() -> Arc<CryptoProvider> {
     })
 }
 
-/// Random bytes of the operating system.
+/// The operating system's source of random bytes.
 #[derive(Debug)]
 struct System;
 
@@ -133,7 +133,7 @@ fn tls(error: impl std::fmt::Display) -> NetError {
     NetError::Tls(error.to_string())
 }
 
-/// Trusts the one authority whose certificate has this fingerprint, and through it the server as usual.
+/// A certificate verifier that trusts the one authority with this fingerprint, and through it the server as usual.
 #[derive(Debug)]
 struct PinnedAuthority {
     fingerprint: [u8; 32],

@@ -1,15 +1,15 @@
-//! Multibody joints: bodies in reduced coordinates. Rapier solves all links of a multibody together, so one region has all
-//! of it, with whatever other joints tie to it: it is never shared, and moves whole.
+//! Records and restores the links of multibody joints (bodies in reduced coordinates). Rapier solves all links of a multibody
+//! together, so one region has all of it, with whatever other joints tie to it: it is never shared, and moves whole.
 
 use rapier3d::prelude::*;
 
 use super::convert;
 use crate::protocol::{LinkMotion, LinkRecord, WorldPose};
 
-/// What a multibody joint has besides what every joint has.
+/// The settings that a multibody joint has besides those of every joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinkSettings {
-    /// Velocities of its degrees of freedom are the user's alone.
+    /// Only the user sets the velocities of its degrees of freedom.
     pub kinematic: bool,
     /// By degree of freedom, the linear ones first: damping, N·s/m or N·m·s; `None` is Rapier's choice, 0.1 for turning.
     pub damping: Option<[f32; 6]>,
@@ -28,7 +28,7 @@ impl LinkSettings {
     }
 }
 
-/// Why Rapier cannot have a joint in a multibody, if so.
+/// Returns why Rapier cannot have a joint in a multibody; `None` if it can.
 pub(crate) fn link_fault(joint: &GenericJoint) -> Option<&'static str> {
     // Rapier has no reduced coordinates for these.
     let turning = 3 - (joint.locked_axes.bits() >> 3).count_ones();
@@ -36,7 +36,7 @@ pub(crate) fn link_fault(joint: &GenericJoint) -> Option<&'static str> {
         .then_some("it may turn about two axes; use an impulse joint, or two joints with a body between")
 }
 
-/// Makes the second body a link of the first one's multibody; none if Rapier refuses.
+/// Makes the second body a link of the first one's multibody; `None` if Rapier refuses.
 pub(crate) fn insert_link(
     joints: &mut MultibodyJointSet,
     a: RigidBodyHandle,
@@ -91,7 +91,7 @@ pub(super) fn set_velocity(multibody: &mut Multibody, id: usize, velocity: &[f32
     velocities.as_mut_slice()[first..first + dofs].copy_from_slice(&velocity[..dofs]);
 }
 
-/// What brings a joint from its zero to where it was, one after the other.
+/// Returns the displacements that bring a joint from its zero to where it was, to be applied one after the other.
 fn displacements(joint: &MultibodyJoint, motion: &LinkMotion) -> Vec<[f32; 6]> {
     let locked = joint.data.locked_axes.bits();
     let turning = 3 - (locked >> 3).count_ones();
@@ -109,7 +109,7 @@ fn displacements(joint: &MultibodyJoint, motion: &LinkMotion) -> Vec<[f32; 6]> {
     ways
 }
 
-/// The values of the free axes, one after the other.
+/// Returns the values of the free axes, one after the other.
 fn free_of(locked: u8, values: [f32; 6]) -> [f32; 6] {
     let mut free = [0.0; 6];
     let axes = (0..6).filter(|axis| locked & (1 << axis) == 0);
@@ -117,8 +117,8 @@ fn free_of(locked: u8, values: [f32; 6]) -> [f32; 6] {
     free
 }
 
-/// Whole turns, each of which leaves a joint pointing where it does, in pairs that add up to anything that is not longer than
-/// both; here to this sum.
+/// Returns whole turns, each of which leaves a joint pointing where it does. Two of them can add up to any vector that is not
+/// longer than both; here all pairs add up to `sum`.
 fn whole_turns(sum: Vector) -> impl Iterator<Item = Vector> {
     const TURN: f32 = std::f32::consts::TAU;
     /// More than hours of tumbling add up to; a peer may say anything.
@@ -131,7 +131,7 @@ fn whole_turns(sum: Vector) -> impl Iterator<Item = Vector> {
     (0..pairs as usize).flat_map(move |_| [half + aside, half - aside])
 }
 
-/// The link of a multibody as it is now.
+/// Records the link of a multibody as it is now.
 pub(super) fn record_of(multibody: &Multibody, id: usize, known: &LinkRecord) -> LinkRecord {
     let link = multibody.link(id).expect("a link of this multibody");
     let (first, dofs) = (link.assembly_id(), link.joint().ndofs());
@@ -154,9 +154,9 @@ pub(super) fn record_of(multibody: &Multibody, id: usize, known: &LinkRecord) ->
     }
 }
 
-/// Where a link is by the poses of its two bodies: for a joint of which nobody remembers more. It is at rest.
+/// Returns the motion of a link from the poses of its two bodies, at rest: for a joint of which no more is recorded.
 pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMotion {
-    // Relative to the first body's place, so that f32 does.
+    // Relative to the first body's position, so that f32 is exact enough.
     let anchor = a.translation;
     let frame = |pose: &WorldPose, local: Pose| convert::region_from_world(anchor, pose) * local;
     let between = frame(a, joint.local_frame1).inverse() * frame(b, joint.local_frame2);

@@ -1,20 +1,20 @@
-//! What a scene, a command line or a program asks of the coupling.
+//! Holds the coupling settings that a scene, a command line or a program asks for, and applies them to [`StepSettings`].
 
 use super::{Coupling, Preset, StepSettings};
 
-/// A coupling with the numbers that suit it.
+/// A coupling method with the settings that suit it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// This one, with the exchanges that are usual for it.
+    /// This method, with its usual exchanges per tick.
     Coupling(Coupling),
     /// [`Coupling::Auto`] with all that the preset stands for.
     Preset(Preset),
 }
 
-/// What is asked of the coupling; what is not asked for stays as it is.
+/// The coupling settings that are asked for; `None` leaves a setting as it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CouplingChoice {
-    /// How regions agree. It changes the numbers below first.
+    /// The coupling method. It is applied before the settings below.
     pub method: Option<Method>,
     /// As [`StepSettings::exchanges`].
     pub exchanges: Option<usize>,
@@ -27,7 +27,7 @@ pub struct CouplingChoice {
 }
 
 impl CouplingChoice {
-    /// The settings changed as asked.
+    /// Returns the settings changed as asked.
     ///
     /// ```
     /// use dcd::physics::{CouplingChoice, Method, Preset, StepSettings};

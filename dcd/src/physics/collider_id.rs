@@ -1,8 +1,8 @@
-//! Names colliders across regions.
+//! Names colliders by body and index, so that a name is the same in every region.
 
 use crate::space::BodyId;
 
-/// A collider by its body and its place on it, counted from 0 in order of insertion.
+/// The id of a collider: its body and its index there, counted from 0 in order of insertion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ColliderId {
     /// Which body.

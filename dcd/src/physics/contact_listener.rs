@@ -1,4 +1,4 @@
-//! Listens to one Rapier world while it steps, and names what it hears by bodies instead of handles.
+//! Records the contact and force events of one Rapier world while it steps, by body ids instead of handles.
 
 use std::collections::BTreeSet;
 use std::sync::Mutex;
@@ -11,7 +11,7 @@ use super::convert;
 use crate::protocol::{ColliderRecord, ContactForce, ContactKey, RegionEvents, Touch};
 use crate::space::BodyId;
 
-/// Rapier's event handler for one region.
+/// The contact listener: Rapier's event handler for one region.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct ContactListener {
     /// Only the stepping thread locks it; Rapier asks for a handler that can be shared.
@@ -22,17 +22,17 @@ pub(super) struct ContactListener {
     touching: BTreeSet<ContactKey>,
     /// Contacts whose bodies left the region since the last step.
     lost: Vec<ContactKey>,
-    /// Colliders that were there already when their user turned forces on or off, since the last step.
+    /// Colliders already in the region whose force events the user turned on or off since the last step.
     #[serde(skip)]
     turned: Vec<ColliderHandle>,
 }
 
-/// A collider.
+/// The name of a collider.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct Name {
-    /// Its body, and its place on it.
+    /// Its body, and its index there.
     of: (BodyId, u16),
-    /// Above what force it is to be told of, newtons; infinite for never.
+    /// The force above which its contacts are reported, newtons; infinite for never.
     threshold_n: f32,
 }
 
@@ -58,8 +58,8 @@ struct RawForce {
 }
 
 impl ContactListener {
-    /// A collider entered the region, or was changed by its user. Rapier is to tell of any force from then on: whether it is
-    /// above the user's threshold shows when the shares of all regions and all substeps of a tick are added up.
+    /// Registers a collider that entered the region, or that its user changed. Rapier reports any force from then on: whether it
+    /// is above the user's threshold shows only when the parts of all regions and all substeps of a tick are added up.
     pub(super) fn name(
         &mut self,
         collider: &mut Collider,
@@ -80,9 +80,9 @@ impl ContactListener {
         }
     }
 
-    /// A body left the region: its contacts here cease. Rapier would say so a step later, when its handles may already
-    /// belong to another body. It is told after the next step too, for by then the region that the body went to has seen
-    /// these contacts, and nobody hears that they ceased.
+    /// Ends the contacts of a body that left the region. Rapier would report their end a step later, when its handles may already
+    /// belong to another body. It is reported only after the next step here too, for by then the region that the body went to has
+    /// seen these contacts, and the user is not told that they ceased.
     pub(super) fn forget(&mut self, body: BodyId) {
         let gone: Vec<_> =
             self.touching.iter().filter(|key| key.a == body || key.b == body).copied().collect();
@@ -92,21 +92,22 @@ impl ContactListener {
         }
     }
 
-    /// To be called after the step that heeds what [`ContactListener::name`] was told. Rapier 0.36 overlooks a contact whose forces
-    /// were turned on if another contact ended in the same step, and for as long as it rests: it keeps contacts by place, and
-    /// the last one moves to where one ended. So it is to look once more in the next step.
+    /// Makes Rapier look again, in the next step, at colliders whose force events were turned on or off. To be called after the
+    /// step that follows [`ContactListener::name`]. Rapier 0.36 overlooks a contact whose forces were turned on if another
+    /// contact ended in the same step, and for as long as it rests: it keeps contacts by place, and the last one moves to where
+    /// one ended.
     pub(super) fn remind(&mut self, colliders: &mut ColliderSet) {
         for handle in self.turned.drain(..) {
             colliders.get_mut(handle);
         }
     }
 
-    /// Whether contacts ended, as their bodies went, since the last step.
+    /// Returns whether contacts ended since the last step because their bodies left the region.
     pub(super) fn owes_word(&self) -> bool {
         !self.lost.is_empty()
     }
 
-    /// Names everything heard since the last call and appends it to `events`; forces count for this part of a tick.
+    /// Appends everything recorded since the last call to `events`, by body ids; forces count for this part of a tick.
     pub(super) fn drain(&mut self, anchor: [f64; 3], part: f32, events: &mut RegionEvents) {
         events.touches.extend(self.lost.drain(..).map(|key| end_of(key, false)));
         let heard = std::mem::take(self.heard.get_mut().expect("a region steps on one thread at a time"));
@@ -143,7 +144,7 @@ impl ContactListener {
         }
     }
 
-    /// The body of a collider, and its place on it.
+    /// Returns the body of a collider, and its index there.
     pub(super) fn name_of(&self, handle: ColliderHandle) -> Option<(BodyId, u16)> {
         Some(self.names.get(handle.into_raw_parts().0 as usize)?.as_ref()?.of)
     }

@@ -1,13 +1,15 @@
-//! Wire values to Rapier's mathematics and back. Region space is f32, relative to the region's anchor.
+//! Converts wire values to Rapier's types and back, and world space (f64) to region space (f32, relative to the region's origin,
+//! its anchor).
 
 use rapier3d::prelude::*;
 
 use crate::protocol::{self, Velocity, WORLD_REACH_M, WorldPose};
 
-/// Anchors lie on a grid this coarse, so that worlds within ±256 m have one anchor and all their regions agree bit for bit.
+/// The spacing of the grid on which region origins (anchors) lie: so coarse that worlds within ±256 m have one anchor and all
+/// their regions agree bit for bit.
 pub(crate) const ANCHOR_GRID_M: f64 = 512.0;
 
-/// The anchor of a region whose part of the world has this middle.
+/// Returns the origin (anchor) of a region whose part of the world has this centre.
 pub(crate) fn anchor_of(centre: [f64; 3]) -> [f64; 3] {
     centre.map(|v| (v / ANCHOR_GRID_M).round() * ANCHOR_GRID_M)
 }
@@ -32,7 +34,7 @@ pub(crate) fn region_from_world(anchor: [f64; 3], pose: &WorldPose) -> Pose {
     Pose::from_parts(region_point(anchor, pose.translation), rotation(pose.rotation))
 }
 
-/// What has left the world is told at its edge: farther out no message may have it.
+/// Converts a pose to world space. A body that has left the world is reported at its edge: no message may have it farther out.
 #[inline]
 pub(crate) fn world_from_region(anchor: [f64; 3], pose: &Pose) -> WorldPose {
     let translation = world_point(anchor, pose.translation).map(|v| v.clamp(-WORLD_REACH_M, WORLD_REACH_M));
@@ -49,7 +51,8 @@ pub(crate) fn world_point(anchor: [f64; 3], point: Vector) -> [f64; 3] {
     std::array::from_fn(|i| f64::from(point[i]) + anchor[i])
 }
 
-/// A body that follows poses keeps what a contact with a broken one has made of its velocity; it is told as at rest.
+/// Returns a body's velocity, or zero if it is not finite: a position-based kinematic body keeps what a contact with a broken
+/// body has made of its velocity.
 #[inline]
 pub(crate) fn velocity_of(body: &RigidBody) -> Velocity {
     let velocity = Velocity { linear: body.linvel().to_array(), angular: body.angvel().to_array() };

@@ -1,22 +1,22 @@
-//! A user's say in contacts, while regions step.
+//! Lets a user filter and modify contacts while regions step: Rapier's physics hooks, with bodies by id.
 
 use rapier3d::prelude::*;
 
 use super::collider_id::ColliderId;
 use super::contact_listener::ContactListener;
 
-/// Rapier's `PhysicsHooks` with bodies by name. Only colliders with the matching `ActiveHooks` are asked about.
+/// Rapier's `PhysicsHooks` with bodies by id. Only colliders with the matching `ActiveHooks` are asked about.
 ///
-/// Regions ask at the same time, from several threads, and every region that holds both bodies asks about its own copies:
-/// what is answered must depend on nothing that differs between regions or from tick to tick, or the regions disagree.
-/// Which of two colliders comes first may differ between regions too.
+/// Regions call the hooks at the same time, from several threads, and every region that holds both bodies asks about its own
+/// copies: the answer must depend on nothing that differs between regions or from tick to tick, or the regions disagree. Which of
+/// two colliders comes first may differ between regions too.
 pub trait ContactHooks: Send + Sync {
-    /// Whether two solid colliders touch at all: `None` if not, else whether they push each other. The default lets them.
+    /// Returns whether two solid colliders touch at all: `None` if not, else whether they push each other. By default they do.
     fn filter_contact_pair(&self, _pair: &HookedPair<'_>) -> Option<SolverFlags> {
         Some(SolverFlags::COMPUTE_RIGID_IMPULSES)
     }
 
-    /// Whether a sensor notices another collider. The default lets it.
+    /// Returns whether a sensor detects another collider. By default it does.
     fn filter_intersection_pair(&self, _pair: &HookedPair<'_>) -> bool {
         true
     }
@@ -27,16 +27,16 @@ pub trait ContactHooks: Send + Sync {
     }
 }
 
-/// Two colliders that a hook is asked about.
+/// The two colliders that a hook is asked about.
 #[derive(Clone, Copy)]
 pub struct HookedPair<'a> {
-    /// The first by name.
+    /// The id of the first.
     pub first: ColliderId,
-    /// The second by name.
+    /// The id of the second.
     pub second: ColliderId,
     /// Both as they are in the region.
     pub colliders: [&'a Collider; 2],
-    /// Their bodies as they are in the region: where regions share a body, with a share of its mass.
+    /// Their bodies as they are in the region: with a part of the mass where it is split among regions.
     pub bodies: [&'a RigidBody; 2],
     /// The origin of the region's space, in world space.
     pub anchor: [f64; 3],
@@ -52,7 +52,7 @@ impl std::fmt::Debug for HookedPair<'_> {
     }
 }
 
-/// What a region hands to Rapier: finds the names and asks the user.
+/// The hooks that a region hands to Rapier: they look up the ids and call the user's hooks.
 pub(super) struct Named<'a> {
     pub hooks: &'a dyn ContactHooks,
     pub watch: &'a ContactListener,

@@ -1,4 +1,4 @@
-//! Joints to their records and back.
+//! Converts joints to their records and back.
 
 use rapier3d::prelude::*;
 
@@ -34,14 +34,14 @@ pub fn joint_record(id: JointId, a: BodyId, b: BodyId, joint: &GenericJoint) -> 
         }),
         softness: [joint.softness.natural_frequency, joint.softness.damping_ratio],
         contacts_enabled: joint.contacts_enabled,
-        // Of a joint at rest because a body of it is disabled, the user has said nothing.
+        // Rapier itself disables a joint of a disabled body: that is no choice of the user's.
         enabled: joint.enabled != JointEnabled::Disabled,
         user_data: joint.user_data,
         link: None,
     }
 }
 
-/// The record of a joint whose user changed it in place.
+/// Returns the record of a joint that its user changed in place.
 pub(super) fn renewed(record: &JointRecord, joint: &GenericJoint) -> JointRecord {
     JointRecord { link: record.link, ..joint_record(record.id, record.a, record.b, joint) }
 }
@@ -82,8 +82,8 @@ pub(crate) fn joint_of(record: &JointRecord) -> GenericJoint {
     joint
 }
 
-/// Gives the motors of a joint that so many regions solve their share of the record's forces. Springs by acceleration follow
-/// the masses by themselves.
+/// Gives the motors of a joint that `parts` regions solve their part of the record's forces (mass splitting). Acceleration-based
+/// springs follow the masses by themselves.
 pub(super) fn share_out(joint: &mut GenericJoint, record: &JointRecord, parts: usize) {
     let share = 1.0 / parts as f32;
     for (motor, whole) in joint.motors.iter_mut().zip(&record.motors) {

@@ -1,4 +1,4 @@
-//! Regions of the world as Rapier worlds: bodies, replicas, coupling, contacts.
+//! Computes a world as many Rapier worlds, one per region: bodies and their ghosts, coupling across borders, contacts, queries.
 
 mod articulation;
 mod choice;

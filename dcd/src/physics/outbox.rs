@@ -1,4 +1,5 @@
-//! What a region says in one exchange. Most regions say nothing to most others, so only messages in use are kept.
+//! Collects the messages that one region sends to others in one exchange. Most regions send nothing to most others, so only
+//! messages in use are kept.
 
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::protocol::BorderMessage;
 use crate::space::{RegionId, Tick};
 
-/// A message to each region that there is something to say to.
+/// The messages of one region: one to each region that it has something to send to.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct Outbox {
     from: RegionId,
@@ -23,7 +24,7 @@ impl Outbox {
         Self { from, leaves, ..Self::default() }
     }
 
-    /// Begins a new exchange.
+    /// Begins a new exchange, with empty messages.
     pub(super) fn clear(&mut self, tick: Tick) {
         self.tick = tick;
         for (_, message) in &mut self.messages {
@@ -32,7 +33,7 @@ impl Outbox {
         }
     }
 
-    /// The message to the region of this rank.
+    /// Returns the message to the region of this rank, begun if there is none.
     pub(super) fn to(&mut self, rank: usize) -> &mut BorderMessage {
         let place = self.messages.partition_point(|(other, _)| *other < rank);
         if self.messages.get(place).is_none_or(|(other, _)| *other != rank) {
@@ -43,7 +44,7 @@ impl Outbox {
         &mut self.messages[place].1
     }
 
-    /// Says the same to all other regions.
+    /// Writes the same into the messages to all other regions.
     pub(super) fn tell_all(&mut self, say: impl Fn(&mut BorderMessage)) {
         for rank in 0..self.leaves.len() {
             if self.leaves[rank] != self.from {
@@ -52,12 +53,12 @@ impl Outbox {
         }
     }
 
-    /// Messages begun so far, to be completed.
+    /// Returns the messages begun so far, to be completed.
     pub(super) fn begun(&mut self) -> impl Iterator<Item = &mut BorderMessage> {
         self.messages.iter_mut().map(|(_, message)| message)
     }
 
-    /// Messages that say anything, by rank of their receivers.
+    /// Returns the messages that are not empty, with the ranks of their receivers.
     pub(super) fn letters(&self) -> impl Iterator<Item = (usize, &BorderMessage)> {
         self.messages
             .iter()

@@ -1,5 +1,5 @@
-//! Boxes around bodies, found without going over the points of their hulls each time. Parry finds the box of a turned hull by
-//! turning all of its points, and a region asks for boxes of bodies near its borders many times a tick.
+//! Computes AABBs of bodies without going over the points of their hulls each time. Parry finds the AABB of a rotated hull by
+//! rotating all of its points, and a region asks for AABBs of bodies near its borders many times per tick.
 
 use parry3d::bounding_volume::BoundingSphere;
 use rapier3d::prelude::*;
@@ -8,15 +8,15 @@ use serde::{Deserialize, Serialize};
 use super::convert;
 use crate::space::Bounds;
 
-/// What boxes around a body are made from.
+/// The cached bounds of hulls, from which the AABB of a body is computed.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Outline {
-    /// By place of the collider on its body; empty if none of them is a hull.
+    /// By index of the collider on its body; empty if none of them is a hull.
     hulls: Box<[Option<Hull>]>,
 }
 
-/// A box and a ball that both hold a hull, in its own space. A turned box is too large around what is round, a ball around
-/// what is long.
+/// A box and a ball that both hold a hull, in its own space. A rotated box is too large around what is round, a ball around what
+/// is long.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Hull {
     around: Aabb,
@@ -25,7 +25,7 @@ struct Hull {
 }
 
 impl Outline {
-    /// To be made anew when a collider gets another shape.
+    /// Caches the bounds of a body's hulls; to be made anew when a collider gets another shape.
     pub(super) fn of(body: &RigidBody, colliders: &ColliderSet) -> Self {
         let shapes = || body.colliders().iter().map(|&handle| colliders[handle].shape());
         if !shapes().any(is_hull) {
@@ -34,7 +34,7 @@ impl Outline {
         Self { hulls: shapes().map(|shape| is_hull(shape).then(|| Hull::of(shape))).collect() }
     }
 
-    /// A box around the body's colliders where the body is now, in world space: the smallest one but for hulls.
+    /// Returns the AABB of the body's colliders where the body is now, in world space: the smallest one except for hulls.
     pub(super) fn bounds(&self, body: &RigidBody, colliders: &ColliderSet, anchor: [f64; 3]) -> Bounds {
         let here = convert::world_point(anchor, body.translation());
         let aabbs = body.colliders().iter().enumerate().map(|(place, &handle)| {
@@ -69,7 +69,7 @@ impl Hull {
     }
 }
 
-/// Parry's own box around a shape.
+/// Returns Parry's own AABB of a shape.
 fn smallest_box(shape: &dyn Shape, pose: &Pose) -> Aabb {
     #[cfg(test)]
     if is_hull(shape) {
@@ -78,7 +78,8 @@ fn smallest_box(shape: &dyn Shape, pose: &Pose) -> Aabb {
     shape.compute_aabb(pose)
 }
 
-/// Whether Parry goes over all points of the shape to find its box. Of meshes, compounds and the like it turns the box.
+/// Returns whether Parry goes over all points of the shape to find its AABB. For meshes, compounds and the like it rotates the
+/// local box.
 fn is_hull(shape: &dyn Shape) -> bool {
     matches!(shape.shape_type(), ShapeType::ConvexPolyhedron | ShapeType::RoundConvexPolyhedron)
 }

@@ -1,4 +1,4 @@
-//! Where the owner's copy of each body is: one look-up a call of a user's, none a body and step.
+//! Finds the owner's copy of each body by id. The owner index is looked up once per call of a user, never per body and step.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::space::BodyId;
 
-/// Rank of the region and Rapier's handle there.
+/// The place of the owner's copy of a body: rank of the region and Rapier's handle there.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Home {
     pub rank: usize,
@@ -17,7 +17,7 @@ pub(super) struct Home {
 /// Persistent ids below this index an array; higher ones, which a peer could choose, must not make it grow.
 const DENSE: u32 = 1 << 20;
 
-/// Low persistent ids are dense, so they index an array; the other bodies are few.
+/// The owner index. Low persistent ids are dense, so they index an array; the other bodies are few.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct OwnerIndex {
     dense: Vec<Option<Home>>,
@@ -59,7 +59,7 @@ impl OwnerIndex {
         self.len
     }
 
-    /// In id order: dense ids are the lowest.
+    /// Returns all entries in id order: dense ids are the lowest.
     pub(super) fn homes(&self) -> impl Iterator<Item = (BodyId, Home)> {
         let dense = self
             .dense

@@ -1,4 +1,4 @@
-//! What every region must know of all the others: their cells, and how far replicas reach.
+//! Finds the regions at a point or in a box by their cells, and holds the width of the halo in which regions keep replicas.
 
 use std::sync::Arc;
 
@@ -6,16 +6,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::space::{Bounds, Cell, DistributionTree, RegionId, RegionSet};
 
-/// A body whose reach is larger is a hub: it does not widen the halo of all others, and its own box is used.
+/// The largest reach of a body that widens the halo, metres. A larger body is a hub: the halo of all others stays as it is, and
+/// the hub's own AABB is used.
 pub(super) const HUB_REACH_M: f32 = 4.0;
 
-/// Kept around the halo before a replica is dropped, so that none flaps.
+/// The margin beyond the halo that a replica must leave before it is dropped, metres, so that none flaps.
 pub(super) const HALO_HYSTERESIS_M: f64 = 0.25;
 
-/// How far a centre must have left its region before the owner changes, so that none flaps.
+/// The distance by which a centre must have left its region before the owner changes, metres, so that none flaps.
 pub(super) const OWNER_HYSTERESIS_M: f64 = 0.05;
 
-/// The leaves of the tree by rank, and the halo.
+/// The regions (leaves of the distribution tree) by rank, and the halo.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Partition {
     tree: DistributionTree,
@@ -44,7 +45,7 @@ enum Twig {
 }
 
 impl Partition {
-    /// The halo follows the largest body that is no hub, unless `halo_m` fixes it.
+    /// Creates a partition. The halo follows the largest body that is no hub, unless `halo_m` fixes it.
     pub fn new(tree: DistributionTree, halo_m: Option<f64>) -> Self {
         let mut partition = Self {
             leaves: Arc::new([]),
@@ -58,7 +59,7 @@ impl Partition {
         partition
     }
 
-    /// The tree is another from now on.
+    /// Replaces the tree.
     pub(super) fn set_tree(&mut self, tree: DistributionTree) {
         self.tree = tree;
         self.index();
@@ -88,37 +89,37 @@ impl Partition {
         if self.branches.is_empty() { Twig::Leaf(0) } else { Twig::Branch(0) }
     }
 
-    /// The tree.
+    /// Returns the tree.
     pub fn tree(&self) -> &DistributionTree {
         &self.tree
     }
 
-    /// The regions in rank order.
+    /// Returns the regions in rank order.
     pub fn leaves(&self) -> &Arc<[RegionId]> {
         &self.leaves
     }
 
-    /// The cell of the region of this rank.
+    /// Returns the cell of the region of this rank.
     pub fn cell(&self, rank: usize) -> &Cell {
         &self.cells[rank]
     }
 
-    /// How many regions.
+    /// Returns the number of regions.
     pub fn len(&self) -> usize {
         self.leaves.len()
     }
 
-    /// Never: a tree has at least one leaf.
+    /// Returns `false`: a tree has at least one leaf.
     pub fn is_empty(&self) -> bool {
         false
     }
 
-    /// How far beyond its cell a region holds replicas, in metres.
+    /// Returns how far beyond its cell a region holds replicas, in metres.
     pub fn halo_m(&self) -> f64 {
         self.halo_m
     }
 
-    /// The rank of the region that holds the point.
+    /// Returns the rank of the region whose cell contains the point.
     pub fn rank_at(&self, point: [f64; 3]) -> usize {
         let mut at = self.root();
         loop {
@@ -132,12 +133,12 @@ impl Partition {
         }
     }
 
-    /// The rank of a region, if it is a leaf.
+    /// Returns the rank of a region, if it is a leaf.
     pub fn rank_of(&self, region: RegionId) -> Option<usize> {
         self.leaves.binary_search(&region).ok()
     }
 
-    /// The regions whose cell the box touches.
+    /// Returns the regions whose cells the box touches.
     pub fn touching(&self, bounds: &Bounds) -> RegionSet {
         let mut found = RegionSet::EMPTY;
         self.visit(self.root(), bounds, &mut found);
@@ -159,8 +160,8 @@ impl Partition {
         }
     }
 
-    /// A body of this reach is in the world from now on. A body P that touches a body Q of the neighbour must be held
-    /// there, for Q's owner to feel it; P's box comes as near to Q's cell as Q reaches out of it.
+    /// Widens the halo for a body of this reach. A body P that touches a body Q of the neighbour must be held there, so that Q's
+    /// owner can solve the contact; P's AABB comes as near to Q's cell as Q reaches out of it.
     pub fn widen_halo(&mut self, reach_m: f32) {
         if !self.fixed_halo && reach_m <= HUB_REACH_M {
             self.halo_m = self.halo_m.max(f64::from(reach_m) + 0.1);

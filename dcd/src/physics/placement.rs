@@ -1,5 +1,5 @@
-//! Where new bodies are computed at first. What joints tie, and what touches, is placed as it would be some ticks later: a
-//! small group whole, in the region where most of it lies.
+//! Chooses the first owner region of new bodies. Bodies that joints tie or that touch are placed as they would be some ticks
+//! later: a small group whole, in the region where most of it lies.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use rapier3d::prelude::*;
@@ -11,10 +11,10 @@ use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};
 use crate::space::{Bounds, PlaceGroups};
 
-/// Bodies closer than this touch.
+/// Bodies closer than this touch, metres.
 const NEAR_M: f64 = 0.02;
 
-/// Which of some new bodies belong together.
+/// The groups of new bodies that belong together.
 pub(super) struct Placement {
     /// By body: the first body of its group.
     group: Vec<u32>,
@@ -26,7 +26,7 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// Groups of bodies in id order. Only couplings that move islands look at what touches.
+    /// Groups bodies, which must be in id order. Only couplings that move islands group bodies that touch.
     pub(super) fn of(
         bodies: &[BodyRecord],
         joints: &[JointRecord],
@@ -60,7 +60,7 @@ impl Placement {
         Ok(Self { group, sizes, limit, assembly })
     }
 
-    /// Rank of the first owner of each body.
+    /// Returns the rank of the first owner of each body.
     pub(super) fn owners(&self, bodies: &[BodyRecord], partition: &Partition) -> Vec<usize> {
         let homes: Vec<_> =
             bodies.iter().map(|body| partition.rank_at(body.state.pose.translation)).collect();
@@ -83,12 +83,12 @@ impl Placement {
         self.together(&owners)
     }
 
-    /// The same owner for all of a multibody: its first body's.
+    /// Gives all of a multibody the owner of its first body.
     pub(super) fn together(&self, owners: &[usize]) -> Vec<usize> {
         self.assembly.iter().map(|&first| owners[first as usize]).collect()
     }
 
-    /// Whether each body's group is small and has one owner.
+    /// Returns whether each body's group is small and has one owner.
     pub(super) fn whole(&self, owners: &[usize]) -> Vec<bool> {
         let one_owner = |body: usize| owners[body] == owners[self.group[body] as usize];
         let mut whole: Vec<_> = self.group.iter().map(|&group| self.is_small(group)).collect();
@@ -105,7 +105,7 @@ impl Placement {
     }
 }
 
-/// The first body of each one's multibody, with what else is tied to it; a body without is by itself.
+/// Returns for each body the first body of its multibody and of what is tied to that; a body without a multibody is by itself.
 fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
     let mut groups = PlaceGroups::new(bodies.len());
     let movable = |id| {

@@ -1,21 +1,21 @@
-//! Translates ranks when regions come and go: those that stay learn the new ranks of all.
+//! Remaps ranks when regions are split or merged: regions that stay translate every rank that they hold.
 
 use std::sync::Arc;
 
 use crate::space::{RegionId, RegionSet};
 
-/// Old ranks to new ones.
+/// The rank remap: old ranks to new ones.
 pub(super) struct RankRemap {
-    /// By old rank; none for a region that is no more, of which nobody holds anything.
+    /// By old rank; `None` for a region that was given up, of whose bodies no region holds any.
     pub to: Vec<Option<usize>>,
     /// All regions by new rank.
     pub leaves: Arc<[RegionId]>,
-    /// A region that is new, and the one that it was cut from, by new rank.
+    /// A new region, and the one that it was cut from, by new rank.
     pub born: Option<(usize, usize)>,
 }
 
 impl RankRemap {
-    /// The new rank of a region that stays.
+    /// Returns the new rank of a region that stays.
     pub(super) fn rank(&self, old: usize) -> usize {
         self.to[old].expect("nobody holds anything of a region that is given up")
     }
@@ -24,7 +24,7 @@ impl RankRemap {
         old.iter().filter_map(|rank| self.to[rank]).collect()
     }
 
-    /// A list by rank.
+    /// Reorders a list by rank; a new region gets a `fresh` value.
     pub(super) fn list<T>(&self, old: &mut Vec<T>, fresh: impl Fn() -> T) {
         let mut new: Vec<_> = std::iter::repeat_with(fresh).take(self.leaves.len()).collect();
         for (value, to) in std::mem::take(old).into_iter().zip(&self.to) {

@@ -1,4 +1,4 @@
-//! Bodies to their records and back: what a transfer must not lose.
+//! Converts bodies and colliders to records and back, with all that a transfer must not lose.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ impl ShapeLibrary {
     }
 }
 
-/// Reads what a step changes from Rapier's body.
+/// Reads the state, which a step changes, from Rapier's body.
 pub(crate) fn state_of(body: &RigidBody, anchor: [f64; 3]) -> BodyState {
     BodyState {
         pose: convert::world_from_region(anchor, body.position()),
@@ -44,7 +44,8 @@ pub(crate) fn state_of(body: &RigidBody, anchor: [f64; 3]) -> BodyState {
     }
 }
 
-/// Reads what a step does not change; the colliders' records are handed in, since Rapier forgets the source of their mass.
+/// Reads the traits, which a step does not change; the colliders' records are handed in, since Rapier forgets the source of their
+/// mass.
 pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> BodyTraits {
     let activation = body.activation();
     BodyTraits {
@@ -80,7 +81,7 @@ pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> Bod
     }
 }
 
-/// Builds Rapier's body and colliders, in the space of a region with this anchor.
+/// Builds Rapier's body and colliders, in the space of a region with this origin (anchor).
 pub(crate) fn build(
     record: &BodyRecord,
     anchor: [f64; 3],
@@ -131,7 +132,7 @@ pub(crate) fn build(
     Ok((body, colliders))
 }
 
-/// The box around the colliders of a body in this pose, in world space; infinite for half-spaces.
+/// Returns the AABB of the colliders of a body in its recorded pose, in world space; infinite for half-spaces.
 pub(crate) fn bounds_of(record: &BodyRecord, shapes: &ShapeLibrary) -> Result<Bounds, ShapeError> {
     let origin = record.state.pose.translation;
     let at_origin = Pose::from_parts(Vector::ZERO, convert::rotation(record.state.pose.rotation));
@@ -150,7 +151,7 @@ pub(crate) fn bounds_of(record: &BodyRecord, shapes: &ShapeLibrary) -> Result<Bo
     Ok(bounds)
 }
 
-/// How far a body's colliders reach from its centre of mass, in metres: the radius of a ball that holds them all.
+/// Returns how far a body's colliders reach from its centre of mass, in metres: the radius of a ball that holds them all.
 pub(crate) fn reach_of(body: &RigidBody, colliders: &ColliderSet) -> f32 {
     let centre = body.local_center_of_mass();
     body.colliders()
@@ -193,8 +194,8 @@ pub(super) fn collider_record(
     })
 }
 
-/// The record of a collider whose user changed it in place, perhaps `heavier` or lighter than before; its shape and position
-/// are as in the old record.
+/// Returns the record of a collider that its user changed in place; `heavier` if its mass changed. Its shape and position are as
+/// in the old record.
 pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider, heavier: bool) -> ColliderRecord {
     ColliderRecord {
         shape: record.shape,

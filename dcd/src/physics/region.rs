@@ -1,4 +1,4 @@
-//! One region: a Rapier world around an anchor, and who owns what in it.
+//! Defines one region: a Rapier world with its own origin (anchor), and the ownership of the bodies in it.
 
 mod assembly;
 mod change;
@@ -36,7 +36,7 @@ use super::partition::HUB_REACH_M;
 use crate::protocol::{JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 
-/// Immovable bodies are held this far beyond the cell, so that what reaches out of it finds its ground.
+/// Immovable bodies are held this far beyond the cell, so that bodies that reach out of it find their ground.
 const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
 
 /// A leaf of the distribution tree with its Rapier world.
@@ -53,7 +53,7 @@ pub struct Region {
     /// blocks side by side in memory.
     #[serde(serialize_with = "in_id_order")]
     by_id: HashMap<BodyId, RigidBodyHandle>,
-    /// Bodies owned here and held elsewhere too, in id order.
+    /// Bodies owned here and held by other regions too, in id order.
     shared: Vec<BodyRef>,
     /// Bodies owned elsewhere, in id order.
     replicas: Vec<BodyRef>,
@@ -68,20 +68,20 @@ pub struct Region {
     watch: ContactListener,
     guide: KinematicTargets,
     quarantined: Vec<BodyId>,
-    /// Whom the user wants to be asked about contacts.
+    /// The user's hooks that are asked about contacts.
     #[serde(skip)]
     hooks: Option<Arc<dyn ContactHooks>>,
     events: RegionEvents,
-    /// Whether anything was changed here, or heard of others, since the last step.
+    /// Whether anything was changed here, or received from other regions, since the last step.
     stirred: bool,
     /// Whether it rests in the present tick.
     rests: bool,
-    /// Bodies inserted here as its own whose neighbourhood no exchange has seen yet.
+    /// Bodies inserted here as its own that no exchange has announced yet.
     fresh: Vec<BodyRef>,
-    /// By Rapier's body index: the tick from which on the body is to be looked at again, by whoever keeps watch over the borders.
+    /// By Rapier's body index: the tick from which on the coupling must check the body again for nearness to a border.
     /// Kept apart from the slots, so that passing over a body far from any border touches four bytes.
     due: Vec<u32>,
-    /// Microseconds of the present tick so far, and of the last ones, smoothed.
+    /// Microseconds that the steps of the present tick took so far, and those of the last ticks, smoothed.
     #[serde(skip)]
     step_us: f64,
     #[serde(skip)]
@@ -89,7 +89,7 @@ pub struct Region {
     /// By Rapier's body index: the length of the substep in which Rapier solved the body's contacts last, in seconds.
     /// Empty as long as all substeps have had one length.
     solved_dt_s: Vec<f32>,
-    /// Bodies inserted or changed since the last step, perhaps more than once; and what queries make of them.
+    /// Bodies inserted or changed since the last step, perhaps more than once; and their colliders as queries find them.
     touched: Vec<RigidBodyHandle>,
     #[serde(skip)]
     moved: OnceLock<Moved>,
@@ -132,130 +132,130 @@ impl Region {
         }
     }
 
-    /// Its vertex of the tree.
+    /// Returns the id of its leaf of the distribution tree.
     pub fn id(&self) -> RegionId {
         self.id
     }
 
-    /// Its position among the leaves in id order.
+    /// Returns its rank: its position among the leaves in id order.
     pub fn rank(&self) -> usize {
         self.rank
     }
 
-    /// Its half-open box; outer faces lie at infinity.
+    /// Returns its cell, a half-open box; outer faces lie at infinity.
     pub fn cell(&self) -> &Cell {
         &self.cell
     }
 
-    /// The origin of its region space, in world space.
+    /// Returns the region's origin (anchor): the origin of its region space, in world space.
     pub fn anchor(&self) -> [f64; 3] {
         self.anchor
     }
 
-    /// Its Rapier world: positions are relative to the anchor, replicas are among the bodies.
+    /// Returns its Rapier world: positions are relative to the anchor, replicas are among the bodies.
     pub fn physics(&self) -> &PhysicsWorld {
         &self.world
     }
 
-    /// Every body held here, in no order, with the part that the region plays for it.
+    /// Returns every body held here, in no order, with its ownership.
     pub fn bodies(&self) -> impl Iterator<Item = (BodyId, Ownership, RigidBodyHandle, &RigidBody)> {
         self.by_id
             .iter()
             .map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
     }
 
-    /// Every body held here, in id order.
+    /// Returns every body held here, in id order.
     fn links(&self) -> Vec<BodyRef> {
         let mut links: Vec<_> = self.by_id.iter().map(|(&id, &handle)| BodyRef { id, handle }).collect();
         links.sort_unstable_by_key(|link| link.id);
         links
     }
 
-    /// The role and name of the body behind a handle of [`Region::physics`].
+    /// Returns the id and the ownership of the body behind a handle of [`Region::physics`].
     pub fn role_of(&self, handle: RigidBodyHandle) -> Option<(BodyId, Ownership)> {
         self.slot_at(handle).map(|slot| (slot.id, slot.role))
     }
 
-    /// How many bodies it has authority over.
+    /// Returns how many bodies it owns.
     pub fn owned_count(&self) -> usize {
         self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Owner).count()
     }
 
-    /// Whether there are any: found at once where there are, as bodies are inserted one by one.
+    /// Returns whether it owns any body: cheaper than [`Region::owned_count`] where it does, as bodies are inserted one by one.
     pub fn owns_any(&self) -> bool {
         self.slots.iter().flatten().any(|slot| slot.role == Ownership::Owner)
     }
 
-    /// How many of them are awake.
+    /// Returns how many of the bodies that it owns are awake.
     pub fn awake_count(&self) -> usize {
         let owned = |handle| self.slot_at(handle).is_some_and(|slot| slot.role == Ownership::Owner);
         self.world.islands.active_bodies().filter(|&handle| owned(handle)).count()
     }
 
-    /// Wall time that its steps took in the last tick, without what it took in of other regions; zero when it rested.
+    /// Returns the wall time that its steps took in the last tick, without that of applying messages; zero when it rested.
     pub fn last_step(&self) -> Duration {
         if self.rests { Duration::ZERO } else { Duration::from_secs_f64(self.step_us * 1e-6) }
     }
 
-    /// How many bodies it holds for others.
+    /// Returns how many bodies it holds that other regions own.
     pub fn replica_count(&self) -> usize {
         self.replicas.len()
     }
 
-    /// Copies that Rapier set aside in the last tick, as their numbers were not finite.
+    /// Returns the bodies whose copies here Rapier quarantined in the last tick, as their numbers were not finite.
     pub fn quarantined(&self) -> &[BodyId] {
         &self.quarantined
     }
 
-    /// Bodies owned here that others hold too, in id order.
+    /// Returns the bodies owned here that other regions hold too, in id order.
     pub(super) fn shared(&self) -> &[BodyRef] {
         &self.shared
     }
 
-    /// Bodies owned elsewhere that are held here, in id order.
+    /// Returns the bodies owned elsewhere that are held here, in id order.
     pub(super) fn replicas(&self) -> &[BodyRef] {
         &self.replicas
     }
 
-    /// All bodies held here and elsewhere.
+    /// Returns all bodies held here and elsewhere.
     pub(super) fn held_elsewhere(&self) -> impl Iterator<Item = BodyRef> {
         self.shared.iter().chain(&self.replicas).copied()
     }
 
-    /// How many there are, and each of them by its place: for whoever changes them one by one.
+    /// Returns how many bodies are held here and elsewhere: for callers that change them one by one, by place.
     pub(super) fn held_elsewhere_count(&self) -> usize {
         self.shared.len() + self.replicas.len()
     }
 
-    /// The one at a place below [`Region::held_elsewhere_count`].
+    /// Returns the one at a place below [`Region::held_elsewhere_count`].
     pub(super) fn held_elsewhere_at(&self, place: usize) -> BodyRef {
         let owned = self.shared.len();
         if place < owned { self.shared[place] } else { self.replicas[place - owned] }
     }
 
-    /// Bodies inserted as this region's own that no exchange has seen yet.
+    /// Returns the bodies inserted as this region's own that no exchange has announced yet.
     pub(super) fn fresh(&self) -> &[BodyRef] {
         &self.fresh
     }
 
-    /// An exchange sees them.
+    /// Takes the bodies of [`Region::fresh`]: an exchange announces them.
     pub(super) fn take_fresh(&mut self) -> Vec<BodyRef> {
         std::mem::take(&mut self.fresh)
     }
 
-    /// Awake bodies that are to be looked at in a tick.
+    /// Returns the awake bodies that the coupling must check in a tick.
     pub(super) fn due(&self, tick: Tick) -> impl Iterator<Item = RigidBodyHandle> {
         let now = tick.0 as u32;
         let awake = self.world.islands.active_bodies();
         awake.filter(move |handle| self.due[handle.into_raw_parts().0 as usize] <= now)
     }
 
-    /// A body need not be looked at before a tick, unless it is changed.
+    /// Exempts a body from checks before a tick, unless it is changed.
     pub(super) fn rest_until(&mut self, handle: RigidBodyHandle, tick: u32) {
         self.due[handle.into_raw_parts().0 as usize] = tick;
     }
 
-    /// Whether nothing here can change in the tick to come by itself: all that it holds is at rest, and nobody has stirred it.
+    /// Returns whether nothing here can change in the tick to come by itself: all that it holds sleeps, and nothing has stirred it.
     pub(super) fn is_idle(&self) -> bool {
         !self.stirred
             && self.held_elsewhere_count() == 0
@@ -263,38 +263,38 @@ impl Region {
             && self.fresh.is_empty()
     }
 
-    /// Something was heard of others that concerns it: it is not idle.
+    /// Notes that something was received from other regions that concerns it: it is not idle.
     pub(super) fn stir(&mut self) {
         self.stirred = true;
     }
 
-    /// Whether it rests in the present tick: it is not stepped.
+    /// Returns whether it rests in the present tick: it is not stepped.
     pub(super) fn rests(&self) -> bool {
         self.rests
     }
 
-    /// A tick begins, in which it rests or not.
+    /// Begins a tick, in which it rests or not.
     pub(super) fn begin_tick(&mut self, rests: bool) {
         self.rests = rests;
     }
 
-    /// Asks these hooks about contacts from now on.
+    /// Sets the hooks that are asked about contacts from now on.
     pub(super) fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) {
         self.hooks = hooks;
     }
 
-    /// What it saw of contacts since [`Region::clear_events`].
+    /// Returns the contact events since [`Region::clear_events`].
     pub(super) fn events(&self) -> &RegionEvents {
         &self.events
     }
 
-    /// Forgets what it saw.
+    /// Forgets all contact events.
     pub(super) fn clear_events(&mut self) {
         self.events.touches.clear();
         self.events.forces.clear();
     }
 
-    /// The body of this name, if it is held here.
+    /// Returns the handle of a body, if it is held here.
     pub fn handle_of(&self, id: BodyId) -> Option<RigidBodyHandle> {
         self.by_id.get(&id).copied()
     }
@@ -305,7 +305,7 @@ impl Region {
         &mut self.world
     }
 
-    /// Bodies that are not where Rapier's own queries would find them.
+    /// Returns the colliders that are not where Rapier's own queries would find them.
     pub(super) fn moved(&self) -> &Moved {
         self.moved.get_or_init(|| Moved::of(self, &self.touched))
     }
@@ -323,24 +323,24 @@ impl Region {
         self.slots.get(handle.into_raw_parts().0 as usize)?.as_ref()
     }
 
-    /// Bodies that joints tie together.
+    /// Returns the groups of bodies that joints tie together.
     pub(super) fn assemblies(&self) -> &[Assembly] {
         &self.assemblies
     }
 
-    /// Whether any body here is kinematic.
+    /// Returns whether any body here is kinematic.
     pub(super) fn has_kinematic(&self) -> bool {
         self.guide.any_kinematic()
     }
 
-    /// Whether the body is part of a multibody, or tied to one.
+    /// Returns whether the body is part of a multibody, or tied to one.
     pub(super) fn is_articulated(&self, handle: RigidBodyHandle) -> bool {
         let assembly = self.slot(handle).assembly;
         assembly.is_some_and(|index| self.assemblies[index as usize].articulated)
     }
 }
 
-/// As snapshots have it: equal regions, equal bytes.
+/// Serializes in id order, so that snapshots of equal regions have equal bytes.
 fn in_id_order<S: Serializer>(
     by_id: &HashMap<BodyId, RigidBodyHandle>,
     serializer: S,

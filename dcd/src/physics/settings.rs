@@ -1,11 +1,11 @@
-//! How a world is stepped, and how its regions agree: what a user may ask for.
+//! Defines the settings of a step and of the coupling of regions: the coupling methods, presets and defaults.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::protocol::BIG_ISLAND;
 
-/// The methods, by name.
+/// The coupling methods: how regions agree on bodies near their borders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Coupling {
@@ -15,11 +15,12 @@ pub enum Coupling {
     /// Replicas are dynamic copies, overwritten by their owner after each step. Cheap and tolerant of delay; it does not
     /// conserve momentum across a border.
     Owner,
-    /// Bodies within some contact hops of a border live in both regions, each copy with its share of the mass; regions
-    /// agree on means and even out what presses on the edges of the overlap.
+    /// Bodies within some contact hops of a border live in both regions, each copy with a part of the mass (mass splitting);
+    /// copies follow their consensus, the mean, and regions even out the forces at the edges of the overlap.
     Overlap,
-    /// What meets across a border is solved by both regions with whole copies, and the word of the one that sees most of it stands;
-    /// what stays in touch moves whole to one region, where it is computed exactly. Islands above the limit as by `overlap`.
+    /// Bodies that meet across a border are solved by both regions with whole copies, and the region that sees most of the island
+    /// is authoritative; an island that stays in touch moves whole to one region, where it is computed exactly. Islands above the
+    /// limit as by `overlap`.
     Island,
     /// As `island`, with the exchanges of each border at which an island is split chosen by how far its copies disagree.
     #[default]
@@ -27,10 +28,10 @@ pub enum Coupling {
 }
 
 impl Coupling {
-    /// All methods.
+    /// All coupling methods.
     pub const ALL: [Self; 5] = [Self::Proxy, Self::Owner, Self::Overlap, Self::Island, Self::Auto];
 
-    /// Its name on the command line and in files.
+    /// Returns its name on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Proxy => "proxy",
@@ -41,7 +42,7 @@ impl Coupling {
         }
     }
 
-    /// Exchanges a tick that suit it; of `auto`, the most it may take.
+    /// Returns the exchanges per tick that suit it; for `auto`, the most that it may take.
     pub const fn usual_exchanges(self) -> usize {
         match self {
             Self::Proxy | Self::Owner => 1,
@@ -50,17 +51,17 @@ impl Coupling {
         }
     }
 
-    /// Whether regions agree on means of copies that share a body's mass.
+    /// Returns whether regions use mass splitting, with consensus on the means of a body's copies.
     pub(super) const fn shares_mass(self) -> bool {
         matches!(self, Self::Overlap | Self::Island | Self::Auto)
     }
 
-    /// Whether small islands move whole to one region.
+    /// Returns whether small islands move whole to one region.
     pub(super) const fn moves_islands(self) -> bool {
         matches!(self, Self::Island | Self::Auto)
     }
 
-    /// Substeps a tick at first, of which `exchanges` is the setting.
+    /// Returns the substeps per tick at first; `exchanges` is the setting.
     pub(super) const fn first_steps(self, exchanges: usize) -> usize {
         match self {
             Self::Auto => 1,
@@ -69,21 +70,21 @@ impl Coupling {
     }
 }
 
-/// No island is too large to be in one region whole: the most that may be asked for.
+/// The largest island limit that may be asked for: no island is too large to be whole in one region.
 pub(super) const WHOLE: usize = BIG_ISLAND as usize - 1;
 
-/// How a world is stepped.
+/// The settings by which a world is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepSettings {
-    /// m/s².
+    /// Gravity, m/s².
     pub gravity: [f32; 3],
-    /// Seconds a tick.
+    /// Seconds per tick.
     pub dt_s: f32,
-    /// Solver iterations a tick, shared out among its substeps.
+    /// Solver iterations per tick, divided among its substeps.
     pub solver_iterations: usize,
-    /// How regions agree.
+    /// The coupling method: how regions agree on bodies near their borders.
     pub coupling: Coupling,
-    /// Substeps a tick, with an exchange after each; with [`Coupling::Auto`] the most that a border may take.
+    /// Substeps per tick, with an exchange after each; with [`Coupling::Auto`] the most that a border may take.
     pub exchanges: usize,
     /// Contact hops across a border within which bodies live in both regions, for couplings that overlap.
     pub depth: usize,
@@ -91,8 +92,8 @@ pub struct StepSettings {
     pub island_limit: usize,
     /// The disagreement of replicas that [`Coupling::Auto`] tolerates, in metres per second.
     pub tolerance_m_s: f32,
-    /// All else that Rapier's solver may be told, in every region alike; its `dt` and `num_solver_iterations` are those above. A
-    /// served world has Rapier's own.
+    /// All other parameters of Rapier's solver, the same in every region; its `dt` and `num_solver_iterations` are those above. A
+    /// served world uses Rapier's defaults.
     pub integration: IntegrationParameters,
 }
 
@@ -112,7 +113,7 @@ impl Default for StepSettings {
     }
 }
 
-/// How much accuracy a world asks of [`Coupling::Auto`].
+/// The accuracy that a world asks of [`Coupling::Auto`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
@@ -126,10 +127,10 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// All of them.
+    /// All presets.
     pub const ALL: [Self; 3] = [Self::Draft, Self::Game, Self::Precise];
 
-    /// Its name on the command line and in files.
+    /// Returns its name on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Draft => "draft",
@@ -140,12 +141,12 @@ impl Preset {
 }
 
 impl StepSettings {
-    /// The same with another coupling, and the exchanges that are usual for it.
+    /// Returns the settings with another coupling and its usual exchanges.
     pub fn with_coupling(self, coupling: Coupling) -> Self {
         Self { coupling, exchanges: coupling.usual_exchanges(), ..self }
     }
 
-    /// The same with [`Coupling::Auto`] and what the preset stands for.
+    /// Returns the settings with [`Coupling::Auto`] and the values of the preset.
     pub fn with_preset(self, preset: Preset) -> Self {
         let (exchanges, depth, island_limit, tolerance_m_s) = match preset {
             Preset::Draft => (2, 2, 256, 0.1),

@@ -1,4 +1,4 @@
-//! Shapes by content: two equal shapes are one object in memory, in every region of the process (thesis 4.3.2.5).
+//! Stores shapes by content hash: two equal shapes are one object in memory, in every region of the process (thesis 4.3.2.5).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,10 +14,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 use super::convert;
 use crate::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M, ShapeHash, ShapeRecord, voxels_fit};
 
-/// Why a shape cannot be held.
+/// An error: a shape cannot be recorded or built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
-    /// Parry has it, the wire does not.
+    /// Parry has such shapes, the wire format does not.
     #[error(
         "shapes of kind {0} cannot travel between regions; use a hull, a mesh or a compound of simple shapes"
     )]
@@ -43,30 +43,30 @@ pub enum ShapeError {
         "a shape of voxels is empty, reaches farther than 2^20 voxels from its origin, or lies in more than 65,536 blocks of 8 × 8 × 8; cut it into several"
     )]
     Voxels,
-    /// A client's body cannot have it.
+    /// A client's body cannot have this shape.
     #[error(
         "an avatar cannot be a mesh, terrain, voxels or a half-space; take a hull, a box, or a compound of such"
     )]
     Avatar,
-    /// A record refers to a shape that is not here.
+    /// A record refers to a shape that is not in the library.
     #[error("shape {0} is not known here; it must be sent before the bodies that use it")]
     Unknown(ShapeHash),
 }
 
-/// Every shape of the process by the hash of its record.
+/// The shapes of the process, each by the hash of its record.
 #[derive(Default)]
 pub struct ShapeLibrary {
     shapes: BTreeMap<ShapeHash, (ShapeRecord, SharedShape)>,
 }
 
 impl ShapeLibrary {
-    /// Finds or adds the shape; equal shapes get one name.
+    /// Finds or adds the shape; equal shapes get one hash.
     pub fn intern(&mut self, shape: &SharedShape) -> Result<ShapeHash, ShapeError> {
         let record = self.record(shape)?;
         self.add(record)
     }
 
-    /// Adds a shape that came as a record. Its parts must be here already.
+    /// Adds a shape that came as a record. Its parts must be in the library already.
     pub fn add(&mut self, record: ShapeRecord) -> Result<ShapeHash, ShapeError> {
         let hash = record.hash();
         if !self.shapes.contains_key(&hash) {
@@ -76,12 +76,12 @@ impl ShapeLibrary {
         Ok(hash)
     }
 
-    /// The shape of this name.
+    /// Returns the shape with this hash.
     pub fn shape(&self, hash: ShapeHash) -> Result<SharedShape, ShapeError> {
         self.shapes.get(&hash).map(|(_, shape)| shape.clone()).ok_or(ShapeError::Unknown(hash))
     }
 
-    /// A shape that a compound may be made of; Parry stops at others.
+    /// Returns a shape that a compound may be made of; Parry stops at others.
     fn part(&self, hash: ShapeHash) -> Result<SharedShape, ShapeError> {
         let part = self.shape(hash)?;
         if part.as_composite_shape().is_some() {
@@ -91,12 +91,12 @@ impl ShapeLibrary {
         Ok(part)
     }
 
-    /// The record of this name, to send it on.
+    /// Returns the record with this hash, to send it on.
     pub fn record_of(&self, hash: ShapeHash) -> Option<&ShapeRecord> {
         self.shapes.get(&hash).map(|(record, _)| record)
     }
 
-    /// All records, parts before the compounds that use them.
+    /// Returns all records, parts before the compounds that use them.
     pub fn records(&self) -> Vec<ShapeRecord> {
         self.in_order().cloned().collect()
     }
@@ -248,7 +248,7 @@ impl ShapeLibrary {
     }
 }
 
-/// Whether these shapes can be built, each after its parts, where others are known already.
+/// Returns whether these shapes can be built, each after its parts, given those known already.
 #[cfg(feature = "net")]
 pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[ShapeRecord]) -> bool {
     let mut library = ShapeLibrary::default();
@@ -258,7 +258,7 @@ pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[Shap
     })
 }
 
-/// By its records, as it travels: whoever reads them builds the shapes anew.
+/// Serialises the library as its records, as they travel; the reader builds the shapes anew.
 impl Serialize for ShapeLibrary {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(self.in_order().collect::<Vec<_>>())
@@ -288,8 +288,8 @@ fn hull(vertices: Vec<Vector>, triangles: &[[u32; 3]]) -> Result<ConvexPolyhedro
     if has_volume(&hull) { Ok(hull) } else { Err(ShapeError::Flat("convex polyhedron")) }
 }
 
-/// Whether every edge belongs to two triangles that pass it in opposite senses. Parry follows contours from triangle to triangle
-/// without looking, and stops, or never does, where they are not so.
+/// Returns whether every edge belongs to two triangles that pass it in opposite senses. Parry follows contours from triangle to
+/// triangle without checking, and stops, or never does, where that is not so.
 fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let edges = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
     let mut seen = BTreeSet::new();
@@ -384,7 +384,7 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
     }
 }
 
-/// Whether a triangle has a normal. One whose height is below the rounding of its longest edge has none to speak of.
+/// Returns whether a triangle has a normal. One whose height is below the rounding of its longest edge has none to speak of.
 fn has_area(points: [[f32; 3]; 3]) -> bool {
     let [a, b, c] = points.map(convert::vector);
     let normal = (b - a).cross(c - a);
@@ -392,7 +392,7 @@ fn has_area(points: [[f32; 3]; 3]) -> bool {
     normal.length() > 1e-6 * longest2 && normal.try_normalize().is_some()
 }
 
-/// Whether a hull is more than a sheet; Parry makes flat ones too, which have no mass.
+/// Returns whether a hull is more than a sheet; Parry makes flat ones too, which have no mass.
 fn has_volume(hull: &ConvexPolyhedron) -> bool {
     let size = hull.compute_local_aabb().extents();
     hull.mass_properties(1.0).mass() > 1e-6 * size.max_element().powi(3)

@@ -1,4 +1,4 @@
-//! Immovable geometry: known to the whole process, held by each region that it touches (thesis 3.3.4).
+//! Keeps the immovable bodies of the world: known to the whole process, held by each region that they touch (thesis 3.3.4).
 
 use std::sync::Arc;
 
@@ -26,25 +26,25 @@ impl Statics {
         Ok(())
     }
 
-    /// Forgets a body. Returns whether it was here.
+    /// Removes a body. Returns whether it was here.
     pub(super) fn remove(&mut self, id: BodyId) -> bool {
         let place = self.place(id);
         place.map(|place| self.bodies.remove(place)).is_some()
     }
 
-    /// An immovable body by name.
+    /// Returns an immovable body by id.
     pub(super) fn body(&self, id: BodyId) -> Option<&BodyRecord> {
         self.place(id).map(|place| &self.bodies[place].0)
     }
 
-    /// A user changed a body in place: regions that come to hold it later must have it so too.
+    /// Records a user's change of a body in place, so that regions that come to hold it later have it too.
     pub(super) fn set_traits(&mut self, id: BodyId, traits: &Arc<BodyTraits>) {
         if let Some(place) = self.place(id) {
             self.bodies[place].0.traits = traits.clone();
         }
     }
 
-    /// All of them, in id order.
+    /// Returns all immovable bodies, in id order.
     pub(super) fn bodies(&self) -> impl Iterator<Item = &BodyRecord> {
         self.bodies.iter().map(|(body, _)| body)
     }
@@ -61,7 +61,7 @@ impl Statics {
         if region.covers(bounds) { insert(region, body, shapes) } else { Ok(()) }
     }
 
-    /// Makes sure that a body finds under and around it what is immovable there, however far it reaches out of the cell.
+    /// Inserts the immovable bodies under and around a body into its region, however far it reaches out of the cell.
     pub(super) fn cover(
         &self,
         region: &mut Region,
@@ -71,7 +71,7 @@ impl Statics {
         self.cover_box(region, &region.world_bounds(handle).grown(0.1), shapes)
     }
 
-    /// Makes sure that all that is immovable in a box is in the region.
+    /// Inserts all immovable bodies that touch a box into the region.
     pub(super) fn cover_box(
         &self,
         region: &mut Region,
@@ -87,7 +87,8 @@ impl Statics {
         Ok(())
     }
 
-    /// The region has another cell: holds what is immovable there, and no longer what is far from all that it holds.
+    /// Updates the immovable bodies of a region that has another cell: inserts those there, and removes those far from all that
+    /// it holds.
     pub(super) fn recover(&self, region: &mut Region, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
         let needed = region.renew_cover();
         for (body, bounds) in &self.bodies {
@@ -100,7 +101,7 @@ impl Statics {
         Ok(())
     }
 
-    /// Makes sure that the immovable end of a joint is in the region.
+    /// Inserts the immovable end of a joint, if any, into the region.
     pub(super) fn ensure(
         &self,
         region: &mut Region,

@@ -1,4 +1,4 @@
-//! A body as it travels: whole, so that nothing of it is lost when it changes region, process or machine.
+//! Defines the wire form of a rigid body: complete, so that nothing is lost when it changes region, process or machine.
 
 use std::sync::Arc;
 
@@ -20,19 +20,19 @@ pub struct WorldPose {
 }
 
 impl WorldPose {
-    /// No turn, at this place.
+    /// Returns the pose at this position without rotation.
     pub const fn at(translation: [f64; 3]) -> Self {
         Self { translation, rotation: [0.0, 0.0, 0.0, 1.0] }
     }
 
-    /// The pose as nalgebra's f64 isometry, for mathematics in world space.
+    /// Returns the pose as nalgebra's f64 isometry, for mathematics in world space.
     pub fn isometry(&self) -> Isometry3<f64> {
         let [x, y, z, w] = self.rotation.map(f64::from);
         let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
         Isometry3::from_parts(Translation3::from(self.translation), rotation)
     }
 
-    /// The pose between this one (`t` = 0) and `other` (`t` = 1): positions in a straight line, rotations by SLERP the
+    /// Interpolates between this pose (`t` = 0) and `other` (`t` = 1): positions in a straight line, rotations by SLERP the
     /// shorter way (thesis 4.3.2.10). For drawing between ticks; `t` outside 0 to 1 extrapolates.
     pub fn interpolated(&self, other: &Self, t: f64) -> Self {
         let (a, b) = (self.isometry(), other.isometry());
@@ -45,7 +45,7 @@ impl WorldPose {
         }
     }
 
-    /// The pose after `seconds` at this velocity, by a straight line and a constant turn.
+    /// Extrapolates the pose by `seconds` at this velocity: a straight line and a constant turn.
     pub fn moved(&self, velocity: &Velocity, seconds: f64) -> Self {
         let turn = velocity.angular.map(f64::from);
         let turn = UnitQuaternion::from_scaled_axis(nalgebra::Vector3::from(turn) * seconds);
@@ -58,7 +58,7 @@ impl WorldPose {
         }
     }
 
-    /// Whether every number is finite and the rotation is a unit quaternion to 1e-3.
+    /// Returns whether every number is finite and the rotation is a unit quaternion to 1e-3.
     pub fn is_valid(&self) -> bool {
         let norm2: f32 = self.rotation.iter().map(|v| v * v).sum();
         self.translation.iter().all(|v| v.is_finite()) && (norm2 - 1.0).abs() < 2e-3
@@ -90,18 +90,18 @@ pub struct Velocity {
 }
 
 impl Velocity {
-    /// Whether every number is finite.
+    /// Returns whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.linear.iter().chain(&self.angular).all(|v| v.is_finite())
     }
 
-    /// Whether it moves no faster than this, m/s.
+    /// Returns whether its linear speed is at most this, m/s.
     pub fn is_within(&self, speed_m_s: f32) -> bool {
         self.linear.iter().map(|v| v * v).sum::<f32>() <= speed_m_s * speed_m_s
     }
 }
 
-/// How a body moves.
+/// The kind of a body: dynamic, fixed or kinematic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 pub enum BodyKind {
     /// By forces.
@@ -114,7 +114,7 @@ pub enum BodyKind {
     KinematicVelocity,
 }
 
-/// What a step changes of a body: everything else stands in [`BodyTraits`].
+/// The part of a body that a step changes; everything else stands in [`BodyTraits`].
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyState {
     /// Where it is.
@@ -131,7 +131,7 @@ pub struct BodyState {
     pub still_s: f32,
 }
 
-/// Mass, centre and inertia given as numbers.
+/// Mass, centre of mass and inertia given as numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct MassRecord {
     /// Centre of mass on the body, metres.
@@ -153,7 +153,7 @@ pub enum ExtraMass {
     Properties(MassRecord),
 }
 
-/// Where a collider's mass comes from.
+/// The source of a collider's mass.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum ColliderMass {
     /// kg/m³.
@@ -164,7 +164,7 @@ pub enum ColliderMass {
     Properties(MassRecord),
 }
 
-/// How the coefficients of two colliders become one.
+/// The rule by which the coefficients of two colliders become one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum CombineRule {
@@ -182,7 +182,7 @@ pub enum CombineRule {
     GeometricMean,
 }
 
-/// Which groups a collider belongs to and which it meets; `any` makes one match enough, else both must match.
+/// A collider's collision groups: those it belongs to and those it meets; `any` makes one match enough, else both must match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 pub struct Groups {
     /// Bits of the groups it belongs to.
@@ -193,7 +193,7 @@ pub struct Groups {
     pub any: bool,
 }
 
-/// A collider, whole.
+/// A complete collider.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct ColliderRecord {
     /// The shape, sent to a peer at most once.
@@ -214,9 +214,9 @@ pub struct ColliderRecord {
     pub sensor: bool,
     /// Whether it takes part at all.
     pub enabled: bool,
-    /// Who meets whom.
+    /// Groups that decide which pairs collide.
     pub collision_groups: Groups,
-    /// Whose contacts push.
+    /// Groups that decide which contacts apply forces.
     pub solver_groups: Groups,
     /// Bits of Rapier's `ActiveCollisionTypes`.
     pub collision_types: u16,
@@ -232,7 +232,7 @@ pub struct ColliderRecord {
     pub user_data: u128,
 }
 
-/// Everything of a body that a step does not change.
+/// The part of a body that a step does not change.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyTraits {
     /// How it moves.
@@ -275,7 +275,7 @@ pub struct BodyTraits {
     pub user_data: u128,
 }
 
-/// A body, whole: what is sent when a region is to hold it.
+/// A complete body, sent when a region is to hold it.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyRecord {
     /// Its name.
@@ -289,7 +289,7 @@ pub struct BodyRecord {
 }
 
 impl BodyRecord {
-    /// Whether a client may have it as an avatar: all shapes that it names are found, and suit clients.
+    /// Returns whether a client may have it as an avatar: all shapes that it names are found, and suit clients.
     pub fn suits_clients<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> bool {
         let suits = |hash| find(hash).filter(|shape| shape.suits_clients());
         self.traits.colliders.iter().all(|collider| {

@@ -1,5 +1,5 @@
-//! What one region tells another once an exchange, and what it reports of contacts. The coupling methods fill and read
-//! these values; in one process they are handed over as they are, between processes they are encoded.
+//! Defines the border message that one region sends another in each exchange, and the contact reports of a region. The coupling
+//! methods fill and read these values; in one process they are handed over as they are, between processes they are encoded.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{BodyRecord, Check, Input, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
-/// The owner's word on a body that the receiver holds a replica of.
+/// The owner's state of a body, sent to a region that holds a replica of it.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct SharedState {
     /// Which body.
@@ -24,7 +24,7 @@ pub struct SharedState {
     pub sleeping: bool,
 }
 
-/// What the sender's own copy of a body became in the last (micro-)step, for all regions that hold it to agree on.
+/// The state of the sender's own copy of a body after the last substep, input of the consensus among all regions that hold it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct CopyState {
     /// Which body.
@@ -35,15 +35,15 @@ pub struct CopyState {
     pub velocity: Velocity,
     /// Whether it sleeps.
     pub sleeping: bool,
-    /// What contacts and joints press on this copy, newtons, as its region remembers it.
+    /// Force of contacts and joints on this copy, newtons, as its region remembers it.
     pub force_n: [f32; 3],
-    /// The same for turning, newton metres.
+    /// Torque of contacts and joints on it, newton metres.
     pub torque_nm: [f32; 3],
     /// A hash of the bodies that press on this copy; 0 when none does.
     pub partners: u64,
-    /// Whether its numbers are finite; if not, they stand at zero and the copy does not count.
+    /// Whether its numbers are finite; if not, they are sent as zero and the copy does not count.
     pub sound: bool,
-    /// Of its owner: the sender's part of the copy's island, by the lowest id in it; none while it is in none.
+    /// From the owner only: the sender's part of the copy's island, named by the lowest id in it; `None` while it is in no island.
     pub part: Option<BodyId>,
     /// How many bodies the copy's island has in all as the sender sees it, ghosts among them; [`BIG_ISLAND`] when it is too large
     /// to move.
@@ -52,7 +52,7 @@ pub struct CopyState {
     pub size: u16,
 }
 
-/// What the sender knows of one region's part of an island that several regions have bodies of.
+/// The sender's knowledge of one region's part of an island whose bodies several regions own.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct IslandPart {
     /// The sender's own part of the island, as in [`CopyState::part`].
@@ -63,51 +63,51 @@ pub struct IslandPart {
     pub rank: u8,
     /// How many they are; [`BIG_ISLAND`] when they alone are too many to move.
     pub size: u16,
-    /// Whether their region takes the island for one that moves whole.
+    /// Whether their region treats the island as one that moves whole.
     pub whole: bool,
     /// From how many parts away the sender heard of it; 0 is its own.
     pub hops: u16,
 }
 
-/// The size told of islands that are too large to move whole.
+/// The size sent for islands that are too large to move whole.
 pub const BIG_ISLAND: u16 = u16::MAX;
 
-/// Who holds and who owns a body from now on, told by its owner to all who hold it.
+/// The membership of a body (its owner and holders) from now on, sent by its owner to all regions that hold it.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Membership {
     /// Which body.
     pub id: BodyId,
-    /// Of the owner.
+    /// Epoch of the owner.
     pub epoch: Epoch,
     /// Rank of the owner.
     pub owner: u8,
-    /// All that hold it, the owner too.
+    /// All regions that hold it, the owner too.
     pub holders: RegionSet,
-    /// Those of them whose copies only follow the others': they have no part of the mass.
+    /// Those of them that hold a warm-up ghost: it only follows the other copies and has no part in mass splitting.
     pub warming: RegionSet,
 }
 
-/// A body near the receiver's region which the receiver does not hold.
+/// A predicted contact: the swept AABB of a body near the receiver's region which the receiver does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct NearbyBody {
     /// Which body.
     pub id: BodyId,
-    /// A box around it, world space, metres.
+    /// Its AABB, world space, metres.
     pub bounds: Bounds,
-    /// How the box moves, m/s.
+    /// Velocity of the AABB, m/s.
     pub velocity: [f32; 3],
     /// Whether it is awake.
     pub awake: bool,
     /// How many bodies of its island the sender owns; [`BIG_ISLAND`] when it is too large to move, 0 for what no contact moves.
     pub island: u16,
-    /// Regions that hold it, or may own it in the ticks that the sender looks ahead: what carries it must be there.
+    /// Regions that hold it, or may own it in the ticks that the sender looks ahead: bodies that carry it must be there.
     pub goes: RegionSet,
 }
 
-/// What a region shows to another: bodies that might meet the other's.
+/// The predicted contacts that a region sends another: bodies that might meet the receiver's.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct NearbyBodies {
-    /// A box around all that the sender's bodies reach beyond its cell; told to whom it concerns.
+    /// AABB of all that the sender's bodies reach beyond its cell; sent to the regions that it concerns.
     pub extent: Option<Bounds>,
     /// Other regions whose bodies reach into the sender's cell, as the receiver's do: they may meet there.
     pub visitors: RegionSet,
@@ -115,7 +115,7 @@ pub struct NearbyBodies {
     pub bodies: Vec<NearbyBody>,
 }
 
-/// The receiver becomes the owner of a body.
+/// The handover of a body to the receiver, which becomes its owner.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Transfer {
     /// The body, whole, at the epoch of the new owner.
@@ -126,7 +126,7 @@ pub struct Transfer {
     pub whole: bool,
 }
 
-/// A body changed owner.
+/// A record that a body changed owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Handover {
     /// Which body.
@@ -137,12 +137,12 @@ pub struct Handover {
     pub to: RegionId,
 }
 
-/// Everything that one region has to say to another after a step; each list in id order.
+/// A border message: everything that one region sends another after a step; each list in id order.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BorderMessage {
-    /// Who speaks.
+    /// The sender.
     pub from: RegionId,
-    /// Who is spoken to.
+    /// The receiver.
     pub to: RegionId,
     /// After which step.
     pub tick: Tick,
@@ -158,20 +158,20 @@ pub struct BorderMessage {
     pub transfers: Vec<Transfer>,
     /// Bodies of the receiver whose replica was woken here.
     pub wakes: Vec<BodyId>,
-    /// The sender's copies of bodies that both hold, when regions agree on means.
+    /// The sender's copies of bodies that both hold, when regions reach consensus on them.
     pub copies: Vec<CopyState>,
     /// Of each part of an island of whose bodies there are copies above: the island's parts, the sender's first.
     pub islands: Vec<IslandPart>,
     /// Changes among the holders of bodies that the receiver holds.
     pub members: Vec<Membership>,
-    /// What the sender shows to the receiver; `None`: the same as before.
+    /// The sender's predicted contacts; `None`: the same as before.
     pub nearby: Option<NearbyBodies>,
     /// Substeps that the sender takes in the next tick; 0: as many as before.
     pub steps: u8,
 }
 
 impl BorderMessage {
-    /// Whether there is nothing to say.
+    /// Returns whether the message has no content.
     pub fn is_empty(&self) -> bool {
         self.states.is_empty()
             && self.replicas.is_empty()
@@ -186,7 +186,7 @@ impl BorderMessage {
             && self.steps == 0
     }
 
-    /// Whether all ranks in it are of a world of so many regions: others would name nobody.
+    /// Returns whether all ranks in it exist in a world of so many regions.
     pub fn names_only(&self, regions: usize) -> bool {
         let transfers = self.transfers.iter().map(|transfer| transfer.holders);
         let members = self.members.iter().flat_map(|member| [member.holders, member.warming]);
@@ -198,7 +198,7 @@ impl BorderMessage {
             && self.islands.iter().all(|part| usize::from(part.rank) < regions)
     }
 
-    /// Where bodies are `seconds` after the message was written, as far as their velocities tell (dead reckoning, thesis 3.3.11).
+    /// Extrapolates all bodies in it by `seconds` at their velocities (dead reckoning, thesis 3.3.11).
     pub fn extrapolate(&mut self, seconds: f64) {
         let ahead = |pose: &mut WorldPose, velocity: &Velocity, sleeping: bool| {
             if !sleeping {
@@ -215,7 +215,7 @@ impl BorderMessage {
         }
     }
 
-    /// A body is gone from the world: it is neither told of nor handed over. Returns it if it was to be.
+    /// Removes a body that is gone from the world from all lists. Returns its record if it was to be handed over.
     pub fn forget(&mut self, gone: BodyId) -> Option<BodyRecord> {
         self.states.retain(|state| state.id != gone);
         self.replicas.retain(|body| body.id != gone);
@@ -227,7 +227,7 @@ impl BorderMessage {
         Some(self.transfers.remove(at).body)
     }
 
-    /// A body that is handed over goes where its user wants it to.
+    /// Applies an input to the body if it is being handed over in this message.
     pub fn apply_input(&mut self, input: &Input) {
         let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == input.body);
         if let Some(Transfer { body, .. }) = of {
@@ -236,7 +236,7 @@ impl BorderMessage {
         }
     }
 
-    /// Forgets the content and keeps the memory.
+    /// Removes the content and keeps the memory.
     pub fn clear(&mut self) {
         self.states.clear();
         self.replicas.clear();
@@ -252,7 +252,7 @@ impl BorderMessage {
     }
 }
 
-/// Two colliders by the bodies they belong to and their places there, the lower body first.
+/// The key of a contact: two colliders by their bodies and their places there, the lower body first.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
 )]
@@ -267,7 +267,7 @@ pub struct ContactKey {
     pub collider_b: u16,
 }
 
-/// Two colliders began or ceased to touch in one region.
+/// An event: two colliders began or ceased to touch in one region.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Touch {
     /// Which.
@@ -284,7 +284,7 @@ pub struct Touch {
     pub speed: f32,
 }
 
-/// A contact pressed harder than a collider's threshold; of one region, its share in that, whatever it is.
+/// An event: a contact pressed harder than a collider's threshold; of one region, its share in that, whatever it is.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct ContactForce {
     /// Which.
@@ -297,7 +297,7 @@ pub struct ContactForce {
     pub threshold_n: f32,
 }
 
-/// What one region saw of contacts in one tick. A pair held by two regions is in both; whoever collects reports it once.
+/// The contact events of one region in one tick. A pair held by two regions is in both; the collector reports it once.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct RegionEvents {
     /// Which region.
@@ -311,7 +311,7 @@ pub struct RegionEvents {
 }
 
 impl RegionEvents {
-    /// Leaves numbers out that may not travel: those of contacts with a body that is no longer finite.
+    /// Removes numbers that must not be sent: those of contacts with a body that is no longer finite.
     pub fn make_tellable(&mut self) {
         for touch in &mut self.touches {
             if touch.check().is_err() {

@@ -1,6 +1,6 @@
-//! Bytes from messages and back: the only place that knows bincode's settings (`=2.0.1`, RUSTSEC-2025-0141). Bytes come
-//! from strangers: the length is checked first, a claimed length never allocates more than [`MAX_MESSAGE_BYTES`], all
-//! bytes must be consumed, and every value must pass [`Check`].
+//! Encodes messages to bytes and decodes them: the only place that knows bincode's settings (`=2.0.1`, RUSTSEC-2025-0141). Bytes
+//! come from strangers: the length is checked first, a claimed length never allocates more than [`MAX_MESSAGE_BYTES`], all bytes
+//! must be consumed, and every value must pass [`Check`].
 
 #[cfg(feature = "physics")]
 use std::io::{Read, Write};
@@ -18,22 +18,22 @@ use super::{Check, Chunk, Invalid, Message, Stamp, ToClient};
 use crate::protocol::SharedState;
 use crate::space::ClientId;
 
-/// Grows with every change of the message set; peers of unequal versions refuse each other.
+/// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
 pub const VERSION: u32 = 7;
 
-/// The largest message. A single shape (a height field of 2,000 × 2,000) is what needs most.
+/// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
 
-/// What one chunk of a world aims at: small enough not to hold up other traffic of its link.
+/// The target size of one chunk of a world: small enough not to hold up other traffic of its link.
 pub const CHUNK_BYTES: usize = 256 << 10;
 
-/// The largest datagram: below the smallest path MTU in common use, with QUIC's own overhead.
+/// The most bytes of a datagram: below the smallest path MTU in common use, with QUIC's own overhead.
 pub const DATAGRAM_BYTES: usize = 1_100;
 
 const CONFIG: Configuration<LittleEndian, Varint, Limit<MAX_MESSAGE_BYTES>> =
     bincode::config::standard().with_limit::<MAX_MESSAGE_BYTES>();
 
-/// Why bytes are not a message.
+/// The reason why bytes are not a message.
 #[derive(Debug, thiserror::Error)]
 pub enum CodecError {
     /// Refused by length alone.
@@ -56,7 +56,7 @@ pub enum CodecError {
     Invalid(#[from] Invalid),
 }
 
-/// The bytes of a message.
+/// Encodes a message.
 ///
 /// # Panics
 /// When the message is longer than [`MAX_MESSAGE_BYTES`]: senders split what may grow with [`chunks`] and [`pack_states`].
@@ -66,7 +66,7 @@ pub fn encode(message: &Message) -> Vec<u8> {
     bytes
 }
 
-/// The message of the bytes.
+/// Decodes a message and checks it.
 pub fn decode(bytes: &[u8]) -> Result<Message, CodecError> {
     if bytes.len() > MAX_MESSAGE_BYTES {
         return Err(CodecError::TooLong(bytes.len()));
@@ -79,12 +79,12 @@ pub fn decode(bytes: &[u8]) -> Result<Message, CodecError> {
     Ok(message)
 }
 
-/// Any value of the protocol as bytes, for files and tests of our own; [`encode`] is for the wire.
+/// Encodes any value of the protocol, for files and tests of our own; [`encode`] is for the wire.
 pub fn encode_value<T: Encode>(value: &T) -> Vec<u8> {
     bincode::encode_to_vec(value, CONFIG).expect("plain values in memory encode")
 }
 
-/// The value of [`encode_value`]'s bytes.
+/// Decodes what [`encode_value`] wrote, and checks it.
 pub fn decode_value<T: Decode<()> + Check>(bytes: &[u8]) -> Result<T, CodecError> {
     if bytes.len() > MAX_MESSAGE_BYTES {
         return Err(CodecError::TooLong(bytes.len()));
@@ -97,20 +97,20 @@ pub fn decode_value<T: Decode<()> + Check>(bytes: &[u8]) -> Result<T, CodecError
     Ok(value)
 }
 
-/// Writes what serde makes of a value of our own, of any length: the inside of a snapshot.
+/// Writes a value of our own of any length with serde: the content of a snapshot.
 #[cfg(feature = "physics")]
 pub(crate) fn write_state(value: &impl Serialize, to: &mut impl Write) -> Result<(), EncodeError> {
     bincode::serde::encode_into_std_write(value, to, bincode::config::standard())?;
     Ok(())
 }
 
-/// Reads it back. Nothing in it is checked: only for bytes that have proved to be ours.
+/// Reads what [`write_state`] wrote. Nothing in it is checked: only for bytes that have proved to be ours.
 #[cfg(feature = "physics")]
 pub(crate) fn read_state<T: DeserializeOwned>(from: &mut impl Read) -> Result<T, DecodeError> {
     bincode::serde::decode_from_std_read(from, bincode::config::standard())
 }
 
-/// How many bytes a value takes.
+/// Returns the encoded length of a value in bytes.
 pub fn encoded_len<T: Encode>(value: &T) -> usize {
     let measure = || -> Result<usize, EncodeError> {
         let mut encoder = EncoderImpl::new(SizeWriter::default(), CONFIG);
@@ -120,7 +120,7 @@ pub fn encoded_len<T: Encode>(value: &T) -> usize {
     measure().expect("plain values in memory encode")
 }
 
-/// Items in order, in parts of at most `limit` encoded bytes; an item longer than that is a part of its own.
+/// Splits items, in order, into parts of at most `limit` encoded bytes; an item longer than that is a part of its own.
 pub fn split<T: Encode>(items: impl IntoIterator<Item = T>, limit: usize) -> Vec<Vec<T>> {
     let mut parts: Vec<Vec<T>> = Vec::new();
     let mut room = 0;
@@ -138,12 +138,12 @@ pub fn split<T: Encode>(items: impl IntoIterator<Item = T>, limit: usize) -> Vec
     parts
 }
 
-/// A list of any length as chunks of a world.
+/// Splits a list of any length into chunks of a world.
 pub fn chunks<T: Encode>(items: impl IntoIterator<Item = T>, chunk: fn(Vec<T>) -> Chunk) -> Vec<Chunk> {
     split(items, CHUNK_BYTES).into_iter().map(chunk).collect()
 }
 
-/// States for a client as messages that each fit a datagram.
+/// Packs states for a client into messages that each fit a datagram.
 pub fn pack_states(
     client: ClientId,
     stamp: Stamp,
@@ -155,7 +155,7 @@ pub fn pack_states(
         .collect()
 }
 
-/// States in parts that each fit a datagram with its envelope.
+/// Splits states into parts that each fit a datagram with its envelope.
 pub fn datagrams(states: impl IntoIterator<Item = SharedState>) -> Vec<Vec<SharedState>> {
     // The envelope: three tags, client id or view, group, tick, a flag and length, each at its longest.
     const ENVELOPE_BYTES: usize = 3 + 9 + 5 + 9 + 1 + 9;

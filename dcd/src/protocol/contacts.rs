@@ -1,4 +1,4 @@
-//! Contacts of the whole world from what its regions saw: a pair held by several regions is reported once.
+//! Merges the contact events of all regions into those of the world: a pair held by several regions is reported once.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{ContactForce, ContactKey, RegionEvents, Touch};
 use crate::space::{BodyId, RegionId};
 
-/// What happened to contacts in one tick, each pair once.
+/// The contact events of the world in one tick, each pair once.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct WorldEvents {
     /// Contacts that began or ceased, in key order.
@@ -17,15 +17,15 @@ pub struct WorldEvents {
     pub forces: Vec<ContactForce>,
 }
 
-/// Remembers which regions see which contact. A contact begins when the first region sees it and ceases when the last
-/// one does not any more, so a body that changes region does not seem to let go.
+/// Remembers which regions see each contact. A contact begins when the first region sees it and ceases when the last region no
+/// longer does, so a body that changes region does not seem to let go.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ContactLedger {
     seen_by: BTreeMap<ContactKey, Vec<RegionId>>,
 }
 
 impl ContactLedger {
-    /// Merges what the regions saw in one tick; give them in region order. `out` is overwritten. Forces on a pair add up, over
+    /// Merges the regions' events of one tick; give them in region order. `out` is overwritten. Forces on a pair add up, over
     /// the regions that hold it and the substeps of the tick.
     pub fn merge<'a>(&mut self, regions: impl IntoIterator<Item = &'a RegionEvents>, out: &mut WorldEvents) {
         out.touches.clear();
@@ -75,7 +75,7 @@ impl ContactLedger {
         out.forces.retain(|force| force.magnitude_n > force.threshold_n);
     }
 
-    /// A region is called something else from now on.
+    /// Renames a region from now on.
     pub fn rename(&mut self, from: RegionId, to: RegionId) {
         for region in self.seen_by.values_mut().flatten().filter(|region| **region == from) {
             *region = to;

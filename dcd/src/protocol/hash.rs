@@ -1,4 +1,4 @@
-//! One number for the state of a whole world: equal numbers, equal bits.
+//! Hashes the state of a whole world into one number: equal numbers, equal bits.
 
 use super::{Velocity, WorldPose};
 use crate::space::BodyId;
@@ -27,7 +27,7 @@ impl StateHasher {
         }
     }
 
-    /// The first 64 bits of BLAKE3 over everything added.
+    /// Returns the first 64 bits of BLAKE3 over everything added.
     pub fn finish(&self) -> u64 {
         let mut first = [0; 8];
         first.copy_from_slice(&self.hasher.finalize().as_bytes()[..8]);

@@ -1,4 +1,4 @@
-//! A joint as it travels: the numbers of Rapier's `GenericJoint`.
+//! Defines the wire form of a joint: the numbers of Rapier's `GenericJoint`.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Pose;
 use crate::space::{BodyId, JointId};
 
-/// Range of one axis.
+/// The limits of one axis of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointLimit {
     /// Lowest position, metres or radians.
@@ -17,7 +17,7 @@ pub struct JointLimit {
     pub impulse: f32,
 }
 
-/// Motor of one axis.
+/// The motor of one axis of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointMotor {
     /// Velocity to reach.
@@ -28,7 +28,7 @@ pub struct JointMotor {
     pub stiffness: f32,
     /// Damping.
     pub damping: f32,
-    /// Most force or torque.
+    /// Limit of force or torque.
     pub max_force: f32,
     /// Impulse of the last step.
     pub impulse: f32,
@@ -36,7 +36,7 @@ pub struct JointMotor {
     pub acceleration_based: bool,
 }
 
-/// What a multibody joint has besides: the second body is a link in reduced coordinates. Lists by degree of freedom have the
+/// The additional data of a multibody joint: the second body is a link in reduced coordinates. Lists by degree of freedom have the
 /// linear ones first and nothing for locked axes; the rest of each is zero.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct LinkRecord {
@@ -54,7 +54,7 @@ pub struct LinkRecord {
     pub motion: Option<LinkMotion>,
 }
 
-/// Where a link is and how it moves, in the coordinates of its joint.
+/// The position and velocity of a link, in the coordinates of its joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct LinkMotion {
     /// By axis, metres and radians.
@@ -88,9 +88,9 @@ pub struct JointRecord {
     pub motor_axes: u8,
     /// Limits and motors act on these together.
     pub coupled_axes: u8,
-    /// One an axis.
+    /// One per axis.
     pub limits: [JointLimit; 6],
-    /// One an axis.
+    /// One per axis.
     pub motors: [JointMotor; 6],
     /// Natural frequency (Hz) and damping ratio of the constraint.
     pub softness: [f32; 2],

@@ -1,4 +1,4 @@
-//! The message set between server, nodes, leader and clients (thesis 4.3.2.9–10). Every message of a group carries the
+//! Defines the message set between server, nodes, leader and clients (thesis 4.3.2.9–10). Every message of a group carries the
 //! [`ViewNumber`] it was written in, so that nothing of an earlier membership is ever taken for the present one.
 
 mod client;
@@ -30,13 +30,13 @@ pub use question::{
 pub struct ViewNumber(pub u64);
 
 impl ViewNumber {
-    /// The view after this one.
+    /// Returns the number of the next view.
     pub const fn next(self) -> Self {
         Self(self.0 + 1)
     }
 }
 
-/// Anything that one process sends another: a frame holds exactly one.
+/// Any message that one process sends another: a frame holds exactly one.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum Message {
     /// Node or client to server, first on every link.
@@ -49,9 +49,9 @@ pub enum Message {
     Dispatch(Dispatch),
     /// Member to leader: the barrier is reached.
     Done(Done),
-    /// Member to leader, at a rate: what moved.
+    /// Member to leader, at a rate: bodies that moved.
     Report(Report),
-    /// Member to member, once a round.
+    /// Member to member, once per round.
     Border(Border),
     /// Client to leader, or to the server when there is none; also in this envelope over a participant's node.
     FromClient(ClientId, FromClient),
@@ -65,7 +65,7 @@ pub enum Message {
     Program(Program),
 }
 
-/// How a message travels. Order holds within a lane only.
+/// The lane on which a message travels: reliable or datagram. Order holds within a lane only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Lane {
     /// Reliable and ordered: membership, world, dispatch, clients' inputs.
@@ -77,7 +77,7 @@ pub enum Lane {
 }
 
 impl Message {
-    /// The lane of this kind of message.
+    /// Returns the lane of this kind of message.
     pub const fn lane(&self) -> Lane {
         match self {
             Self::Border(_) => Lane::Border,
@@ -92,7 +92,7 @@ impl Message {
     }
 }
 
-/// Who joins. Its id is that of its certificate; the runtime knows it as the peer of the link.
+/// The first message of a process that joins. Its id is that of its certificate; the runtime knows it as the peer of the link.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Hello {
     /// [`VERSION`](super::VERSION) of the sender.
@@ -101,7 +101,7 @@ pub struct Hello {
     pub role: JoinAs,
 }
 
-/// As what a process joins.
+/// The role in which a process joins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum JoinAs {
     /// Computes regions.
@@ -117,16 +117,16 @@ pub enum JoinAs {
     Client,
 }
 
-/// What everybody must know of a world (the thesis's `EnvironmentProperties`), sent whole on joining.
+/// The properties of a world that every process must know (the thesis's `EnvironmentProperties`), sent whole on joining.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct EnvironmentProperties {
     /// Names the world among those of a server.
     pub world: u64,
     /// m/s².
     pub gravity: [f32; 3],
-    /// Seconds a tick.
+    /// Seconds per tick.
     pub dt_s: f32,
-    /// Solver iterations a tick.
+    /// Solver iterations per tick.
     pub solver_iterations: u32,
     /// How the world is cut into regions.
     pub tree: DistributionTree,
@@ -134,7 +134,7 @@ pub struct EnvironmentProperties {
     pub halo_m: Option<f64>,
     /// Name of the coupling.
     pub coupling: String,
-    /// Exchanges a tick, or the most that a border may take.
+    /// Exchanges per tick, or the most that a border may take.
     pub exchanges: u32,
     /// Contact hops of an overlap.
     pub depth: u32,
@@ -146,9 +146,9 @@ pub struct EnvironmentProperties {
     pub avatar_speed_limit: f32,
     /// How ticks are kept in step.
     pub protocol: SyncProtocol,
-    /// How far apart is too far.
+    /// Thresholds of delay and distance.
     pub thresholds: Thresholds,
-    /// How fast ticks follow one another.
+    /// The pace of ticks.
     pub pace: Pace,
     /// The world ends after this tick; `None`: when it is told to.
     pub last_tick: Option<Tick>,
@@ -156,13 +156,13 @@ pub struct EnvironmentProperties {
     pub extension: Vec<u8>,
 }
 
-/// How the members of a group keep in step (thesis 4.3.2.10).
+/// The protocol by which the members of a group keep in step (thesis 4.3.2.10).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum SyncProtocol {
     /// The leader dispatches each tick and waits for all members.
     Synchronised,
-    /// Members run on for so many ticks without hearing from one another, and extrapolate what others own: what is said after
-    /// a tick is taken in so many ticks later, by all alike, so that cause still comes before effect. For links
+    /// Members run on for so many ticks without hearing from one another, and extrapolate bodies that others own: a message
+    /// written after one tick is applied so many ticks later, by all alike, so that cause still comes before effect. For links
     /// whose delay is longer than a tick; with the coupling `owner`.
     Unsynchronised {
         /// At least the longest round trip among members, at most [`MAX_LAG`](super::MAX_LAG).
@@ -171,7 +171,7 @@ pub enum SyncProtocol {
 }
 
 impl SyncProtocol {
-    /// How many ticks later what others say is taken in.
+    /// Returns after how many ticks messages of others are applied.
     pub const fn lag_ticks(self) -> u64 {
         match self {
             Self::Synchronised => 0,
@@ -180,14 +180,14 @@ impl SyncProtocol {
     }
 }
 
-/// How far apart is too far (thesis 3.3.7–3.3.9).
+/// Thresholds of delay and distance (thesis 3.3.7–3.3.9).
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Thresholds {
-    /// Which delays bring nodes together and part them; `None`: all that reach each other are one group.
+    /// Delays at which nodes join and leave groups; `None`: all that reach each other are one group.
     pub delay: Option<DelayThresholds>,
-    /// How far an avatar may be from where its last update leads before it is told of anew, metres; 0: always.
+    /// How far an avatar may be from its dead-reckoned position before an update is sent, metres; 0: always sent.
     pub dead_reckoning_m: f32,
-    /// How far a body of one group may be from where the group that is believed about it has it, metres.
+    /// How far a body of one group may be from its position in the group that is authoritative for it, metres.
     pub between_groups_m: f32,
 }
 
@@ -197,7 +197,7 @@ impl Default for Thresholds {
     }
 }
 
-/// Delays that bring nodes together and part them, round trips, milliseconds.
+/// Delays at which nodes join and leave groups: round trips, milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct DelayThresholds {
     /// Below it a node is wanted; below `rejection_ms`.
@@ -208,7 +208,7 @@ pub struct DelayThresholds {
     pub deviation_ms: f32,
 }
 
-/// How fast ticks follow one another.
+/// The pace at which ticks follow one another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Pace {
     /// One every `dt_s` of real time; a late tick is not made up for by more than one.
@@ -228,7 +228,7 @@ pub struct Member {
     pub client: Option<ClientId>,
 }
 
-/// A membership: who computes what from `tick` on.
+/// A membership view of a group: which member computes which regions from `tick` on.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct View {
     /// Of which group.
@@ -246,13 +246,13 @@ pub struct View {
 }
 
 impl View {
-    /// The member that opens each tick.
+    /// Returns the leader: the member that opens each tick.
     pub fn led_by(&self) -> Option<&Member> {
         self.members.iter().find(|member| member.node == self.leader)
     }
 }
 
-/// A body and the region that owns it from the coming view on.
+/// A body together with the region that owns it from the coming view on.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Placed {
     /// The owner.
@@ -274,14 +274,14 @@ pub enum Chunk {
     Joints(Vec<JointRecord>),
 }
 
-/// A question for the time, microseconds of the sender's clock.
+/// A clock probe, microseconds of the sender's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Ping {
     /// When it was sent.
     pub sent_us: u64,
 }
 
-/// The answer: four time stamps with the asker's time of arrival.
+/// The answer to a clock probe: four time stamps with the asker's time of arrival.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Pong {
     /// Of the ping, by the asker's clock.

@@ -1,4 +1,4 @@
-//! Shapes as they travel. A shape is named by the hash of its content, and a peer is sent it at most once (thesis 4.3.2.5).
+//! Defines the wire form of shapes. A shape is named by the hash of its content, and a peer is sent it at most once (thesis 4.3.2.5).
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Pose;
 
-/// BLAKE3 of a shape's encoding, cut to 128 bits.
+/// The name of a shape: BLAKE3 of its encoding, cut to 128 bits.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
 )]
@@ -20,7 +20,7 @@ impl fmt::Display for ShapeHash {
     }
 }
 
-/// A shape's defining numbers, in metres; acceleration trees are rebuilt by the receiver.
+/// The defining numbers of a shape, in metres; acceleration trees are rebuilt by the receiver.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum ShapeRecord {
     /// Radius.
@@ -64,16 +64,16 @@ pub enum ShapeRecord {
     Compound(Vec<(Pose, ShapeHash)>),
 }
 
-/// Voxels lie at most this many from the origin of their shape, on each axis.
+/// The farthest that voxels may lie from the origin of their shape, on each axis.
 pub(crate) const MAX_VOXEL: i32 = 1 << 20;
 
 /// Parry keeps voxels in blocks of this edge, and half a kilobyte for each block, however few of its voxels are filled.
 const BLOCK: i32 = 8;
 
-/// Most blocks of one shape.
+/// The most blocks of one shape.
 const MAX_BLOCKS: usize = 1 << 16;
 
-/// Whether these voxels can be held: some of them, ascending, not too far out and not strewn over too many blocks.
+/// Returns whether these voxels can be held: not empty, ascending, not too far out and not strewn over too many blocks.
 pub(crate) fn voxels_fit(voxels: &[[i32; 3]]) -> bool {
     let block = |voxel: &[i32; 3]| voxel.map(|v| v.div_euclid(BLOCK));
     !voxels.is_empty()
@@ -83,7 +83,7 @@ pub(crate) fn voxels_fit(voxels: &[[i32; 3]]) -> bool {
 }
 
 impl ShapeRecord {
-    /// The name of this shape.
+    /// Returns the name of this shape.
     pub fn hash(&self) -> ShapeHash {
         // Encoding plain numbers into memory cannot fail.
         let bytes = bincode::encode_to_vec(self, bincode::config::standard()).expect("a shape encodes");
@@ -92,13 +92,13 @@ impl ShapeRecord {
         ShapeHash(short)
     }
 
-    /// Whether it is made of other shapes.
+    /// Returns whether it is made of other shapes.
     pub fn is_compound(&self) -> bool {
         matches!(self, Self::Compound(_))
     }
 
-    /// Whether clients may ask with it and have it as an avatar: it is no mesh, and ends somewhere. Nor is it of voxels: Parry stops
-    /// the process where they meet a half-space, and a cast goes along with them cell by cell, however small they are.
+    /// Returns whether clients may use it in queries and as an avatar: it is no mesh, and is bounded. Nor is it made of voxels: Parry
+    /// aborts the process where they meet a half-space, and a cast goes along them cell by cell, however small they are.
     pub fn suits_clients(&self) -> bool {
         !matches!(
             self,
@@ -110,7 +110,7 @@ impl ShapeRecord {
         )
     }
 
-    /// Its largest number of those in metres; infinity unless it suits clients. Parts of a compound have their own.
+    /// Returns its largest dimension in metres; infinity unless it suits clients. Parts of a compound have their own.
     pub fn largest_m(&self) -> f32 {
         let of = |points: &[[f32; 3]], more: &[f32]| {
             points.as_flattened().iter().chain(more).fold(0.0f32, |most, v| most.max(v.abs()))
@@ -138,7 +138,7 @@ impl ShapeRecord {
         }
     }
 
-    /// The shapes that this one is made of.
+    /// Returns the shapes that this one is made of.
     pub fn parts(&self) -> impl Iterator<Item = ShapeHash> {
         let parts: &[(Pose, ShapeHash)] = match self {
             Self::Compound(parts) => parts,

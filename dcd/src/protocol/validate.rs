@@ -1,38 +1,38 @@
-//! What must hold of values from strangers beyond their format: finite numbers, unit quaternions, indices in range, ids
-//! that agree. "Parse, don't validate": [`decode`](super::decode) never returns a message that fails [`Check`].
+//! Checks values from strangers beyond their format: finite numbers, unit quaternions, indices in range, ids that agree.
+//! "Parse, don't validate": [`decode`](super::decode) never returns a message that fails [`Check`].
 
 use super::*;
 use crate::space::Bounds;
 
-/// Farther out than this nothing of a world can be, in metres.
+/// The farthest distance from the origin at which anything of a world can be, in metres.
 pub const WORLD_REACH_M: f64 = 1e9;
 
-/// No shape, and no way that a client asks about, is longer than this, in metres: with larger numbers Parry's searches do not end, or
-/// stop the process.
+/// The largest extent of a shape and of a path in a client's query, in metres: with larger numbers Parry's searches do not end,
+/// or abort the process.
 pub const SHAPE_REACH_M: f32 = 1e6;
 
-/// No shape is thinner than this, in metres, for the same reason.
+/// The least thickness of a shape, in metres, for the same reason.
 pub const SHAPE_LEAST_M: f32 = 1e-4;
 
-/// Most rounds of a tick.
+/// The most rounds per tick.
 pub const MAX_ROUNDS: u32 = 64;
 
-/// Most ticks that members run on without hearing from one another.
+/// The most ticks that members run on without hearing from one another.
 pub const MAX_LAG: u32 = 60;
 
-/// Most contact hops that an overlap is deep.
+/// The most contact hops of an overlap's depth.
 pub const MAX_DEPTH: u32 = 16;
 
-/// Most colliders of one body.
+/// The most colliders of one body.
 pub const MAX_COLLIDERS: usize = 4_096;
 
-/// The longest message of a program.
+/// The most bytes of a program's message.
 pub const PROGRAM_MESSAGE_BYTES: usize = 32 << 10;
 
-/// The longest datagram of a program: with its envelope it fits one.
+/// The most bytes of a program's datagram: with its envelope it fits one of the transport's.
 pub const PROGRAM_DATAGRAM_BYTES: usize = 1_024;
 
-/// The field that broke a rule, and the rule.
+/// A broken rule of the protocol: the field, and the rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} must be {rule}")]
 pub struct Invalid {
@@ -42,9 +42,9 @@ pub struct Invalid {
     pub rule: &'static str,
 }
 
-/// Whether a value keeps the rules of the protocol.
+/// Checks whether a value keeps the rules of the protocol.
 pub trait Check {
-    /// The first broken rule.
+    /// Returns the first broken rule as an error.
     fn check(&self) -> Result<(), Invalid>;
 }
 

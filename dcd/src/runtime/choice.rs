@@ -1,14 +1,14 @@
-//! How a world is computed when its user says nothing but what is in it.
+//! Chooses the regions of a world whose user names none: one, or more if its bodies lie too far apart for f32.
 
 use crate::physics::Coupling;
 use crate::scene::Scene;
 use crate::space::{Axis, Bounds, DistributionTree, MAX_REGIONS, RegionId, TreeError};
 use rapier3d::prelude::RigidBodyType;
 
-/// The farthest that bodies of one region may be from the middle of them all, metres: f32 resolves 1 mm there.
+/// The largest distance of one region's bodies from the middle of them all, metres: f32 resolves 1 mm there.
 const REACH_M: f64 = 16_384.0;
 
-/// How a world is computed, and why so.
+/// The regions, threads and coupling that a world is computed with, and why so.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Choice {
@@ -16,13 +16,13 @@ pub struct Choice {
     pub regions: usize,
     /// Threads that may step it at a time.
     pub threads: usize,
-    /// How its regions agree; says nothing while there is one.
+    /// How its regions are coupled; of no effect while there is one.
     pub coupling: Coupling,
-    /// Who or what chose the regions.
+    /// What chose the regions.
     pub why: Why,
 }
 
-/// Why a world is cut into so many regions.
+/// The reason for the number of regions of a world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Why {
@@ -50,8 +50,8 @@ impl std::fmt::Display for Why {
     }
 }
 
-/// The regions of a world that nobody has cut: one, unless its movable bodies are too far apart for that. Then each cut goes
-/// through the widest gap near the middle of those that are.
+/// Returns the distribution tree of a world for which no cut was asked: one, unless its movable bodies are too far apart for
+/// that. Then each cut goes through the widest gap near the middle of those that are.
 pub(super) fn tree_for(scene: &Scene, bounds: Bounds) -> Result<DistributionTree, TreeError> {
     let movable = scene.bodies.iter().filter(|body| body.body.body_type != RigidBodyType::Fixed);
     let mut tree = DistributionTree::halved(bounds, 1)?;
@@ -70,8 +70,8 @@ pub(super) fn tree_for(scene: &Scene, bounds: Bounds) -> Result<DistributionTree
     Ok(tree)
 }
 
-/// The plane through the widest gap in the middle half of these places, across their longest extent; none if they are near enough
-/// to one another.
+/// Returns the plane through the widest gap in the middle half of these places, across their longest extent; none if they are
+/// near enough to one another.
 fn cut_between(places: &[[f64; 3]]) -> Option<(Axis, f64)> {
     let around = places.iter().map(|&place| Bounds::new(place, place)).reduce(|all, one| all.union(&one))?;
     let extent = |axis: Axis| around.max[axis.index()] - around.min[axis.index()];

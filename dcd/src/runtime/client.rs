@@ -1,4 +1,4 @@
-//! A client or participant as its user sees it: a world that others compute, with avatars of one's own in it.
+//! Runs a client or participant: joins a served world, sends avatar inputs and queries, and reads the states received.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -17,29 +17,29 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
-/// With what a process enters a served world.
+/// The settings with which a process joins a served world.
 #[derive(Clone, Debug)]
 pub struct JoinConfig {
     /// Where the server is.
     pub server: SocketAddr,
     /// From `dcd token --role client` (or `participant`, or `node`); used up by joining.
     pub token: String,
-    /// File that keeps who we are: a later join with it continues with the same avatars.
+    /// File that keeps the process's identity: a later join with it continues with the same avatars.
     pub identity: Option<PathBuf>,
     /// How long to wait for the server and the world.
     pub timeout: Duration,
-    /// How long the server may be out of reach later on before we give up. Meanwhile it is dialled again and again.
+    /// How long the server may be out of reach later on before the process gives up. Meanwhile it dials again and again.
     pub give_up: Duration,
     /// Regions that a participant's node steps at a time.
     pub threads: usize,
     /// Where others reach a participant's node; `None`: any free port, on the interface that leads to the server.
     pub listen: Option<SocketAddr>,
-    /// The address to give others, if it is not the one listened on.
+    /// The address to give to others, if it is not the one listened on.
     pub advertise: Option<SocketAddr>,
 }
 
 impl JoinConfig {
-    /// No identity file, ten seconds to join, thirty for a server that is lost, one thread, any port.
+    /// Returns the usual settings: no identity file, ten seconds to join, thirty for a server that is lost, one thread, any port.
     pub fn new(server: SocketAddr, token: impl Into<String>) -> Self {
         Self {
             server,
@@ -70,14 +70,14 @@ impl JoinConfig {
     }
 }
 
-/// What a client heard since it last asked.
+/// The events that a client received since they were last taken.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClientEvents {
     /// Contacts of own avatars that began or ceased.
     pub touches: Vec<(Tick, Touch)>,
     /// Forces on own avatars above their thresholds.
     pub forces: Vec<(Tick, ContactForce)>,
-    /// Bodies that were heard to have another owner than before.
+    /// Bodies whose change of owner became known.
     pub handovers: Vec<Handover>,
     /// Bodies that appeared.
     pub appeared: Vec<BodyId>,
@@ -87,7 +87,7 @@ pub struct ClientEvents {
     pub refusals: Vec<(Option<BodyId>, Refusal)>,
 }
 
-/// A world that nodes compute, seen by one of its clients. Its methods do not wait for the network unless they say so.
+/// The client side of a world that nodes compute. Its methods do not wait for the network unless they say so.
 pub struct ClientWorld {
     member: Member,
     client: ClientId,
@@ -96,13 +96,13 @@ pub struct ClientWorld {
 }
 
 impl ClientWorld {
-    /// Joins as a client, and waits until the server has told the whole world, as it is on its record. It need not have nodes
+    /// Joins as a client, and waits until the server has sent the whole world, as it is on its record. It need not have nodes
     /// yet: the world stands still until it has.
     pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
         Self::enter(config, JoinRole::Client)
     }
 
-    /// Joins as client and node in one process: the process also computes a share of the world.
+    /// Joins as client and node in one process: the process also computes regions of the world.
     pub fn participate(config: &JoinConfig) -> Result<Self, ProcessError> {
         Self::enter(config, JoinRole::Participant)
     }
@@ -131,32 +131,32 @@ impl ClientWorld {
         Ok(world)
     }
 
-    /// Our name.
+    /// Returns this process's id as a client.
     pub fn id(&self) -> ClientId {
         self.client
     }
 
-    /// Our name as a node, for a participant.
+    /// Returns this process's id as a node, for a participant.
     pub fn node(&self) -> Option<NodeId> {
         self.member.who.node()
     }
 
-    /// The node that computes a region, as far as known: as the server or the leader last said.
+    /// Returns the node that computes a region, as far as known: as the server or the leader last said.
     pub fn computed_by(&self, region: RegionId) -> Option<NodeId> {
         self.member.shared.lock().client.as_ref()?.computed_by(region)
     }
 
-    /// Where our node listens, for a participant.
+    /// Returns the address at which a participant's node listens.
     pub fn address(&self) -> Option<SocketAddr> {
         self.node().map(|_| self.member.address)
     }
 
-    /// With whom this process is connected.
+    /// Returns the connections of this process.
     pub fn connections(&self) -> &Connections {
         self.member.connections()
     }
 
-    /// An error once the server has been out of reach for too long, or the world has ended.
+    /// Returns an error once the server has been out of reach for too long, or the world has ended.
     pub fn check(&self) -> Result<(), ProcessError> {
         let mut state = self.member.shared.lock();
         match &state.end {
@@ -170,17 +170,18 @@ impl ClientWorld {
         }
     }
 
-    /// The newest tick heard of: some milliseconds old while bodies move, up to half a second of the world's time while all rest.
+    /// Returns the newest tick received: some milliseconds old while bodies move, up to half a second of the world's time while
+    /// all rest.
     pub fn tick(&self) -> Tick {
         self.member.shared.lock().client.as_ref().map_or(Tick(0), Client::tick)
     }
 
-    /// What the server says of the world.
+    /// Returns the properties of the world, as the server sent them.
     pub fn environment(&self) -> Option<EnvironmentProperties> {
         self.member.shared.lock().client.as_ref()?.world().cloned()
     }
 
-    /// Puts an avatar of our own into the world. It appears in [`ClientEvents::appeared`] once it is there; a refusal
+    /// Inserts an avatar of this client into the world. It appears in [`ClientEvents::appeared`] once it is there; a refusal
     /// comes in [`ClientEvents::refusals`].
     pub fn spawn(
         &mut self,
@@ -201,12 +202,12 @@ impl ClientWorld {
         Ok(id)
     }
 
-    /// Takes an avatar out of the world for good.
+    /// Removes an avatar from the world for good.
     pub fn despawn(&self, avatar: BodyId) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Despawn(avatar))
     }
 
-    /// Gives an avatar a velocity, and with `pose` a new place. The newest input before a tick counts.
+    /// Sends an avatar input: a velocity, and with `pose` a new place. The newest input before a tick counts.
     pub fn send_input(
         &self,
         avatar: BodyId,
@@ -216,45 +217,45 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Input { body: avatar, velocity, pose })
     }
 
-    /// Wants to hear of bodies in this area and about our avatars from now on; `None`: of all, as at first. What is outside stays
-    /// as last heard of, and [`BodyView::outside`] says so.
+    /// Sets the area of interest: from now on bodies in it and around own avatars are received; `None`: all, as at first. Bodies
+    /// outside stay as last received, and [`BodyView::outside`] says so.
     pub fn turn_to(&self, area: Option<Area>) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Interest(area))
     }
 
-    /// Asks those who compute the world what rays and shapes meet; [`ClientWorld::take_answer`] has the answer once it has come,
-    /// some ticks later. `number` must be unlike those of other questions.
+    /// Sends a query for rays or shapes to the processes that compute the world; [`ClientWorld::take_answer`] has the answer once
+    /// it has come, some ticks later. Its `number` must differ from those of other questions.
     pub fn ask(&self, question: Question) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Ask(question))
     }
 
-    /// Does not want the answer to a question any more.
+    /// Cancels a query: its answer is dropped.
     pub fn forget(&self, number: u64) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Forget(number))
     }
 
-    /// The answer to a question, if it has come. It is given once.
+    /// Takes the answer to a query, if it has come. It is given once.
     pub fn take_answer(&self, number: u64) -> Option<Found> {
         self.member.shared.lock().client.as_mut()?.take_answer(number)
     }
 
-    /// Our avatars in the world, also those that an earlier stay left behind, in id order.
+    /// Returns this client's avatars in the world, also those of an earlier stay, in id order.
     pub fn own_avatars(&self) -> Vec<BodyId> {
         self.with_bodies(|body| (body.body.id.client() == Some(self.client)).then_some(body.body.id))
     }
 
-    /// A body as last heard of.
+    /// Returns a body as last received.
     pub fn body(&self, id: BodyId) -> Option<BodyView> {
         self.member.shared.lock().client.as_ref()?.body(id).cloned()
     }
 
-    /// Looks at every body in id order, as last heard of, and collects what `look` returns.
+    /// Calls `look` for every body in id order, as last received, and collects what it returns.
     pub fn with_bodies<R>(&self, mut look: impl FnMut(&BodyView) -> Option<R>) -> Vec<R> {
         let state = self.member.shared.lock();
         state.client.iter().flat_map(|client| client.bodies()).filter_map(&mut look).collect()
     }
 
-    /// What happened since the last call.
+    /// Takes the events since the last call.
     pub fn take_events(&self) -> ClientEvents {
         let mut state = self.member.shared.lock();
         let (touches, forces, handovers) = match &mut state.client {
@@ -275,23 +276,23 @@ impl ClientWorld {
         }
     }
 
-    /// State messages received so far.
+    /// Returns the number of state messages received so far.
     pub fn updates(&self) -> u64 {
         self.member.shared.lock().updates
     }
 
-    /// What has passed over all links, as of a tenth of a second ago; its round trip is that of the slowest.
+    /// Returns the traffic over all links, as of a tenth of a second ago; its round trip is that of the slowest.
     pub fn traffic(&self) -> PeerStats {
         self.member.shared.lock().traffic
     }
 
-    /// Waits until another state message has come; says whether one came in time.
+    /// Waits until another state message has come; returns whether one came in time.
     pub fn wait_update(&self, seen: u64, timeout: Duration) -> bool {
         self.member.shared.wait(timeout, |state| state.updates > seen || state.end.is_some())
             && self.updates() > seen
     }
 
-    /// Waits until the body is known here; says whether it came in time.
+    /// Waits until the body is known here; returns whether it came in time.
     pub fn wait_body(&self, id: BodyId, timeout: Duration) -> bool {
         self.member.shared.wait(timeout, |state| {
             state.end.is_some()
@@ -300,12 +301,12 @@ impl ClientWorld {
         }) && self.body(id).is_some()
     }
 
-    /// What a participant's node did.
+    /// Returns what a participant's node did.
     pub fn summary(&self) -> NodeSummary {
         self.member.summary()
     }
 
-    /// Leaves in order: avatars wait at the server for our return.
+    /// Leaves in order: the avatars wait at the server for this client's return.
     pub fn leave(self) -> Result<NodeSummary, ProcessError> {
         self.member.leave();
         self.member.finish()

@@ -1,8 +1,9 @@
-//! What the links of a process are to its user: who is at their other ends, and what became of whom.
+//! Tracks a process's connections for its user: who is at the other end, events (new, lost, back, gone), and messages between
+//! programs.
 //!
-//! A connection is with a process, by its proven name. Its link may break and be made anew: then it is lost, and back. A
-//! server has connections with nodes and clients; others have one with their server, and those with nodes that their part in
-//! the world asks for. The programs at both ends of a connection with the server may say to each other what they like.
+//! A connection is with a process, identified by its proven name. Its link may break and be made anew: then it is lost, and back.
+//! A server has connections with nodes and clients; others have one with their server, and with the nodes of their group that
+//! they need. The programs at both ends of a connection with the server may send each other any bytes.
 
 mod mail;
 
@@ -17,7 +18,7 @@ use super::ending::{Cause, Ending, GIVE_UP, Reason};
 use crate::net::{PeerKey, PeerName, PeerStats};
 use crate::protocol::Program;
 
-/// How long a connection without a link is kept: so long its process dials, as a rule.
+/// How long a connection without a link is kept: as long as its process dials, as a rule.
 const KEPT: Duration = GIVE_UP;
 /// Events kept for a user who does not take them; of more, the oldest are forgotten.
 const EVENTS: usize = 4_096;
@@ -25,14 +26,14 @@ const EVENTS: usize = 4_096;
 /// Untaken messages that are kept after their links' ends, by weight; of more, all are forgotten.
 const ENDED_BYTES: u64 = 4 << 20;
 
-/// A connection of this process; a number that is never given a second time.
+/// The id of a connection of this process, never given a second time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ConnectionId(pub u64);
 
 /// A connection as it is now.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Connection {
-    /// Which.
+    /// The id of the connection.
     pub id: ConnectionId,
     /// Who is at the other end.
     pub who: PeerName,
@@ -44,37 +45,37 @@ pub struct Connection {
     pub links: u32,
     /// How long ago it came.
     pub age: Duration,
-    /// What has passed over it, as of up to half a second ago.
+    /// Traffic over it, as of up to half a second ago.
     pub traffic: PeerStats,
     /// Datagrams of programs that were dropped at this end: the link was full, or our program did not take them.
     pub dropped: u64,
 }
 
-/// Something became of a connection.
+/// An event of a connection: it is new, lost, back or gone.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConnectionEvent {
-    /// Which.
+    /// The id of the connection.
     pub id: ConnectionId,
     /// Who is, or was, at the other end.
     pub who: PeerName,
-    /// What.
+    /// The change.
     pub change: ConnectionChange,
 }
 
-/// What may become of a connection.
+/// The ways in which a connection changes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ConnectionChange {
     /// It is new.
     Came,
-    /// Its link broke; why. It is waited for.
+    /// Its link broke, for this reason. The process waits for it.
     Lost(Reason),
     /// It has a link again.
     Back,
-    /// It is over; why. Its id names nothing any more.
+    /// It is over, for this reason. Its id names nothing any more.
     Gone(Reason),
 }
 
-/// How programs' messages travel.
+/// The ways in which programs' messages travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
     /// Once and in order, as long as the link lasts.
@@ -83,29 +84,29 @@ pub enum Delivery {
     Datagram,
 }
 
-/// What the program at the other end of a connection sent.
+/// A message from the program at the other end of a connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProgramMessage {
-    /// Over which connection; it may be gone by now.
+    /// The connection it came over; it may be gone by now.
     pub from: ConnectionId,
-    /// By whom.
+    /// The process that sent it.
     pub who: PeerName,
-    /// How.
+    /// How it travelled.
     pub delivery: Delivery,
-    /// What.
+    /// Its bytes.
     pub bytes: Vec<u8>,
 }
 
-/// Why a connection is not what is asked of it.
+/// The error of operations on a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ConnectionError {
     /// It is over, or never was.
     #[error("there is no such connection: it is gone; forget its id")]
     Gone,
-    /// Asked of a process that is no server.
+    /// A process that is no server tried to disconnect another.
     #[error("only a server sends others away: to leave it, leave the world")]
     NotServer,
-    /// A message for somebody who is not the server, by somebody who is not.
+    /// A message between two processes neither of which is the server.
     #[error("programs speak with the server's only: send it there, and let that pass it on")]
     NotByServer,
     /// It has no link now.
@@ -128,7 +129,7 @@ pub enum ConnectionError {
 
 /// The connections of a running process. All clones are of the same. Its methods return at once unless they say otherwise.
 ///
-/// What one client says, all hear:
+/// A chat, in which the server passes each message on to all:
 ///
 /// ```no_run
 /// # use dcd::runtime::{ConnectionError, Delivery, ServerProcess};
@@ -151,7 +152,7 @@ struct Shared {
     state: Mutex<State>,
     arrived: Condvar,
     is_server: bool,
-    /// Tells the process's loop that something is wanted of it.
+    /// Wakes the process's loop.
     wake: Box<dyn Fn() + Send + Sync>,
 }
 
@@ -163,10 +164,10 @@ struct State {
     of_link: BTreeMap<PeerKey, ConnectionId>,
     events: VecDeque<ConnectionEvent>,
     sent_away: BTreeMap<PeerName, String>,
-    /// Those that may have something to send.
+    /// Connections that may have something to send.
     sending: BTreeSet<ConnectionId>,
     inbox: VecDeque<Received>,
-    /// Weight of what is in the inbox though its link has ended.
+    /// Weight of the messages in the inbox whose link has ended.
     ended: u64,
     arrivals: u64,
     over: bool,
@@ -181,9 +182,9 @@ struct Entry {
     who: PeerName,
     address: SocketAddr,
     came: Instant,
-    /// Or since when there is none.
+    /// The key of the link, or since when there is none.
     link: Result<PeerKey, Instant>,
-    /// What passed over former links, and over this one.
+    /// Traffic over former links, and over this one.
     before: PeerStats,
     traffic: PeerStats,
     mail: Mail,
@@ -191,24 +192,24 @@ struct Entry {
 }
 
 impl Connections {
-    /// All of them, the oldest first.
+    /// Lists all connections, the oldest first.
     pub fn list(&self) -> Vec<Connection> {
         let state = self.lock();
         state.entries.iter().map(|(&id, entry)| entry.view(id)).collect()
     }
 
-    /// One of them; `None` once it is gone.
+    /// Returns one connection; `None` once it is gone.
     pub fn get(&self, id: ConnectionId) -> Option<Connection> {
         Some(self.lock().entries.get(&id)?.view(id))
     }
 
-    /// What became of connections since the last call, in order.
+    /// Takes the events of connections since the last call, in order.
     pub fn take_events(&self) -> Vec<ConnectionEvent> {
         self.lock().events.drain(..).collect()
     }
 
-    /// Sends bytes to the program at the other end: from a server's to any, else to the server's. The world's own messages
-    /// never wait for them. What is on its way when the link breaks is lost.
+    /// Sends bytes to the program at the other end: from a server to any process, from others to the server. The world's own
+    /// messages never wait for them. What is on its way when the link breaks is lost.
     pub fn send(&self, id: ConnectionId, bytes: &[u8], delivery: Delivery) -> Result<(), ConnectionError> {
         let mut state = self.lock();
         let entry = state.entries.get_mut(&id).ok_or(ConnectionError::Gone)?;
@@ -223,8 +224,8 @@ impl Connections {
         Ok(())
     }
 
-    /// What programs have sent to this one since the last call, in the order in which it came. Who does not take them holds
-    /// their senders back.
+    /// Takes the messages that programs have sent to this one since the last call, in order of arrival. A program that does not
+    /// take them holds their senders back.
     pub fn take_messages(&self) -> Vec<ProgramMessage> {
         let mut state = self.lock();
         let State { entries, sending, inbox, .. } = &mut *state;
@@ -246,21 +247,21 @@ impl Connections {
         messages
     }
 
-    /// How often something came over the network that concerns the user; for [`Connections::wait`].
+    /// Returns how many arrivals over the network there were that concern the user; for [`Connections::wait`].
     pub fn arrivals(&self) -> u64 {
         self.lock().arrivals
     }
 
-    /// Waits until something has come that is not among the first `seen` arrivals, or the process's part in the world is over;
-    /// no longer than `timeout`. Says whether it came.
+    /// Waits until something has come that is not among the first `seen` arrivals, or the process's loop has ended; no longer
+    /// than `timeout`. Returns whether it came.
     pub fn wait(&self, seen: u64, timeout: Duration) -> bool {
         let nothing = |state: &mut State| state.arrivals <= seen && !state.over;
         let waited = self.shared.arrived.wait_timeout_while(self.lock(), timeout, nothing);
         !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
     }
 
-    /// Sends a process away from the server: it is told why, a node's regions are handed over first, a client's avatars wait
-    /// for its return. It may come back with a new token. [`ConnectionChange::Gone`] tells when it is gone.
+    /// Disconnects a process from the server: it gets the reason, a node's regions are handed over first, a client's avatars wait
+    /// for its return. It may come back with a new token. [`ConnectionChange::Gone`] reports when it is gone.
     pub fn disconnect(&self, id: ConnectionId, reason: impl Into<String>) -> Result<(), ConnectionError> {
         if !self.shared.is_server {
             return Err(ConnectionError::NotServer);
@@ -273,7 +274,7 @@ impl Connections {
         Ok(())
     }
 
-    /// Those of a process with this name, whose loop looks what is wanted of it when it is woken.
+    /// Makes the connections of a process with this name; `wake` wakes its loop, which then looks for work.
     pub(super) fn new(who: PeerName, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let shared = Shared {
             state: Mutex::default(),
@@ -284,7 +285,7 @@ impl Connections {
         Self { shared: Arc::new(shared) }
     }
 
-    /// A link is made.
+    /// Records that a link is made.
     pub(super) fn linked(&self, link: PeerKey, who: PeerName, address: SocketAddr) {
         let mut state = self.lock();
         match state.of_peer.get(&who).copied() {
@@ -315,13 +316,13 @@ impl Connections {
         self.shared.arrived.notify_all();
     }
 
-    /// A link broke that its process will make again, or is to.
+    /// Records that a link broke that its process will make again, or is to.
     pub(super) fn lost(&self, link: PeerKey, reason: Reason) {
         self.lock().unlink(link, reason);
         self.shared.arrived.notify_all();
     }
 
-    /// A link was closed for good.
+    /// Records that a link was closed for good.
     pub(super) fn gone(&self, link: PeerKey, reason: Reason) {
         let mut state = self.lock();
         if let Some(id) = state.of_link.get(&link).copied() {
@@ -330,8 +331,8 @@ impl Connections {
         self.shared.arrived.notify_all();
     }
 
-    /// Reads the counters of all links, and forgets connections that have been without one for too long; but a server, which is
-    /// given up by whom it concerns.
+    /// Reads the counters of all links, and forgets connections that have been without one for too long; but not a server, which
+    /// the process's loop gives up by itself.
     pub(super) fn refresh(&self, now: Instant, traffic: impl Fn(PeerKey) -> Option<PeerStats>) {
         let mut state = self.lock();
         let mut late = Vec::new();
@@ -348,7 +349,7 @@ impl Connections {
         }
     }
 
-    /// Sends what programs want sent, as far as there is room. Returns whether something is to be tried again soon.
+    /// Sends waiting messages of programs, as far as there is room. Returns whether something is to be tried again soon.
     pub(super) fn send_waiting(&self, mut send: impl FnMut(PeerKey, &[u8], Delivery) -> Sent) -> bool {
         let State { entries, sending, .. } = &mut *self.lock();
         sending.retain(|id| match entries.get_mut(id) {
@@ -360,7 +361,7 @@ impl Connections {
         !sending.is_empty()
     }
 
-    /// Something that the program at the other end of a link says. An error names the rule that it broke.
+    /// Takes in a frame from the program at the other end of a link. An error names the rule that it broke.
     pub(super) fn heard(&self, link: PeerKey, program: Program) -> Result<(), &'static str> {
         let state = &mut *self.lock();
         let Some(&from) = state.of_link.get(&link) else { return Ok(()) };
@@ -380,7 +381,7 @@ impl Connections {
         Ok(())
     }
 
-    /// Who is to be sent away, and why. Those without a link are gone with this.
+    /// Takes the processes to be disconnected, and why. Those without a link are gone with this.
     pub(super) fn take_sent_away(&self) -> BTreeMap<PeerName, String> {
         let mut state = self.lock();
         let sent_away = std::mem::take(&mut state.sent_away);
@@ -395,13 +396,13 @@ impl Connections {
         sent_away
     }
 
-    /// Something else has come that the user waits for.
+    /// Wakes a waiting user: something else has come.
     pub(super) fn ring(&self) {
         self.lock().arrivals += 1;
         self.shared.arrived.notify_all();
     }
 
-    /// The process's part in the world is over.
+    /// Ends all connections: the process's loop has ended.
     pub(super) fn end(&self, reason: Reason) {
         let mut state = self.lock();
         for id in state.entries.keys().copied().collect::<Vec<_>>() {
@@ -411,7 +412,7 @@ impl Connections {
         self.shared.arrived.notify_all();
     }
 
-    /// Whether our program and that of this process speak with each other.
+    /// Returns whether this process's program and that of `who` may send to each other.
     fn is_spoken_with(&self, who: PeerName) -> bool {
         self.shared.is_server || who == PeerName::Server
     }
@@ -460,7 +461,7 @@ impl State {
         self.tell(id, entry.who, ConnectionChange::Gone(reason));
     }
 
-    /// So much more is in the inbox of a link that has ended.
+    /// Counts untaken messages of a link that has ended.
     fn keep_ended(&mut self, untaken: u64) {
         self.ended += untaken;
         if self.ended > ENDED_BYTES {

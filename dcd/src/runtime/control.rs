@@ -1,4 +1,4 @@
-//! Rapier's controllers in a local world.
+//! Runs Rapier's character, vehicle and PID controllers in a local world.
 
 use rapier3d::control::EffectiveCharacterMovement;
 use rapier3d::prelude::Pose;
@@ -9,9 +9,9 @@ use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
 impl LocalWorld {
-    /// How far a character comes that wants to go somewhere within one tick, by Rapier's character controller: it slides
-    /// along walls, climbs steps, keeps to the ground. `met` hears of each collider in its way. The character need be no
-    /// body of the world; if it is one, exclude it by the filter and send it on by [`LocalWorld::set_next_pose`].
+    /// Returns how far a character gets that is to move by `desired_m` within one tick, by Rapier's character controller: it
+    /// slides along walls, climbs steps, keeps to the ground. `met` is called for each collider in its way. The character need be
+    /// no body of the world; if it is one, exclude it by the filter and move it by [`LocalWorld::set_next_pose`].
     ///
     /// ```
     /// # use dcd::physics::{BodyFilter, CharacterMove};
@@ -41,7 +41,7 @@ impl LocalWorld {
     }
 
     /// Pushes the dynamic bodies that a character of this mass met on its way: `hits` are those that
-    /// [`LocalWorld::move_character`] told of for the same movement.
+    /// [`LocalWorld::move_character`] reported for the same movement.
     pub fn push_by_character(
         &mut self,
         character: &CharacterMove<'_>,
@@ -51,8 +51,8 @@ impl LocalWorld {
         Ok(self.host_mut().push_by_character(character, mass_kg, hits)?)
     }
 
-    /// Lets a car's wheels act on its chassis, before each [`LocalWorld::step`]. The wheels stand on what the filter lets
-    /// through, and never on the chassis.
+    /// Applies the forces of a vehicle's wheels to its chassis; call it before each [`LocalWorld::step`]. The wheels stand on
+    /// what the filter lets through, and never on the chassis.
     ///
     /// ```
     /// # use dcd::physics::{BodyFilter, Vehicle};
@@ -83,7 +83,7 @@ impl LocalWorld {
         Ok(self.host_mut().update_vehicle(vehicle, filter)?)
     }
 
-    /// A pose of the world in the space of [`LocalWorld::body`]: what Rapier's `PidController` needs as its target.
+    /// Converts a pose of the world into the space of [`LocalWorld::body`]: what Rapier's `PidController` needs as its target.
     ///
     /// ```
     /// # use dcd::protocol::WorldPose;

@@ -1,4 +1,4 @@
-//! The physics of a node: carries out what its state machine asks for, on the regions that the node computes.
+//! Computes the physics of a node: carries out the commands of its state machine on the regions that the node computes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
@@ -14,7 +14,7 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
 
-/// Why the physics cannot go on.
+/// The error with which the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
     /// The server uses a coupling that is not known here.
@@ -22,12 +22,12 @@ pub enum DeviceError {
         "the server asks for coupling `{0}`, which this dcd does not know: install the same version on both"
     )]
     Coupling(String),
-    /// Bodies, shapes or threads.
+    /// Bodies, shapes or threads are refused.
     #[error(transparent)]
     Host(#[from] HostError),
 }
 
-/// The regions of one node and what has been told of them.
+/// The regions of one node, with what it has reported of them.
 pub struct PhysicsDevice {
     threads: usize,
     host: Option<RegionHost>,
@@ -40,7 +40,7 @@ pub struct PhysicsDevice {
     compute_us: u32,
     report: Sampler,
     checkpoint: Sampler,
-    /// What is computed while others are waited for: all that is held, in one region.
+    /// The world of speculative ticks, computed while others are waited for: all bodies held here, in one region.
     copy: Option<RegionHost>,
     /// Avatars that are or were held here.
     avatars: BTreeSet<BodyId>,
@@ -48,7 +48,7 @@ pub struct PhysicsDevice {
 }
 
 impl PhysicsDevice {
-    /// Physics without a world; `threads` regions are stepped at a time.
+    /// Makes physics without a world; `threads` regions are stepped at a time.
     pub fn new(threads: usize) -> Self {
         Self {
             threads,
@@ -66,12 +66,12 @@ impl PhysicsDevice {
         }
     }
 
-    /// The regions computed here, once there is a world.
+    /// Returns the regions computed here, once there is a world.
     pub fn host(&self) -> Option<&RegionHost> {
         self.host.as_ref()
     }
 
-    /// Carries out one command. `None` when the command has no answer.
+    /// Carries out one command; returns `None` when the command has no answer.
     ///
     /// # Panics
     /// When a command comes before [`PhysicsCommand::World`]: the state machine never does that.
@@ -152,7 +152,7 @@ impl PhysicsDevice {
         Ok(event)
     }
 
-    /// A tick of the copy; whose bodies are awake.
+    /// Computes a speculative tick on the copy; returns the states of its awake bodies.
     fn speculate(&mut self, ops: Vec<WorldOp>) -> Result<Vec<SharedState>, DeviceError> {
         if self.copy.is_none() {
             let world = self.world.as_ref().expect("a world comes before commands");
@@ -184,7 +184,7 @@ impl PhysicsDevice {
         Ok(awake.collect())
     }
 
-    /// How near to its goal a body of another group's is left alone, metres.
+    /// Returns the distance within which a body of another group is not corrected, metres: half the inter-group threshold.
     fn band_m(&self) -> f64 {
         self.world.as_ref().map_or(0.0, |world| f64::from(world.thresholds.between_groups_m) / 2.0)
     }
@@ -217,7 +217,7 @@ impl PhysicsDevice {
         self.world().outgoing().cloned().collect()
     }
 
-    /// What was said some ticks ago is as it should be by now.
+    /// Accepts border messages; states of earlier ticks are extrapolated to this one.
     fn hear(&mut self, tick: Tick, incoming: Vec<BorderMessage>) {
         let dt_s = self.world.as_ref().map_or(0.0, |world| f64::from(world.dt_s));
         for message in &incoming {
@@ -234,7 +234,7 @@ impl PhysicsDevice {
         }
     }
 
-    /// Avatars of which a copy is here.
+    /// Returns the avatars of which a copy is here.
     fn holds(&mut self) -> Vec<BodyId> {
         let host = self.host.as_ref().expect("a world comes before commands");
         let held = |id: &BodyId| host.regions().any(|region| region.handle_of(*id).is_some());
@@ -337,8 +337,9 @@ fn host_of(
     Ok(RegionHost::new(partition, settings, threads, regions)?)
 }
 
-/// Applies what happens from outside before a tick; every member does so with what it holds. Returns the owned bodies
-/// that disappeared, as they were. What cannot be done is refused by all alike, so it only leaves a word in the log.
+/// Applies world operations (insertions, removals, inputs, inter-group corrections) before a tick; every member does so with the
+/// bodies it holds. Returns the owned bodies that disappeared, as they were. What cannot be done is refused by all alike, so it
+/// is only logged.
 fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecord> {
     let mut removed = Vec::new();
     for op in ops {
@@ -362,7 +363,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             // Answered when the tick is over.
             WorldOp::Ask { .. } => {}
             WorldOp::Correct { tick, states } => {
-                // Where bodies are here is where they were after the last tick.
+                // Poses here are those after the last tick.
                 let lag_s = (host.tick().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);
                 states.iter().for_each(|state| lead(host, state, lag_s, band_m));
             }
@@ -371,7 +372,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
     removed
 }
 
-/// Leads a body to where another group has it.
+/// Corrects a body towards its authoritative state in another group.
 fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
     if traits.kind == BodyKind::KinematicPosition {
@@ -400,7 +401,7 @@ fn steer(host: &mut RegionHost, input: &Input) {
     });
 }
 
-/// Pairs near enough to touch; counting those that do would visit every pair.
+/// Counts pairs near enough to touch; counting those that do touch would visit every pair.
 fn contact_pairs(world: &PhysicsWorld) -> u32 {
     world.narrow_phase.contact_graph().interactions().count() as u32
 }
@@ -413,7 +414,7 @@ fn hash_of(host: &RegionHost) -> u64 {
     hasher.finish()
 }
 
-/// Remembers who was awake at the last sample, so that falling asleep is told once.
+/// The bodies that were awake at the last sample, so that falling asleep is reported once.
 #[derive(Default)]
 struct Sampler {
     awake: BTreeSet<BodyId>,

@@ -1,4 +1,5 @@
-//! The directory of a server that has its machine to itself: a redb file in its data folder.
+//! Stores a server's directory (world, groups, bodies, shapes, joints) in a redb file in its data folder, for one server per
+//! folder.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::ErrorKind;
@@ -14,10 +15,10 @@ use redb::{
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision, Tenure};
 use crate::net::open_private;
 
-/// Entries of a world in `world.redb`. Whoever has it open is its only holder: the system's lock on `world.lock` says so, and
-/// ends with the process, however that ends.
+/// The directory entries of a world in `world.redb`. Whoever has it open is its only holder: the system's lock on `world.lock`
+/// says so, and ends with the process, however that ends.
 ///
-/// A batch that is not durable waits in memory, for a durable one or for a second to pass: so a file that is written all the
+/// A batch that is not durable waits in memory, for a durable one or for a second to pass, so that a file that is written all the
 /// time is at most a second and a batch behind after a crash.
 pub struct RedbDirectory {
     /// Dropped before the lock.
@@ -27,7 +28,7 @@ pub struct RedbDirectory {
     _lock: Lock,
 }
 
-/// Let go of by name: a child process that is just being started has the open file too for a moment.
+/// The lock, released explicitly: a child process that is just being started has the open file too for a moment.
 struct Lock(File);
 
 impl Drop for Lock {
@@ -36,11 +37,11 @@ impl Drop for Lock {
     }
 }
 
-/// Of keys and values in the file. A file of another format is refused.
+/// Format of keys and values in the file. A file of another format is refused.
 const FORMAT: u64 = 1;
 /// Key to revision (8 bytes, big-endian) and value.
 const ENTRIES: TableDefinition<'_, &[u8], &[u8]> = TableDefinition::new("dcd entries");
-/// What the file is, and its last revision.
+/// The format of the file, and its last revision.
 const ABOUT: TableDefinition<'_, &str, u64> = TableDefinition::new("dcd directory");
 const FORMAT_ROW: &str = "format";
 const REVISION_ROW: &str = "revision";
@@ -48,17 +49,17 @@ const REVISION_BYTES: usize = 8;
 
 /// Batches that are not durable become so after this long.
 const UNSYNCED: Duration = Duration::from_secs(1);
-/// Of pages in memory; redb's own 1 GiB is meant for files that do not fit there.
+/// Size of the page cache; redb's own 1 GiB is meant for files that do not fit there.
 const CACHE_BYTES: usize = 64 << 20;
 
 impl RedbDirectory {
-    /// The world in this folder, or an empty one if there is none yet.
+    /// Opens the world in this folder, or an empty one if there is none yet.
     pub fn open(folder: &Path) -> Result<Self, DirectoryError> {
         let path = folder.join("world.redb");
         std::fs::create_dir_all(folder).map_err(|error| unreadable(folder, &error))?;
         let lock = lock(&folder.join("world.lock"), &path)?;
-        // redb asserts what its file should be, and finds most damage without: what is left must not end the server
-        // without a word about the file.
+        // redb reports most damage as errors and panics on the rest: such a panic must not end the server without a word about
+        // the file.
         let database = catch_unwind(AssertUnwindSafe(|| {
             match path.try_exists().map_err(|error| unreadable(&path, &error))? {
                 true => opened(&path),
@@ -69,7 +70,8 @@ impl RedbDirectory {
         Ok(Self { database, path, synced_at: Instant::now(), _lock: lock })
     }
 
-    /// The same for a world that is to be forgotten: what is damaged, or of another format, makes room for an empty one.
+    /// Opens the world in this folder for a server that begins anew: a file that is damaged, or of another format, is replaced by
+    /// an empty one.
     pub fn open_or_replace(folder: &Path) -> Result<Self, DirectoryError> {
         match Self::open(folder) {
             Err(DirectoryError::Damaged { .. } | DirectoryError::Format { .. }) => {}
@@ -160,7 +162,7 @@ impl Directory for RedbDirectory {
     }
 }
 
-/// The right to use the file. redb locks it as well, but only once there is one.
+/// Locks the folder's world file. redb locks the file as well, but only once there is one.
 fn lock(lock_path: &Path, path: &Path) -> Result<Lock, DirectoryError> {
     let lock = open_private(lock_path, OpenOptions::new().create(true).append(true))
         .map_err(|error| DirectoryError::Unreadable { place: place(lock_path), cause: cause(&error) })?;
@@ -177,7 +179,7 @@ fn builder() -> Builder {
     builder
 }
 
-/// A file appears whole or not at all, so that an empty one is damage, and no beginning.
+/// Creates the file, whole or not at all, so that an empty one is damage, and no beginning.
 fn created(path: &Path) -> Result<Database, DirectoryError> {
     let draft = path.with_extension("draft");
     match std::fs::remove_file(&draft) {
@@ -276,7 +278,7 @@ fn place(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// What the system said, without the words that [`DirectoryError`] adds itself.
+/// Returns the system's message, without the words that [`DirectoryError`] adds itself.
 fn cause(error: &crate::net::NetError) -> String {
     std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string)
 }

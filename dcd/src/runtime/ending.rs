@@ -1,4 +1,5 @@
-//! Says why a link or a connection ended: a code for the program at the other end, a cause for this one's user, words for people.
+//! Defines why a link or a connection ended: a code for the program at the other end, a cause for this one's user, words for
+//! people.
 
 use std::time::Duration;
 
@@ -6,23 +7,23 @@ use super::ProcessError;
 use crate::net::CloseCode;
 use crate::protocol::Farewell;
 
-/// How long a link that broke is waited for. A server that is started again is back by then.
+/// How long a process waits for a broken link. A server that is started again is back by then.
 pub(super) const GIVE_UP: Duration = Duration::from_secs(30);
 
-/// Why a link is ended on purpose.
+/// The reason for which a link is ended on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
-    /// A node goes by its own input.
+    /// A node leaves at its own user's request.
     Left,
-    /// The server's user does not want the process.
+    /// The server's user disconnects the process.
     SentAway,
-    /// The server cannot have the process in its world.
+    /// The server cannot accept the process in its world.
     Refused,
     /// The world has ended.
     WorldEnded,
-    /// The peer takes in too little; it may call again.
+    /// The peer takes in too little; it may dial again.
     TooSlow,
-    /// The peer called again, before the former link was found dead, or it is there twice.
+    /// The peer dialled again before the former link was found dead, or it is there twice.
     Superseded,
     /// A node is not in the other's group any more.
     NotAMember,
@@ -45,17 +46,17 @@ impl Ending {
         Self::BrokeRule,
     ];
 
-    /// What the other end is told.
+    /// Returns the close code that is sent to the other end.
     pub(super) fn code(self) -> CloseCode {
         CloseCode(CloseCode::FIRST_FREE + self as u32)
     }
 
-    /// What a code says, if it is one of these.
+    /// Returns the ending that a close code stands for, if it is one of these.
     pub(super) fn of(code: CloseCode) -> Option<Self> {
         Self::ALL.into_iter().find(|ending| ending.code() == code)
     }
 
-    /// What it means to the user of the connection.
+    /// Returns the cause as reported to the user of the connection.
     pub(super) fn cause(self) -> Cause {
         match self {
             Self::Left => Cause::Left,
@@ -68,7 +69,7 @@ impl Ending {
         }
     }
 
-    /// The same for people, where there is nothing more to say.
+    /// Returns a text for people, where there is nothing more to say.
     pub(super) fn words(self) -> &'static str {
         match self {
             Self::Left => "it has left",
@@ -83,7 +84,7 @@ impl Ending {
         }
     }
 
-    /// Both.
+    /// Returns cause and text together.
     pub(super) fn reason(self) -> Reason {
         Reason::new(self.cause(), self.words())
     }
@@ -100,7 +101,7 @@ impl From<Farewell> for Ending {
     }
 }
 
-/// Why a connection is lost or gone.
+/// The reason for which a connection is lost or gone.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reason {
     /// For programs.
@@ -109,16 +110,16 @@ pub struct Reason {
     pub text: String,
 }
 
-/// The same in one word.
+/// The reason as one word, for programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Its process went by its own input, or this one did.
+    /// Its process left at its own user's request, or this one did.
     Left,
-    /// The server's user sent it away, or this process.
+    /// The server's user disconnected it, or this process.
     SentAway,
-    /// Nothing is heard of it.
+    /// Nothing is received from it.
     Broken,
-    /// One of the two said what it may not, or is not what the other takes it for.
+    /// One of the two broke a rule of the protocol, or is not who the other expects.
     Refused,
     /// The world has ended.
     WorldEnded,
@@ -126,7 +127,7 @@ pub enum Cause {
     Replaced,
     /// It reads too slowly.
     Slow,
-    /// This process's part in the world does not ask for it any more, or the other's.
+    /// The connection is no longer needed: the node left the group, or does not lead it any more.
     Unneeded,
     /// A fault ended this process's part in the world.
     Failed,
@@ -137,7 +138,7 @@ impl Reason {
         Self { cause, text: text.into() }
     }
 
-    /// What the end of this process's own part in the world means for its connections.
+    /// Returns the reason that the end of this process's loop means for its connections.
     pub(super) fn of_end(end: &Result<(), ProcessError>) -> Self {
         let cause = match end {
             Ok(()) => return Self::new(Cause::Left, "this process has left"),

@@ -1,4 +1,4 @@
-//! Why a process of a cluster cannot start or go on.
+//! Defines the error with which a process of a cluster fails to start or to go on.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -10,13 +10,13 @@ use crate::physics::{HostError, ShapeError};
 use crate::protocol::Refusal;
 use crate::space::TreeError;
 
-/// Each message names cause and remedy.
+/// The error of a server, node, client or participant. Each message names cause and remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessError {
     /// The network.
     #[error(transparent)]
     Net(#[from] NetError),
-    /// What outlives the server.
+    /// The stored directory, which outlives the server.
     #[error(transparent)]
     Directory(#[from] DirectoryError),
     /// The token is malformed or for another role.
@@ -45,7 +45,7 @@ pub enum ProcessError {
         /// What it should be.
         needs: JoinRole,
     },
-    /// Somebody else ended it.
+    /// The server, or the network, ended the process's link.
     #[error(
         "the link to the server at {server} is gone ({reason}); start the server again and join with a new token"
     )]
@@ -55,7 +55,7 @@ pub enum ProcessError {
         /// As the network or the server put it.
         reason: String,
     },
-    /// It was waited for, and did not come back.
+    /// The server was waited for, and did not come back.
     #[error(
         "the server at {server} has been out of reach for {} s ({reason}); start it again with its --data and --listen, and \
          this process with a new token; --give-up lets it wait longer",
@@ -69,7 +69,7 @@ pub enum ProcessError {
         /// As the network put it last.
         reason: String,
     },
-    /// Another process took its name.
+    /// Another process with the same identity took its place.
     #[error(
         "another process has joined the server at {server} with this one's identity, and took its place; give each process \
          an identity file of its own (--identity), and start this one again if it was the right one"
@@ -78,7 +78,7 @@ pub enum ProcessError {
         /// Where the server is.
         server: SocketAddr,
     },
-    /// The server no longer wants it.
+    /// The server ended this node.
     #[error("the server at {server} ended this node: {reason}")]
     Evicted {
         /// Where it is.
@@ -86,7 +86,7 @@ pub enum ProcessError {
         /// Its words, with cause and remedy.
         reason: String,
     },
-    /// The server's user sent it away.
+    /// The server's user disconnected the process.
     #[error(
         "the server at {server} sent this process away ({reason}); join with a new token, if it gives one"
     )]
@@ -96,7 +96,7 @@ pub enum ProcessError {
         /// Its user's words.
         reason: String,
     },
-    /// The user asked to go, and the server did not let go in time.
+    /// The user asked to leave, and the server did not release the process in time.
     #[error(
         "the server at {server} did not take this process's share over within {waited:?}; it is gone without: the others \
          go on from the last checkpoint"
@@ -123,13 +123,13 @@ pub enum ProcessError {
     /// The process's own thread is gone.
     #[error("this process has left the world already; join anew")]
     Stopped,
-    /// It has said before why it ended.
+    /// The process has ended; the cause was reported before.
     #[error("{0}")]
     Ended(String),
-    /// What is stored of a world cannot be gone on with.
+    /// A stored world cannot be resumed.
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),
-    /// Members that are not in step cannot agree on means.
+    /// Members that are not in lockstep cannot use a coupling with consensus.
     #[error(
         "members that run ahead of one another (--lag) agree by `owner` only, not by `{coupling}`: add --coupling owner"
     )]
@@ -137,12 +137,12 @@ pub enum ProcessError {
         /// What was asked for.
         coupling: &'static str,
     },
-    /// Our own mistake.
+    /// An internal error (a bug).
     #[error(
         "a fault of dcd ended this process's part in the world; please report it with the message printed above"
     )]
     Fault,
-    /// The operating system gives no thread.
+    /// The operating system cannot start a thread.
     #[error("cannot start a thread: {0}; raise the limit of threads")]
     Thread(std::io::Error),
 }

@@ -1,4 +1,4 @@
-//! A user's hooks in a local world.
+//! Sets a user's contact hooks in a local world.
 
 use std::sync::Arc;
 
@@ -6,9 +6,9 @@ use super::local::LocalWorld;
 use crate::physics::ContactHooks;
 
 impl LocalWorld {
-    /// Asks these hooks about contacts from now on, and no others; `None` asks nobody. A collider is asked about if it has
-    /// Rapier's `ActiveHooks`, which travel with it; hooks themselves do not: a served world has
-    /// none, and a restored one has them when they are set again.
+    /// Sets the contact hooks that are called from now on; `None` removes them. They are called for colliders with Rapier's
+    /// `ActiveHooks`, which travel with these; the hooks themselves do not: a served world has none, and a restored world has
+    /// them once they are set again.
     ///
     /// ```
     /// # use std::sync::Arc;

@@ -1,10 +1,10 @@
-//! Links by the names of the cluster: encodes, decodes, chooses lanes, and keeps what must wait for a link.
+//! Maps the cluster's peers to network links: encodes and decodes messages, chooses lanes, and queues what must wait for a link.
 //!
-//! **Who reads slowly** costs so much and no more, and then loses its link; it can call again. Beside what QUIC and the lanes
+//! **A peer that reads slowly** costs bounded memory, and then loses its link; it can dial again. Beside what QUIC and the lanes
 //! hold ([`protocol::link`]), there waits here
-//! - for a server, a node or a participant: a whole world, since a change of membership may move all of it;
-//! - for a client, a whole world while it is told of one, and nothing afterwards;
-//! - for nobody anything, once it has taken in nothing for [`STUCK`] while its link was up.
+//! - for a server, a node or a participant: a whole world, since a view change may move all of it;
+//! - for a client: a whole world while it receives its first snapshot, and nothing afterwards;
+//! - for no peer anything, once it has taken in nothing for [`STUCK`] while its link was up.
 //!
 //! States, which go in datagrams, never wait: the oldest are dropped.
 
@@ -21,21 +21,21 @@ use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, Peer
 use crate::protocol::{self, JoinAs, Lane, Message, ToClient};
 use crate::space::{ClientId, NodeId};
 
-/// What may wait for a peer at most: a world, and what happens in it meanwhile.
+/// The most bytes that may wait for a peer: a world, and what happens in it meanwhile.
 const WORLD_BYTES: usize = 256 << 20;
-/// A peer that takes in nothing for so long, though something waits for it, is given up.
+/// A peer that takes in nothing for this long, though something waits for it, is given up.
 const STUCK: Duration = Duration::from_secs(10);
 
-/// Bytes of datagrams that may wait on a link that a program's is to be sent over: states go first.
+/// A program's datagram is sent only if at most this many bytes of datagrams wait on its link: states go first.
 const PROGRAM_DATAGRAMS_WAITING: usize = 8 << 10;
 
-/// How often the user is told what has passed.
+/// How often the user's traffic counters are refreshed.
 const COUNT: Duration = Duration::from_millis(100);
 
-/// Bytes of states that may wait on a link that a guess is to be sent over.
+/// States of a speculative tick are sent only if at most this many bytes of datagrams wait on their link.
 const GUESSES_WAITING: usize = 8 << 10;
 
-/// What happens on links, in the cluster's words.
+/// An event of a link, translated for the cluster's state machines.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
 pub(super) enum LinkEvent {
@@ -43,14 +43,14 @@ pub(super) enum LinkEvent {
     Connected(Peer),
     /// A link is gone, or could not be made.
     Disconnected {
-        /// To whom.
+        /// The peer at its other end.
         peer: Peer,
         /// Why this process or the other ended it, if one did.
         ending: Option<Ending>,
-        /// What is known of it, for people.
+        /// What is known of the cause, for people.
         text: String,
     },
-    /// A message that could be read and is allowed to be.
+    /// A message that could be decoded and that its sender may send.
     Message { from: Peer, message: Message },
 }
 
@@ -63,11 +63,11 @@ pub(super) struct Links {
     names: BTreeMap<PeerKey, PeerName>,
     dialled: BTreeMap<PeerKey, Peer>,
     waiting: BTreeMap<Peer, Waiting>,
-    /// Clients that are being told of the world, and whether its end is among what waits for them.
+    /// Clients that are receiving the world's first snapshot, and whether its last message is among what waits for them.
     told: BTreeMap<Peer, bool>,
     given_up: Vec<LinkEvent>,
     world_bytes: usize,
-    /// Whether a participant is spoken to as a client too: only the server does.
+    /// Whether this process sends to a participant as a client too: only the server does.
     is_server: bool,
 }
 
@@ -80,7 +80,7 @@ struct Waiting {
 }
 
 impl Links {
-    /// The links of `net`, which the user sees as `connections`.
+    /// Makes the links of `net`, which the user sees as `connections`.
     pub(super) fn new(net: Net, connections: Connections) -> Self {
         let is_server = net.who() == PeerName::Server;
         Self {
@@ -102,7 +102,7 @@ impl Links {
         self.net.totals()
     }
 
-    /// Makes a link; the answer comes as an event.
+    /// Dials a peer; the outcome comes as an event.
     pub(super) fn dial(&mut self, peer: Peer, addr: SocketAddr) {
         let expected = match peer {
             Peer::Server => PeerName::Server,
@@ -113,13 +113,14 @@ impl Links {
         self.dialled.insert(key, peer);
     }
 
-    /// Sends, now or when the link is there and has room.
+    /// Sends a message, now or when the link is there and has room.
     pub(super) fn send(&mut self, to: Peer, message: &Message) {
         let bytes = protocol::encode(message);
         let lane = match message.lane() {
             Lane::State => {
                 let key = self.keys.get(&to).copied();
-                // A guess that waits is worth nothing when it arrives, and what counts waits behind it.
+                // States of a speculative tick that wait are worth nothing when they arrive, and authoritative states wait behind
+                // them.
                 let is_guess = matches!(message, Message::ToClient(_, ToClient::States { stamp, .. }) if stamp.provisional);
                 if is_guess && key.is_some_and(|key| self.net.datagrams_waiting(key) > GUESSES_WAITING) {
                     return;
@@ -152,7 +153,7 @@ impl Links {
         self.forget_told(to);
     }
 
-    /// Who has taken the end of the world in is told of it no more.
+    /// Forgets that a client was receiving the world, once it has taken the last message in.
     fn forget_told(&mut self, to: Peer) {
         if !self.waiting.contains_key(&to) && self.told.get(&to) == Some(&true) {
             self.told.remove(&to);
@@ -200,7 +201,7 @@ impl Links {
         left
     }
 
-    /// Sends what programs want sent, as far as there is room. Returns whether something is to be tried again soon.
+    /// Sends waiting messages of programs, as far as there is room. Returns whether something is to be tried again soon.
     fn send_programs(&self) -> bool {
         self.connections.send_waiting(|link, frame, delivery| match delivery {
             Delivery::Datagram if self.net.datagrams_waiting(link) > PROGRAM_DATAGRAMS_WAITING => {
@@ -217,12 +218,12 @@ impl Links {
         })
     }
 
-    /// Links that were ended here because of who is at their other ends: what their closing means for our own machines.
+    /// Takes the events of links that were given up here, for our own state machines.
     pub(super) fn take_given_up(&mut self) -> Vec<LinkEvent> {
         let given_up = std::mem::take(&mut self.given_up);
         for event in &given_up {
             if let LinkEvent::Disconnected { peer, .. } = event {
-                // Said before we knew.
+                // Queued before we gave the peer up.
                 self.waiting.remove(peer);
             }
         }
@@ -240,7 +241,7 @@ impl Links {
         self.given_up.extend(gone);
     }
 
-    /// What may wait for a peer.
+    /// Returns how many bytes may wait for a peer.
     fn room_for(&self, peer: Peer) -> usize {
         let who = self.keys.get(&peer).and_then(|key| self.names.get(key));
         let is_client = matches!((peer, who), (_, Some(PeerName::Client(_))) | (Peer::Client(_), None));
@@ -252,7 +253,7 @@ impl Links {
         self.close(peer, ending, ending.words());
     }
 
-    /// The same in other words.
+    /// Ends a link after what was sent has arrived, with a text of the caller's.
     pub(super) fn close(&mut self, peer: Peer, ending: Ending, words: &str) {
         self.waiting.remove(&peer);
         self.told.remove(&peer);
@@ -282,7 +283,7 @@ impl Links {
         totals
     }
 
-    /// What a network event means.
+    /// Translates a network event into link events.
     pub(super) fn translate(&mut self, event: NetEvent) -> Vec<LinkEvent> {
         match event {
             NetEvent::Connected { peer: key, who, addr } => {
@@ -344,7 +345,7 @@ impl Links {
                     CloseCause::ByUs | CloseCause::Violation => (None, Cause::Refused),
                 };
                 let meant = Reason::new(meant, reason.clone());
-                // Who is called again comes back; our server is, until it is given up.
+                // A peer that is dialled again comes back; our server is, until it is given up.
                 match cause == CloseCause::TimedOut
                     || ending == Some(Ending::TooSlow)
                     || who == PeerName::Server
@@ -376,7 +377,7 @@ impl Links {
                 }
             }
         } else if order_kept && self.is_server {
-            // The server answers links; others may be dialled by whom they speak to, and wait for that.
+            // The server only answers; other processes may still be dialled by the peer, and wait for that.
             debug!(?to, "no link to send over");
             return;
         }
@@ -401,7 +402,7 @@ impl Links {
         }
     }
 
-    /// A participant speaks to the server with two voices over one link.
+    /// Returns the sender of a message: a participant sends to the server both as node and as client over one link.
     fn sender(&self, who: PeerName, message: &Message) -> Peer {
         let node = |node: NodeId| Peer::Node(node);
         let is_own = |client: ClientId| {
@@ -418,7 +419,7 @@ impl Links {
     }
 }
 
-/// What the end of a link means to those behind it.
+/// Returns the events that the end of a link means for the peers behind it.
 fn gone(peers: Vec<Peer>, ending: Option<Ending>, text: &str) -> Vec<LinkEvent> {
     let event = |peer| LinkEvent::Disconnected { peer, ending, text: text.to_owned() };
     peers.into_iter().map(event).collect()

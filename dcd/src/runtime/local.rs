@@ -1,4 +1,4 @@
-//! A whole world in this process: every region on the threads of one machine.
+//! Computes a whole world in this process: every region, on the threads of one machine.
 
 use std::time::{Duration, Instant};
 
@@ -16,20 +16,20 @@ use crate::protocol::{
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
 
-/// How the world is cut into regions.
+/// The way in which the world is cut into regions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Partitioning {
     /// As few as are right: one, on all threads, which is exact. A world that is made of a scene has more where its movable
     /// bodies lie more than 32 km apart, since f32 would not give one region millimetres.
     #[default]
     Auto,
-    /// So many, by halving the largest across its longest axis; 1 to 256.
+    /// This many, by halving the largest across its longest axis; 1 to 256.
     Regions(usize),
     /// By these planes (metres of world space), each through the whole world.
     Cuts(Vec<(Axis, f64)>),
 }
 
-/// What a local world is made with.
+/// The settings of a local world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldConfig {
     /// The box that is cut into regions, in metres. Bodies may leave it: outer regions reach to infinity.
@@ -39,7 +39,8 @@ pub struct WorldConfig {
     /// Threads that step it, in as many regions as there are: with the feature `parallel` one region uses all of them. 1 uses the
     /// calling thread, which does for few awake bodies anyhow. What happens does not depend on it.
     pub threads: usize,
-    /// How far beyond its cell a region holds replicas, in metres; `None` follows the largest body.
+    /// How far beyond its cell a region holds copies of other regions' bodies (replicas), in metres; `None` follows the largest
+    /// body.
     pub halo_m: Option<f64>,
     /// How regions follow the load; `None` leaves them as they are cut.
     pub balance: Option<Balance>,
@@ -61,7 +62,7 @@ impl Default for WorldConfig {
 }
 
 impl WorldConfig {
-    /// The configuration a scene asks for, its coupling too, on one thread.
+    /// Returns the configuration that a scene asks for, its coupling too, on one thread.
     pub fn for_scene(scene: &Scene) -> Self {
         Self {
             bounds: scene.bounds,
@@ -82,12 +83,13 @@ impl WorldConfig {
         }
     }
 
-    /// Whether every setting is in range.
+    /// Checks that every setting is in range.
     pub fn check(&self) -> Result<(), WorldError> {
         check(self)
     }
 
-    /// The distribution tree that this configuration asks for; with [`Partitioning::Auto`] that of a world without bodies.
+    /// Returns the distribution tree that this configuration asks for; with [`Partitioning::Auto`] that of a world without
+    /// bodies.
     pub fn tree(&self) -> Result<DistributionTree, TreeError> {
         match &self.partitioning {
             Partitioning::Auto => DistributionTree::halved(self.bounds, 1),
@@ -97,7 +99,7 @@ impl WorldConfig {
     }
 }
 
-/// Why a world cannot do what it is asked.
+/// The error of a local world.
 #[derive(Debug, thiserror::Error)]
 pub enum WorldError {
     /// The regions cannot be as asked.
@@ -140,7 +142,7 @@ pub enum WorldError {
     Full,
 }
 
-/// What a world did so far.
+/// Statistics of a local world so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {
     /// Ticks done.
@@ -157,12 +159,12 @@ pub struct Stats {
     pub quarantined: usize,
     /// Exchanges of the last tick, the most of any border; 0 in a world of one region.
     pub exchanges: usize,
-    /// How far copies of shared bodies were from agreement at the worst border in the last tick, summed over its exchanges,
-    /// m/s: an estimate of the error that borders make. 0 with `owner` and `proxy`, which do not agree.
+    /// Disagreement of the copies of shared bodies at the worst border in the last tick, summed over its exchanges, m/s: an
+    /// estimate of the error that borders make. 0 with `owner` and `proxy`, which have no consensus.
     pub disagreement_m_s: f32,
 }
 
-/// One rigid-body world, computed by one Rapier world a region.
+/// One rigid-body world, computed by one Rapier world per region.
 ///
 /// ```
 /// use dcd::runtime::{LocalWorld, WorldConfig};
@@ -191,7 +193,7 @@ pub struct LocalWorld {
 }
 
 impl LocalWorld {
-    /// An empty world.
+    /// Makes an empty world.
     pub fn new(config: WorldConfig) -> Result<Self, WorldError> {
         let tree = config.tree()?;
         Self::with_tree(config, tree)
@@ -220,7 +222,7 @@ impl LocalWorld {
         })
     }
 
-    /// A world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
+    /// Makes a world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
     pub fn from_scene(scene: &Scene, config: WorldConfig) -> Result<Self, WorldError> {
         let tree = match config.partitioning {
             Partitioning::Auto => choice::tree_for(scene, config.bounds)?,
@@ -249,17 +251,6 @@ impl LocalWorld {
     }
 
     /// Inserts a body with any number of colliders at a pose of world space, which replaces the body's own position.
-    ///
-    /// ```
-    /// # use dcd::runtime::{LocalWorld, WorldConfig};
-    /// # use dcd::protocol::WorldPose;
-    /// # use rapier3d::prelude::*;
-    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
-    /// let far = WorldPose::at([100_000.0, 2.0, 0.25]);
-    /// let id = world.insert_at(far, RigidBodyBuilder::dynamic(), vec![ColliderBuilder::ball(0.5)])?;
-    /// assert_eq!(world.pose(id).unwrap().translation[2], 0.25);
-    /// # Ok::<(), dcd::runtime::WorldError>(())
-    /// ```
     pub fn insert_at(
         &mut self,
         pose: WorldPose,
@@ -283,22 +274,7 @@ impl LocalWorld {
         if self.host.remove(body) { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
-    /// Ties two bodies. The assemblies of both become one, which is owned and moved whole.
-    ///
-    /// ```
-    /// # use dcd::runtime::{LocalWorld, WorldConfig};
-    /// # use rapier3d::prelude::*;
-    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
-    /// let post = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
-    /// let bob = world.insert(
-    ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, -2.0, 0.0)),
-    ///     ColliderBuilder::ball(0.25),
-    /// )?;
-    /// let rope = SphericalJointBuilder::new().local_anchor2(Vector::new(0.0, 2.0, 0.0));
-    /// world.insert_joint(post, bob, rope)?;
-    /// world.step()?;
-    /// # Ok::<(), dcd::runtime::WorldError>(())
-    /// ```
+    /// Inserts a joint between two bodies.
     pub fn insert_joint(
         &mut self,
         a: BodyId,
@@ -309,24 +285,7 @@ impl LocalWorld {
     }
 
     /// Makes body `b` a link of the multibody of `a` (Featherstone's reduced coordinates, as Rapier's multibody joints): the
-    /// joint cannot come apart. One region has all of a multibody and of what is tied to it, whatever the coupling: it is
-    /// never shared, and when it moves on to another region its contacts begin there without memory.
-    ///
-    /// ```
-    /// # use dcd::runtime::{LocalWorld, WorldConfig};
-    /// # use dcd::physics::LinkSettings;
-    /// # use rapier3d::prelude::*;
-    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
-    /// let base = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
-    /// let below = RigidBodyBuilder::dynamic().translation(Vector::Y * -0.5);
-    /// let arm = world.insert(below, ColliderBuilder::capsule_y(0.4, 0.05))?;
-    /// let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor2(Vector::Y * 0.5);
-    /// // The two overlap at the hinge: they must not touch there.
-    /// let hinge = hinge.contacts_enabled(false);
-    /// world.insert_multibody_joint(base, arm, hinge, LinkSettings::default())?;
-    /// world.step()?;
-    /// # Ok::<(), dcd::runtime::WorldError>(())
-    /// ```
+    /// joint cannot come apart.
     pub fn insert_multibody_joint(
         &mut self,
         a: BodyId,
@@ -342,14 +301,13 @@ impl LocalWorld {
         if self.host.update_link(joint, settings) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
-    /// Where a link of a multibody is in the coordinates of its joint, and how fast it moves; none before its first step.
+    /// Returns the position and velocity of a multibody's link in the coordinates of its joint; `None` before its first step.
     pub fn link_motion(&self, joint: JointId) -> Option<LinkMotion> {
         self.host.link_motion(joint)
     }
 
-    /// Sets how fast a link of a multibody moves, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
-    /// ([`LinkSettings::kinematic`]) keep to it. Not by axis: a hinge's only value is the first, whatever its axis, and what is
-    /// beyond a joint's degrees of freedom is not looked at.
+    /// Sets the velocity of a multibody's link, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
+    /// ([`LinkSettings::kinematic`]) keep to it.
     pub fn set_link_velocity(&mut self, joint: JointId, velocity: [f32; 6]) -> Result<(), WorldError> {
         if !velocity.iter().all(|v| v.is_finite()) {
             let (what, range) = ("velocity", "six finite numbers");
@@ -377,7 +335,7 @@ impl LocalWorld {
         Ok(id)
     }
 
-    /// Unties two bodies.
+    /// Removes a joint.
     pub fn remove_joint(&mut self, joint: JointId) -> Result<(), WorldError> {
         if self.host.remove_joint(joint) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
@@ -391,18 +349,18 @@ impl LocalWorld {
         if self.host.update_joint(joint, change) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
-    /// A joint as it is now: its motors are whole, however many regions share it.
+    /// Returns a joint as it is now: its motors are whole, however many regions share it.
     pub fn joint(&self, joint: JointId) -> Option<JointRecord> {
         self.host.joint(joint)
     }
 
-    /// The joints that a body hangs on, in order of insertion.
+    /// Returns the joints of a body, in order of insertion.
     pub fn joints_of(&self, body: BodyId) -> Vec<JointId> {
         self.host.all_joints_of(body).into_keys().collect()
     }
 
-    /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
-    /// about them. Rapier makes what it solves orthogonal first, so the numbers of several axes are mixed.
+    /// Returns the load on the locked axes of a joint in the last step: newtons along the three axes of its frame, newton metres
+    /// about them.
     pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
         self.host.joint_load(joint)
     }
@@ -420,14 +378,14 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Ticks done.
+    /// Returns how many ticks are done.
     pub fn tick(&self) -> Tick {
         self.host.tick()
     }
 
-    /// The owner's copy of a movable body, or any copy of an immovable one; its position is in region space. Where regions
-    /// share the body, the copy has a share of its mass and of the forces on it: [`LocalWorld::mass_kg`] has the whole mass,
-    /// and [`LocalWorld::update`] shows the body whole.
+    /// Returns the owner's copy of a movable body, or any copy of an immovable one; its position is in region space. Under mass
+    /// splitting the copy has only its share of the body's mass and of the forces on it: [`LocalWorld::mass_kg`] has the whole
+    /// mass, and [`LocalWorld::update`] shows the body whole.
     pub fn body(&self, body: BodyId) -> Option<&RigidBody> {
         if let Some((region, handle)) = self.host.owned(body) {
             return region.physics().bodies.get(handle);
@@ -435,13 +393,13 @@ impl LocalWorld {
         self.host.regions().find_map(|region| region.physics().bodies.get(region.handle_of(body)?))
     }
 
-    /// Whether the world has a body.
+    /// Returns whether the world has a body.
     #[inline]
     pub fn contains(&self, body: BodyId) -> bool {
         self.host.owned(body).is_some() || self.host.immovable(body).is_some()
     }
 
-    /// Where a body is, in world space.
+    /// Returns the pose of a body in world space.
     #[inline]
     pub fn pose(&self, body: BodyId) -> Option<WorldPose> {
         match self.host.owned(body) {
@@ -450,12 +408,12 @@ impl LocalWorld {
         }
     }
 
-    /// The mass of a body in kilograms, whole even where several regions share it; 0 for a fixed one.
+    /// Returns the mass of a body in kilograms, whole even where several regions share it; 0 for a fixed one.
     pub fn mass_kg(&self, body: BodyId) -> Option<f32> {
         if self.body(body)?.is_fixed() { Some(0.0) } else { self.host.mass_kg(body) }
     }
 
-    /// How a body moves; zero for an immovable one.
+    /// Returns the velocity of a body; zero for an immovable one.
     #[inline]
     pub fn velocity(&self, body: BodyId) -> Option<Velocity> {
         match self.host.owned(body) {
@@ -464,7 +422,7 @@ impl LocalWorld {
         }
     }
 
-    /// [`LocalWorld::pose`] and [`LocalWorld::velocity`] of a body, by one look-up.
+    /// Returns [`LocalWorld::pose`] and [`LocalWorld::velocity`] of a body, by one look-up.
     #[inline]
     pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
         match self.host.owned(body) {
@@ -473,19 +431,7 @@ impl LocalWorld {
         }
     }
 
-    /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may
-    /// be called more than once and must do the same each time; positions in it are in region space, so use
-    /// [`LocalWorld::set_pose`] to move a body. A body that becomes fixed, or movable, is placed anew.
-    ///
-    /// ```
-    /// # use dcd::runtime::{LocalWorld, WorldConfig};
-    /// # use rapier3d::prelude::*;
-    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
-    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
-    /// world.update(ball, |body| body.apply_impulse(Vector::new(1.0, 0.0, 0.0), true))?;
-    /// assert!(world.velocity(ball).unwrap().linear[0] > 0.0);
-    /// # Ok::<(), dcd::runtime::WorldError>(())
-    /// ```
+    /// Changes a body in place by Rapier's own setters, forces and impulses.
     pub fn update<R>(
         &mut self,
         body: BodyId,
@@ -496,24 +442,12 @@ impl LocalWorld {
         Ok(result)
     }
 
-    /// Gives a body one more collider, the last of its list. The body is placed anew with what joints tie to it: contacts of
-    /// these begin again, without memory.
-    ///
-    /// ```
-    /// # use dcd::runtime::{LocalWorld, WorldConfig};
-    /// # use rapier3d::prelude::*;
-    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
-    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
-    /// world.insert_collider(ball, ColliderBuilder::ball(0.2).mass(3.0).translation(Vector::Y))?;
-    /// assert!(world.mass_kg(ball).unwrap() > 3.0);
-    /// world.remove_collider(ball, 1)?;
-    /// # Ok::<(), dcd::runtime::WorldError>(())
-    /// ```
+    /// Adds a collider to a body, as the last of its list.
     pub fn insert_collider(&mut self, body: BodyId, collider: ColliderBuilder) -> Result<(), WorldError> {
         if self.host.insert_collider(body, &collider)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
-    /// Takes a collider from a body, as [`LocalWorld::insert_collider`] gives it; those after it move up.
+    /// Removes a collider from a body; those after it move up.
     pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
         if self.host.remove_collider(body, index)? {
@@ -522,18 +456,7 @@ impl LocalWorld {
         Err(WorldError::NoCollider { body, index, count })
     }
 
-    /// Changes a collider of a body in place, in every copy, by Rapier's own setters: what it touches and how, what it reports,
-    /// its mass, its shape (which must be one that can travel), its place on the body. `index` counts the body's colliders in
-    /// order of insertion.
-    ///
-    /// ```
-    /// # use dcd::runtime::{LocalWorld, WorldConfig};
-    /// # use rapier3d::prelude::*;
-    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
-    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
-    /// world.update_collider(ball, 0, |collider| collider.set_active_events(ActiveEvents::COLLISION_EVENTS))?;
-    /// # Ok::<(), dcd::runtime::WorldError>(())
-    /// ```
+    /// Changes a collider of a body in place, in every copy, by Rapier's own setters.
     pub fn update_collider<R>(
         &mut self,
         body: BodyId,
@@ -545,13 +468,12 @@ impl LocalWorld {
         changed.ok_or(WorldError::NoCollider { body, index, count })
     }
 
-    /// Puts a body elsewhere at once.
+    /// Moves a body to a pose at once.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
         if self.host.teleport(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
-    /// Sends a position-based kinematic body to a pose, where it is at the end of the next tick: what it touches feels the
-    /// speed that this takes. Other bodies do not heed it.
+    /// Sets the kinematic target of a position-based kinematic body: it is there at the end of the next tick.
     pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
         if self.host.send_to(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
@@ -567,7 +489,7 @@ impl LocalWorld {
         })
     }
 
-    /// Moves the plane of an inner vertex of the distribution tree, between its neighbours on the same axis. Bodies change hands
+    /// Moves the plane of an inner vertex of the distribution tree, between its neighbours on the same axis. Bodies change owner
     /// as if they had crossed it by themselves; what sleeps stays its region's until it wakes. Balance may move the plane again.
     pub fn move_plane(&mut self, vertex: RegionId, at: f64) -> Result<(), WorldError> {
         let mut tree = self.host.partition().tree().clone();
@@ -579,7 +501,7 @@ impl LocalWorld {
         Ok(self.host.refit(tree)?)
     }
 
-    /// Lets the regions follow the load from now on, or leaves them as they are.
+    /// Sets the load balance: the regions follow the load from now on; `None` leaves them as they are.
     pub fn set_balance(&mut self, balance: Option<Balance>) -> Result<(), WorldError> {
         if let Some((what, value, range)) = balance.as_ref().and_then(Balance::fault) {
             return Err(WorldError::Setting { what, value, range });
@@ -588,32 +510,33 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// The region that has authority over a movable body.
+    /// Returns the region that has authority over a movable body.
     pub fn owner_of(&self, body: BodyId) -> Option<RegionId> {
         self.host.owned(body).map(|(region, _)| region.id())
     }
 
-    /// Contacts that began, ceased or pressed hard in the last step, for colliders with Rapier's `ActiveEvents`.
+    /// Returns the contacts that began, ceased or exceeded their force threshold in the last step, for colliders with Rapier's
+    /// `ActiveEvents`.
     pub fn events(&self) -> &WorldEvents {
         &self.events
     }
 
-    /// Bodies that changed owner in the last step, in id order.
+    /// Returns the bodies that changed owner in the last step, in id order.
     pub fn handovers(&self) -> &[Handover] {
         self.host.handovers()
     }
 
-    /// Rays, shape casts, projections and overlaps, over all regions.
+    /// Returns the interface for rays, shape casts, projections and overlaps, over all regions.
     pub fn queries(&self) -> Queries<'_> {
         self.host.queries()
     }
 
-    /// Every movable body in id order: id, owner, pose, velocity.
+    /// Returns every movable body in id order: id, owner, pose, velocity.
     pub fn states(&self) -> impl Iterator<Item = (BodyId, RegionId, WorldPose, Velocity)> {
         self.host.states()
     }
 
-    /// One number for the state of all movable bodies: equal worlds, equal numbers, whatever the number of threads.
+    /// Returns a hash of the state of all movable bodies: equal for equal worlds, whatever the number of threads.
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
         for (id, _, pose, velocity) in self.states() {
@@ -622,12 +545,12 @@ impl LocalWorld {
         hasher.finish()
     }
 
-    /// Wall time of the last step.
+    /// Returns the wall time of the last step.
     pub fn last_step(&self) -> Duration {
         self.last_step
     }
 
-    /// What the world did so far.
+    /// Returns statistics of the world so far.
     pub fn stats(&self) -> Stats {
         Stats {
             ticks: self.host.tick().0,
@@ -641,7 +564,7 @@ impl LocalWorld {
         }
     }
 
-    /// How it is computed, and why so.
+    /// Returns how the world is computed (regions, threads, coupling), and why so.
     ///
     /// ```
     /// # use dcd::runtime::{LocalWorld, Why, WorldConfig};
@@ -659,12 +582,12 @@ impl LocalWorld {
         }
     }
 
-    /// The regions in rank order, with their Rapier worlds.
+    /// Returns the regions in rank order, with their Rapier worlds.
     pub fn regions(&self) -> impl ExactSizeIterator<Item = &Region> + Clone {
         self.host.regions()
     }
 
-    /// What computes them.
+    /// Returns the host that computes the regions.
     pub fn host(&self) -> &RegionHost {
         &self.host
     }
@@ -673,7 +596,7 @@ impl LocalWorld {
         &mut self.host
     }
 
-    /// How many regions have authority over a body: 1 for every movable body, or something is wrong.
+    /// Returns how many regions have authority over a body: 1 for every movable body, or something is wrong.
     pub fn owners_of(&self, body: BodyId) -> usize {
         let owns = |region: &&Region| {
             region
@@ -726,7 +649,7 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
     Ok(())
 }
 
-/// The first of the solver's parameters that Rapier cannot use.
+/// Returns the first of the solver's parameters that Rapier cannot use.
 fn unfit(parameters: &IntegrationParameters) -> Option<(&'static str, f32)> {
     let (moving, fixed) = (parameters.contact_softness, parameters.static_contact_softness);
     let numbers = [

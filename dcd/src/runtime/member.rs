@@ -1,5 +1,5 @@
-//! The loop of a process that is a node, a client, or both (a participant, the thesis's normal case): one thread that
-//! feeds links, physics and the user's inputs to the state machines and does what they ask for.
+//! Runs a process that is a node, a client, or both (a participant, the thesis's normal case): one thread feeds network events,
+//! physics results and the user's inputs to the state machines and carries out their outputs.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,26 +21,26 @@ use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStat
 use crate::protocol::{Farewell, Message, Refusal};
 use crate::space::{BodyId, NodeId, Tick};
 
-/// How often what could not be sent at once is tried again.
+/// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
-/// A server that lives takes over within a second; a node does not stay longer for one that does not.
+/// How long a leaving node waits for the server: one that lives takes over within a second.
 const RELEASE: Duration = Duration::from_secs(5);
 /// How often the network's counters are read for the user.
 const COUNT: Duration = Duration::from_millis(100);
-/// Tick times kept for the summary: four hours at 60 a second.
+/// Tick times kept for the summary: four hours at 60 per second.
 const TIMES: usize = 1 << 20;
 
-/// What a node, client or participant is started with.
+/// The settings of a node, client or participant.
 pub struct MemberConfig {
     /// Where the server is.
     pub server: SocketAddr,
     /// Who the process is; its role decides what it does.
     pub identity: Identity,
-    /// Where others reach it; port 0 takes any free one.
+    /// Where it listens for others; port 0 takes any free one.
     pub listen: SocketAddr,
-    /// The address to give others, if it is not the one listened on.
+    /// The address to give to others, if it is not the one listened on.
     pub advertise: Option<SocketAddr>,
     /// Regions stepped at a time.
     pub threads: usize,
@@ -48,14 +48,14 @@ pub struct MemberConfig {
     pub report_every: u64,
     /// Ticks between checkpoints to the server.
     pub checkpoint_every: u64,
-    /// How long others are waited for before the node computes provisionally for its clients.
+    /// How long the node waits for others before it computes speculative ticks for its clients.
     pub patience: Duration,
     /// How long the server may be out of reach before the process gives up. Meanwhile a node computes on.
     pub give_up: Duration,
 }
 
 impl MemberConfig {
-    /// The usual settings for this identity.
+    /// Returns the usual settings for this identity.
     pub fn new(server: SocketAddr, identity: Identity) -> Self {
         Self {
             server,
@@ -71,7 +71,7 @@ impl MemberConfig {
     }
 }
 
-/// What a node did, for people and for the demo.
+/// A summary of what a node did, for people and for the demo.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NodeSummary {
     /// Its id.
@@ -84,13 +84,13 @@ pub struct NodeSummary {
     pub regions: usize,
     /// Bodies that came from other regions.
     pub transfers: u64,
-    /// Replicas held, summed over all ticks.
+    /// Copies of other regions' bodies (replicas) held, summed over all ticks.
     pub replicas_sum: u64,
     /// Exchanges between regions, summed over all ticks.
     pub exchanges_sum: u64,
-    /// Ticks computed provisionally, for clients alone, while others were waited for.
+    /// Speculative ticks: computed for clients alone, while others were waited for.
     pub provisional: u64,
-    /// How far copies of bodies held here were from agreement in any tick at most, m/s.
+    /// Largest disagreement of copies of bodies held here in any tick, m/s.
     pub disagreement_max_m_s: f32,
     /// Microseconds of computing of each tick.
     pub compute_us: Vec<u32>,
@@ -112,7 +112,7 @@ pub struct Member {
     connections: Connections,
 }
 
-/// What the loop and its user both see.
+/// The state that the loop and its user share.
 pub(super) struct Shared {
     state: Mutex<State>,
     changed: Condvar,
@@ -134,7 +134,7 @@ pub(super) enum Input {
     Net(NetEvent),
     Client(ClientEvent),
     Leave,
-    /// Something is wanted of its connections.
+    /// Wakes the loop: there is work for its connections.
     Wake,
 }
 
@@ -143,7 +143,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until the condition holds or the time is up; says which.
+    /// Waits until the condition holds or the time is up; returns which.
     pub(super) fn wait(&self, timeout: Duration, mut until: impl FnMut(&State) -> bool) -> bool {
         let (_state, timed_out) = self
             .changed
@@ -226,48 +226,48 @@ impl Member {
         Ok(Self { shared, inbox, thread: Some(thread), who, address, connections })
     }
 
-    /// With whom it is connected.
+    /// Returns the connections of the process.
     pub fn connections(&self) -> &Connections {
         &self.connections
     }
 
-    /// What the node did so far.
+    /// Returns a summary of what the node did so far.
     pub fn summary(&self) -> NodeSummary {
         self.shared.lock().summary.clone()
     }
 
-    /// The last tick completed by the node.
+    /// Returns the last tick completed by the node.
     pub fn tick(&self) -> Tick {
         self.shared.lock().summary.tick
     }
 
-    /// What has passed over the network; a tenth of a second old.
+    /// Returns the traffic over the network, as of a tenth of a second ago.
     pub fn traffic(&self) -> PeerStats {
         self.shared.lock().traffic
     }
 
-    /// Whether the loop has ended, and why if something went wrong.
+    /// Returns whether the loop has ended, and why if something went wrong.
     pub fn ended(&self) -> Option<Option<String>> {
         let state = self.shared.lock();
         state.end.as_ref().map(|end| end.as_ref().err().map(ToString::to_string))
     }
 
-    /// Whether the loop has ended.
+    /// Returns whether the loop has ended.
     pub fn is_over(&self) -> bool {
         self.shared.lock().end.is_some()
     }
 
-    /// Waits for the end of the loop, no longer than `timeout`; says whether it came.
+    /// Waits for the end of the loop, no longer than `timeout`; returns whether it came.
     pub fn wait_over(&self, timeout: Duration) -> bool {
         self.shared.wait(timeout, |state| state.end.is_some())
     }
 
-    /// Asks to go in order: regions are handed over first. [`Member::finish`] waits for it.
+    /// Asks to leave in order: regions are handed over first. [`Member::finish`] waits for it.
     pub fn leave(&self) {
         let _ = self.inbox.send(Input::Leave);
     }
 
-    /// Waits for the end of the loop and says why it ended.
+    /// Waits for the end of the loop and returns the summary, or the error it ended with.
     pub fn finish(mut self) -> Result<NodeSummary, ProcessError> {
         self.join();
         let mut state = self.shared.lock();
@@ -295,7 +295,7 @@ impl Drop for Member {
     }
 }
 
-/// Where to listen for others: on this machine alone if the server is on it and not to be reached from elsewhere.
+/// Returns the address to listen on: of this machine alone if the server is on it and cannot be reached from elsewhere.
 fn interface_towards(server: IpAddr) -> IpAddr {
     match server {
         server if server.is_loopback() => server,
@@ -304,7 +304,7 @@ fn interface_towards(server: IpAddr) -> IpAddr {
     }
 }
 
-/// The address that others can use: one on the interface that leads to the server, if all are listened on.
+/// Returns the address that others can use: one on the interface that leads to the server, if all are listened on.
 fn reachable(bound: SocketAddr, server: SocketAddr) -> SocketAddr {
     if !bound.ip().is_unspecified() {
         return bound;
@@ -316,7 +316,7 @@ fn reachable(bound: SocketAddr, server: SocketAddr) -> SocketAddr {
     towards.map_or(bound, |local| SocketAddr::new(local.ip(), bound.port()))
 }
 
-/// Network events and user's inputs come through one door.
+/// Forwards network events into the loop's inbox, so that they and the user's inputs come through one channel.
 pub(super) fn forward<T: From<NetEvent> + Send + 'static>(
     events: NetEvents,
     inbox: SyncSender<T>,
@@ -346,7 +346,7 @@ struct Loop {
     device: PhysicsDevice,
     shared: Arc<Shared>,
     connections: Connections,
-    /// When the user's input to go is carried out without the server.
+    /// When the process leaves without the server, after its user asked to leave.
     release_by: Option<Duration>,
     give_up: Duration,
     /// Since when the server is out of reach, and why.
@@ -356,7 +356,7 @@ struct Loop {
     /// When the network's counters are read next.
     count_at: Duration,
     end: Option<Result<(), ProcessError>>,
-    /// Why it ends, where `end` does not say.
+    /// Why the loop ends, where `end` does not say.
     reason: Option<Reason>,
 }
 
@@ -528,7 +528,7 @@ impl Loop {
         }
     }
 
-    /// Does what the state machines want done, until they want nothing more.
+    /// Carries out the outputs of the state machines, until there are none.
     fn pump(&mut self) {
         while self.end.is_none() {
             if let Some(output) = self.node.as_mut().and_then(Node::poll_output) {
@@ -574,7 +574,7 @@ impl Loop {
         }
     }
 
-    /// In order, for all: no failure of who only computes; who plays in it must know.
+    /// Ends in order for all: no failure for a mere node; clients must learn of it.
     fn world_ended(&mut self) {
         let (server, reason) = (self.server, WORLD_ENDED.to_owned());
         let plays = self.shared.lock().client.is_some();

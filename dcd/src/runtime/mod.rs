@@ -1,4 +1,5 @@
-//! Joins the parts into things that run: a local world; with `net`, a server, a node, a client and a participant.
+//! Combines physics, cluster protocol and network into what a program runs: a local world; with `net`, the loops of a server, a
+//! node, a client and a participant.
 
 mod choice;
 #[cfg(feature = "net")]

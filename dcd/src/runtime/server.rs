@@ -1,4 +1,4 @@
-//! The server as a process: one thread that feeds links to the state machine and does what it asks for.
+//! Runs a server as a process: one thread feeds network events to the server's state machine and carries out its outputs.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -29,25 +29,25 @@ use crate::protocol::{
 use crate::scene::Scene;
 use crate::space::{DistributionTree, Epoch, Tick};
 
-/// How often what could not be sent at once is tried again.
+/// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
-/// How long nothing is done when nothing is due.
+/// How long the loop sleeps when nothing is due.
 const IDLE: Duration = Duration::from_millis(500);
-/// A last audit that takes longer than this is given up: dead members are found much sooner.
+/// Time-out of the last audit: dead members are found much sooner.
 const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
 
-/// What a served world begins as.
+/// The initial state of a served world: a scene, or a copy of a local world.
 pub enum Origin<'a> {
-    /// A scene; of its configuration count how it is cut and how it is stepped.
+    /// A scene; of the configuration only the cut and the step settings count.
     Scene(&'a Scene, &'a WorldConfig),
     /// A world as it is now, with its cut and settings, copied. What is not a property of a body or joint stays behind:
     /// contacts under load begin anew, and the tick begins at 0.
     World(&'a LocalWorld),
 }
 
-/// What a server is started with.
+/// The settings of a server.
 #[derive(Clone, Debug)]
 pub struct ServeConfig {
     /// Where to listen; port 0 takes any free one.
@@ -65,12 +65,13 @@ pub struct ServeConfig {
     pub last_tick: Option<Tick>,
     /// The fastest that avatars may be asked to move, m/s.
     pub avatar_speed_limit: f32,
-    /// How members of a group keep in step, who may share one, and how far apart groups may be.
+    /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
     pub groups: GroupConfig,
 }
 
 impl ServeConfig {
-    /// On any free port of this machine alone, one node to wait for, in real time, until it is stopped, avatars of up to 20 m/s.
+    /// Returns the usual settings: any free port of this machine alone, one node to wait for, in real time, until it is stopped,
+    /// avatars of up to 20 m/s.
     pub fn new(data: impl Into<PathBuf>) -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),
@@ -85,19 +86,19 @@ impl ServeConfig {
     }
 }
 
-/// How nodes form groups and keep in step.
+/// The settings of groups of nodes: lockstep or not, thresholds, sizes, votes.
 #[derive(Clone, Debug, Default)]
 pub struct GroupConfig {
-    /// Members run ahead of one another by at most so many ticks and extrapolate (the thesis's unsynchronised mode); 0: in
-    /// lock-step. With the coupling `owner` only.
+    /// Members run ahead of one another by at most so many ticks and extrapolate (the thesis's unsynchronised mode); 0: lockstep.
+    /// With the coupling `owner` only.
     pub lag_ticks: u32,
-    /// How far apart is too far.
+    /// Thresholds of delay and distance of groups.
     pub thresholds: Thresholds,
     /// Sizes, policies, votes.
     pub grouping: Grouping,
 }
 
-/// What became of the world, from the server's record.
+/// A summary of the world, from the server's record.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServerSummary {
     /// The last tick that all members completed, as far as known.
@@ -110,9 +111,9 @@ pub struct ServerSummary {
     pub nodes: usize,
     /// Membership changes since the start of the server.
     pub views: u64,
-    /// Of the last audit: bodies that no node owned.
+    /// Bodies that no node owned in the last audit.
     pub lost: usize,
-    /// Of the last audit: bodies that two nodes owned.
+    /// Bodies that two nodes owned in the last audit.
     pub doubled: usize,
     /// Members did not answer the last audit in time: nobody knows what is lost or doubled.
     pub unaudited: bool,
@@ -154,7 +155,7 @@ struct State {
 enum Input {
     Net(NetEvent),
     Stop,
-    /// Something is wanted of its connections.
+    /// Wakes the loop: there is work for its connections.
     Wake,
 }
 
@@ -244,33 +245,33 @@ impl ServerProcess {
         Ok(Self { inbox, shared, thread: Some(thread), authority, connections, address, resumed })
     }
 
-    /// Nodes and clients that are connected, or whose links broke a moment ago.
+    /// Returns the connections with nodes and clients, also those whose links broke a moment ago.
     pub fn connections(&self) -> &Connections {
         &self.connections
     }
 
-    /// A token for one process of this role to join with.
+    /// Mints a token for one process of this role to join with.
     pub fn token(&self, role: JoinRole, valid_for: Duration) -> Result<String, ProcessError> {
         let now = std::time::SystemTime::now();
         Ok(self.authority.issue_token(role, valid_for, now)?.to_string())
     }
 
-    /// What became of the world so far.
+    /// Returns a summary of the world so far.
     pub fn summary(&self) -> ServerSummary {
         self.shared.lock().summary.clone()
     }
 
-    /// What has passed over the network.
+    /// Returns the traffic over the network.
     pub fn traffic(&self) -> PeerStats {
         self.shared.lock().traffic
     }
 
-    /// The membership, while nodes compute the world.
+    /// Returns the membership, while nodes compute the world.
     pub fn view(&self) -> Option<View> {
         self.shared.lock().view.clone()
     }
 
-    /// Waits until the condition holds for summary and membership, or the time is up; says which.
+    /// Waits until the condition holds for summary and membership, or the time is up; returns which.
     pub fn wait(
         &self,
         timeout: Duration,
@@ -286,17 +287,17 @@ impl ServerProcess {
         !timed_out.timed_out()
     }
 
-    /// Why the server had to stop, if it had to; once.
+    /// Takes the error with which the server had to stop, if it had to.
     pub fn failure(&self) -> Option<ProcessError> {
         self.shared.lock().failure.take()
     }
 
-    /// Whether the world has ended.
+    /// Returns whether the world has ended.
     pub fn is_over(&self) -> bool {
         self.shared.lock().over
     }
 
-    /// Audits the world, tells everybody that it ends, and waits for it.
+    /// Audits the world, tells all processes that it ends, and waits for the end.
     pub fn stop(mut self) -> ServerSummary {
         self.end();
         self.summary()
@@ -318,7 +319,7 @@ impl Drop for ServerProcess {
     }
 }
 
-/// A world to be, as values.
+/// The values that a served world begins with.
 struct Beginning {
     tree: DistributionTree,
     halo_m: Option<f64>,
@@ -343,7 +344,7 @@ impl Beginning {
                 let movable = host.owned_bodies().map(|(_, region, handle)| region.body_record(handle));
                 let mut bodies: Vec<_> = movable.chain(host.scenery().cloned()).collect();
                 bodies.sort_unstable_by_key(|body| body.id);
-                // Who owned it in the other world means nothing in this one.
+                // Its owner in the other world means nothing in this one.
                 bodies.iter_mut().for_each(|body| body.epoch = Epoch(0));
                 let joints: BTreeMap<_, _> = bodies
                     .iter()
@@ -363,8 +364,8 @@ impl Beginning {
     }
 }
 
-/// The world as everybody is told of it. The halo is that of a local world with the same bodies, so that both compute
-/// the same bits.
+/// Returns the properties of the world as sent to all processes. The halo is that of a local world with the same bodies, so that
+/// both compute the same bits.
 fn world_of(
     beginning: Beginning,
     config: &ServeConfig,
@@ -389,7 +390,7 @@ fn world_of(
         0 => SyncProtocol::Synchronised,
         lag_ticks => SyncProtocol::Unsynchronised { lag_ticks },
     };
-    // What is told later must be told farther ahead.
+    // With lag, bodies are sent later, so that the halo must reach farther ahead.
     let ahead_m = f64::from(config.avatar_speed_limit * step.dt_s) * f64::from(lag_ticks);
     let environment = EnvironmentProperties {
         world: record.fingerprint(),
@@ -413,7 +414,7 @@ fn world_of(
     Ok((environment, record))
 }
 
-/// Takes entries out of a directory.
+/// Removes entries from a directory.
 fn forget(directory: &mut RedbDirectory, entries: &[Entry]) -> Result<(), DirectoryError> {
     let writes = entries.iter().map(|entry| (entry.key, None)).collect();
     directory.commit(&Batch { writes, durable: true }, &[]).map(|_| ())
@@ -423,7 +424,7 @@ struct Loop {
     links: Option<Links>,
     connections: Connections,
     directory: RedbDirectory,
-    /// The revision at which we wrote the world's entry: whoever else writes it has taken over.
+    /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
     start: Instant,
     server: Server,
@@ -491,7 +492,7 @@ impl Loop {
         }
     }
 
-    /// Lets those go whom the user wants gone.
+    /// Disconnects the processes that the user asked to disconnect.
     fn send_away(&mut self, now: Duration) {
         for (who, reason) in self.connections.take_sent_away() {
             info!(%who, reason, "sent away");
@@ -557,7 +558,7 @@ impl Loop {
         Ok(())
     }
 
-    /// A world that has ended leaves nothing to go on with.
+    /// Clears the directory: a world that has ended leaves nothing to resume.
     fn clear(&mut self) -> Result<(), DirectoryError> {
         let writes = self.directory.load()?.into_iter().map(|entry| (entry.key, None)).collect();
         self.store(&Batch { writes, durable: true })

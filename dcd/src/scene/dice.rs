@@ -1,4 +1,4 @@
-//! Random numbers of scenes: the same on every machine and for every version of our dependencies.
+//! Generates the random numbers of scenes: the same on every machine and for every version of our dependencies.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -13,18 +13,18 @@ impl Dice {
         Self(ChaCha8Rng::seed_from_u64(seed))
     }
 
-    /// Uniform in `low..high`.
+    /// Returns a number uniform in `low..high`.
     pub(crate) fn between(&mut self, low: f32, high: f32) -> f32 {
         let unit = (self.0.next_u32() >> 8) as f32 / (1 << 24) as f32;
         low + (high - low) * unit
     }
 
-    /// Uniform in a cube of this half edge.
+    /// Returns a point uniform in a cube of this half edge.
     pub(crate) fn in_cube(&mut self, half: f32) -> Vector {
         Vector::new(self.between(-half, half), self.between(-half, half), self.between(-half, half))
     }
 
-    /// Uniform on the unit sphere (Archimedes: height and angle are uniform).
+    /// Returns a direction uniform on the unit sphere (Archimedes: height and angle are uniform).
     pub(crate) fn direction(&mut self) -> Vector {
         let y = self.between(-1.0, 1.0);
         let (sin, cos) = self.between(0.0, std::f32::consts::TAU).sin_cos();
@@ -32,7 +32,7 @@ impl Dice {
         Vector::new(r * cos, y, r * sin)
     }
 
-    /// A turn about a random axis by at most this angle.
+    /// Returns a rotation about a random axis by at most this angle.
     pub(crate) fn rotation(&mut self, most_rad: f32) -> Rotation {
         let axis = self.direction();
         Rotation::from_axis_angle(axis, self.between(0.0, most_rad))

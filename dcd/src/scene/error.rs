@@ -1,10 +1,10 @@
-//! What can be wrong with a scene.
+//! Defines the errors of scenes.
 
 use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why a scene could not be made. Each message names the cause and the remedy.
+/// The reason why a scene could not be made. Each message names the cause and the remedy.
 #[derive(Debug, Error)]
 pub enum SceneError {
     /// No scene of the library has this name.
@@ -79,13 +79,13 @@ fn at(line: &Option<usize>) -> String {
     line.map(|line| format!(":{line}")).unwrap_or_default()
 }
 
-/// The name most like the given one, unless none is like it.
+/// Returns the name most like the given one, unless none is like it.
 pub(crate) fn nearest(name: &str, known: impl Iterator<Item = &'static str>) -> Option<&'static str> {
     let (distance, best) = known.map(|other| (edit_distance(name, other), other)).min()?;
     (distance <= best.len().max(name.len()) / 2).then_some(best)
 }
 
-/// Levenshtein's distance: insertions, deletions and replacements of characters.
+/// Returns Levenshtein's distance: insertions, deletions and replacements of characters.
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

@@ -1,4 +1,4 @@
-//! A scene: bodies, joints and settings of a world before its first tick.
+//! Defines a scene: bodies, joints and settings of a world before its first tick.
 
 use rapier3d::prelude::*;
 
@@ -6,14 +6,14 @@ use crate::physics::{CouplingChoice, LinkSettings, equip_link, insert_link, moti
 use crate::protocol::{LinkRecord, WorldPose};
 use crate::space::{Axis, Balance, Bounds};
 
-/// What a world holds at its first tick, and how it is to be stepped.
+/// A scene: the content of a world at its first tick, and how it is to be stepped.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// For titles and results.
     pub name: String,
     /// m/s².
     pub gravity: [f32; 3],
-    /// Seconds a step.
+    /// Seconds per step.
     pub dt_s: f32,
     /// The box that is divided into regions; bodies may leave it.
     pub bounds: Bounds,
@@ -21,19 +21,19 @@ pub struct Scene {
     pub bodies: Vec<SceneBody>,
     /// In order of insertion.
     pub joints: Vec<SceneJoint>,
-    /// Rapier's iterations a step.
+    /// Rapier's iterations per step.
     pub solver_iterations: usize,
-    /// How many regions suit the scene, when it says so.
+    /// Number of regions that suits the scene, when it says so.
     pub regions: Option<usize>,
-    /// Where to cut first, when the scene says so: an axis and metres on it, each cut dividing all regions it meets.
+    /// The first cuts, when the scene says so: an axis and metres on it, each cut dividing all regions it meets.
     pub cuts: Vec<(Axis, f64)>,
-    /// How regions follow the load in a world of one process, when the scene says so.
+    /// Load balancing of regions in a world of one process, when the scene says so.
     pub balance: Option<Balance>,
-    /// What the scene asks of the coupling.
+    /// The coupling that the scene asks for.
     pub coupling: CouplingChoice,
-    /// Where a client's avatar starts, when the scene says so.
+    /// Start of a client's avatar, when the scene says so.
     pub avatar: Option<AvatarHint>,
-    /// What differs from what the scene's file says, a line each: the feature, whom it concerns, what becomes of it.
+    /// Differences from the scene's file, a line each: the feature, the names it concerns, what becomes of it.
     pub warnings: Vec<String>,
 }
 
@@ -76,7 +76,7 @@ pub struct AvatarHint {
 }
 
 impl Scene {
-    /// One plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a
+    /// Builds one plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a
     /// partitioned run is compared with. Positions are rounded to f32. It has one thread: with the feature `parallel` a pool of its
     /// own, without which Rapier would spread over rayon's global pool; `set_thread_pool` gives it another.
     pub fn bare_world(&self) -> PhysicsWorld {
@@ -112,7 +112,7 @@ impl Scene {
         world
     }
 
-    /// A joint's link in a multibody, if it is to be one.
+    /// Returns a joint's link in a multibody, if it is to be one.
     pub(super) fn link_record(&self, joint: &SceneJoint) -> Option<LinkRecord> {
         /// Metres or radians: rounding alone is no motion.
         const STRAY: f32 = 1e-4;
@@ -124,7 +124,7 @@ impl Scene {
         Some(LinkRecord { motion: moved.then_some(motion), ..link })
     }
 
-    /// A world without bodies, to be filled: Earth's gravity, 60 steps a second, Rapier's 4 iterations.
+    /// Returns a scene without bodies, to be filled: Earth's gravity, 60 steps per second, Rapier's 4 iterations.
     pub fn empty(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -143,7 +143,7 @@ impl Scene {
         }
     }
 
-    /// Adds a body with one collider and gives its index.
+    /// Adds a body with one collider and returns its index.
     pub fn push(&mut self, pose: WorldPose, body: RigidBodyBuilder, collider: ColliderBuilder) -> usize {
         self.bodies.push(SceneBody { pose, body, colliders: vec![collider] });
         self.bodies.len() - 1
@@ -156,7 +156,7 @@ impl Scene {
         self.push(WorldPose::at(centre), RigidBodyBuilder::fixed(), collider);
     }
 
-    /// The box around all bodies that can move, or around all finite ones if none can.
+    /// Returns the AABB of all bodies that can move, or of all finite ones if none can.
     pub fn tight_bounds(&self) -> Option<Bounds> {
         let around = |bodies: &mut dyn Iterator<Item = &SceneBody>| {
             bodies.map(SceneBody::bounds).filter(Bounds::is_finite).reduce(|a, b| a.union(&b))
@@ -167,7 +167,7 @@ impl Scene {
 }
 
 impl SceneBody {
-    /// The box around its colliders where it starts; its place alone without colliders, infinite for a half-space.
+    /// Returns the AABB of its colliders where it starts; its position alone without colliders, infinite for a half-space.
     pub fn bounds(&self) -> Bounds {
         let turn = Pose::from_rotation(rotation(&self.pose));
         let at = self.pose.translation;
@@ -185,17 +185,17 @@ impl SceneBody {
     }
 }
 
-/// Parry's half-space spans half of f32's range: that is infinity here.
+/// Widens to infinity: Parry's half-space spans half of f32's range.
 fn far(v: f32) -> f64 {
     if v.abs() > 1e30 { f64::INFINITY.copysign(v.into()) } else { v.into() }
 }
 
-/// A pose rounded to f32.
+/// Returns a pose rounded to f32.
 pub(crate) fn bare_pose(pose: &WorldPose) -> Pose {
     Pose::from_parts(Vector::from(pose.translation.map(|v| v as f32)), rotation(pose))
 }
 
-/// An f32 place and turn as a pose of the world.
+/// Returns an f32 position and rotation as a pose of the world.
 pub(crate) fn world_pose(translation: [f64; 3], rotation: Rotation) -> WorldPose {
     WorldPose { translation, rotation: rotation.to_array() }
 }

@@ -1,20 +1,20 @@
-//! Opens scenes: those of the library by name, others from files.
+//! Opens scenes by name or path: those of the library by name, others from files.
 
 use std::path::Path;
 
 use super::{Params, Scene, SceneError, file, library};
 
-/// Of MJCF and URDF.
+/// File extensions of MJCF and URDF.
 const MODEL_EXTENSIONS: [&str; 3] = ["xml", "mjcf", "urdf"];
 
 impl Scene {
-    /// A scene of the [`library`](super::library()).
+    /// Builds a scene of the [`library`](super::library()).
     pub fn named(name: &str, params: &Params) -> Result<Self, SceneError> {
         library::build(name, params)
     }
 
-    /// A scene file: MJCF (`.xml`, `.mjcf`) or URDF (`.urdf`) with the feature `models`, TOML otherwise. Parameters of a TOML file
-    /// are those of the library scene that it starts from, if it does; all model files have the same.
+    /// Loads a scene file: MJCF (`.xml`, `.mjcf`) or URDF (`.urdf`) with the feature `models`, TOML otherwise. Parameters of a TOML
+    /// file are those of the library scene that it starts from, if it does; all model files have the same.
     pub fn load(path: impl AsRef<Path>, params: &Params) -> Result<Self, SceneError> {
         let path = path.as_ref();
         #[cfg(feature = "models")]
@@ -33,7 +33,7 @@ impl Scene {
         file::load(path, params)
     }
 
-    /// A file if the text ends as scene files do or such a file exists, else a scene of the library.
+    /// Opens a file if the text ends as scene files do or such a file exists, else a scene of the library.
     pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
         let path = Path::new(name_or_path);
         let is_scene = MODEL_EXTENSIONS.iter().chain(&["toml"]).any(|known| has_extension(path, known));

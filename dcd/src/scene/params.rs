@@ -1,4 +1,4 @@
-//! Parameters of scenes: given as `name=value`, described by tables, so that help texts and errors cannot go stale.
+//! Parses parameters of scenes: given as `name=value`, described by tables, so that help texts and errors cannot go stale.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -6,11 +6,11 @@ use std::fmt;
 use super::SceneError;
 use super::error::nearest;
 
-/// What the user gives: names and values as text, in order of name.
+/// Parameters as the user gives them: names and values as text, in order of name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Params(BTreeMap<String, String>);
 
-/// What a parameter accepts; both ends belong to the range.
+/// The range of a parameter; both ends belong to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ParamKind {
     /// A whole number.
@@ -19,10 +19,10 @@ pub enum ParamKind {
     Number(f64, f64),
 }
 
-/// One parameter of a scene, for help texts.
+/// The description of one parameter of a scene, for help texts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParamInfo {
-    /// As it is given.
+    /// The name by which it is given.
     pub name: &'static str,
     /// The value when it is not given, as text.
     pub default: &'static str,
@@ -30,11 +30,11 @@ pub struct ParamInfo {
     pub kind: ParamKind,
     /// Unit of the value; empty for plain numbers.
     pub unit: &'static str,
-    /// What it does.
+    /// Its effect.
     pub what: &'static str,
 }
 
-/// A parameter that is a whole number.
+/// Describes a parameter that is a whole number.
 pub(super) const fn count(
     name: &'static str,
     default: &'static str,
@@ -45,7 +45,7 @@ pub(super) const fn count(
     ParamInfo { name, default, kind: ParamKind::Count(least, most), unit: "", what }
 }
 
-/// A parameter that is a decimal number.
+/// Describes a parameter that is a decimal number.
 pub(super) const fn number(
     name: &'static str,
     default: &'static str,
@@ -57,12 +57,12 @@ pub(super) const fn number(
 }
 
 impl Params {
-    /// No parameter: defaults everywhere.
+    /// Returns no parameters: defaults everywhere.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// From arguments of a command line, each `name=value`; a later one wins.
+    /// Parses arguments of a command line, each `name=value`; a later one wins.
     pub fn from_args(args: impl IntoIterator<Item = impl AsRef<str>>) -> Result<Self, SceneError> {
         let mut params = Self::new();
         for arg in args {
@@ -75,7 +75,7 @@ impl Params {
         Ok(params)
     }
 
-    /// These and one more (or one changed).
+    /// Returns these and one more (or one changed).
     pub fn with(mut self, name: &str, value: impl fmt::Display) -> Self {
         self.set(name, value);
         self
@@ -87,12 +87,12 @@ impl Params {
         self
     }
 
-    /// Whether nothing is given.
+    /// Returns whether nothing is given.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Names and values, in order of name.
+    /// Returns names and values, in order of name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
         self.0.iter().map(|(name, value)| (name.as_str(), value.as_str()))
     }
@@ -160,12 +160,12 @@ impl Values {
         Ok(checked)
     }
 
-    /// A whole number.
+    /// Returns a whole number.
     pub(crate) fn count(&self, name: &str) -> usize {
         self.seed(name) as usize
     }
 
-    /// A whole number of 64 bits.
+    /// Returns a whole number of 64 bits.
     pub(crate) fn seed(&self, name: &str) -> u64 {
         match self.values[name] {
             Value::Count(value) => value,
@@ -173,7 +173,7 @@ impl Values {
         }
     }
 
-    /// A decimal number.
+    /// Returns a decimal number.
     pub(crate) fn number(&self, name: &str) -> f32 {
         match self.values[name] {
             Value::Number(value) => value as f32,
@@ -181,7 +181,7 @@ impl Values {
         }
     }
 
-    /// The error for a value that only the scene itself can judge.
+    /// Returns the error for a value that only the scene itself can judge.
     pub(crate) fn refuse(&self, name: &str, expected: &str) -> SceneError {
         let default = self.infos.iter().find(|info| info.name == name).map_or("", |info| info.default);
         SceneError::BadParam {

@@ -1,4 +1,4 @@
-//! A scene as it travels.
+//! Converts a scene to records, its wire form.
 
 use super::Scene;
 use crate::physics::{ShapeError, ShapeLibrary, joint_record};
@@ -6,7 +6,7 @@ use crate::protocol::{BodyRecord, JointRecord};
 use crate::space::{BodyId, JointId};
 
 impl Scene {
-    /// The scene's bodies and joints by id; their shapes are added to `shapes`.
+    /// Returns the scene's bodies and joints by id; their shapes are added to `shapes`.
     pub fn records(
         &self,
         shapes: &mut ShapeLibrary,

@@ -1,7 +1,7 @@
-//! What must hold at all times, checked while a cluster runs.
+//! Checks the invariants of a cluster while it runs.
 //!
 //! Invariant I: in each group every body has exactly one owner, at its highest epoch; none lost, none doubled. Further: no
-//! state goes back in time, neither in a group nor at a node nor at a client, and who computes a view that is over holds
+//! state goes back in time, neither in a group nor at a node nor at a client, and a node that computes a view that is over holds
 //! nothing at an epoch that would beat its successors'.
 
 mod violation;
@@ -15,7 +15,7 @@ use crate::space::{BodyId, ClientId, Epoch, GroupId, NodeId, Tick};
 
 pub use violation::Violation;
 
-/// What the members of a view held after a tick, as far as they have completed it.
+/// The bodies that the members of a view held after a tick, as far as they have completed it.
 #[derive(Clone, Debug, Default)]
 struct Snapshot {
     nodes: BTreeSet<NodeId>,
@@ -25,20 +25,20 @@ struct Snapshot {
     replicas: Vec<(BodyId, Epoch)>,
 }
 
-/// A group as far as it has been checked.
+/// A group's state as far as it has been checked.
 #[derive(Clone, Debug, Default)]
 struct Checked {
     /// The newest view of which a tick has been checked.
     view: ViewNumber,
     tick: Tick,
     epochs: BTreeMap<BodyId, Epoch>,
-    /// After the last tick that was checked: in which view, and how many rounds members want.
+    /// The last checked tick, its view, and how many rounds members want for the next.
     wanted: Option<(ViewNumber, Tick, u32)>,
-    /// What was sent to new owners in a tick and has not arrived.
+    /// Transfers sent to new owners in a tick that have not arrived.
     flights: BTreeMap<(ViewNumber, Tick), Flight>,
 }
 
-/// What a client has seen of a body.
+/// The last state of a body that a client has seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
     at: (Epoch, Tick),
@@ -53,17 +53,17 @@ type Flight = BTreeMap<(NodeId, NodeId), Vec<(BodyId, Epoch)>>;
 #[derive(Clone, Debug, Default)]
 pub struct Checker {
     expected: BTreeSet<BodyId>,
-    /// How many ticks later what members say to each other is taken in.
+    /// After how many ticks messages of members are applied.
     lag: u64,
     groups: BTreeMap<GroupId, Checked>,
-    /// Of which group views are.
+    /// The group of each view.
     views: BTreeMap<ViewNumber, GroupId>,
-    /// Views whose last tick was completed by some members alone: what others sent in it may be lost until the next view.
+    /// Views whose last tick was completed by some members alone: transfers that others sent in it may be lost until the next view.
     crippled: BTreeSet<ViewNumber>,
     snapshots: BTreeMap<(ViewNumber, Tick), Snapshot>,
     /// The newest epochs that nodes have seen of bodies, in the group that they are in.
     nodes: BTreeMap<NodeId, (GroupId, BTreeMap<BodyId, Epoch>)>,
-    /// The newest that clients have seen, in the group that they are in.
+    /// The newest epochs that clients have seen, in the group that they are in.
     clients: BTreeMap<ClientId, (Option<GroupId>, BTreeMap<BodyId, Seen>)>,
     owned: usize,
     last: Tick,
@@ -72,52 +72,52 @@ pub struct Checker {
 }
 
 impl Checker {
-    /// These bodies must be there at all times: owned, or for `lag` ticks on their way to a new owner.
+    /// Creates a checker for bodies that must exist at all times: owned, or for `lag` ticks on their way to a new owner.
     pub fn new(expected: impl IntoIterator<Item = BodyId>, lag: u64) -> Self {
         Self { expected: expected.into_iter().collect(), lag, ..Self::default() }
     }
 
-    /// How many ticks have been checked as a whole.
+    /// Returns how many ticks have been checked as a whole.
     pub fn checked(&self) -> u64 {
         self.checked
     }
 
-    /// The most ticks that a group went back, because nobody was left who had computed them.
+    /// Returns the most ticks that a group went back because nobody was left who had computed them.
     pub fn rewound(&self) -> u64 {
         self.rewound
     }
 
-    /// The newest tick of any group that has been checked as a whole.
+    /// Returns the newest tick of any group that has been checked as a whole.
     pub fn last(&self) -> Tick {
         self.last
     }
 
-    /// How many bodies were owned after the tick that was last checked.
+    /// Returns how many bodies were owned after the tick that was last checked.
     pub fn owned(&self) -> usize {
         self.owned
     }
 
-    /// The newest view and tick of a group that have been checked as a whole.
+    /// Returns the newest view and tick of a group that have been checked as a whole.
     pub fn progress(&self, group: GroupId) -> Option<(ViewNumber, Tick)> {
         self.groups.get(&group).map(|checked| (checked.view, checked.tick))
     }
 
-    /// The bodies of a group, after the tick that was last checked.
+    /// Returns the bodies of a group, after the tick that was last checked.
     pub fn bodies(&self, group: GroupId) -> impl Iterator<Item = BodyId> {
         self.groups.get(&group).into_iter().flat_map(|checked| checked.epochs.keys().copied())
     }
 
-    /// Of which group a view is.
+    /// Returns the group of a view.
     pub(super) fn group_of(&self, view: ViewNumber) -> Option<GroupId> {
         self.views.get(&view).copied()
     }
 
-    /// A view begins.
+    /// Notes that a view begins.
     pub(super) fn began(&mut self, group: GroupId, view: ViewNumber) {
         self.views.insert(view, group);
     }
 
-    /// A member tells another what it is to own, perhaps once more.
+    /// Notes the transfers that a member sends another, perhaps once more.
     pub(super) fn sends(&mut self, from: NodeId, to: NodeId, border: &Border) {
         let transfers: Vec<_> = border
             .messages
@@ -131,24 +131,24 @@ impl Checker {
         }
     }
 
-    /// Some members of a view complete its last tick without the others.
+    /// Notes that some members of a view complete its last tick without the others.
     pub(super) fn crippled(&mut self, view: ViewNumber) {
         if self.crippled.insert(view) {
             self.snapshots.retain(|&(of, _), _| of != view);
         }
     }
 
-    /// A node begins anew, or is gone: what it knew is forgotten.
+    /// Forgets what a node knew: it begins anew, or is gone.
     pub(super) fn forget_node(&mut self, node: NodeId) {
         self.nodes.remove(&node);
     }
 
-    /// The same of a client.
+    /// Forgets what a client knew.
     pub(super) fn forget_client(&mut self, client: ClientId) {
         self.clients.remove(&client);
     }
 
-    /// A client was told of bodies.
+    /// Checks the states that a client was sent.
     pub(super) fn told(&mut self, client: &Client) -> Result<(), Violation> {
         let (group, seen) = self.clients.entry(client.id()).or_default();
         if std::mem::replace(group, client.group()) != client.group() {
@@ -172,7 +172,7 @@ impl Checker {
         Ok(())
     }
 
-    /// A member has completed a tick of this view.
+    /// Checks a tick of this view that a member has completed.
     pub fn settled(
         &mut self,
         node: NodeId,
@@ -248,7 +248,7 @@ impl Checker {
         (view, tick): (ViewNumber, Tick),
         snapshot: &Snapshot,
     ) -> Result<(), Violation> {
-        // Who is not in step cannot exchange within a tick.
+        // Members that are not in lockstep cannot exchange within a tick.
         let wanted = if self.lag == 0 { snapshot.wanted } else { 1 };
         let checked = self.groups.entry(group).or_default();
         match checked.wanted.replace((view, tick, wanted)) {
@@ -303,9 +303,9 @@ impl Checker {
 }
 
 impl Checked {
-    /// Bodies on their way after a tick; those that have arrived are forgotten.
+    /// Returns the bodies in transfer after a tick; those that have arrived are forgotten.
     fn flying(&mut self, view: &View, tick: Tick, lag: u64) -> impl Iterator<Item = (BodyId, Epoch)> {
-        // What is said when a view begins is taken in at once.
+        // Messages written when a view begins are applied at once.
         let arrived = Tick(tick.0.saturating_sub(lag)).max(view.tick);
         self.flights.retain(|&flight, _| flight > (view.number, arrived));
         let flights = self.flights.range(..=(view.number, tick));

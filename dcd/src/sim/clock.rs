@@ -1,4 +1,4 @@
-//! What a process takes for the time: its own monotonic clock, which began somewhere and runs at a rate of its own.
+//! Simulates the monotonic clock of a process: it began at some value and runs at a rate of its own.
 
 use std::time::Duration;
 
@@ -7,26 +7,26 @@ use std::time::Duration;
 pub struct Clock {
     /// The true time at which the process began.
     began: Duration,
-    /// What it showed then.
+    /// The value that it showed then.
     shown: Duration,
     /// How much faster than true time it runs, parts in a million.
     drift_ppm: i64,
 }
 
 impl Clock {
-    /// A clock that shows `shown` at the true time `began`.
+    /// Creates a clock that shows `shown` at the true time `began`.
     pub const fn new(began: Duration, shown: Duration, drift_ppm: i64) -> Self {
         Self { began, shown, drift_ppm }
     }
 
-    /// What it shows at a true time.
+    /// Returns the value that it shows at a true time.
     pub fn read(&self, now: Duration) -> Duration {
         let true_ns = now.saturating_sub(self.began).as_nanos() as i128;
         let local_ns = true_ns + true_ns * i128::from(self.drift_ppm) / 1_000_000;
         self.shown + Duration::from_nanos(local_ns as u64)
     }
 
-    /// The true time at which it first shows `local`.
+    /// Returns the true time at which it first shows `local`.
     pub fn due(&self, local: Duration) -> Duration {
         let Some(ahead) = local.checked_sub(self.shown) else { return self.began };
         let true_ns = ahead.as_nanos() as i128 * 1_000_000 / (1_000_000 + i128::from(self.drift_ppm));

@@ -1,4 +1,4 @@
-//! How far copies of a body are apart: between groups after the same tick, and inside a group between owner and replica.
+//! Measures how far copies of a body are apart: between groups after the same tick, and inside a group between owner and replica.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,30 +8,30 @@ use crate::cluster::deviation_m;
 use crate::protocol::{ViewNumber, WorldPose};
 use crate::space::{BodyId, GroupId, Tick};
 
-/// Ticks that are waited for; groups are some tenths of a second apart.
+/// The most ticks that wait for samples; groups are some tenths of a second apart.
 const KEPT: usize = 64;
 
-/// A body in a group that is not believed about it.
+/// The deviation of a body in a group that is not authoritative for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
     /// Where.
     pub group: GroupId,
     /// Which.
     pub body: BodyId,
-    /// How far it is from where the group that is believed has it, metres.
+    /// How far it is from its position in the authoritative group, metres.
     pub by_m: f64,
 }
 
 /// Deviations after one tick.
 #[derive(Clone, Debug, Default)]
 pub struct Deviating {
-    /// Of persistent bodies, in every group but the one that is believed about them.
+    /// Of persistent bodies, in every group but the authoritative one.
     pub bodies: Vec<Apart>,
     /// The same of avatars.
     pub avatars: Vec<Apart>,
     /// Of replicas from their owners, in every group, metres.
     pub replicas: Vec<f64>,
-    /// Persistent bodies about which another group than the main one is believed.
+    /// Persistent bodies for which another group than the main one is authoritative.
     pub claimed: usize,
     /// Between the first group's and the last group's completion of the tick.
     pub apart: Duration,
@@ -47,7 +47,7 @@ struct Group {
     replicas: Vec<(BodyId, WorldPose)>,
 }
 
-/// Puts together what nodes of all groups held after the same tick.
+/// Combines the samples of nodes of all groups after the same tick.
 #[derive(Clone, Debug)]
 pub struct Comparer {
     groups: usize,
@@ -55,17 +55,17 @@ pub struct Comparer {
 }
 
 impl Comparer {
-    /// For so many groups.
+    /// Creates a comparer for so many groups.
     pub fn new(groups: usize) -> Self {
         Self { groups, ticks: BTreeMap::new() }
     }
 
-    /// Takes samples, and compares the ticks that all groups have completed by now.
+    /// Takes samples, and returns the deviations of the ticks that all groups have completed by now.
     pub fn compare(&mut self, sim: &mut Sim) -> Vec<Deviating> {
         for Sample { time, group, view, members, tick, owned, replicas, .. } in sim.take_samples() {
             let group = self.ticks.entry(tick).or_default().entry(group).or_default();
             if group.view != view {
-                // The last tick of a view is that which the next begins with.
+                // The last tick of a view is the one with which the next begins.
                 *group = Group { view, missing: members, ..Group::default() };
             }
             group.missing = group.missing.saturating_sub(1);

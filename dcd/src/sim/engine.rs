@@ -1,4 +1,4 @@
-//! What computes the bodies of a simulated node, and what is read off it.
+//! Defines the interface to the physics of a simulated node, and the samples that are read from it.
 
 use std::fmt;
 use std::time::Duration;
@@ -11,28 +11,28 @@ use crate::space::{BodyId, Epoch, GroupId, NodeId, Tick};
 pub trait Engine: fmt::Debug {
     /// Executes a command; `None` for those without an answer.
     fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent>;
-    /// Every owned body, in id order.
+    /// Returns every owned body, in id order.
     fn claims(&self) -> Vec<Claim>;
-    /// Every replica, the epoch of its owner as known here, and where it is here.
+    /// Returns every replica with the epoch of its owner as known here, and its pose here.
     fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)>;
-    /// The state of an owned body.
+    /// Returns the state of an owned body.
     fn state(&self, id: BodyId) -> Option<BodyState>;
-    /// Rounds of the last tick; 0 when a rebuild took its place.
+    /// Returns the rounds of the last tick; 0 when a rebuild took its place.
     fn rounds(&self) -> u32;
-    /// What the regions here want for the next tick.
+    /// Returns the rounds that the regions here want for the next tick.
     fn rounds_wanted(&self) -> u32;
 }
 
-/// What a node held when it had completed a tick.
+/// The bodies that a node held when it had completed a tick.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// When it had.
+    /// The time at which it had completed it.
     pub time: Duration,
     /// Its group.
     pub group: GroupId,
     /// In which view.
     pub view: ViewNumber,
-    /// Of how many members.
+    /// The number of members.
     pub members: usize,
     /// Which.
     pub node: NodeId,
@@ -40,7 +40,7 @@ pub struct Sample {
     pub tick: Tick,
     /// Bodies that it owned.
     pub owned: Vec<(BodyId, BodyState)>,
-    /// Where it had the bodies of other members.
+    /// Poses of replicas whose owners are other members.
     pub replicas: Vec<(BodyId, WorldPose)>,
 }
 

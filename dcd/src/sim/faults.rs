@@ -1,4 +1,4 @@
-//! Named fault profiles, and what each makes of a seed: a schedule of faults at seeded instants, then a calm end.
+//! Defines named fault profiles; each makes of a seed a schedule of faults at seeded instants, then a calm end.
 
 mod planner;
 mod words;
@@ -10,7 +10,7 @@ use std::time::Duration;
 use self::planner::Planner;
 use super::{NetworkConditions, Path, Random, Skew};
 
-/// Which faults a run has: the rows of the fault table.
+/// A fault profile: a row of the fault table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FaultProfile {
     /// Nothing goes wrong.
@@ -57,21 +57,21 @@ pub enum FaultProfile {
     All,
 }
 
-/// What a profile promises.
+/// The recovery and accuracy that a profile promises.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Promise {
-    /// So long after the last fault was done or over, the group computes on in one membership of live nodes.
+    /// Longest time after the end of the last fault until the group computes on in one membership of live nodes.
     pub recovery: Duration,
-    /// Whether nobody who lives may be evicted, since all who do reach one another.
+    /// Whether no live member may be evicted, since all live members reach one another.
     pub no_eviction: bool,
-    /// The server's clock is known this well, if that is looked at.
+    /// Largest error of the server's clock estimate, if that is checked.
     pub clock_error: Option<Duration>,
-    /// What clients see of their avatars is younger, 99 times of 100 over all seeds.
+    /// Bound on the age of clients' states of their avatars, kept in 99 of 100 samples over all seeds.
     pub staleness: Option<Duration>,
 }
 
 impl FaultProfile {
-    /// All rows in order.
+    /// All profiles in the order of the table.
     pub const TABLE: [Self; 21] = [
         Self::None,
         Self::Loss1,
@@ -96,7 +96,7 @@ impl FaultProfile {
         Self::All,
     ];
 
-    /// How it is called.
+    /// Returns the name of the profile.
     pub const fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -123,7 +123,7 @@ impl FaultProfile {
         }
     }
 
-    /// What it does, in a few words.
+    /// Returns a short description of the faults.
     pub const fn summary(self) -> &'static str {
         match self {
             Self::None => "nothing goes wrong",
@@ -152,26 +152,26 @@ impl FaultProfile {
         }
     }
 
-    /// What must hold.
+    /// Returns what must hold under this profile.
     pub fn promise(self) -> Promise {
         let recovery_s = match self {
             Self::KillLeader => 2,
             Self::KillServer | Self::GroupsServer => 10,
-            // Loss, kills and cuts together: what each costs adds up.
+            // Loss, kills and cuts together: their costs add up.
             Self::All => 15,
             _ => 3,
         };
         let has_faults = self >= Self::Partition1 && self != Self::ClockSkew;
         Promise {
             recovery: Duration::from_secs(recovery_s),
-            // At a loss of a fifth, five in a row are lost sooner or later, and who is silent for seconds seems to hang.
+            // At a loss of a fifth, five in a row are lost sooner or later, and a process that is silent for seconds seems to hang.
             no_eviction: !has_faults && self != Self::Loss20,
             clock_error: (self == Self::ClockSkew).then_some(Duration::from_millis(5)),
             staleness: (self == Self::Loss5).then_some(Duration::from_millis(250)),
         }
     }
 
-    /// What happens in the run of this seed.
+    /// Returns the faults and conditions of the run with this seed.
     pub fn schedule(self, seed: u64) -> Schedule {
         let mut random = Random::new(seed ^ 0x5eed_0000_0000_0000);
         let mut plan = Planner { at: Duration::from_secs(2), faults: Vec::new(), random: &mut random };
@@ -281,37 +281,37 @@ impl FromStr for FaultProfile {
     }
 }
 
-/// What happens in a run.
+/// The faults and conditions of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
-    /// What the network is like until the calm end.
+    /// Conditions of the network until the calm end.
     pub network: NetworkConditions,
-    /// How clocks differ.
+    /// Skew of the clocks.
     pub skew: Option<Skew>,
-    /// Ticks a second with a report each, where ages are measured; `None`: as the trial has it.
+    /// Ticks per second with a report each, where ages are measured; `None`: as the trial has it.
     pub rate: Option<u32>,
-    /// How many ticks members may be apart; `None`: as the trial has it.
+    /// Ticks that members may be apart; `None`: as the trial has it.
     pub lag_ticks: Option<u32>,
-    /// How many sites the nodes are at, as many at each; those of one are a group.
+    /// Sites of the nodes, as many nodes at each; those of one site are a group.
     pub sites: u32,
     /// Faults in order of time.
     pub faults: Vec<Planned>,
-    /// From then on nothing goes wrong: cuts are over, who was stopped goes on.
+    /// Time from which nothing goes wrong: cuts are over, stopped processes go on.
     pub calm_at: Duration,
 }
 
-/// A fault and its instant.
+/// A planned fault and its instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Planned {
-    /// Not before.
+    /// The earliest time of it.
     pub at: Duration,
-    /// At which moment after that.
+    /// The moment after that for which it waits.
     pub moment: Moment,
-    /// What.
+    /// The fault.
     pub fault: Fault,
 }
 
-/// Which moment a fault waits for; after a second it waits no longer.
+/// The moment for which a fault waits; after a second it waits no longer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
     /// None.
@@ -322,7 +322,7 @@ pub enum Moment {
     Transferring(u32),
 }
 
-/// What goes wrong.
+/// A fault: a cut, a kill, a stop or a slow process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// Nothing passes between these and the others.
@@ -377,7 +377,7 @@ pub struct Victim {
     pub pick: u64,
 }
 
-/// What processes are.
+/// The kind of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProcessKind {
     /// The server.
@@ -390,25 +390,25 @@ pub enum ProcessKind {
     Client,
 }
 
-/// Who is cut off.
+/// The processes on one side of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Island {
     /// One process, from all others.
     One(Victim),
     /// So many nodes, with the server or without, from all others.
     Nodes {
-        /// Which begin it.
+        /// Where the choice of nodes begins.
         pick: u64,
         /// How many.
         count: u64,
-        /// And the server?
+        /// Whether the server is among them.
         with_server: bool,
     },
     /// Two nodes from one another.
     Pair(u64),
 }
 
-/// Which ways a cut goes.
+/// The direction of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ways {
     /// Nothing passes.

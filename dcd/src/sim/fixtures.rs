@@ -1,4 +1,4 @@
-//! The world and the bodies of simulated clusters.
+//! Provides the world and the bodies of simulated clusters.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, Bounds, DistributionTree, Epoch};
 
-/// A world of 16 × 8 × 8 m in this many regions, without gravity.
+/// Returns a world of 16 × 8 × 8 m in this many regions, without gravity.
 pub fn sim_world(regions: usize) -> EnvironmentProperties {
     let bounds = Bounds::new([0.0; 3], [16.0, 8.0, 8.0]);
     EnvironmentProperties {
@@ -33,7 +33,7 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
     }
 }
 
-/// A body without colliders at rest: all that the stand-in needs.
+/// Returns a body at rest without colliders: all that the stand-in needs.
 pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
     let traits = BodyTraits {
         kind: BodyKind::Dynamic,
@@ -67,7 +67,7 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
     BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
 }
 
-/// A body somewhere in the world, on its way at up to so much along each axis.
+/// Returns a body at a random place in the world, with up to this speed along each axis.
 pub(super) fn drifting(id: BodyId, most_m_s: f64, random: &mut Random) -> BodyRecord {
     let mut body = sim_body(id, [random.unit() * 16.0, random.unit() * 8.0, random.unit() * 8.0]);
     body.state.velocity.linear = std::array::from_fn(|_| ((random.unit() * 2.0 - 1.0) * most_m_s) as f32);

@@ -1,4 +1,4 @@
-//! What a process runs on: its clock, what it has not read yet, whether it is slow or stopped.
+//! Simulates the host of a process: its clock, its unread mailbox, whether it is slow or stopped.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -6,12 +6,12 @@ use std::time::Duration;
 use super::clock::Clock;
 use super::network::Delivery;
 
-/// How processes' clocks differ.
+/// The skew of processes' clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Skew {
-    /// Clocks show up to so much more or less than the true time.
+    /// Largest offset from the true time, either way.
     pub offset: Duration,
-    /// And run up to so much faster or slower, parts in a million.
+    /// Largest difference of rate, parts in a million.
     pub drift_ppm: i64,
 }
 
@@ -20,7 +20,7 @@ pub struct Skew {
 pub(super) struct Host {
     pub(super) clock: Clock,
     pub(super) mailbox: VecDeque<Delivery>,
-    /// What handling one event costs it.
+    /// Time that handling one event takes it.
     pub(super) cost: Duration,
     pub(super) busy_until: Duration,
     pub(super) stopped: bool,
@@ -40,12 +40,12 @@ impl Host {
         }
     }
 
-    /// Whether what arrives now has to wait.
+    /// Returns whether an arrival now has to wait.
     pub(super) fn is_occupied(&self, now: Duration) -> bool {
         self.stopped || now < self.busy_until || !self.mailbox.is_empty()
     }
 
-    /// When it does the next thing by itself.
+    /// Returns when it next acts by itself.
     pub(super) fn wake(&self) -> Option<Duration> {
         if self.stopped {
             None

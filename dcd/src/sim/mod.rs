@@ -1,6 +1,6 @@
-//! Whole clusters in one thread: the machines of [`cluster`](crate::cluster) with virtual clocks, a seeded network that loses,
-//! delays and cuts, processes that are killed, stopped and slow at any event, and a stand-in for the physics. Every message
-//! passes the codec. Same seed, same run.
+//! Simulates whole clusters in one thread: the state machines of [`cluster`](crate::cluster) with virtual clocks, a seeded network
+//! that loses, delays and cuts, processes that are killed, stopped and slow at any event, and a stand-in for the physics. Every
+//! message passes the codec. Same seed, same run.
 
 mod check;
 mod clock;

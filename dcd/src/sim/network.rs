@@ -1,6 +1,6 @@
-//! Links that behave like QUIC over a lossy path, in virtual time: reliable lanes stay in order and repair loss by sending
-//! again, datagrams do not; who hears nothing for the idle time-out drops the link, which the other end learns by a reset
-//! or by its own time-out; what a reader does not read is bounded.
+//! Simulates links that behave like QUIC over a lossy path, in virtual time: reliable lanes stay in order and repair loss by sending
+//! again, datagrams do not; an end that hears nothing for the idle time-out drops the link, which the other end learns by a reset
+//! or by its own time-out; the bytes that a reader has not read are bounded.
 //!
 //! Keep-alives are not simulated one by one: an end *hears* the other as long as packets could pass. Only when that ends, by
 //! a cut, a stop or a death, is its time-out begun. Congestion is not simulated: paths are as wide as they need be.
@@ -24,12 +24,12 @@ use crate::space::NodeId;
 pub use conditions::{Bounds, Cut, NetworkConditions, Path, Who};
 pub(super) use link::LinkId;
 
-/// How long the other end may wait before it acknowledges.
+/// Longest time before an end acknowledges.
 const ACK_DELAY: Duration = Duration::from_millis(25);
-/// What one packet carries.
+/// The payload of one packet.
 const PACKET_BYTES: usize = 1_200;
 
-/// Something that happens to a process.
+/// An event at a process: of a link, or a message.
 #[derive(Clone, Debug)]
 pub(super) enum Arrival {
     Connected(Peer),
@@ -41,7 +41,7 @@ pub(super) enum Arrival {
     Physics(PhysicsEvent),
 }
 
-/// An arrival, to whom, and over which link.
+/// An arrival with its receiver and its link.
 #[derive(Clone, Debug)]
 pub(super) struct Delivery {
     pub(super) to: Peer,
@@ -51,7 +51,7 @@ pub(super) struct Delivery {
 
 #[derive(Clone, Debug)]
 enum Event {
-    /// The dialler's first packet is sent, for the so-manieth time.
+    /// The dialler's first packet is sent; the count of attempts.
     Dial(LinkId, u32),
     /// The handshake is complete at the listener's.
     Listen(LinkId, u32),
@@ -75,7 +75,7 @@ enum Event {
     Physics(NodeId, PhysicsEvent),
 }
 
-/// What went over the network.
+/// Statistics of the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Frames and datagrams sent.
@@ -86,18 +86,18 @@ pub struct Traffic {
     pub datagrams_lost: u64,
     /// Frames of which packets had to be sent again.
     pub resent: u64,
-    /// Links that broke because of a reader that did not read.
+    /// Links that broke because a reader did not read.
     pub overflows: u64,
-    /// The most that a sender kept for a server or node that was to read it, bytes.
+    /// The most bytes that a sender kept for a server or node.
     pub most_queued: usize,
-    /// The same for a client.
+    /// The most bytes that a sender kept for a client.
     pub most_queued_for_client: usize,
-    /// The most that waited for a link to be made, bytes.
+    /// The most bytes that waited for a link to be opened.
     pub most_waiting: usize,
 }
 
 impl std::ops::AddAssign for Traffic {
-    /// Sums, and the most of the most.
+    /// Adds sums, and takes the larger of maxima.
     fn add_assign(&mut self, other: Self) {
         self.messages += other.messages;
         self.bytes += other.bytes;
@@ -117,13 +117,13 @@ pub(super) struct Network {
     random: Random,
     queue: BTreeMap<(Duration, u64), Event>,
     pushed: u64,
-    /// Processes that live; those that are stopped since when.
+    /// Live processes; for stopped ones, the time since when.
     alive: BTreeMap<Peer, Option<Duration>>,
     links: BTreeMap<LinkId, Link>,
     last_link: u64,
     /// The newest open link of (own end, other end).
     current: BTreeMap<(Peer, Peer), LinkId>,
-    /// Sent before the link was up.
+    /// Messages sent before the link was up.
     waiting: BTreeMap<(Peer, Peer), Waiting>,
     /// Links that a process has closed itself: it hears nothing more of them.
     hung_up: BTreeSet<(Peer, LinkId)>,
@@ -161,12 +161,12 @@ impl Network {
         }
     }
 
-    /// When something happens next.
+    /// Returns when the next event happens.
     pub(super) fn next_time(&self) -> Option<Duration> {
         self.queue.keys().next().map(|&(time, _)| time)
     }
 
-    /// Lets the next thing happen.
+    /// Executes the next event.
     pub(super) fn step(&mut self) {
         let Some(((now, _), event)) = self.queue.pop_first() else { return };
         match event {
@@ -183,7 +183,7 @@ impl Network {
         }
     }
 
-    /// What has happened to processes.
+    /// Returns the next arrival at a process.
     pub(super) fn take(&mut self) -> Option<Delivery> {
         self.ready.pop_front()
     }
@@ -192,17 +192,17 @@ impl Network {
         self.traffic
     }
 
-    /// The physics of a node will answer.
+    /// Schedules an answer of a node's physics.
     pub(super) fn physics(&mut self, time: Duration, node: NodeId, event: PhysicsEvent) {
         self.push(time, Event::Physics(node, event));
     }
 
-    /// A process begins to exist.
+    /// Starts a process.
     pub(super) fn start(&mut self, who: Peer) {
         self.alive.insert(who, None);
     }
 
-    /// A process calls another, which answers if it is there.
+    /// Dials another process, which answers if it is there.
     pub(super) fn dial(&mut self, now: Duration, from: Peer, to: Peer) {
         self.last_link += 1;
         let id = LinkId(self.last_link);
@@ -211,7 +211,7 @@ impl Network {
         self.push(now + HANDSHAKE_TIMEOUT, Event::GiveUp(id));
     }
 
-    /// Sends, now or when the link is there. The server, who answers links, has nobody to wait for.
+    /// Sends a message, now or when the link is up. The server, which only answers calls, has nobody to wait for.
     pub(super) fn send(&mut self, now: Duration, from: Peer, to: Peer, lane: Lane, bytes: Vec<u8>) {
         self.traffic.messages += 1;
         self.traffic.bytes += bytes.len() as u64;
@@ -229,7 +229,7 @@ impl Network {
         }
     }
 
-    /// A process has read this, or thrown it away: there is room for more.
+    /// Notes that a process has read or discarded an arrival: there is room for more.
     pub(super) fn read(&mut self, Delivery { to, link, arrival }: &Delivery) {
         let (Some(link), Arrival::Frame(_, bytes, datagram)) = (link, arrival) else { return };
         if *datagram {
@@ -242,18 +242,18 @@ impl Network {
         }
     }
 
-    /// Whether a process still cares for what came over this link.
+    /// Returns whether a process still accepts arrivals over this link.
     pub(super) fn is_heard(&self, reader: Peer, link: LinkId) -> bool {
         self.hung_up.is_empty() || !self.hung_up.contains(&(reader, link))
     }
 
-    /// Whether a process has a link to another that the other has as well.
+    /// Returns whether a process has a link to another that the other has as well.
     pub(super) fn is_linked(&self, own: Peer, other: Peer) -> bool {
         let link = self.current.get(&(own, other)).and_then(|id| self.links.get(id));
         link.is_some_and(|link| Side::BOTH.into_iter().all(|side| link.is_open(side)))
     }
 
-    /// Whether packets pass from one process to another.
+    /// Returns whether packets pass from one process to another.
     pub(super) fn passes(&self, now: Duration, from: Peer, to: Peer) -> bool {
         self.cuts.is_empty() || !self.cuts.iter().any(|cut| now < cut.until && cut.stops(from, to))
     }
@@ -272,8 +272,8 @@ impl Network {
         delay
     }
 
-    /// After how long a packet that is not acknowledged is sent again: a round trip and some, doubled each time, and no
-    /// longer than until a keep-alive's acknowledgement tells of the loss.
+    /// Returns the time after which a packet without an acknowledgement is sent again: a round trip and some, doubled each time, and
+    /// no longer than until a keep-alive's acknowledgement reveals the loss.
     fn patience(&self, from: Peer, to: Peer, retries: u32) -> Duration {
         let trip =
             self.conditions.path(from, to).longest() + self.conditions.path(to, from).longest() + ACK_DELAY;
@@ -300,7 +300,7 @@ impl Network {
         self.transmit(now, id, side, lane, number);
     }
 
-    /// Sends what the other end lacks of a frame; what is lost is sent again later.
+    /// Sends the packets of a frame that the other end lacks; lost ones are sent again later.
     fn transmit(&mut self, now: Duration, id: LinkId, side: Side, lane: usize, number: u64) {
         let Some(link) = self.links.get_mut(&id) else { return };
         let to = link.end(side.other()).who;
@@ -355,7 +355,7 @@ impl Network {
         }
     }
 
-    /// Gives the reader what has arrived in order from this end.
+    /// Gives the reader the frames of this end that have arrived in order.
     fn give(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get_mut(&id) else { return };
         if !link.is_open(side.other()) {

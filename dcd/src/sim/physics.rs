@@ -1,5 +1,5 @@
-//! A stand-in for the physics: bodies fly straight and bounce off the world's bounds, are replicated in a halo, and change
-//! owner by position, in the same border messages as the real ones. Those near an avatar touch it, of which nothing follows.
+//! Stands in for the physics: bodies fly straight and bounce off the world's bounds, are replicated in a halo, and change owner by
+//! position, in the same border messages as the real ones. Bodies near an avatar report contacts with it, without any force.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,9 +12,9 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, Bounds, ClientId, Epoch, RegionId, RegionSet, Tick};
 
-/// How far beyond its box a region holds replicas, metres.
+/// Width of the halo: how far beyond its box a region holds replicas, metres.
 const HALO_M: f64 = 1.0;
-/// How near a body and an avatar touch, metres.
+/// Distance at which a body and an avatar touch, metres.
 const TOUCH_M: f64 = 1.0;
 
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ impl Region {
         self.owned.values().map(|owned| &owned.body).chain(self.replicas.values())
     }
 
-    /// Contacts that have begun or ceased since the last call.
+    /// Returns the contacts that have begun or ceased since the last call.
     fn touches(&mut self) -> Vec<Touch> {
         let (avatars, bodies): (Vec<_>, Vec<_>) = self.bodies().partition(|body| body.id.client().is_some());
         let pairs = avatars.iter().flat_map(|a| bodies.iter().map(move |b| (a, b)));
@@ -52,12 +52,12 @@ impl Region {
     }
 }
 
-/// The regions of one node.
+/// The stand-in physics: the regions of one node.
 #[derive(Clone, Debug, Default)]
 pub struct StandIn {
     world: Option<EnvironmentProperties>,
     regions: BTreeMap<RegionId, Region>,
-    /// Of the present tick, and those not computed yet.
+    /// Rounds of the present tick that are not computed yet.
     rounds: u32,
     rounds_left: u32,
     /// Questions that came with the tick.
@@ -67,7 +67,7 @@ pub struct StandIn {
     copy: Option<Box<Copy>>,
 }
 
-/// What is computed while others are waited for.
+/// A copy of the regions for speculative ticks, while other members are waited for.
 #[derive(Clone, Debug)]
 struct Copy {
     bodies: BTreeMap<BodyId, BodyRecord>,
@@ -104,7 +104,7 @@ impl Copy {
     }
 }
 
-/// Straight on, and back from the bounds of the world.
+/// Moves a body straight on, and back from the bounds of the world.
 fn fly(state: &mut BodyState, bounds: &Bounds, dt_s: f64) {
     for i in 0..3 {
         state.pose.translation[i] += f64::from(state.velocity.linear[i]) * dt_s;
@@ -188,7 +188,7 @@ impl Engine for StandIn {
         self.rounds
     }
 
-    // What the regions here want for the next tick: the world's first region something that changes, all others 1.
+    // Rounds that the regions here want for the next tick: the world's first region something that changes, all others 1.
     fn rounds_wanted(&self) -> u32 {
         let first = self.world().tree.leaves().next();
         let bodies = first.and_then(|first| self.regions.get(&first)).map(|region| region.owned.len());
@@ -276,7 +276,7 @@ impl StandIn {
         }
     }
 
-    /// What every region has to say, and the transfers that follow from where bodies are: to where a replica is already.
+    /// Returns the messages of every region, with the transfers that follow from positions: only to where a replica is already.
     fn speak(&mut self, tick: Tick) -> Vec<BorderMessage> {
         let tree = self.world().tree.clone();
         let mut messages: BTreeMap<(RegionId, RegionId), BorderMessage> = BTreeMap::new();
@@ -392,7 +392,7 @@ impl StandIn {
     }
 }
 
-/// Bodies are balls of a metre, shapes are points, and nothing is overlooked.
+/// Answers a question: bodies are balls of a metre, shapes are points, and nothing is overlooked.
 fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Question) -> Answer {
     let mut found = question.asked.nothing();
     for body in owned.values() {
@@ -444,7 +444,7 @@ fn on_way(body: &BodyRecord, cast: &CastQuestion) -> Option<CastAnswer> {
     (fraction <= 1.0).then_some(hit)
 }
 
-/// How far a way has come when it passes a place within a metre.
+/// Returns the distance along a way at which it passes a place within a metre.
 fn passed(place: [f64; 3], origin: [f64; 3], direction: [f32; 3]) -> Option<f64> {
     let along = nalgebra::Vector3::from(direction.map(f64::from)).normalize();
     let from = nalgebra::Vector3::from(place) - nalgebra::Vector3::from(origin);

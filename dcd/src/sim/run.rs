@@ -1,4 +1,4 @@
-//! How a simulated cluster runs: the next event in time, to whom it happens, and what follows from it.
+//! Runs a simulated cluster event by event: takes the next event in time, gives it to its process, and executes the outputs.
 
 use std::time::Duration;
 
@@ -15,11 +15,11 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId};
 
-/// Events at one instant, after which a run is taken to turn in circles.
+/// The most events at one instant; then a run is taken to turn in circles.
 const MOST_AT_ONCE: u32 = 100_000;
 
 impl Sim {
-    /// The next event, if there is one by then; otherwise it is then.
+    /// Executes the next event, if there is one by `until`; otherwise the time becomes `until`.
     pub(super) fn step(&mut self, until: Duration) -> bool {
         let network = self.network.next_time();
         let host = self.hosts.iter().filter_map(|(&peer, host)| Some((host.wake()?, peer))).min();
@@ -50,7 +50,7 @@ impl Sim {
         }
     }
 
-    /// Hands a process what has arrived for it, or keeps it until the process can look.
+    /// Hands a process an arrival, or keeps it until the process can look.
     pub(super) fn deliver(&mut self, delivery: Delivery) {
         let now = self.now;
         let Some(host) = self.hosts.get_mut(&delivery.to) else { return };
@@ -62,7 +62,7 @@ impl Sim {
         }
     }
 
-    /// A process does the next thing by itself: looks into its mailbox, or at the time.
+    /// Lets a process act by itself: it reads its mailbox, or looks at the time.
     fn wake(&mut self, peer: Peer) {
         let now = self.now;
         let Some(host) = self.hosts.get_mut(&peer) else { return };
@@ -237,7 +237,7 @@ impl Sim {
         self.network.send(self.now, from, to, message.lane(), bytes);
     }
 
-    /// A member is told to complete its last tick; perhaps without others.
+    /// Notes that a member is told to complete its last tick, perhaps without others.
     fn finishes(&mut self, to: Peer, survivors: &[NodeId]) {
         let Peer::Node(node) = to else { return };
         let Some(view) = self.nodes.get(&node).and_then(|process| process.machine.view()) else { return };
@@ -272,7 +272,7 @@ impl Sim {
                 }
                 ServerOutput::Expelled(node) => {
                     self.tally.evictions += 1;
-                    // Who was alone is not parted from anybody.
+                    // A member that was alone is not parted from anybody.
                     if self.company.get(&node).is_some_and(|&size| size > 1) {
                         self.expelled.push(node);
                     }
@@ -348,7 +348,7 @@ impl Sim {
     }
 }
 
-/// What a message that must not count would change.
+/// The record of bodies that a stale message must not change.
 struct Witness {
     node: NodeId,
     view: ViewNumber,
@@ -356,7 +356,7 @@ struct Witness {
 }
 
 impl Witness {
-    /// Of a checkpoint of a view that is not, or no longer, one of the server's.
+    /// Notes the bodies of a checkpoint of a view that is not, or no longer, one of the server's.
     fn of(server: &Server, event: &ServerEvent) -> Option<Self> {
         let ServerEvent::Message { from: Peer::Node(node), message: Message::ToServer(message) } = event
         else {

@@ -1,15 +1,15 @@
-//! What messages are for, so that bytes between groups can be told from those inside them.
+//! Classifies messages by purpose, so that bytes between groups can be told from those inside them.
 
 use crate::protocol::{Message, ToNode, ToServer};
 
-/// What a message is for.
+/// The purpose of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scope {
-    /// Groups tell each other of bodies, by way of the server, and which of them is believed.
+    /// Inter-group: state replication of bodies by way of the server, and which group is authoritative for them.
     BetweenGroups,
     /// Members of a group keep their ticks in step and exchange their borders.
     InsideGroups,
-    /// Between nodes and the server, but for what groups tell each other: joining, views, checkpoints.
+    /// Between nodes and the server, except inter-group messages: joining, views, checkpoints.
     Server,
     /// To and from clients.
     Clients,
@@ -17,7 +17,7 @@ pub enum Scope {
     Pings,
 }
 
-/// How much was sent.
+/// The number and bytes of messages sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sent {
     /// Messages.
@@ -27,7 +27,7 @@ pub struct Sent {
 }
 
 impl Scope {
-    /// What this message is for.
+    /// Returns the purpose of this message.
     pub(super) fn of(message: &Message) -> Self {
         match message {
             Message::ToServer(ToServer::InterGroup { .. } | ToServer::Touched { .. })

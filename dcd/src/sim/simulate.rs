@@ -1,4 +1,4 @@
-//! Many seeds of many profiles, over the cores: what the fault table says.
+//! Runs many seeds of many profiles over the cores, and sums them up as rows of the fault table.
 
 #[cfg(test)]
 mod tests;
@@ -23,7 +23,7 @@ const SHRINKING_RUNS: u32 = 40;
 /// A row of the fault table.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// Which faults.
+    /// The fault profile.
     pub profile: FaultProfile,
     /// How many seeds were run.
     pub seeds: u64,
@@ -33,9 +33,9 @@ pub struct Row {
     pub worst_recovery: Duration,
     /// The longest time without a tick.
     pub worst_pause: Duration,
-    /// The most that a group went back, because nobody was left who had computed it.
+    /// The longest time that a group went back because nobody was left who had computed it.
     pub worst_rewind: Duration,
-    /// 99 % of what clients saw of their avatars was no older, milliseconds.
+    /// Age that 99 % of clients' states of their avatars did not exceed, milliseconds.
     pub staleness_ms: Option<u32>,
     /// Sums over all seeds.
     pub tally: Tally,
@@ -48,7 +48,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Whether all that the row promises holds.
+    /// Returns whether all that the row promises holds.
     pub fn holds(&self) -> bool {
         let bound = self.profile.promise().staleness;
         let is_stale =
@@ -64,9 +64,9 @@ pub struct Failure {
     pub seed: u64,
     /// What.
     pub violation: Violation,
-    /// The faults that are needed for it, as far as that was found out.
+    /// The faults that are needed for it, as far as shrinking found.
     pub schedule: Schedule,
-    /// What happened with these.
+    /// The timeline of the run with these.
     pub timeline: Timeline,
 }
 
@@ -129,7 +129,7 @@ pub fn simulate(
 }
 
 impl Row {
-    /// Sums do not depend on the order, and of failures the first by seed are kept.
+    /// Adds an outcome. Sums do not depend on the order, and of failures the first by seed are kept.
     fn add(&mut self, seed: u64, schedule: Schedule, outcome: Outcome) {
         self.seeds += 1;
         self.worst_recovery = self.worst_recovery.max(outcome.worst_recovery);
@@ -147,7 +147,7 @@ impl Row {
     }
 }
 
-/// A run whose panics are violations.
+/// Runs a seed and reports panics as violations.
 fn try_seed(config: &TrialConfig, profile: FaultProfile, seed: u64, schedule: &Schedule) -> Outcome {
     catch_unwind(AssertUnwindSafe(|| run_trial(config, profile, seed, schedule))).unwrap_or_else(|payload| {
         let text = payload.downcast_ref::<String>().map(String::as_str);
@@ -156,7 +156,7 @@ fn try_seed(config: &TrialConfig, profile: FaultProfile, seed: u64, schedule: &S
     })
 }
 
-/// Leaves out what faults it can: a schedule that still fails is kept, whatever the violation.
+/// Shrinks a failing schedule by leaving faults out: one that still fails is kept, whatever the violation.
 fn shrink(config: &TrialConfig, profile: FaultProfile, failure: &mut Failure) {
     let mut runs = 0;
     let mut size = failure.schedule.faults.len().div_ceil(2);

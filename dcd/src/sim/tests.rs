@@ -1,4 +1,4 @@
-//! The cluster against its faults.
+//! Tests the cluster against its faults.
 
 mod groups;
 mod hour;
@@ -31,7 +31,7 @@ fn a_calm_run_keeps_every_body_and_checks_every_tick() {
     assert!(sim.checker().checked() >= 300, "{} ticks checked", sim.checker().checked());
     assert_eq!(sim.checker().owned(), 40);
     for node in sim.nodes() {
-        // What was said before a link was up is said again when it is.
+        // A message sent before a link was up is sent again when it is.
         let counters = NodeCounters { stale: 0, ..node.counters() };
         assert_eq!(counters, NodeCounters::default(), "a calm network drops nothing");
         assert!(node.counters().stale <= 2 * 2);
@@ -242,7 +242,7 @@ fn chaos(seed: u64) {
     // Long enough for everything under way to be over; perhaps nobody computes at the moment.
     let target = Tick(sim.tick().max(sim.checker().last()).0 + 150);
     sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
-    // A input sent before the client was linked and welcomed may have been refused; those on record must be there.
+    // An input sent before the client was linked and welcomed may have been refused; those on record must be there.
     let present = sim.server().record().present().count();
     assert_eq!(sim.checker().owned(), present, "seed {seed}:\n{}", sim.timeline());
 }
@@ -420,7 +420,7 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
     }
 }
 
-/// A cluster with two clients that each have an avatar, and little room for who does not read.
+/// A cluster with two clients that each have an avatar, and little room for a reader that does not read.
 fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
     let bounds =
         Bounds { inbox_bytes: 8_192, queue_bytes: 65_536, client_queue_bytes: 8_192, ..Bounds::default() };
@@ -435,7 +435,7 @@ fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
     (sim, clients)
 }
 
-/// One more avatar, of which all are told; beside the others, so that a body does not touch all of them at once.
+/// Adds one more avatar, of which all are told; beside the others, so that a body does not touch all of them at once.
 fn chatter(sim: &mut Sim, client: ClientId, index: u32) {
     let body = sim_body(BodyId::avatar(client, index), [0.08 * f64::from(index), 4.0, 4.0]);
     sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
@@ -483,7 +483,7 @@ fn a_client_and_a_node_that_do_not_read_cost_no_more_than_their_bounds_and_the_o
         assert!(traffic.most_queued <= 65_536, "seed {seed}: {traffic:?}");
         assert_eq!(sim.server().view().map(|view| view.members.len()), Some(2), "seed {seed}");
         assert_eq!(sim.client(lively).bodies().count(), 240, "seed {seed}");
-        // Six seconds, less the three after which who keeps others waiting is let go.
+        // Six seconds, less the three after which a process that keeps others waiting is let go.
         let made = sim.checker().last().0 - before.0;
         assert!(made > 3 * 60 - 30, "seed {seed}: {made}");
     }

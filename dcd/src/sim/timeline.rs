@@ -1,4 +1,4 @@
-//! What happened in a run, for people: faults, views, elections, evictions, broken links.
+//! Records the events of a run for people: faults, views, elections, evictions, broken links.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -7,7 +7,7 @@ use std::time::Duration;
 /// The most entries kept; the oldest go first.
 const KEPT: usize = 400;
 
-/// A bounded log.
+/// A bounded log of events.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Timeline {
     entries: VecDeque<(Duration, String)>,
@@ -23,7 +23,7 @@ impl Timeline {
         self.entries.push_back((now, what));
     }
 
-    /// What happened and when, oldest first.
+    /// Returns the events with their times, oldest first.
     pub fn entries(&self) -> impl Iterator<Item = (Duration, &str)> {
         self.entries.iter().map(|(time, what)| (*time, what.as_str()))
     }

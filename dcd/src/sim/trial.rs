@@ -1,4 +1,4 @@
-//! One run of one seed: a cluster with users, faults by schedule, a calm end, and what must hold all the while.
+//! Runs one seed as a trial: a cluster with users, faults by schedule, a calm end, and conditions that must hold all the while.
 
 mod acts;
 mod groups;
@@ -15,25 +15,25 @@ use crate::cluster::Peer;
 use crate::protocol::{DelayThresholds, SyncProtocol, Thresholds, Velocity};
 use crate::space::{ClientId, NodeId, Tick};
 
-/// How long all is looked after once it is calm.
+/// Longest time after the calm has begun until all is well.
 const CALM: Duration = Duration::from_secs(15);
-/// The same where groups depend on delay: who was parted from its group stays out for a minute, then votes are held every half
-/// minute.
+/// The same where groups depend on delay: a node that was parted from its group stays out for a minute, then votes are held every
+/// half minute.
 const CALM_APART: Duration = Duration::from_secs(150);
-/// And how long it has to stay well.
+/// Time for which it then has to stay well.
 const AFTERMATH: Duration = Duration::from_secs(3);
-/// From this length on, a time without ticks is noted.
+/// Length from which on a time without ticks is noted.
 const LONG_PAUSE: Duration = Duration::from_secs(1);
 /// How long a fault waits for its moment.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Which nodes are of one group, where there are several sites.
+/// Thresholds that make the nodes of one site a group, where there are several sites.
 const DELAYS: DelayThresholds =
     DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
-/// Of bodies along each axis there: what one group hears of another's still holds, but when they have just bounced.
+/// Speed of bodies along each axis there: a group's extrapolation of another's bodies still holds, except when they have just bounced.
 const SLOW_M_S: f64 = 2.0;
 /// Ticks between comparisons of groups.
 const SAMPLES: u64 = 3;
-/// Between looks at what no event tells; out of step with ticks.
+/// Interval of checks of conditions that no event reports; out of step with ticks.
 const LOOK: Duration = Duration::from_millis(47);
 
 /// The cluster of a trial.
@@ -47,7 +47,7 @@ pub struct TrialConfig {
     pub regions: usize,
     /// Persistent bodies.
     pub bodies: u32,
-    /// Ticks a second.
+    /// Ticks per second.
     pub rate: u32,
     /// How many ticks members may be apart; 0: they keep in step.
     pub lag_ticks: u32,
@@ -61,31 +61,31 @@ impl Default for TrialConfig {
     }
 }
 
-/// What became of a trial.
+/// The outcome of a trial.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// What went wrong.
+    /// The violation, if any.
     pub violation: Option<Violation>,
     /// The longest time from a fault, or its end, until the main group computed on in one membership of live nodes.
     pub worst_recovery: Duration,
     /// The longest time in which the main group completed no tick.
     pub worst_pause: Duration,
-    /// The most that a group went back, because nobody was left who had computed it.
+    /// The longest time that a group went back because nobody was left who had computed it.
     pub worst_rewind: Duration,
-    /// What happened, in numbers.
+    /// Counts of events.
     pub tally: Tally,
-    /// What went over the network.
+    /// Statistics of the network.
     pub traffic: Traffic,
     /// Simulated time.
     pub time: Duration,
     /// Ages of what clients saw of their avatars, milliseconds.
     pub staleness: Staleness,
-    /// What happened, for people.
+    /// The timeline, for people.
     pub timeline: Timeline,
 }
 
 impl Outcome {
-    /// A run that ended by a panic: nothing else is known of it.
+    /// Returns the outcome of a run that ended by a panic: nothing else is known of it.
     pub(super) fn panicked(text: &str) -> Self {
         Self {
             violation: Some(Violation::Panicked(text.into())),
@@ -101,14 +101,14 @@ impl Outcome {
     }
 }
 
-/// Runs one seed.
+/// Runs one seed of a profile with a schedule.
 pub fn run_trial(config: &TrialConfig, profile: FaultProfile, seed: u64, schedule: &Schedule) -> Outcome {
     let mut trial = Trial::new(config, profile.promise(), seed, schedule);
     let violation = trial.run().err();
     trial.outcome(violation)
 }
 
-/// Something that a trial does at a time.
+/// A scheduled action of a trial.
 #[derive(Clone, Debug)]
 enum Action {
     /// A fault may happen from now on.
@@ -119,7 +119,7 @@ enum Action {
     Hasten(Peer),
     /// A cut is over.
     Healed,
-    /// The server dies now if it has not died after writing something down.
+    /// The server dies now if it has not died after storing a durable output.
     Doom,
     /// The user of a client does something.
     Use(ClientId),
@@ -149,7 +149,7 @@ struct Trial<'a> {
     checked: u64,
     /// Cuts, stops and the like that last, because of which recovery is not expected yet.
     hindered: u32,
-    /// Since when recovery is waited for.
+    /// Time since when recovery is waited for.
     watch: Option<Duration>,
     worst_recovery: Duration,
     worst_pause: Duration,
@@ -158,7 +158,7 @@ struct Trial<'a> {
     /// Clients that have asked for their avatar, and where they last asked it to go.
     spawned: BTreeSet<ClientId>,
     inputs: BTreeMap<ClientId, (Duration, Velocity)>,
-    /// The server is to die at its next word that must last; when it is to be back.
+    /// The server is to die at its next durable output; when it is to be back.
     doomed: Option<Duration>,
     /// Nodes that are to begin.
     expected_nodes: u32,
@@ -170,7 +170,7 @@ struct Trial<'a> {
     /// How many sites there are, and with several how far their groups are apart.
     sites: u32,
     comparer: Comparer,
-    /// When a body was last near enough to where the group that is believed has it, and when a leader last knew which that is.
+    /// When a body was last near enough to its place in the authoritative group, and when a leader last knew which group that is.
     agreed_at: Lately,
     known_at: Lately,
 }
@@ -281,7 +281,7 @@ impl<'a> Trial<'a> {
         self.plan(self.sim.now() + time, action);
     }
 
-    /// Until all has been well for a while after the calm has begun.
+    /// Runs until all has been well for a while after the calm has begun.
     fn run(&mut self) -> Result<(), Violation> {
         loop {
             let next = self.agenda.keys().next().map(|&(time, _)| time).expect("there is always a next look");
@@ -311,7 +311,7 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// Lets faults happen whose moment has come.
+    /// Executes faults whose moment has come.
     fn moments(&mut self) {
         if self.armed.is_empty() {
             return;
@@ -337,7 +337,7 @@ impl<'a> Trial<'a> {
         due.into_iter().for_each(|fault| self.happen(fault));
     }
 
-    /// A tick of some group has been completed and checked.
+    /// Notes that a tick of some group has been completed and checked.
     fn progressed(&mut self) {
         self.checked = self.sim.checker.checked();
         let tick = self.sim.checker.last();
@@ -359,13 +359,13 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// Something has gone wrong, or has ceased to: recovery is waited for from now on.
+    /// Notes that something has gone wrong, or has ceased to: recovery is waited for from now on.
     fn disturbed(&mut self) {
         self.watch = Some(self.sim.now);
     }
 }
 
-/// What the network is like when all is calm.
+/// Returns the network conditions of a calm time.
 fn calm() -> NetworkConditions {
     NetworkConditions::calm(Path::up_to(2_000))
 }

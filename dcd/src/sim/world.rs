@@ -1,4 +1,4 @@
-//! A cluster in virtual time: processes with hosts and machines, the network between them, and the checker that looks on.
+//! Builds a cluster in virtual time: processes with hosts and machines, the network between them, and the checker that looks on.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -18,10 +18,10 @@ use crate::cluster::{
 use crate::protocol::{BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
-/// What a run is made of.
+/// The configuration of a run.
 #[derive(Clone, Debug)]
 pub struct SimConfig {
-    /// Of everything random.
+    /// Seed of everything random.
     pub seed: u64,
     /// Nodes at the start.
     pub nodes: u32,
@@ -31,21 +31,21 @@ pub struct SimConfig {
     pub bodies: u32,
     /// Their speed along each axis, at most.
     pub speed_m_s: f64,
-    /// Simulated seconds a tick.
+    /// Simulated seconds per tick.
     pub dt_s: f32,
-    /// What the network is like at the start.
+    /// Network conditions at the start.
     pub network: NetworkConditions,
-    /// What may wait for a reader.
+    /// Bounds on the bytes that may wait for a reader.
     pub bounds: Bounds,
-    /// How long the physics takes for a command.
+    /// Time that the physics takes for a command.
     pub physics: Path,
-    /// How clocks differ; `None`: all show the true time.
+    /// Skew of the clocks; `None`: all show the true time.
     pub skew: Option<Skew>,
-    /// How far apart is too far.
+    /// Thresholds of delay and distance.
     pub thresholds: Thresholds,
-    /// How ticks are kept in step.
+    /// The protocol by which members keep in step.
     pub protocol: SyncProtocol,
-    /// Who may be in one group.
+    /// The rules of grouping.
     pub grouping: Grouping,
     /// Ticks between nodes' reports of moved bodies to their leader.
     pub report_every: u64,
@@ -80,11 +80,11 @@ impl Default for SimConfig {
 pub(super) struct NodeProcess {
     pub(super) machine: Node,
     pub(super) physics: Box<dyn Engine>,
-    /// In the same process.
+    /// The client in the same process.
     pub(super) client: Option<ClientId>,
 }
 
-/// What happened in a run, in numbers.
+/// Counts of events in a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Bodies that changed owner between regions.
@@ -125,17 +125,17 @@ pub struct Sim {
     pub(super) checker: Checker,
     pub(super) violation: Option<Violation>,
     pub(super) events: u64,
-    /// Of them, at this instant.
+    /// Events at this instant.
     pub(super) at_once: u32,
     pub(super) tally: Tally,
     pub(super) timeline: Timeline,
     /// Leaders of the newest views that the server began.
     pub(super) leaders: BTreeMap<GroupId, NodeId>,
-    /// With how many a node computed last, itself included.
+    /// How many members a node computed with last, itself included.
     pub(super) company: BTreeMap<NodeId, usize>,
     /// Nodes without which the server let a group go on.
     pub(super) expelled: Vec<NodeId>,
-    /// When a tick was last checked, of each group.
+    /// When a tick of each group was last checked.
     pub(super) checked_at: BTreeMap<GroupId, Duration>,
     /// The server dies after so many outputs, counted from its next durable batch on.
     pub(super) crash_after_store: Option<u32>,
@@ -144,9 +144,9 @@ pub struct Sim {
     pub(super) server_crashed: bool,
     /// Bugs to plant: transfers still to be dropped.
     pub(super) drop_transfers: u32,
-    /// What clients were told, for tests.
+    /// Outputs to clients, for tests.
     pub(super) told: Vec<(ClientId, ClientOutput)>,
-    /// What messages were sent, by what they are for.
+    /// Messages sent, by purpose.
     pub(super) sent: BTreeMap<Scope, Sent>,
     /// Ticks between samples, and those not taken yet.
     pub(super) sample_every: Option<u64>,
@@ -158,7 +158,7 @@ pub struct Sim {
 }
 
 impl Sim {
-    /// A server with a world, and its nodes about to join.
+    /// Creates a server with a world, and its nodes about to join.
     pub fn new(config: SimConfig) -> Self {
         let mut random = Random::new(config.seed);
         let bodies: Vec<_> = (0..config.bodies)
@@ -170,7 +170,7 @@ impl Sim {
         Self::start(config, world, record, || Box::<StandIn>::default(), random)
     }
 
-    /// The same with another world and another physics; of the configuration `regions`, `bodies`, their
+    /// Creates a cluster with another world and another physics; of the configuration `regions`, `bodies`, their
     /// speed and `dt_s` do not count.
     pub fn with_world(
         config: SimConfig,
@@ -241,12 +241,12 @@ impl Sim {
         sim
     }
 
-    /// A further node joins.
+    /// Starts a further node, which joins.
     pub fn start_node(&mut self) -> NodeId {
         self.start_process(None)
     }
 
-    /// A client and a node in one process join (the thesis's normal participant); with an id, a client that was there before.
+    /// Starts a client and a node in one process (the thesis's normal participant); with an id, a client that was there before.
     pub fn start_participant(&mut self, again: Option<ClientId>) -> (NodeId, ClientId) {
         let client = again.unwrap_or_else(|| self.new_client_id());
         let node = self.start_process(Some(client));
@@ -274,7 +274,7 @@ impl Sim {
         id
     }
 
-    /// A client joins; with an id, one that was there before.
+    /// Starts a client, which joins; with an id, one that was there before.
     pub fn start_client(&mut self, again: Option<ClientId>) -> ClientId {
         let id = again.unwrap_or_else(|| self.new_client_id());
         self.clients.insert(id, Client::new(id, None));
@@ -288,7 +288,7 @@ impl Sim {
         self.last_client
     }
 
-    /// A process begins, with a clock of its own; a veteran began some time before the simulation.
+    /// Starts a process with a clock of its own; a veteran began some time before the simulation.
     fn host(&mut self, who: Peer, veteran: bool) {
         let clock = match self.config.skew {
             None => Clock::new(Duration::ZERO, Duration::ZERO, 0),
@@ -302,13 +302,13 @@ impl Sim {
         self.network.start(who);
     }
 
-    /// A process is gone from one instant to the next.
+    /// Kills a process from one instant to the next.
     pub fn crash(&mut self, peer: Peer) {
         self.note(|| format!("{} is killed", name(peer)));
         self.end(peer);
     }
 
-    /// A process is no more, and those that share it.
+    /// Ends a process, and those that share it.
     pub(super) fn end(&mut self, peer: Peer) {
         match peer {
             Peer::Node(node) => {
@@ -337,13 +337,13 @@ impl Sim {
         self.network.crash(self.now, peer);
     }
 
-    /// The server is killed once it has written down something that must last, and has done so many of the things that
+    /// Kills the server once it has stored a durable output, and has executed so many of the outputs that
     /// follow from it.
     pub fn crash_after_store(&mut self, outputs: u32) {
         self.crash_after_store = Some(outputs);
     }
 
-    /// The server starts again from what it wrote down.
+    /// Restarts the server from its record.
     ///
     /// # Panics
     /// When it lives, or cannot go on from that.
@@ -358,7 +358,7 @@ impl Sim {
         self.set_timer(Peer::Server);
     }
 
-    /// A process is stopped (SIGSTOP): it handles nothing until it is resumed.
+    /// Stops a process (SIGSTOP): it handles nothing until it is resumed.
     pub fn stop(&mut self, peer: Peer) {
         self.note(|| format!("{} is stopped", name(peer)));
         if let Some(host) = self.hosts.get_mut(&peer) {
@@ -367,7 +367,7 @@ impl Sim {
         }
     }
 
-    /// A process does nothing any more, while its network goes on to say that it lives: its loop hangs.
+    /// Hangs a process: it does nothing any more, while its network still sends keep-alives.
     pub fn hang(&mut self, peer: Peer) {
         self.note(|| format!("{} hangs", name(peer)));
         if let Some(host) = self.hosts.get_mut(&peer) {
@@ -375,7 +375,7 @@ impl Sim {
         }
     }
 
-    /// A stopped process goes on (SIGCONT).
+    /// Resumes a stopped process (SIGCONT).
     pub fn resume(&mut self, peer: Peer) {
         self.note(|| format!("{} is resumed", name(peer)));
         let ended = self.network.resume(self.now, peer);
@@ -394,7 +394,7 @@ impl Sim {
         }
     }
 
-    /// From now on every event costs a process so much time.
+    /// Slows a process: from now on every event costs it so much time.
     pub fn slow(&mut self, peer: Peer, cost: Duration) {
         self.note(|| format!("{} takes {} us an event", name(peer), cost.as_micros()));
         if let Some(host) = self.hosts.get_mut(&peer) {
@@ -402,40 +402,40 @@ impl Sim {
         }
     }
 
-    /// A process is at this site from now on.
+    /// Places a process at this site from now on.
     pub fn place(&mut self, peer: Peer, site: u32) {
         self.network.conditions.sites.insert(peer, site);
     }
 
-    /// What the network is like from now on.
+    /// Sets the network conditions from now on.
     pub fn set_network(&mut self, conditions: NetworkConditions) {
         self.network.conditions = conditions;
     }
 
-    /// Nothing passes where this says so, until its end.
+    /// Applies a cut until its end.
     pub fn cut(&mut self, cut: Cut) {
         self.network.cut(self.now, cut);
     }
 
-    /// Nothing passes between these processes and all others for a time.
+    /// Cuts these processes off from all others for a time.
     pub fn isolate(&mut self, island: BTreeSet<Peer>, time: Duration) {
         for cut in Cut::partition(island, self.now + time) {
             self.cut(cut);
         }
     }
 
-    /// The link between two processes breaks; both live, and can call each other.
+    /// Breaks the link between two processes; both live, and can call each other.
     pub fn break_link(&mut self, a: Peer, b: Peer) {
         self.network.break_link(a, b);
         self.deliver_all();
     }
 
-    /// A node is asked to leave.
+    /// Asks a node to leave.
     pub fn leave(&mut self, node: NodeId) {
         self.node_event(node, NodeEvent::Leave);
     }
 
-    /// A user's input.
+    /// Submits a user's input.
     pub fn submit(&mut self, client: ClientId, input: ClientEvent) {
         self.client_event(client, input);
     }
@@ -492,17 +492,17 @@ impl Sim {
         Ok(())
     }
 
-    /// The newest tick that any live node has completed.
+    /// Returns the newest tick that any live node has completed.
     pub fn tick(&self) -> Tick {
         self.nodes().map(Node::tick).max().unwrap_or_default()
     }
 
-    /// The simulated time.
+    /// Returns the simulated time.
     pub fn now(&self) -> Duration {
         self.now
     }
 
-    /// The server.
+    /// Returns the server.
     ///
     /// # Panics
     /// While it is dead.
@@ -510,67 +510,67 @@ impl Sim {
         self.server.as_ref().expect("the server lives")
     }
 
-    /// Whether the server lives.
+    /// Returns whether the server lives.
     pub fn has_server(&self) -> bool {
         self.server.is_some()
     }
 
-    /// A live client.
+    /// Returns a live client.
     pub fn client(&self, id: ClientId) -> &Client {
         &self.clients[&id]
     }
 
-    /// Live nodes in id order.
+    /// Returns live nodes in id order.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
         self.nodes.values().map(|node| &node.machine)
     }
 
-    /// Rounds of the last tick of each live node.
+    /// Returns the rounds of the last tick of each live node.
     pub fn rounds(&self) -> impl Iterator<Item = u32> {
         self.nodes.values().map(|node| node.physics.rounds())
     }
 
-    /// The checker.
+    /// Returns the checker.
     pub fn checker(&self) -> &Checker {
         &self.checker
     }
 
-    /// What clients were told.
+    /// Returns the outputs to clients.
     pub fn told(&self) -> &[(ClientId, ClientOutput)] {
         &self.told
     }
 
-    /// What happened, in numbers.
+    /// Returns the counts of events.
     pub fn tally(&self) -> Tally {
         Tally { ticks: self.checker.checked(), ..self.tally }
     }
 
-    /// What went over the network.
+    /// Returns the statistics of the network.
     pub fn traffic(&self) -> Traffic {
         self.network.traffic()
     }
 
-    /// Messages sent, by what they are for; those that were lost count.
+    /// Returns the messages sent, by purpose; lost ones count.
     pub fn sent(&self) -> &BTreeMap<Scope, Sent> {
         &self.sent
     }
 
-    /// From now on every node is sampled after each of so many ticks.
+    /// Samples every node after each of so many ticks from now on.
     pub fn sample_every(&mut self, ticks: u64) {
         self.sample_every = Some(ticks);
     }
 
-    /// Samples since the last call, in the order in which nodes completed ticks.
+    /// Returns the samples since the last call, in the order in which nodes completed ticks.
     pub fn take_samples(&mut self) -> Vec<Sample> {
         std::mem::take(&mut self.samples)
     }
 
-    /// What happened, for people.
+    /// Returns the timeline, for people.
     pub fn timeline(&self) -> &Timeline {
         &self.timeline
     }
 
-    /// The states of all owned bodies.
+    /// Returns the states of all owned bodies.
     pub fn states(&self) -> BTreeMap<BodyId, BodyState> {
         let claims = |node: &NodeProcess| node.physics.claims();
         self.nodes
@@ -581,7 +581,7 @@ impl Sim {
             .collect()
     }
 
-    /// The state of a body as its owner has it.
+    /// Returns the state of a body as its owner has it.
     pub fn state(&self, id: BodyId) -> Option<BodyState> {
         self.nodes.values().find_map(|node| node.physics.state(id))
     }
@@ -591,7 +591,7 @@ impl Sim {
     }
 }
 
-/// How a process is called in timelines.
+/// Returns the name of a process in timelines.
 pub(super) fn name(peer: Peer) -> String {
     match peer {
         Peer::Server => "the server".into(),

@@ -1,4 +1,4 @@
-//! Which node computes which region: sub-trees are dealt to nodes by load (thesis 3.2, 4.3.1.3).
+//! Allocates regions to nodes: deals sub-trees of the distribution tree to nodes by load (thesis 3.2, 4.3.1.3).
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::{DistributionTree, NodeId, RegionId};
 /// The node of each region, in region order.
 pub type Allocation = BTreeMap<RegionId, NodeId>;
 
-/// Deals the leaves of the tree to the nodes, so that each node has whole sub-trees and about its share of the load.
+/// Deals the leaves of the tree to the nodes, so that each node has whole sub-trees and about an equal part of the load.
 ///
 /// `load_of` says what a leaf costs, in any unit. The lowest node leads the group, and has the smallest share: the thesis
 /// measured leaders 10 to 46 % slower than their members (table 5.6). With more nodes than leaves the lowest stay idle.
@@ -90,7 +90,7 @@ mod tests {
         DistributionTree::halved(Bounds::new([0.0; 3], [16.0, 8.0, 8.0]), leaves).unwrap()
     }
 
-    /// The regions of one node lie below as few vertices as possible: those whose whole sub-tree is the node's.
+    /// Counts the vertices below which the regions of one node lie, as few as possible: those whose whole sub-tree is the node's.
     fn tops(tree: &DistributionTree, allocation: &Allocation, node: NodeId) -> usize {
         let whole = |vertex| leaves_below(tree, vertex).iter().all(|leaf| allocation[leaf] == node);
         let mut open = vec![RegionId(0)];

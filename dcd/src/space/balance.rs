@@ -1,5 +1,5 @@
-//! How the tree follows the load (thesis 3.2, 4.3.2.2): planes move so that regions have equal shares, regions are cut and
-//! merged as the load grows and shrinks. From equal counts follow equal trees; hysteresis keeps what is good enough.
+//! Plans load balancing of the distribution tree (thesis 3.2, 4.3.2.2): planes move so that regions have equal load, regions are
+//! split and merged as the load grows and shrinks. Equal counts give equal trees; hysteresis keeps a tree that is good enough.
 
 use std::collections::BTreeSet;
 
@@ -7,15 +7,15 @@ use serde::{Deserialize, Serialize};
 
 use super::{Axis, Bounds, DistributionTree, RegionId};
 
-/// When and how the tree follows the load.
+/// The settings of load balancing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Balance {
-    /// Looked at once in so many ticks; at least 1.
+    /// The ticks from one look at the load to the next; at least 1.
     pub every_ticks: u32,
-    /// Planes move when the heaviest region has more than so many times the mean load; above 1.
+    /// Planes move when the heaviest region has more than this many times the mean load; above 1.
     pub tolerance: f64,
-    /// The heaviest region is cut while it has more load than this: bodies and contacts, or microseconds a tick.
+    /// The heaviest region is cut while it has more load than this: bodies and contacts, or microseconds per tick.
     pub split_above: f64,
     /// Two siblings are merged when they have less load together; below `split_above`.
     pub merge_below: f64,
@@ -25,18 +25,18 @@ pub struct Balance {
     pub most_regions: usize,
     /// No region becomes thinner than this, in metres: a few times the largest common body.
     pub smallest_edge_m: f64,
-    /// What counts as load.
+    /// The measure of load.
     pub load: Load,
 }
 
-/// What counts as load.
+/// The measure of load.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Load {
     /// Awake bodies, copies of others' among them, and contacts: the same on every machine.
     #[default]
     Counts,
-    /// The time that regions took, in microseconds a tick, smoothed: true, and never the same twice.
+    /// The time that regions took, in microseconds per tick, smoothed: true, and never the same twice.
     Times,
 }
 
@@ -56,12 +56,12 @@ impl Default for Balance {
 }
 
 impl Balance {
-    /// Keeps so many regions, whatever the load.
+    /// Returns settings that keep this many regions, whatever the load.
     pub fn keeping(regions: usize) -> Self {
         Self { least_regions: regions, most_regions: regions, ..Self::default() }
     }
 
-    /// What is wrong with the settings, if anything: which one, what it is, and what it may be.
+    /// Returns what is wrong with the settings, if anything: the name of the setting, its value, and what it may be.
     pub fn fault(&self) -> Option<(&'static str, String, &'static str)> {
         let Self { every_ticks, tolerance, split_above, merge_below, least_regions, most_regions, .. } =
             *self;
@@ -94,16 +94,16 @@ pub struct Burden {
     pub place: [f64; 3],
     /// In the units of the load.
     pub weight: f64,
-    /// Which of the islands given to [`plan`] it is part of.
+    /// The island that it is part of, by its place among those given to [`plan`].
     pub island: Option<usize>,
 }
 
-/// By how many times more a region has to do for its part of an island that others compute too: up to four substeps, which
+/// The factor by which the work of a region grows for its part of an island that others compute too: up to four substeps, which
 /// `auto` takes where copies disagree, of up to twice as many bodies. So a cut pays only into more parts than this.
 /// (`benches/results`: a giant island gains nothing from being cut on one machine.)
 const CUT_COST: f64 = 8.0;
 
-/// What is to become of a tree.
+/// A planned change of a distribution tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TreeChange {
     /// The plane of an inner vertex goes here.
@@ -131,9 +131,9 @@ pub enum TreeChange {
     },
 }
 
-/// What is to change so that the regions of a tree have equal shares of the load; nothing if they are near enough.
-/// `islands` are boxes around those that are too large to move whole: planes keep out of them where to cut them does not pay.
-/// `merging` are vertices one of whose children is being emptied: they count as one region.
+/// Plans the changes after which the regions of a tree have equal load; none if they are near enough to that. `islands` are boxes
+/// around the islands that are too large to move whole: planes keep out of them where to cut them does not pay. `merging` are
+/// vertices one of whose children is being emptied: they count as one region.
 pub fn plan(
     tree: &DistributionTree,
     burdens: &[Burden],
@@ -145,7 +145,7 @@ pub fn plan(
     let total: f64 = burdens.iter().map(|burden| burden.weight).sum();
     let leaves = weighed(tree, merging, all.clone());
     let (count, heaviest) = (leaves.len(), leaves.iter().map(|leaf| leaf.load).fold(0.0, f64::max));
-    // What is whole must weigh more than this to be worth a cut.
+    // A whole island must weigh more than this to be worth a cut.
     let whole_up_to = |share: f64| Whole::of(burdens, islands, CUT_COST * share);
     if count < settings.most_regions
         && (count < settings.least_regions || heaviest > settings.split_above)
@@ -167,14 +167,14 @@ pub fn plan(
         return Vec::new();
     }
     planner.level(RegionId(0), tree.bounds(), all.clone());
-    // Where much lies in one place, or in one piece, planes can do only so much: nor are they moved for less.
+    // Where much of the load lies in one place, or in one island, planes can do only so much: they are not moved for little.
     let moved = after(tree, &planner.moves).map(|tree| weighed(&tree, merging, all));
     let worth = 1.0 + 0.5 * (settings.tolerance - 1.0);
     let pays = moved.is_some_and(|leaves| worth * busiest(&leaves, islands.len()) < now);
     if pays { planner.moves } else { Vec::new() }
 }
 
-/// The same tree with planes moved; none if it has no room for one of them.
+/// Returns the same tree with planes moved; `None` if it has no room for one of them.
 fn after(tree: &DistributionTree, moves: &[TreeChange]) -> Option<DistributionTree> {
     let mut tree = tree.clone();
     for change in moves {
@@ -184,12 +184,12 @@ fn after(tree: &DistributionTree, moves: &[TreeChange]) -> Option<DistributionTr
     Some(tree)
 }
 
-/// Whether a vertex counts as a region.
+/// Returns whether a vertex counts as a region.
 fn is_leaf(tree: &DistributionTree, merging: &[RegionId], vertex: RegionId) -> bool {
     tree.is_leaf(vertex) || merging.contains(&vertex)
 }
 
-/// The regions of a tree and what is in each.
+/// Returns the regions of a tree and what is in each.
 fn weighed<'a>(tree: &DistributionTree, merging: &[RegionId], burdens: Vec<&'a Burden>) -> Vec<Weighed<'a>> {
     let (mut leaves, mut open) = (Vec::new(), vec![(RegionId(0), burdens)]);
     while let Some((vertex, burdens)) = open.pop() {
@@ -207,7 +207,7 @@ fn weighed<'a>(tree: &DistributionTree, merging: &[RegionId], burdens: Vec<&'a B
     leaves
 }
 
-/// What the busiest region has to do, with what it costs to have parts of islands.
+/// Returns the load of the busiest region, with the cost of having parts of cut islands.
 fn busiest(leaves: &[Weighed<'_>], islands: usize) -> f64 {
     let mut in_leaves = vec![BTreeSet::new(); islands];
     for leaf in leaves {
@@ -224,7 +224,7 @@ fn busiest(leaves: &[Weighed<'_>], islands: usize) -> f64 {
 struct Whole(Vec<Option<Bounds>>);
 
 impl Whole {
-    /// Those up to a weight.
+    /// Returns the islands up to a weight.
     fn of(burdens: &[Burden], islands: &[Bounds], most: f64) -> Self {
         let mut weights = vec![0.0; islands.len()];
         for burden in burdens {
@@ -235,9 +235,9 @@ impl Whole {
         )
     }
 
-    /// Where across an axis to cut so that this part of the weight lies below, as nearly as can be without cutting one of
-    /// them: halfway between two neighbours. `range` is where a plane may be, `edge_m` how far it keeps from what is all on
-    /// one side of it, and `room_m` how far from what must not be cut.
+    /// Returns where across an axis to cut so that this part of the weight lies below, as nearly as can be without cutting one of
+    /// them: halfway between two neighbours. `range` is where a plane may be, `edge_m` how far it keeps from what is all on one
+    /// side of it, and `room_m` how far from what must not be cut.
     fn quantile(
         &self,
         burdens: &[&Burden],
@@ -295,7 +295,7 @@ impl Whole {
             }
             cuts.push((at, below));
         }
-        // What is whole lies where the cut should be: as near to that as can be, or beside everything.
+        // A whole island lies where the cut should be: cut as near to that as can be, or beside everything.
         cuts.pop();
         cuts.extend([(lowest_above[0] - edge_m, 0.0), (highest + edge_m, below)]);
         let cuts = cuts.into_iter().map(|(at, below)| (clamped(at), (below - wanted).abs()));
@@ -365,7 +365,7 @@ impl Planner<'_> {
         self.level(right, upper, above);
     }
 
-    /// The two siblings with the least load together, if that is little.
+    /// Returns the merge of the two siblings with the least load together, if that is little.
     fn lightest_pair(&self, leaves: &[Weighed<'_>]) -> Option<TreeChange> {
         let load_of = |leaf| leaves.iter().find(|other| other.leaf == leaf).map(|leaf| leaf.load);
         let pairs = self.tree.inner().filter(|vertex| !self.merging.contains(vertex)).filter_map(|vertex| {

@@ -1,4 +1,4 @@
-//! Boxes of world space: the finite [`Bounds`] of a world or a body, and the half-open [`Cell`] of a region.
+//! Defines boxes in world space: the closed [`Bounds`] of a world or a body, and the half-open [`Cell`] of a region.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ impl Axis {
     /// All three, in order.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
-    /// 0, 1 or 2.
+    /// Returns 0, 1 or 2.
     pub const fn index(self) -> usize {
         self as usize
     }
@@ -61,12 +61,12 @@ impl Bounds {
         }
     }
 
-    /// Whether the boxes touch or overlap.
+    /// Returns whether the boxes touch or overlap.
     pub fn touches(&self, other: &Self) -> bool {
         (0..3).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
     }
 
-    /// Whether the other box lies inside this one.
+    /// Returns whether the other box lies inside this one.
     pub fn contains(&self, other: &Self) -> bool {
         (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
     }
@@ -92,7 +92,7 @@ impl Bounds {
         )
     }
 
-    /// Whether the box is finite and no edge is negative.
+    /// Returns whether the box is finite and no edge is negative.
     pub fn is_finite(&self) -> bool {
         (0..3).all(|i| self.min[i].is_finite() && self.max[i].is_finite() && self.min[i] <= self.max[i])
     }
@@ -111,22 +111,22 @@ impl Cell {
     /// The whole of space.
     pub const EVERYWHERE: Self = Self { min: [f64::NEG_INFINITY; 3], max: [f64::INFINITY; 3] };
 
-    /// Whether the point lies in the cell.
+    /// Returns whether the point lies in the cell.
     pub fn contains(&self, point: [f64; 3]) -> bool {
         (0..3).all(|i| self.min[i] <= point[i] && point[i] < self.max[i])
     }
 
-    /// Whether any point of the closed box lies in the cell.
+    /// Returns whether any point of the closed box lies in the cell.
     pub fn touches(&self, bounds: &Bounds) -> bool {
         (0..3).all(|i| bounds.min[i] < self.max[i] && self.min[i] <= bounds.max[i])
     }
 
-    /// Whether every point of the closed box lies in the cell.
+    /// Returns whether every point of the closed box lies in the cell.
     pub fn contains_box(&self, bounds: &Bounds) -> bool {
         (0..3).all(|i| self.min[i] <= bounds.min[i] && bounds.max[i] < self.max[i])
     }
 
-    /// How far the point lies outside on the worst axis; negative inside (then the distance to the nearest face).
+    /// Returns how far the point lies outside on the worst axis; negative inside (then the distance to the nearest face).
     pub fn excess_m(&self, point: [f64; 3]) -> f64 {
         (0..3).map(|i| (self.min[i] - point[i]).max(point[i] - self.max[i])).fold(f64::NEG_INFINITY, f64::max)
     }

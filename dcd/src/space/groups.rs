@@ -1,9 +1,9 @@
-//! Groups of things that are tied pair by pair, by union-find (Tarjan 1975, with path compression); the root of a group is its lowest
-//! member, so that groups do not depend on the order of the ties.
+//! Groups things that are tied pair by pair, by union-find (Tarjan 1975, with path compression); the root of a group is its
+//! lowest member, so that groups do not depend on the order of the ties.
 
 use std::collections::BTreeMap;
 
-/// Groups of few things among many: what was never tied is a group of its own.
+/// The groups of few things among many: a thing that was never tied is a group of its own.
 #[derive(Clone, Debug)]
 pub(crate) struct Groups<K> {
     parents: BTreeMap<K, K>,
@@ -24,7 +24,7 @@ impl<K: Copy + Ord> Groups<K> {
         }
     }
 
-    /// The lowest of the group.
+    /// Returns the lowest member of the group.
     pub(crate) fn root(&mut self, of: K) -> K {
         let mut root = of;
         while let Some(&parent) = self.parents.get(&root) {
@@ -38,7 +38,7 @@ impl<K: Copy + Ord> Groups<K> {
     }
 }
 
-/// Groups of the places of a list.
+/// The groups of the places of a list.
 #[derive(Clone, Debug)]
 #[cfg(feature = "physics")]
 pub(crate) struct PlaceGroups {
@@ -47,7 +47,7 @@ pub(crate) struct PlaceGroups {
 
 #[cfg(feature = "physics")]
 impl PlaceGroups {
-    /// So many places, each a group of its own.
+    /// Creates this many places, each a group of its own.
     pub(crate) fn new(count: usize) -> Self {
         Self { parents: (0..count as u32).collect() }
     }
@@ -58,7 +58,7 @@ impl PlaceGroups {
         self.parents[a.max(b)] = a.min(b) as u32;
     }
 
-    /// The first place of the group.
+    /// Returns the first place of the group.
     pub(crate) fn root(&mut self, place: usize) -> usize {
         let mut root = place;
         while self.parents[root] as usize != root {

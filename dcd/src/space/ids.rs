@@ -1,4 +1,5 @@
-//! The names that cross module, process and machine borders. Each is a newtype, so that none is taken for another.
+//! Defines the ids that cross module, process and machine borders: of regions, nodes, clients, groups, ticks, epochs, joints,
+//! bodies. Each is a newtype, so that none is taken for another.
 
 use std::fmt;
 
@@ -42,9 +43,9 @@ id!(
     Tick(u64), "t"
 );
 id!(
-    /// How often the owner of a body has changed, above the number of the view in which the server last placed it: what the
-    /// server places anew is beyond every epoch that an earlier view can come to, however long that lives on unheard of.
-    /// A state with an older epoch never overwrites a newer one.
+    /// The epoch of a body's owner: how often the owner has changed, with the number of the view in which the server last placed
+    /// the body in the bits above. So a body that the server places anew is beyond every epoch that an earlier view can reach,
+    /// however long that view lives on cut off. A state with an older epoch never overwrites a newer one.
     Epoch(u64), "e"
 );
 id!(
@@ -52,7 +53,7 @@ id!(
     JointId(u64), "j"
 );
 
-/// A body's name everywhere: the client that hosts it (0 for persistent bodies, thesis 4.3.2.5) and its number there.
+/// A body's id everywhere: the client that hosts it (0 for persistent bodies, thesis 4.3.2.5) and its number there.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
 )]
@@ -69,17 +70,17 @@ impl BodyId {
         Self(((client.0 as u64) << 32) | index as u64)
     }
 
-    /// The id whose [`BodyId::bits`] these are.
+    /// Returns the id whose [`BodyId::bits`] these are.
     pub const fn from_bits(bits: u64) -> Self {
         Self(bits)
     }
 
-    /// Client in the high, index in the low 32 bits.
+    /// Returns the client in the high and the index in the low 32 bits.
     pub const fn bits(self) -> u64 {
         self.0
     }
 
-    /// Who hosts the body; `None` for a persistent one.
+    /// Returns the client that hosts the body; `None` for a persistent one.
     pub const fn client(self) -> Option<ClientId> {
         match (self.0 >> 32) as u32 {
             0 => None,
@@ -103,22 +104,22 @@ impl fmt::Display for BodyId {
 }
 
 impl Tick {
-    /// The tick after this one.
+    /// Returns the tick after this one.
     pub const fn next(self) -> Self {
         Self(self.0 + 1)
     }
 }
 
 impl Epoch {
-    /// Transfers that a view has room for: a body that changes its owner 60 times a second does so for three days.
+    /// The bits that count the transfers within a view: enough for 60 changes of owner per second for three days.
     const TRANSFER_BITS: u32 = 24;
 
-    /// The first epoch of what the server places in the view of this number.
+    /// Returns the first epoch of bodies that the server places in the view of this number.
     pub const fn placed_in(view: u64) -> Self {
         Self(view << Self::TRANSFER_BITS)
     }
 
-    /// The epoch after one more transfer.
+    /// Returns the epoch after one more transfer.
     pub const fn next(self) -> Self {
         Self(self.0 + 1)
     }

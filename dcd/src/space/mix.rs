@@ -1,4 +1,4 @@
-//! A mixing function of 64 bits.
+//! Mixes the bits of 64-bit numbers.
 
 /// Makes all bits of a number depend on all of another: the finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
 pub const fn mixed(v: u64) -> u64 {

@@ -1,4 +1,5 @@
-//! World space: ids, half-open boxes, the distribution tree, allocation of its leaves to nodes. Pure.
+//! Divides world space into regions: ids, half-open boxes, the distribution tree, load balancing, allocation of regions to nodes.
+//! Pure functions and data.
 
 mod allocation;
 mod balance;

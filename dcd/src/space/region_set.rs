@@ -1,4 +1,4 @@
-//! A set of regions as a few machine words, by their rank among the leaves.
+//! Stores a set of regions as a bit set of a few machine words, by their rank among the leaves.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ pub const MAX_REGIONS: usize = 64 * WORDS;
 
 const WORDS: usize = 4;
 
-/// Regions by rank: bit `i` stands for the `i`-th leaf of the tree in id order.
+/// A set of regions by rank: bit `i` stands for the `i`-th leaf of the tree in id order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Encode, Decode, Serialize, Deserialize)]
 pub struct RegionSet([u64; WORDS]);
 
@@ -19,14 +19,14 @@ impl RegionSet {
     /// Every region that a world can have.
     pub const ALL: Self = Self([u64::MAX; WORDS]);
 
-    /// The one region of this rank.
+    /// Returns the set of the one region of this rank.
     pub fn only(rank: usize) -> Self {
         let mut set = Self::EMPTY;
         set.insert(rank);
         set
     }
 
-    /// Whether the region of this rank is in the set.
+    /// Returns whether the region of this rank is in the set.
     pub fn contains(self, rank: usize) -> bool {
         rank < MAX_REGIONS && self.0[rank / 64] & (1 << (rank % 64)) != 0
     }
@@ -37,37 +37,37 @@ impl RegionSet {
         self.0[rank / 64] |= 1 << (rank % 64);
     }
 
-    /// Takes a region out.
+    /// Removes a region.
     pub fn remove(&mut self, rank: usize) {
         *self = self.without(Self::only(rank));
     }
 
-    /// Regions in either set.
+    /// Returns the regions in either set.
     pub fn union(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] | other.0[i]))
     }
 
-    /// Regions in this set and not in the other.
+    /// Returns the regions in this set and not in the other.
     pub fn without(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] & !other.0[i]))
     }
 
-    /// Regions in both sets.
+    /// Returns the regions in both sets.
     pub fn intersection(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] & other.0[i]))
     }
 
-    /// Whether no region is in the set.
+    /// Returns whether no region is in the set.
     pub fn is_empty(self) -> bool {
         self.0 == [0; WORDS]
     }
 
-    /// How many regions.
+    /// Returns the number of regions.
     pub fn len(self) -> usize {
         self.0.iter().map(|word| word.count_ones() as usize).sum()
     }
 
-    /// Ranks in ascending order.
+    /// Returns the ranks in ascending order.
     pub fn iter(self) -> impl Iterator<Item = usize> {
         self.0.into_iter().enumerate().flat_map(|(word, bits)| {
             let mut rest = bits;

@@ -1,4 +1,5 @@
-//! The distribution tree (thesis 3.2, 4.3.1.3): the world cut by axis-aligned planes; its leaves are the regions.
+//! Cuts the world by axis-aligned planes into the distribution tree (a k-d tree; thesis 3.2, 4.3.1.3), whose leaves are the
+//! regions.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Axis, Bounds, Cell, MAX_REGIONS, RegionId};
 
-/// When subdivision stops (thesis 4.3.1.3).
+/// The limits at which subdivision stops (thesis 4.3.1.3).
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Limits {
     /// No cut leaves an edge shorter than this, in metres.
@@ -24,7 +25,7 @@ impl Default for Limits {
     }
 }
 
-/// Why a tree cannot be made or changed as asked.
+/// An error: a tree cannot be made or changed as asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TreeError {
     /// The bounds of the world are not a box.
@@ -55,7 +56,7 @@ pub enum TreeError {
     },
 }
 
-/// Every member of a group holds an equal copy; ids name the same box to all.
+/// The distribution tree. Every member of a group holds an equal copy; ids name the same box to all.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct DistributionTree {
     bounds: Bounds,
@@ -65,7 +66,7 @@ pub struct DistributionTree {
 }
 
 impl DistributionTree {
-    /// A tree with one leaf, the root.
+    /// Creates a tree with one leaf, the root.
     pub fn new(bounds: Bounds, limits: Limits) -> Result<Self, TreeError> {
         if !bounds.is_finite() {
             return Err(TreeError::Bounds(bounds));
@@ -78,7 +79,7 @@ impl DistributionTree {
         Ok(Self { bounds, limits, cuts: BTreeMap::new() })
     }
 
-    /// A tree of `count` regions: the largest leaf is halved across its longest axis until there are enough.
+    /// Creates a tree of `count` regions: the largest leaf is halved across its longest axis until there are enough.
     pub fn halved(bounds: Bounds, count: usize) -> Result<Self, TreeError> {
         let mut tree = Self::new(bounds, Limits::default())?;
         if count == 0 || count > MAX_REGIONS {
@@ -95,7 +96,7 @@ impl DistributionTree {
         Ok(tree)
     }
 
-    /// A tree whose regions are divided by these planes, each cutting every leaf that it passes through.
+    /// Creates a tree whose regions are divided by these planes, each cutting every leaf that it passes through.
     pub fn cut_by(bounds: Bounds, planes: &[(Axis, f64)]) -> Result<Self, TreeError> {
         let mut tree = Self::new(bounds, Limits { smallest_edge_m: 0.0, ..Limits::default() })?;
         for &(axis, at) in planes {
@@ -117,7 +118,7 @@ impl DistributionTree {
         Ok(tree)
     }
 
-    /// Whether a tree from elsewhere keeps the rules that every call here relies on: its inner vertices hang together, each
+    /// Returns whether a tree from a peer keeps the rules that every call here relies on: its inner vertices hang together, each
     /// is cut inside its part of the world, and it stays within the limits of trees.
     pub fn is_sound(&self) -> bool {
         self.bounds.is_finite()
@@ -133,12 +134,12 @@ impl DistributionTree {
             })
     }
 
-    /// The box that subdivision works on. Bodies may leave it: the outer cells reach to infinity.
+    /// Returns the box that subdivision works on. Bodies may leave it: the outer cells reach to infinity.
     pub fn bounds(&self) -> Bounds {
         self.bounds
     }
 
-    /// When subdivision stops.
+    /// Returns the limits of subdivision.
     pub fn limits(&self) -> Limits {
         self.limits
     }
@@ -209,9 +210,9 @@ impl DistributionTree {
         Ok(())
     }
 
-    /// Cuts and merges by load with hysteresis (thesis 3.2, 4.3.2.2): a leaf with more than `split` objects is cut, two
-    /// sibling leaves with fewer than `merge` together are merged; `merge < split`, so that nothing flaps.
-    /// `load_of` counts the objects in a cell. Returns whether anything changed.
+    /// Splits and merges leaves by load with hysteresis (thesis 3.2, 4.3.2.2): a leaf with more than `split` objects is cut, two
+    /// sibling leaves with fewer than `merge` together are merged; `merge < split`, so that nothing flaps. `load_of` counts the
+    /// objects in a cell. Returns whether anything changed.
     pub fn adapt(&mut self, split: usize, merge: usize, load_of: impl Fn(&Cell) -> usize) -> bool {
         assert!(merge < split, "merge {merge} must lie below split {split}, or regions flap");
         let before = self.cuts.clone();
@@ -232,13 +233,13 @@ impl DistributionTree {
         before != self.cuts
     }
 
-    /// Whether the vertex is a region.
+    /// Returns whether the vertex is a region.
     pub fn is_leaf(&self, vertex: RegionId) -> bool {
         let has_parent = vertex.0 == 0 || self.cuts.contains_key(&parent(vertex));
         has_parent && !self.cuts.contains_key(&vertex)
     }
 
-    /// How many regions.
+    /// Returns the number of regions.
     pub fn leaf_count(&self) -> usize {
         self.cuts.len() + 1
     }
@@ -261,7 +262,7 @@ impl DistributionTree {
         leaves.into_iter()
     }
 
-    /// The region that holds the point: exactly one does.
+    /// Returns the region whose cell contains the point: exactly one does.
     pub fn leaf_at(&self, point: [f64; 3]) -> RegionId {
         let mut vertex = RegionId(0);
         while let Some(&(axis, at)) = self.cuts.get(&vertex) {

@@ -1,4 +1,4 @@
-//! Bodies: inserting, reading, moving, changing, removing.
+//! Inserts, reads, moves, changes and removes bodies and their colliders.
 
 use rapier3d::prelude::*;
 
@@ -16,8 +16,9 @@ const CHANGE_SURFACE: &str = "change the surface of a body";
 impl World {
     /// Inserts a body with one collider, at the body's own position: in world space, exact near the origin.
     ///
-    /// In a served world it is an avatar, dynamic or kinematic by velocity. Its id is valid at once, and it stands where it was put;
-    /// [`BodyChange`](super::BodyChange) tells that it is in the world, or refused. Its speed may be limited by the server.
+    /// In a served world it is an avatar, dynamic or kinematic by velocity. Its id is valid at once, and it stands where it was
+    /// put; [`BodyChange`](super::BodyChange) reports that it is in the world, or refused. Its speed may be limited by the
+    /// server.
     pub fn insert(&mut self, body: impl Into<RigidBody>, collider: ColliderBuilder) -> Result<BodyId, Error> {
         let body = body.into();
         let pose = WorldPose {
@@ -27,7 +28,7 @@ impl World {
         self.insert_at(pose, body, [collider])
     }
 
-    /// Inserts a body with any number of colliders at a pose of world space, which replaces the body's own position; else as
+    /// Inserts a body with any number of colliders at a pose of world space, which replaces the body's own position; otherwise as
     /// [`World::insert`].
     ///
     /// ```
@@ -58,7 +59,7 @@ impl World {
         }
     }
 
-    /// Whether the world has a body, as far as this process knows.
+    /// Returns whether the world has a body, as far as this process knows.
     #[must_use]
     pub fn contains(&self, body: BodyId) -> bool {
         match &self.inner {
@@ -67,7 +68,7 @@ impl World {
         }
     }
 
-    /// What there is to say of a body.
+    /// Returns the pose, velocity, kind, mass, owner and user data of a body.
     #[must_use]
     pub fn body(&self, id: BodyId) -> Option<Body> {
         let world = match &self.inner {
@@ -93,7 +94,7 @@ impl World {
         })
     }
 
-    /// Where a body is, in world space.
+    /// Returns the pose of a body in world space.
     #[must_use]
     pub fn pose(&self, body: BodyId) -> Option<WorldPose> {
         match &self.inner {
@@ -102,7 +103,7 @@ impl World {
         }
     }
 
-    /// How a body moves, m/s and rad/s; zero for a fixed one.
+    /// Returns the velocity of a body, m/s and rad/s; zero for a fixed one.
     #[must_use]
     pub fn velocity(&self, body: BodyId) -> Option<Velocity> {
         match &self.inner {
@@ -111,7 +112,7 @@ impl World {
         }
     }
 
-    /// [`World::pose`] and [`World::velocity`] of a body, by one look-up.
+    /// Returns [`World::pose`] and [`World::velocity`] of a body, by one look-up.
     #[must_use]
     pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
         match &self.inner {
@@ -120,7 +121,7 @@ impl World {
         }
     }
 
-    /// The number that its user gave a body; in a served world also of one that went in the last step.
+    /// Returns the user data of a body; in a served world also of one that was removed in the last step.
     #[must_use]
     pub fn user_data(&self, body: BodyId) -> Option<u128> {
         match &self.inner {
@@ -129,7 +130,7 @@ impl World {
         }
     }
 
-    /// A body with all that is known of it: what travels when it changes owner.
+    /// Returns the whole record of a body: what travels when it changes owner.
     #[must_use]
     pub fn record(&self, body: BodyId) -> Option<BodyRecord> {
         match &self.inner {
@@ -138,7 +139,7 @@ impl World {
         }
     }
 
-    /// The movable bodies after the last step, in id order.
+    /// Returns the movable bodies after the last step, in id order.
     #[must_use]
     pub fn movable_bodies(&self) -> Box<dyn Iterator<Item = MovableBody> + '_> {
         let row = |(id, region, handle): (_, &Region, _)| {
@@ -160,7 +161,7 @@ impl World {
         }
     }
 
-    /// How many movable bodies there are.
+    /// Returns how many movable bodies there are.
     #[must_use]
     pub fn movable_count(&self) -> usize {
         match &self.inner {
@@ -169,20 +170,21 @@ impl World {
         }
     }
 
-    /// Avatars that this process has in a served world: in it or on their way, also those that an earlier stay left behind, in id
-    /// order; none in a local world.
+    /// Returns the avatars of this process in a served world: in it or on their way, also those of an earlier stay, in id order;
+    /// none in a local world.
     #[must_use]
     pub fn own_avatars(&self) -> Vec<BodyId> {
         self.remote().map(|world| world.own_avatars()).unwrap_or_default()
     }
 
-    /// Refuses what a role cannot do that does not see the bodies of its world.
+    /// Returns an error if the role does not see the bodies of its world.
     #[doc(hidden)]
     pub fn sees(&self, what: &'static str) -> Result<(), Error> {
         self.remote().map_or(Ok(()), |world| world.sees(what))
     }
 
-    /// Puts a body elsewhere at once, whatever is there, and wakes it; in a served world an avatar of this process, by the next step.
+    /// Moves a body to a pose at once, whatever is there, and wakes it; in a served world an avatar of this process, by the next
+    /// step.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_pose(body, pose)?),
@@ -190,7 +192,7 @@ impl World {
         }
     }
 
-    /// Sets how a body moves, and wakes it; in a served world an avatar of this process, by the next step.
+    /// Sets the velocity of a body, and wakes it; in a served world an avatar of this process, by the next step.
     pub fn set_velocity(&mut self, body: BodyId, velocity: Velocity) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_velocity(body, velocity)?),
@@ -198,33 +200,34 @@ impl World {
         }
     }
 
-    /// Sends a position-based kinematic body to a pose, where it is at the end of the next tick: what it touches feels the speed
-    /// that this takes. Other bodies do not heed it. Local worlds only.
+    /// Sets the kinematic target of a position-based kinematic body: it is there at the end of the next tick, and what it touches
+    /// feels the speed that this takes. Other bodies ignore it. Local worlds only.
     pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
         Ok(self.local_mut(CHANGE_BODY, Instead::DriveAvatars)?.set_next_pose(body, pose)?)
     }
 
-    /// Whether bodies can be changed in place here, and not by driving avatars alone.
+    /// Returns an error if bodies cannot be changed in place here, but only by avatar input.
     #[doc(hidden)]
     pub fn changes_bodies(&self) -> Result<(), Error> {
         self.local(CHANGE_BODY, Instead::DriveAvatars).map(drop)
     }
 
-    /// The owner's copy of a movable body, or any copy of a fixed one, to read what Rapier knows of it. Its position is in region
-    /// space, and where regions share the body it has a share of the mass: [`World::body`] has both whole. Local worlds only.
+    /// Returns the owner's copy of a movable body, or any copy of a fixed one, to read what Rapier knows of it. Its position is
+    /// in region space, and under mass splitting it has only its share of the mass: [`World::body`] has both whole. Local worlds
+    /// only.
     pub fn rigid_body(&self, body: BodyId) -> Result<Option<&RigidBody>, Error> {
         Ok(self.local("show Rapier's bodies", Instead::DriveAvatars)?.body(body))
     }
 
-    /// Whether forces and impulses act here.
+    /// Returns an error if forces and impulses cannot be applied here.
     #[doc(hidden)]
     pub fn pushes_bodies(&self) -> Result<(), Error> {
         self.local("push bodies by force", Instead::PushByAvatars).map(drop)
     }
 
-    /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may be called
-    /// more than once and must do the same each time; positions in it are in region space, so use [`World::set_pose`] to move a
-    /// body. A body that becomes fixed, or movable, is placed anew. Local worlds only.
+    /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may be
+    /// called more than once and must do the same each time; positions in it are in region space, so use [`World::set_pose`] to
+    /// move a body. A body that becomes fixed, or movable, is inserted anew. Local worlds only.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -238,7 +241,7 @@ impl World {
         Ok(self.local_mut(CHANGE_BODY, Instead::DriveAvatars)?.update(body, change)?)
     }
 
-    /// How many colliders a body has; 0 where they are not computed here.
+    /// Returns how many colliders a body has; 0 where they are not computed here.
     #[must_use]
     pub fn collider_count(&self, body: BodyId) -> usize {
         match &self.inner {
@@ -247,14 +250,14 @@ impl World {
         }
     }
 
-    /// Whether colliders can be changed here.
+    /// Returns an error if colliders cannot be changed here.
     #[doc(hidden)]
     pub fn changes_colliders(&self) -> Result<(), Error> {
         self.local(CHANGE_SURFACE, Instead::ShapeAtBirth).map(drop)
     }
 
-    /// Gives a body one more collider, the last of its list. The body is placed anew with what joints tie to it: contacts of
-    /// these begin again, without memory. Local worlds only.
+    /// Adds a collider to a body, as the last of its list. The body is inserted anew with what joints tie to it: contacts of
+    /// these begin again, without warm starting. Local worlds only.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -269,7 +272,8 @@ impl World {
         Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.insert_collider(body, collider)?)
     }
 
-    /// Takes a collider from a body, as [`World::insert_collider`] gives it; those after it move up. Local worlds only.
+    /// Removes a collider from a body, with the effects of [`World::insert_collider`] on contacts; those after it move up. Local
+    /// worlds only.
     pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), Error> {
         Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.remove_collider(body, index)?)
     }
@@ -294,7 +298,7 @@ impl World {
         Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.update_collider(body, index, change)?)
     }
 
-    /// The centre of mass of a body computed here, in world space.
+    /// Returns the centre of mass of a body computed here, in world space.
     #[must_use]
     pub fn centre_of_mass(&self, id: BodyId) -> Option<[f64; 3]> {
         let Inner::Local(world) = &self.inner else { return None };
@@ -303,7 +307,8 @@ impl World {
         Some(std::array::from_fn(|i| pose.translation[i] + f64::from(arm[i])))
     }
 
-    /// How a body computed here would move after these impulses, N s and N m s in world axes; infinities and NaN included.
+    /// Returns the velocity that a body computed here would have after these impulses, N s and N m s in world axes; infinities
+    /// and NaN included.
     #[must_use]
     pub fn velocity_after(&self, id: BodyId, impulse: Vector, torque_impulse: Vector) -> Option<Velocity> {
         let Inner::Local(world) = &self.inner else { return None };

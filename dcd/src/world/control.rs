@@ -1,4 +1,4 @@
-//! Rapier's controllers and a user's hooks, in worlds that one process computes.
+//! Runs Rapier's character, vehicle and PID controllers and a user's contact hooks, in local worlds.
 
 use std::sync::Arc;
 
@@ -13,11 +13,11 @@ use crate::space::BodyId;
 
 const CONTROL: &str = "run controllers";
 
-/// Controllers and hooks, of local worlds.
+/// Controllers and hooks of local worlds.
 impl World {
-    /// How far a character comes that wants to go somewhere within one tick, by Rapier's character controller: it slides
-    /// along walls, climbs steps, keeps to the ground. `met` hears of each collider in its way. The character need be no
-    /// body of the world; if it is one, exclude it by the filter and send it on by [`World::set_next_pose`].
+    /// Returns how far a character gets that is to move by `desired_m` within one tick, by Rapier's character controller: it
+    /// slides along walls, climbs steps, keeps to the ground. `met` is called for each collider in its way. The character need be
+    /// no body of the world; if it is one, exclude it by the filter and move it by [`World::set_next_pose`].
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -43,8 +43,8 @@ impl World {
         Ok(self.local(CONTROL, Instead::DriveAvatars)?.move_character(character, met)?)
     }
 
-    /// Pushes the dynamic bodies that a character of this mass met on its way: `hits` are those that
-    /// [`World::move_character`] told of for the same movement.
+    /// Pushes the dynamic bodies that a character of this mass met on its way: `hits` are those that [`World::move_character`]
+    /// reported for the same movement.
     pub fn push_by_character(
         &mut self,
         character: &CharacterMove<'_>,
@@ -54,21 +54,21 @@ impl World {
         Ok(self.local_mut(CONTROL, Instead::DriveAvatars)?.push_by_character(character, mass_kg, hits)?)
     }
 
-    /// Lets a car's wheels act on its chassis, before each [`World::step`]. The wheels stand on what the filter lets
-    /// through, and never on the chassis.
+    /// Applies the forces of a vehicle's wheels to its chassis; call it before each [`World::step`]. The wheels stand on what the
+    /// filter lets through, and never on the chassis.
     pub fn update_vehicle(&mut self, vehicle: &mut Vehicle, filter: &BodyFilter<'_>) -> Result<(), Error> {
         Ok(self.local_mut(CONTROL, Instead::DriveAvatars)?.update_vehicle(vehicle, filter)?)
     }
 
-    /// A pose of the world in the space of [`World::rigid_body`]: what Rapier's `PidController` needs as its target.
+    /// Converts a pose of the world into the space of [`World::rigid_body`]: what Rapier's `PidController` needs as its target.
     #[must_use]
     pub fn region_pose(&self, body: BodyId, pose: &WorldPose) -> Option<Pose> {
         self.alone()?.region_pose(body, pose)
     }
 
-    /// Asks these hooks about contacts from now on, and no others; `None` asks nobody. A collider is asked about if it has
-    /// Rapier's `ActiveHooks`, which travel with it; hooks themselves do not: a served world has none, and a restored one has them
-    /// when they are set again.
+    /// Sets the contact hooks that are called from now on; `None` removes them. They are called for colliders with Rapier's
+    /// `ActiveHooks`, which travel with these; the hooks themselves do not: a served world has none, and a restored world has
+    /// them once they are set again.
     pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) -> Result<(), Error> {
         self.local_mut("ask hooks about contacts", Instead::ComputeAlone)?.set_hooks(hooks);
         Ok(())

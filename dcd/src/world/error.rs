@@ -1,4 +1,4 @@
-//! Why a world, of whatever role, cannot do what it is asked.
+//! Defines the error of [`World`](super::World), for every role.
 
 use super::role::Unsupported;
 use crate::physics::{QueryError, ShapeError};
@@ -7,11 +7,11 @@ use crate::runtime::{ConnectionError, ProcessError};
 use crate::runtime::{SnapshotError, WorldError};
 use crate::scene::SceneError;
 
-/// Why a world cannot do what it is asked. Each message names cause and remedy.
+/// The error of a world's methods. Each message names cause and remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A body, joint, setting or number.
+    /// A body, joint, setting or number is refused.
     #[error(transparent)]
     World(#[from] WorldError),
     /// A shape cannot be held, or cannot travel.
@@ -33,7 +33,7 @@ pub enum Error {
     #[cfg(feature = "net")]
     #[error(transparent)]
     Process(#[from] ProcessError),
-    /// Something about a connection.
+    /// A connection cannot do what is asked of it.
     #[cfg(feature = "net")]
     #[error(transparent)]
     Connection(#[from] ConnectionError),

@@ -1,4 +1,4 @@
-//! Processes that hold or compute a world for others, and show nothing of it: servers and nodes.
+//! Implements [`World`](super::World) for servers and nodes, which serve or compute a world for others and show nothing of it.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use crate::net::PeerStats;
 use crate::runtime::{Member, ServerProcess, Stats};
 use crate::space::Tick;
 
-/// What runs behind the world, on threads of its own.
+/// The process that runs behind the world, on threads of its own.
 pub(super) enum Process {
     Server(ServerProcess),
     Node(Member),
@@ -34,7 +34,7 @@ impl Hosted {
         Self { network: Network::new(connections.clone()), process, dt_s, gravity }
     }
 
-    /// Whether all is well.
+    /// Returns an error if the process has failed or ended.
     fn look(&self) -> Result<(), Error> {
         let over = |why| Err(Error::Lost(format!("{why}; destroy the world, and begin or join another")));
         match &self.process {

@@ -1,4 +1,4 @@
-//! Entering a world that a server holds, and holding one.
+//! Joins and serves worlds: constructors of [`World`] for clients, participants, nodes and servers, and join tokens.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -16,22 +16,23 @@ use crate::scene::Scene;
 
 const TOKENS: &str = "mint tokens";
 
-/// Served worlds.
+/// Joining and serving.
 impl World {
-    /// Joins a served world as a client, and waits until the server has told the whole world. It need not have nodes yet: the world
-    /// stands still until it has. Dropping the world leaves it; avatars wait at the server for the return with the same identity.
+    /// Joins a served world as a client, and waits until the server has sent the whole world. It need not have nodes yet: the
+    /// world stands still until it has. Dropping the world leaves it; avatars wait at the server for the return with the same
+    /// identity.
     pub fn connect(config: &JoinConfig) -> Result<Self, Error> {
         Ok(Self::of(Served::new(ClientWorld::connect(config)?)?))
     }
 
-    /// Joins a served world as a client whose process also computes a share of it, on threads of its own. Dropping the world first
-    /// hands the share to others, which may take some seconds.
+    /// Joins a served world as a client whose process also computes regions of it, on threads of its own. Dropping the world
+    /// first hands these regions to others, which may take some seconds.
     pub fn participate(config: &JoinConfig) -> Result<Self, Error> {
         Ok(Self::of(Served::new(ClientWorld::participate(config)?)?))
     }
 
-    /// Joins a served world as a node: this process computes a share of it for others, on threads of its own. Dropping the world
-    /// first hands the share to others.
+    /// Joins a served world as a node: this process computes regions of it for others, on threads of its own. Dropping the world
+    /// first hands these regions to others.
     pub fn join_as_node(config: &JoinConfig) -> Result<Self, Error> {
         let mut member = MemberConfig::new(config.server, config.join(JoinRole::Node)?);
         member.threads = config.threads;
@@ -41,8 +42,8 @@ impl World {
         Ok(Self::of(Hosted::new(Process::Node(Member::start(member)?), 0.0, [0.0; 3])))
     }
 
-    /// Serves a scene: the world begins with the nodes that join. Of `world` counts how it is cut and stepped. Dropping the server
-    /// ends the world for all.
+    /// Serves a scene: the world begins with the nodes that join. Of `world` only the cut and the step settings count. Dropping
+    /// the server ends the world for all.
     pub fn serve(scene: &Scene, world: &WorldConfig, config: ServeConfig) -> Result<Self, Error> {
         let server = ServerProcess::start(Origin::Scene(scene, world), config)?;
         Ok(Self::of(Hosted::new(Process::Server(server), world.step.dt_s, world.step.gravity)))
@@ -61,7 +62,7 @@ impl World {
         Ok(self.server(TOKENS)?.token(role, valid_for)?)
     }
 
-    /// Whether tokens are minted here.
+    /// Returns an error if this process mints no tokens.
     #[doc(hidden)]
     pub fn mints_tokens(&self) -> Result<(), Error> {
         self.server(TOKENS).map(drop)
@@ -73,7 +74,7 @@ impl World {
         server.ok_or_else(|| self.refuse(what, Instead::AskServer))
     }
 
-    /// Where a server or a node listens.
+    /// Returns the address at which a server or a node listens.
     pub fn address(&self) -> Result<SocketAddr, Error> {
         let what = "be listened to";
         let Some(world) = self.remote() else { return Err(self.refuse(what, Instead::Serve)) };

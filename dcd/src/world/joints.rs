@@ -1,4 +1,4 @@
-//! Joints and multibodies, in worlds that one process computes.
+//! Inserts, changes and reads joints and multibody joints, in local worlds.
 
 use rapier3d::prelude::GenericJoint;
 
@@ -8,15 +8,15 @@ use crate::physics::LinkSettings;
 use crate::protocol::{JointRecord, LinkMotion};
 use crate::space::{BodyId, JointId};
 
-/// Joints, of local worlds: a served world has those of its scene.
+/// Joints of local worlds: a served world has those of its scene.
 impl World {
-    /// Whether bodies can be tied here.
+    /// Returns an error if bodies cannot be joined here.
     #[doc(hidden)]
     pub fn ties_bodies(&self) -> Result<(), Error> {
         self.local("make, see, drive or destroy joints", Instead::JointsInScene).map(drop)
     }
 
-    /// Ties two bodies. The assemblies of both become one, which is owned and moved whole.
+    /// Inserts a joint between two bodies. The assemblies of both become one, which is owned and moved whole.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -41,8 +41,8 @@ impl World {
     }
 
     /// Makes body `b` a link of the multibody of `a` (Featherstone's reduced coordinates, as Rapier's multibody joints): the
-    /// joint cannot come apart. One region has all of a multibody and of what is tied to it, whatever the coupling: it is
-    /// never shared, and when it moves on to another region its contacts begin there without memory.
+    /// joint cannot come apart. One region owns a whole multibody with all that is joined to it, whatever the coupling: it is
+    /// never shared, and when it changes owner its contacts begin again without warm starting.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -68,7 +68,7 @@ impl World {
         Ok(world.insert_multibody_joint(a, b, joint, settings)?)
     }
 
-    /// Unties two bodies.
+    /// Removes a joint.
     pub fn remove_joint(&mut self, joint: JointId) -> Result<(), Error> {
         Ok(self.local_mut("destroy joints", Instead::JointsInScene)?.remove_joint(joint)?)
     }
@@ -82,19 +82,20 @@ impl World {
         Ok(self.local_mut("drive joints", Instead::JointsInScene)?.update_joint(joint, change)?)
     }
 
-    /// A joint as it is now: its motors are whole, however many regions share it. `None` if the world computes no such joint.
+    /// Returns a joint as it is now: its motors are whole, however many regions share it. `None` if the world computes no such
+    /// joint.
     #[must_use]
     pub fn joint(&self, joint: JointId) -> Option<JointRecord> {
         self.alone()?.joint(joint)
     }
 
-    /// The joints that a body hangs on, in order of insertion; none in a served world.
+    /// Returns the joints of a body, in order of insertion; none in a served world.
     #[must_use]
     pub fn joints_of(&self, body: BodyId) -> Vec<JointId> {
         self.alone().map(|world| world.joints_of(body)).unwrap_or_default()
     }
 
-    /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
+    /// Returns the load on the locked axes of a joint in the last step: newtons along the three axes of its frame, newton metres
     /// about them. Rapier makes what it solves orthogonal first, so the numbers of several axes are mixed.
     #[must_use]
     pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
@@ -106,15 +107,15 @@ impl World {
         Ok(self.local_mut("drive joints", Instead::JointsInScene)?.update_link(joint, settings)?)
     }
 
-    /// Where a link of a multibody is in the coordinates of its joint, and how fast it moves; `None` before its first step.
+    /// Returns the position and velocity of a multibody's link in the coordinates of its joint; `None` before its first step.
     #[must_use]
     pub fn link_motion(&self, joint: JointId) -> Option<LinkMotion> {
         self.alone()?.link_motion(joint)
     }
 
-    /// Sets how fast a link of a multibody moves, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
-    /// ([`LinkSettings::kinematic`]) keep to it. Not by axis: a hinge's only value is the first, whatever its axis, and what is
-    /// beyond a joint's degrees of freedom is not looked at.
+    /// Sets the velocity of a multibody's link, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
+    /// ([`LinkSettings::kinematic`]) keep to it. Not by axis: a hinge's only value is the first, whatever its axis, and values
+    /// beyond a joint's degrees of freedom are ignored.
     pub fn set_link_velocity(&mut self, joint: JointId, velocity: [f32; 6]) -> Result<(), Error> {
         Ok(self.local_mut("drive joints", Instead::JointsInScene)?.set_link_velocity(joint, velocity)?)
     }

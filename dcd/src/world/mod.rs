@@ -1,7 +1,8 @@
-//! [`World`]: one front for every role that a process can have in a world, with the same verbs and the same refusals.
+//! Defines [`World`], one interface for every role that a process can have in a world (local, client, participant, server, node),
+//! with the same methods and the same refusals.
 //!
 //! A role is a variant of `Inner`: the world that this process computes alone ([`LocalWorld`]), or one that others compute
-//! (`remote::Remote`: `served` for who plays in it, `hosted` for servers and nodes).
+//! (`remote::Remote`: `served` for clients and participants, `hosted` for servers and nodes).
 
 mod bodies;
 mod control;
@@ -35,11 +36,11 @@ use remote::Remote;
 pub use role::{Instead, Role, Unsupported};
 pub use view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 
-/// One rigid-body world, whoever computes it.
+/// One rigid-body world, computed by this process or by others.
 ///
 /// A local world is computed by this process alone, by one Rapier world per region. A client, a participant, a server and a node
 /// are processes of a served world ([`World::connect`], [`World::participate`], [`World::serve`], [`World::join_as_node`]). All
-/// answer to the same verbs; what a role cannot do is refused by [`Unsupported`], which says what to do instead.
+/// have the same methods; what a role cannot do is refused by [`Unsupported`], which says what to do instead.
 ///
 /// ```
 /// use dcd::prelude::*;
@@ -103,7 +104,7 @@ impl World {
         Ok(LocalWorld::from_scene(scene, config)?.into())
     }
 
-    /// What this process is to the world.
+    /// Returns the role that this process has in the world.
     #[must_use]
     pub fn role(&self) -> Role {
         match &self.inner {
@@ -114,9 +115,9 @@ impl World {
 
     /// Advances a local world by one tick.
     ///
-    /// A served world advances by itself: there the call sends what was asked of avatars, takes in what has come since the last call,
-    /// and waits for nothing. Between two calls nothing changes but by the caller's own doing. Once the world has ended, or the
-    /// server has been out of reach for too long, every call returns an error; what was last heard of can be read still.
+    /// A served world advances by itself: there the call sends the inputs of avatars, takes in what has come since the last call,
+    /// and waits for nothing. Between two calls only the caller changes anything. Once the world has ended, or the server has
+    /// been out of reach for too long, every call returns an error; the last known state can still be read.
     pub fn step(&mut self) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.step()?),
@@ -124,8 +125,8 @@ impl World {
         }
     }
 
-    /// Waits until something has come that the next step would take in, or the world has ended, and not longer than `timeout`; says
-    /// whether it came. Nothing comes to a local world, which does not wait: one loop does for both.
+    /// Waits until something has come that the next step would take in, or the world has ended, but not longer than `timeout`;
+    /// returns whether it came. Nothing comes to a local world, which does not wait: one loop does for both.
     pub fn poll(&self, timeout: Duration) -> bool {
         match &self.inner {
             Inner::Local(_) => true,
@@ -133,7 +134,7 @@ impl World {
         }
     }
 
-    /// Ticks done; in a served world the newest heard of.
+    /// Returns how many ticks are done; in a served world the newest tick received.
     #[must_use]
     pub fn tick(&self) -> Tick {
         match &self.inner {
@@ -142,7 +143,7 @@ impl World {
         }
     }
 
-    /// Length of a tick in seconds; 0 for a node, which takes it from its server.
+    /// Returns the length of a tick in seconds; 0 for a node, which takes it from its server.
     #[must_use]
     pub fn dt_s(&self) -> f32 {
         match &self.inner {
@@ -151,7 +152,7 @@ impl World {
         }
     }
 
-    /// Gravity, m/s²; 0 for a node, which takes it from its server.
+    /// Returns gravity, m/s²; 0 for a node, which takes it from its server.
     #[must_use]
     pub fn gravity(&self) -> [f32; 3] {
         match &self.inner {
@@ -160,7 +161,8 @@ impl World {
         }
     }
 
-    /// The world that this process computes alone, or why its role cannot do `what`; `instead` is for clients and participants.
+    /// Returns the world that this process computes alone, or why its role cannot do `what`; `instead` is for clients and
+    /// participants.
     #[doc(hidden)]
     pub fn local(&self, what: &'static str, instead: Instead) -> Result<&LocalWorld, Error> {
         match &self.inner {

@@ -1,4 +1,4 @@
-//! The other processes that a served world connects this one with.
+//! Exposes the connections of a served world, the messages between its programs, and the traffic.
 
 use std::time::Duration;
 
@@ -8,10 +8,10 @@ use super::role::{Instead, Unsupported};
 use crate::net::PeerStats;
 use crate::runtime::{Connection, ConnectionEvent, ConnectionId, Connections, Delivery, ProgramMessage};
 
-/// A served world's connections, and what came over them up to its last step.
+/// The connections of a served world, and the events and messages that came over them up to its last step.
 pub(super) struct Network {
     connections: Connections,
-    /// How much had come by then.
+    /// How many arrivals there had been by then.
     seen: u64,
     events: Vec<ConnectionEvent>,
     messages: Vec<ProgramMessage>,
@@ -34,7 +34,7 @@ impl Network {
     }
 }
 
-/// Waits for what a world's next step would take in, without the world.
+/// A handle that waits for what a world's next step would take in, without holding the world.
 #[derive(Clone)]
 #[must_use]
 pub struct Arrivals {
@@ -49,7 +49,7 @@ impl std::fmt::Debug for Arrivals {
 }
 
 impl Arrivals {
-    /// Waits until something has come since the world's last step, or the world has ended, and not longer than `timeout`; says
+    /// Waits until something has come since the world's last step, or the world has ended, but not longer than `timeout`; returns
     /// whether it came.
     pub fn wait(&self, timeout: Duration) -> bool {
         self.connections.wait(self.seen, timeout)
@@ -66,58 +66,59 @@ impl World {
         Unsupported { role: self.role(), what, instead }.into()
     }
 
-    /// Refuses what a local world cannot do, since nobody is connected with it.
+    /// Returns an error for a local world, which has no connections.
     #[doc(hidden)]
     pub fn has_network(&self, what: &'static str) -> Result<(), Error> {
         self.network().map(drop).ok_or_else(|| self.refuse(what, Instead::Serve))
     }
 
     /// Lists the processes that this one is connected with, the oldest connection first; none in a local world. A server has one
-    /// with each node, client and participant; others have one with their server, and those that their share asks for.
+    /// with each node, client and participant; others have one with their server, and with the nodes of their group that they
+    /// need.
     #[must_use]
     pub fn connections(&self) -> Vec<Connection> {
         self.network().map(|network| network.connections.list()).unwrap_or_default()
     }
 
-    /// One connection as it is now; `None` once it is gone.
+    /// Returns one connection as it is now; `None` once it is gone.
     #[must_use]
     pub fn connection(&self, id: ConnectionId) -> Option<Connection> {
         self.network()?.connections.get(id)
     }
 
-    /// What became of connections up to the last step, in order.
+    /// Returns the events of connections (new, lost, back, gone) up to the last step, in order.
     #[must_use]
     pub fn connection_events(&self) -> &[ConnectionEvent] {
         self.network().map_or(&[], |network| &network.events)
     }
 
-    /// What programs of other processes sent to this one, up to the last step.
+    /// Returns the messages that programs of other processes sent to this one, up to the last step.
     #[must_use]
     pub fn messages(&self) -> &[ProgramMessage] {
         self.network().map_or(&[], |network| &network.messages)
     }
 
     /// Sends bytes to the program at the other end of a connection, where they are among the [`World::messages`] after its next
-    /// step. A server's program speaks with that of every process, and those with the server's only.
+    /// step. A server's program may send to every process, the others to the server only.
     pub fn send(&self, to: ConnectionId, bytes: &[u8], delivery: Delivery) -> Result<(), Error> {
         let network = self.network().ok_or_else(|| self.refuse("send messages", Instead::Serve))?;
         Ok(network.connections.send(to, bytes, delivery)?)
     }
 
-    /// Sends a process away from a server's world, and tells it why. A node's regions are handed over first; a client's avatars wait
-    /// for its return, which takes a new token.
+    /// Disconnects a process from a server's world, and tells it why. A node's regions are handed over first; a client's avatars
+    /// wait for its return, which takes a new token.
     pub fn disconnect(&self, who: ConnectionId, why: &str) -> Result<(), Error> {
         let network = self.network().ok_or_else(|| self.refuse("send processes away", Instead::Serve))?;
         Ok(network.connections.disconnect(who, why)?)
     }
 
-    /// Waits for what comes over the network without holding the world; `None` for a local world, to which nothing comes.
+    /// Returns a handle that waits for the network without holding the world; `None` for a local world, to which nothing comes.
     pub fn arrivals(&self) -> Option<Arrivals> {
         let Network { connections, seen, .. } = self.network()?;
         Some(Arrivals { connections: connections.clone(), seen: *seen })
     }
 
-    /// What has passed over the network; nothing in a local world.
+    /// Returns the traffic over the network so far; zero in a local world.
     #[must_use]
     pub fn traffic(&self) -> PeerStats {
         self.remote().map(|world| world.traffic()).unwrap_or_default()

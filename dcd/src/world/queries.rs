@@ -1,4 +1,5 @@
-//! Questions about where things are: at once in a local world, with an answer that comes later in any.
+//! Answers spatial queries (rays, shape casts, projections, overlaps): at once in a local world, some ticks later in a served
+//! one.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +8,7 @@ use super::{Error, Inner, World};
 use crate::physics::Queries;
 use crate::protocol::{Found, Question};
 
-/// Answers of a local world to what was submitted, until they are taken.
+/// Answers of a local world to submitted queries, until they are taken.
 #[derive(Default)]
 pub(super) struct Answers {
     last: u64,
@@ -16,8 +17,8 @@ pub(super) struct Answers {
 
 /// Queries.
 impl World {
-    /// Rays, shape casts, projections and overlaps over all regions, of the state as it is now. Local worlds only: who plays in a
-    /// served one asks by [`World::submit`].
+    /// Returns the interface for rays, shape casts, projections and overlaps over all regions, of the state as it is now. Local
+    /// worlds only: clients and participants of a served one use [`World::submit`].
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -32,8 +33,8 @@ impl World {
         Ok(self.local("ask by rays, shapes and points", Instead::SubmitQuestion)?.queries())
     }
 
-    /// Asks those who compute the world, and returns the number under which [`World::answer`] has the answer: at once in a local
-    /// world, some ticks later in a served one. `question.number` is not heeded.
+    /// Submits a query to the processes that compute the world, and returns the number under which [`World::answer`] has the
+    /// answer: at once in a local world, some ticks later in a served one. `question.number` is ignored.
     pub fn submit(&mut self, question: Question) -> Result<u64, Error> {
         match &mut self.inner {
             Inner::Local(world) => {
@@ -46,7 +47,7 @@ impl World {
         }
     }
 
-    /// Takes the answer to what was submitted, once it has come. It is given once.
+    /// Takes the answer to a submitted query, once it has come. It is given once.
     pub fn answer(&mut self, number: u64) -> Result<Option<Found>, Error> {
         match &mut self.inner {
             Inner::Local(_) => Ok(self.answers.here.remove(&number)),
@@ -54,7 +55,7 @@ impl World {
         }
     }
 
-    /// Does not want an answer any more.
+    /// Cancels a submitted query: its answer is dropped.
     pub fn forget(&mut self, number: u64) {
         match &mut self.inner {
             Inner::Local(_) => drop(self.answers.here.remove(&number)),

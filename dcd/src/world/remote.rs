@@ -1,4 +1,4 @@
-//! What a process answers for a world that others compute.
+//! Defines the trait `Remote`: what a process answers for a world that others compute.
 
 use std::time::Duration;
 
@@ -14,17 +14,16 @@ use crate::runtime::Stats;
 use crate::space::{BodyId, ClientId, Tick};
 use rapier3d::prelude::*;
 
-/// A role other than [`Role::Local`]. What is not overridden is answered as by a process that works for others and shows nothing
-/// of its world.
+/// A role other than [`Role::Local`]. The default methods answer as a server or node does, which shows nothing of its world.
 pub(super) trait Remote: Send {
     fn role(&self) -> Role;
-    /// The newest tick heard of.
+    /// Returns the newest tick received.
     fn tick(&self) -> Tick;
     fn dt_s(&self) -> f32;
     fn gravity(&self) -> [f32; 3];
-    /// Sends what was asked and takes in what has come; waits for nothing.
+    /// Sends inputs and takes in what has come; waits for nothing.
     fn step(&mut self) -> Result<(), Error>;
-    /// Waits for what the next step would take in; says whether it came.
+    /// Waits for what the next step would take in; returns whether it came.
     fn poll(&self, timeout: Duration) -> bool;
     fn is_lost(&self) -> bool;
     fn stats(&self) -> Stats;
@@ -34,17 +33,17 @@ pub(super) trait Remote: Send {
     #[cfg(feature = "net")]
     fn traffic(&self) -> PeerStats;
 
-    /// What this role cannot do, and what to do instead.
+    /// Returns the error that this role cannot do `what`, and what to do instead.
     fn unsupported(&self, what: &'static str, instead: Instead) -> Error {
         Unsupported { role: self.role(), what, instead }.into()
     }
 
-    /// What a role cannot do that does not see the bodies of its world.
+    /// Returns an error if the role does not see the bodies of its world.
     fn sees(&self, what: &'static str) -> Result<(), Error> {
         Err(self.unsupported(what, Instead::JoinAsClient))
     }
 
-    /// What only a world that one process computes can do: `instead` is for who plays in one.
+    /// Returns the error for what only a local world can do: `instead` is for clients and participants.
     fn compute(&self, what: &'static str, _instead: Instead) -> Error {
         self.unsupported(what, Instead::ComputeAlone)
     }
@@ -140,7 +139,7 @@ pub(super) trait Remote: Send {
         Vec::new()
     }
 
-    /// Messages with states received.
+    /// Returns the number of state messages received.
     fn updates(&self) -> u64 {
         0
     }
@@ -150,7 +149,7 @@ pub(super) trait Remote: Send {
         None
     }
 
-    /// Where it listens.
+    /// Returns the address at which it listens.
     #[cfg(feature = "net")]
     fn address(&self) -> Option<std::net::SocketAddr> {
         None

@@ -1,8 +1,8 @@
-//! What a process is to a world, and what it therefore cannot do.
+//! Defines the roles of a process in a world, and the error for what a role cannot do.
 
 use std::fmt;
 
-/// What a process is to a world.
+/// The role of a process in a world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Role {
@@ -10,11 +10,11 @@ pub enum Role {
     Local,
     /// It plays in a world that others compute, with avatars of its own.
     Client,
-    /// It plays in a world and computes a share of it.
+    /// It plays in a world and computes regions of it.
     Participant,
-    /// It holds a world: it decides who computes what, and lets others in.
+    /// It serves a world: it decides which node computes which region, and admits processes.
     Server,
-    /// It computes a share of a world for others.
+    /// It computes regions of a world for others.
     Node,
 }
 
@@ -30,11 +30,11 @@ impl fmt::Display for Role {
     }
 }
 
-/// A role cannot do what was asked of it.
+/// The error that a role cannot do what was asked of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a {role} cannot {what}: {instead}")]
 pub struct Unsupported {
-    /// Who cannot.
+    /// The role that cannot do it.
     pub role: Role,
     /// What it cannot do, after "cannot".
     pub what: &'static str,
@@ -42,17 +42,17 @@ pub struct Unsupported {
     pub instead: Instead,
 }
 
-/// What to do instead of what a role cannot do. Its text names methods of [`World`](super::World); the C API names its own.
+/// The remedy for what a role cannot do. Its text names methods of [`World`](super::World); the C API names its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Instead {
     /// Compute the world in one process.
     ComputeAlone,
-    /// Join the world that a server or a node shows nothing of.
+    /// Join as a client: a server or a node shows nothing of its world.
     JoinAsClient,
     /// Serve the local world.
     Serve,
-    /// Make a source of the same world anew.
+    /// Make the local world to be copied anew.
     MakeSourceAnew,
     /// Move avatars.
     DriveAvatars,

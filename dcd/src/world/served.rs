@@ -1,7 +1,8 @@
-//! A world that nodes compute, as one of its clients sees it: what was heard up to the last step, and what was asked since.
+//! Implements a client's or participant's view of a served world: the states received up to the last step, and the inputs made
+//! since.
 //!
-//! Between two steps nothing changes but by the caller's own doing, as in a local world: each step takes a copy of what the
-//! client heard, and sends what was asked of avatars.
+//! Between two steps only the caller changes anything, as in a local world: each step copies what the client received, and sends
+//! the inputs of avatars.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -28,22 +29,22 @@ pub(super) struct Served {
     world: ClientWorld,
     network: Network,
     environment: EnvironmentProperties,
-    /// As heard up to the last step, in id order.
+    /// Bodies as received up to the last step, in id order.
     bodies: Vec<Heard>,
-    /// Avatars asked for and not heard of yet.
+    /// Avatars that were inserted here and have not appeared in the world yet.
     awaited: BTreeMap<BodyId, BodyRecord>,
-    /// What is asked of avatars since the last step.
+    /// Inputs of avatars since the last step.
     inputs: BTreeMap<BodyId, PendingInput>,
-    /// The newest velocity asked of each kinematic avatar, which is heard back some ticks later.
+    /// The newest velocity set on each kinematic avatar; the world reports it back some ticks later.
     driven: BTreeMap<BodyId, Velocity>,
-    /// Avatars told to go that are still heard of, with their user data.
+    /// Avatars that were removed here and are still in the world, with their user data.
     leaving: BTreeMap<BodyId, u128>,
-    /// User data of bodies that went: contacts that end name them.
+    /// User data of bodies that were removed: contacts that end name them.
     departed: BTreeMap<BodyId, u128>,
     events: WorldEvents,
     handovers: Vec<Handover>,
     changes: Vec<BodyChange>,
-    /// How many questions were asked.
+    /// How many queries were submitted.
     questions: u64,
     tick: Tick,
     last_step: Duration,
@@ -82,7 +83,7 @@ impl Served {
         Ok(served)
     }
 
-    /// Nothing can be asked of a world that is lost.
+    /// Returns an error if the link to the world is lost: nothing can be asked of it then.
     fn check_link(&self) -> Result<(), Error> {
         match &self.lost {
             None => Ok(()),
@@ -125,7 +126,7 @@ impl Served {
         self.changes.extend(heard.disappeared.into_iter().map(BodyChange::Removed));
         for (body, why) in heard.refusals {
             let user_data = body.and_then(|id| self.user_data(id)).unwrap_or(0);
-            // Nothing else is asked of an avatar before it is there.
+            // An avatar gets no other input before it is in the world.
             body.and_then(|id| self.awaited.remove(&id));
             self.changes.push(BodyChange::Refused { body, why, user_data });
         }
@@ -162,12 +163,12 @@ impl Served {
         self.place(id).ok().map(|place| &self.bodies[place])
     }
 
-    /// A body as last heard of, or as asked for.
+    /// Returns a body as last received, or, if it is awaited, as inserted.
     fn known(&self, id: BodyId) -> Option<&BodyRecord> {
         self.awaited.get(&id).or_else(|| self.heard(id).map(|heard| &heard.body))
     }
 
-    /// Until its owner is told, a body is taken for one of the region that it is in.
+    /// Returns the owner of a body; until it is known, the region that the body lies in.
     fn owner_of(&self, heard: &Heard) -> RegionId {
         heard.owner.unwrap_or_else(|| self.environment.tree.leaf_at(heard.body.state.pose.translation))
     }
@@ -359,7 +360,7 @@ impl Remote for Served {
     }
 
     fn forget(&mut self, number: u64) {
-        // Who is gone has nothing to forget.
+        // If the process has ended, there is nothing to forget.
         let _ = self.world.forget(number);
     }
 
@@ -426,7 +427,7 @@ impl Remote for Served {
     }
 }
 
-/// Whether a body falls asleep otherwise than Rapier's bodies do, which may or may not sleep.
+/// Returns whether a body has thresholds of sleep other than Rapier's usual ones, with which it may or may not sleep.
 fn has_own_sleep(body: &RigidBodyActivation) -> bool {
     let thresholds = |body: &RigidBodyActivation| {
         (body.normalized_linear_threshold, body.angular_threshold, body.time_until_sleep)

@@ -1,4 +1,4 @@
-//! A local world as a file.
+//! Saves a local world to a snapshot file and restores it.
 
 use std::io::{Read, Write};
 use std::path::Path;
@@ -9,16 +9,16 @@ use crate::runtime::LocalWorld;
 
 const SAVE: &str = "be saved or loaded";
 
-/// Snapshots, of local worlds: a server keeps its world by itself.
+/// Snapshots of local worlds: a server keeps its world by itself.
 impl World {
-    /// Whether the world is saved and loaded here.
+    /// Returns an error if this process cannot save and load its world.
     #[doc(hidden)]
     pub fn can_be_saved(&self) -> Result<(), Error> {
         self.local(SAVE, Instead::ServerKeeps).map(drop)
     }
 
     /// Writes the whole world: [`World::restore`] gives one that goes on from here to the same bits. The number of threads is not
-    /// part of it. What is written is in blocks of a mebibyte; nothing larger is kept in memory.
+    /// part of it. It is written in blocks of a mebibyte; nothing larger is kept in memory.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -36,14 +36,14 @@ impl World {
         Ok(self.local(SAVE, Instead::ServerKeeps)?.save(to)?)
     }
 
-    /// Saves to a file. It is written beside its place first, so that half of one never stands where a whole one stood.
+    /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one.
     pub fn save_file(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         Ok(self.local(SAVE, Instead::ServerKeeps)?.save_file(path.as_ref())?)
     }
 
-    /// Reads a world that [`World::save`] wrote, up to the end of `from`, to be stepped by so many threads.
+    /// Reads a world that [`World::save`] wrote, up to the end of `from`, to be stepped by `threads` threads.
     ///
-    /// Damage of any kind is an error. Against malice there is no guard: restore no snapshot of people whom you do not trust.
+    /// Damage of any kind is an error. There is no guard against malice: restore no snapshot of people whom you do not trust.
     pub fn restore(from: impl Read, threads: usize) -> Result<Self, Error> {
         Ok(LocalWorld::restore(from, threads)?.into())
     }
@@ -53,8 +53,8 @@ impl World {
         Self::restore(LocalWorld::open_snapshot(path.as_ref())?, threads)
     }
 
-    /// Goes back, or on, to a world that [`World::save`] wrote, with the threads and hooks that this one has. Ids that this world
-    /// has given are not given again. After an error nothing has changed.
+    /// Replaces this world by one that [`World::save`] wrote, earlier or later, and keeps the threads and hooks of this one. Ids
+    /// that this world has given are not given again. After an error nothing has changed.
     pub fn reload(&mut self, from: impl Read) -> Result<(), Error> {
         Ok(self.local_mut(SAVE, Instead::ServerKeeps)?.reload(from)?)
     }

@@ -1,9 +1,9 @@
-//! What every role can say of bodies and regions.
+//! Defines what every role can report of bodies and regions: poses, velocities, owners, changes.
 
 use crate::protocol::{BodyKind, Refusal, Velocity, WorldPose};
 use crate::space::{BodyId, Cell, NodeId, RegionId};
 
-/// A body as it is after the last step; in a served world as last heard of.
+/// A body as it is after the last step; in a served world as last received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Body {
@@ -11,18 +11,18 @@ pub struct Body {
     pub pose: WorldPose,
     /// How it moves, m/s and rad/s.
     pub velocity: Velocity,
-    /// What moves it.
+    /// How it is moved: dynamic, kinematic or fixed.
     pub kind: BodyKind,
     /// Whether it sleeps.
     pub sleeping: bool,
     /// Its mass, kilograms: 0 for a fixed body, `None` where it is not known, as in a served world.
     pub mass_kg: Option<f32>,
-    /// Its user's number.
+    /// The number that its user gave it.
     pub user_data: u128,
     /// The region that owns it; `None` for a fixed body.
     pub owner: Option<RegionId>,
-    /// Whether it lies outside the interest of a client ([`World::set_interest`](super::World::set_interest)): it is where it was
-    /// last heard of.
+    /// Whether it lies outside a client's area of interest ([`World::set_interest`](super::World::set_interest)): then its state
+    /// is the last received.
     pub outside: bool,
 }
 
@@ -30,7 +30,7 @@ pub struct Body {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct MovableBody {
-    /// Which.
+    /// The id of the body.
     pub id: BodyId,
     /// The region that owns it.
     pub region: RegionId,
@@ -38,15 +38,15 @@ pub struct MovableBody {
     pub pose: WorldPose,
     /// How it moves, m/s and rad/s.
     pub velocity: Velocity,
-    /// Its user's number.
+    /// The number that its user gave it.
     pub user_data: u128,
     /// Whether it sleeps.
     pub sleeping: bool,
-    /// As [`Body::outside`].
+    /// Same as [`Body::outside`].
     pub outside: bool,
 }
 
-/// Who has authority over a body.
+/// The region and node that have authority over a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Owner {
@@ -54,13 +54,13 @@ pub struct Owner {
     pub region: Option<RegionId>,
     /// The node that computes the region, as far as known; `None` in a local world.
     pub node: Option<NodeId>,
-    /// Whether nobody has told yet who owns it: then the region is the one that it is in.
+    /// Whether its owner is not known yet: then the region is the one that the body lies in.
     pub by_place: bool,
     /// How many regions hold a copy of it; 0 where that is not known.
     pub holders: usize,
     /// Whether this process computes the region.
     pub here: bool,
-    /// Whether what is known of the body was heard from others.
+    /// Whether the state of the body was received from other processes.
     pub heard: bool,
 }
 
@@ -68,19 +68,19 @@ pub struct Owner {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RegionInfo {
-    /// Which.
+    /// The id of the region.
     pub id: RegionId,
     /// The node that computes it; `None` where one process computes all, and where it is not known.
     pub node: Option<NodeId>,
     /// Bodies that it owns.
     pub owned: usize,
-    /// Copies of bodies of other regions that it holds; 0 where that is not known.
+    /// Copies of other regions' bodies (replicas) that it holds; 0 where that is not known.
     pub replicas: usize,
     /// The box of space that is its own, metres; outer regions reach to infinity.
     pub cell: Cell,
 }
 
-/// A body of a served world came or went, or something asked of an avatar was refused.
+/// A change of the bodies of a served world: one appeared or was removed, or an input was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum BodyChange {
@@ -88,7 +88,7 @@ pub enum BodyChange {
     Appeared(BodyId),
     /// It is gone.
     Removed(BodyId),
-    /// What was asked is refused. An avatar that has not appeared never will.
+    /// An input was refused. An avatar that has not appeared never will.
     Refused {
         /// Which avatar; `None` when it concerns none.
         body: Option<BodyId>,

@@ -1,4 +1,4 @@
-//! What a program compiled with an older `dcd.h` finds changed in this one, by libabigail: `abidiff` of package abigail-tools.
+//! Tests that a program compiled with an older `dcd.h` runs with this one, by libabigail: `abidiff` of package abigail-tools.
 //!
 //! It reads types from debugging information. That of Rust names Rust's types, so it is given libraries that a C compiler
 //! makes of the headers: every function with an empty body. That the real library has these functions and layouts is checked

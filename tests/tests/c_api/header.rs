@@ -1,4 +1,4 @@
-//! The headers compile by themselves, twice in a row, in C and C++, without a warning.
+//! Tests that the headers compile by themselves, twice in a row, in C and C++, without a warning.
 
 use std::fs;
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! What the library files offer and need.
+//! Tests what the library files export, and which native libraries they need.
 
 use std::collections::BTreeSet;
 use std::process::Command;

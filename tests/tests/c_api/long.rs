@@ -1,4 +1,4 @@
-//! What takes too long for every run: `cargo test -p dcd-tests --test c_api long -- --ignored`.
+//! Tests what takes too long for every run, random calls and races of threads: `cargo test -p dcd-tests --test c_api long -- --ignored`.
 
 use std::process::Command;
 use std::time::{Duration, Instant};

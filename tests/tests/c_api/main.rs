@@ -1,4 +1,4 @@
-//! The C API from C: the header in every dialect, the examples, misuse, the exported symbols, the package, what older
+//! Tests the C API from C: the header in every dialect, the examples, misuse, the exported symbols, the package, what older
 //! programs find changed.
 
 mod abi;

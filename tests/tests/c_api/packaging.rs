@@ -1,4 +1,4 @@
-//! dcd as others get it: installed into a prefix, found there by CMake, by pkg-config and by hand, or built along with them;
+//! Tests dcd as others get it: installed into a prefix, found there by CMake, by pkg-config and by hand, or built along with them;
 //! and the page that says how, word for word.
 
 use std::os::unix::fs::PermissionsExt;

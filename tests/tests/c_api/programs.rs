@@ -1,4 +1,4 @@
-//! The examples say what they should, and misuse gets its codes: bare, under the sanitizers, and under valgrind.
+//! Tests that the C examples say what they should and that misuse gets its codes: bare, under the sanitizers, and under valgrind.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! C programs in a world that a server of this process holds and nodes of this process compute.
+//! Tests C programs in a world that a server of this process holds and nodes of this process compute.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;

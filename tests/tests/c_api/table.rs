@@ -1,4 +1,4 @@
-//! The page's table of who can do what, function by function and role by role, against the library.
+//! Tests the page's table of which role can do what against the library, function by function.
 
 use std::collections::BTreeMap;
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! The system's C compiler, and a fresh `libdcd_ffi.a` to link to.
+//! Calls the system's C compiler, and builds a fresh `libdcd_ffi.a` to link to.
 
 use std::ffi::OsStr;
 use std::io::Read;

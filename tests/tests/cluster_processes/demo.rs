@@ -1,4 +1,4 @@
-//! `dcd demo`: a server, nodes and a C program, and nothing that outlives them.
+//! Tests `dcd demo`: it runs a server, nodes and a C program, and nothing outlives them.
 
 use std::collections::BTreeSet;
 use std::io::Write;

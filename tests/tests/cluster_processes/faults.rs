@@ -1,4 +1,4 @@
-//! kill -9 and stops of every role, in the demo's world: it goes on, and nothing is lost or doubled.
+//! Tests kill -9 and stops of every role, in the demo's world: it goes on, and nothing is lost or doubled.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};

@@ -1,4 +1,4 @@
-//! Server, nodes and clients as real processes: what they compute, how they end, how they die.
+//! Tests server, nodes and clients as real processes: what they compute, how they end, how they die.
 #![cfg(unix)]
 
 mod demo;

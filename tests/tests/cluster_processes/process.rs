@@ -1,4 +1,4 @@
-//! Real processes of the command line, waited for with a bound and killed by handle when a test is over.
+//! Starts real processes of the command line, waits for them with a bound and kills them by handle when a test is over.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};

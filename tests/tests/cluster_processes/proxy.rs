@@ -1,4 +1,4 @@
-//! A bad network between processes of one machine: UDP goes through here and is lost, delayed, overtaken, doubled or cut off.
+//! Simulates a bad network between processes of one machine: UDP goes through here and is lost, delayed, overtaken, doubled or cut off.
 //!
 //! A process is told a *front*'s address in place of its peer's. Each sender to a front gets a *flow* with a socket of its own
 //! towards the peer, so that peers see as many addresses as there are senders. What happens to a flow's n-th packet

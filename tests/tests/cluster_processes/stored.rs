@@ -1,4 +1,4 @@
-//! What a server leaves behind in its data folder, and what the next one makes of it.
+//! Tests what a server leaves in its data folder, and how the next one goes on with it.
 
 use crate::process::{Process, Server, dcd, playground};
 

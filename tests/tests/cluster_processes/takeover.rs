@@ -1,4 +1,4 @@
-//! kill -9 of nodes: what the others do, and how long the world stands still.
+//! Tests kill -9 of nodes: what the others do, and how long the world stands still.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! Real processes over a bad network: loss, delay, cuts, and kills in bad weather. Everybody speaks through the proxy.
+//! Tests real processes over a bad network: loss, delay, cuts, and kills in bad weather. Everybody speaks through the proxy.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -83,10 +83,10 @@ impl Cluster {
 /// What a weather may do to a world of two nodes in lockstep.
 ///
 /// What its client sees (this machine, 5 s, an avatar told to go 0.5 m/s, told of after every third tick):
-/// - loss: 59 ticks a second; no picture stays for longer than 0.13 s, none is provisional.
+/// - loss: 59 ticks a second; no picture stays for longer than 0.13 s, none is speculative.
 /// - delay: 4 to 5 ticks a second, so that the world goes in slow motion and the ticks that count show a picture every 0.6 to 0.9 s. In each
-///   wait of more than 0.1 s the leader shows provisional ones, at most 0.44 s apart; when the next tick that counts comes, the avatar is put
-///   back by up to 7 cm. A lasting delay is for unsynchronised groups; provisional pictures are for stops.
+///   wait of more than 0.1 s the leader shows speculative ones, at most 0.44 s apart; when the next tick that counts comes, the avatar is
+///   put back by up to 7 cm. A lasting delay is for unsynchronised groups; speculative pictures are for stops.
 /// - storm: 2 to 3 ticks a second; the ticks that count stop for up to 3 s, pictures for up to 1.8 s; put back by up to 0.2 m.
 struct Pace {
     least_ticks_per_s: f64,

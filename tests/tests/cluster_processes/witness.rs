@@ -1,4 +1,4 @@
-//! A client that sees how the world advances.
+//! Joins a client that observes how the world advances.
 
 use std::time::{Duration, Instant};
 
@@ -32,7 +32,7 @@ impl Witness {
         witness
     }
 
-    /// The newest tick that counts: provisional ones do not.
+    /// The newest tick that counts: speculative ones do not.
     pub(crate) fn tick(&self) -> u64 {
         self.view().settled_tick().0
     }
@@ -94,9 +94,9 @@ impl Witness {
 pub(crate) struct Sight {
     /// The longest time between two ticks that count.
     pub(crate) stood: Duration,
-    /// The longest time between two pictures, provisional ones too.
+    /// The longest time between two pictures, speculative ones too.
     pub(crate) frozen: Duration,
-    /// Provisional pictures.
+    /// Speculative pictures.
     pub(crate) guesses: u64,
     /// How far the avatar was put back at most when a guess was over, metres: it goes half a metre a second.
     pub(crate) back_m: f64,

@@ -1,4 +1,4 @@
-//! What is wrong is said, with its cause and remedy, and nothing hangs.
+//! Tests that errors are told with their cause and remedy, and that nothing hangs.
 
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};

@@ -1,4 +1,4 @@
-//! A scene in one bare Rapier world, and cut at x = 0: what Rapier offers must come out alike, and must matter in the scene.
+//! Runs a scene in one bare Rapier world, and cut at x = 0: what Rapier offers must come out alike, and must matter in the scene.
 
 use super::*;
 

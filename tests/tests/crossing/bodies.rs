@@ -1,4 +1,4 @@
-//! Properties of bodies and of what they are made of, over a border as in a bare Rapier world.
+//! Tests that the properties of bodies and colliders act over a border as in a bare Rapier world.
 
 use super::bare::{Setup, as_in_bare_rapier};
 use super::*;

@@ -1,4 +1,4 @@
-//! What a user makes of a body while it lives: another type, another shape, more colliders, other parameters of the solver.
+//! Tests what a user changes of a living body at a border: another type, another shape, more colliders, other parameters of the solver.
 
 use dcd::physics::StepSettings;
 use dcd::protocol::WorldPose;

@@ -1,4 +1,4 @@
-//! What is told of contacts: of each once, and with the force of one world.
+//! Tests contact events over borders: each is told once, and with the force of one world.
 
 use dcd::protocol::{ContactForce, Velocity};
 

@@ -1,4 +1,4 @@
-//! Violent scenes: nothing is lost, nothing is doubled, and bits do not depend on threads.
+//! Tests violent scenes: nothing is lost, nothing is doubled, and bits do not depend on threads.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! What a user says of contacts is heeded in every region.
+//! Tests that the user's contact hooks act in every region.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Joints whose ends several regions hold.
+//! Tests joints whose ends several regions hold.
 
 use super::bare::{Setup, as_in_bare_rapier};
 use super::*;

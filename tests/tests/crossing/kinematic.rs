@@ -1,4 +1,4 @@
-//! Kinematic bodies at borders.
+//! Tests kinematic bodies at borders.
 
 use dcd::protocol::WorldPose;
 

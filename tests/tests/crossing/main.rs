@@ -1,4 +1,4 @@
-//! What crosses borders: whatever happens to a body that several regions share must be what happens to it in one world.
+//! Tests what crosses borders: whatever happens to a body that several regions share must be what happens to it in one world.
 
 mod bare;
 mod bodies;
@@ -20,10 +20,10 @@ use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::space::{Axis, BodyId};
 use rapier3d::prelude::*;
 
-/// Couplings that share masses.
+/// Couplings that split masses.
 const SHARING: [Coupling; 3] = [Coupling::Overlap, Coupling::Island, Coupling::Auto];
 
-/// One region, which steps once a tick.
+/// One region, which steps once per tick.
 fn one_world() -> WorldConfig {
     let step = StepSettings { exchanges: 1, ..StepSettings::default() };
     WorldConfig { partitioning: Partitioning::Regions(1), step, ..WorldConfig::default() }

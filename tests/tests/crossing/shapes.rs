@@ -1,4 +1,4 @@
-//! Shapes that are seldom used cross borders too.
+//! Tests that shapes that are seldom used cross borders too.
 
 use rapier3d::math::IVector;
 use rapier3d::parry::shape::{HeightField, HeightFieldCellStatus, HeightFieldFlags};

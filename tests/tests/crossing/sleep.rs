@@ -1,4 +1,4 @@
-//! Regions agree to sleep, and waking crosses borders.
+//! Tests that all copies of a body sleep together, and that waking crosses borders.
 
 use dcd::protocol::Velocity;
 

@@ -1,4 +1,4 @@
-//! Bodies that sleep beyond a border: what reaches them from another region moves those that it moves in one world.
+//! Tests bodies that sleep beyond a border: what reaches them from another region moves those that it moves in one world.
 
 use std::cell::RefCell;
 use std::f32::consts::TAU;

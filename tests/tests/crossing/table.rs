@@ -1,4 +1,4 @@
-//! The table of Rapier's features, `dcd/RAPIER.md`, names tests that there are.
+//! Tests that the tests named in the table of Rapier's features, `dcd/RAPIER.md`, exist.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Bodies that are unlike their neighbours: fast, heavy, large, locked, bouncy, disabled.
+//! Tests bodies at borders that are unlike their neighbours: fast, heavy, large, locked, bouncy, disabled.
 
 use dcd::space::Bounds;
 

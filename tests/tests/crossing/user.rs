@@ -1,4 +1,4 @@
-//! What a user does to a shared body is done to all of it.
+//! Tests that what a user does to a body held by several regions is done to all its copies.
 
 use dcd::protocol::{Velocity, WorldPose};
 

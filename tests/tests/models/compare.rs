@@ -1,4 +1,4 @@
-//! A model in regions against the same in one bare Rapier world.
+//! Compares a model in regions with the same in one bare Rapier world.
 
 use std::collections::BTreeSet;
 use std::path::Path;

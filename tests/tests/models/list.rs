@@ -1,4 +1,4 @@
-//! Which real files are tried.
+//! Lists the real model files that are tried.
 
 use std::path::{Path, PathBuf};
 

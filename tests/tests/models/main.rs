@@ -1,4 +1,4 @@
-//! Scenes from MJCF and URDF files: real files against the bare world, and every feature of the formats by a file of its own.
+//! Tests scenes from MJCF and URDF files: real files against the bare world, and every feature of the formats by a file of its own.
 
 mod compare;
 mod features;

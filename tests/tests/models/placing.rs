@@ -1,4 +1,4 @@
-//! Copies, ground, and who passes through whom.
+//! Tests how models are placed: copies, ground, and who passes through whom.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! Real files: as many bodies as the loaders make, and in regions what one world does.
+//! Tests real model files: as many bodies as the loaders make, and in regions what one world does.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

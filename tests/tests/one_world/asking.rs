@@ -1,4 +1,4 @@
-//! One question to both worlds, and whether the answers are the same.
+//! Puts one query to both worlds, and checks that the answers are the same.
 
 use dcd::physics::{BodyFilter, ColliderId, WorldMotion, WorldRay};
 use dcd::protocol::WorldPose;

@@ -1,5 +1,5 @@
-//! Questions that no honest program asks: whatever a client sends that may be sent is answered, and by what may be told. An owner that
-//! stopped, or whose answer broke a rule, would be lost to the world.
+//! Tests questions that no honest program asks: whatever a client sends that may be sent is answered, and by what may be told. An
+//! owner that stopped, or whose answer broke a rule, would be lost to the world.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! A partitioned world beside one Rapier world: whatever is asked of both, they say the same, and whatever is done to both,
+//! Tests a partitioned world beside one Rapier world: whatever is asked of both, they say the same, and whatever is done to both,
 //! the same comes of it.
 
 mod asking;

@@ -1,4 +1,4 @@
-//! Random operations on a partitioned world and on one Rapier world in parallel.
+//! Tests random operations on a partitioned world and on one Rapier world in parallel.
 
 use dcd::physics::Coupling;
 use proptest::prelude::*;

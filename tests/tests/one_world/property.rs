@@ -1,4 +1,4 @@
-//! Random scenes, cuts, couplings, changes and questions: the answers are those of one Rapier world.
+//! Tests random scenes, cuts, couplings, changes and questions: the answers are those of one Rapier world.
 
 use dcd::physics::Coupling;
 use dcd::protocol::WorldPose;

@@ -1,4 +1,4 @@
-//! Queries over all regions, one by one.
+//! Tests queries over all regions, one by one.
 
 use dcd::physics::{BodyFilter, ColliderId, Coupling, QueryError, WorldRay};
 use dcd::protocol::WorldPose;

@@ -1,4 +1,4 @@
-//! Random scenes of all sorts of bodies, and the bare world that a partitioned one must agree with.
+//! Generates random scenes of all sorts of bodies, and the bare world that a partitioned one must agree with.
 
 use dcd::physics::{ColliderId, Coupling};
 use dcd::protocol::{Velocity, WorldPose};

@@ -1,4 +1,4 @@
-//! The same world twice: partitioned, and bare.
+//! Runs the same world twice, partitioned and bare, and compares them.
 
 use std::collections::BTreeSet;
 

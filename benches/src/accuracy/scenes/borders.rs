@@ -1,4 +1,4 @@
-//! What happens to ownership: handed over every step, not flapping, reaching across all regions.
+//! Defines the experiments on ownership: bodies handed over every step, on a border without flapping, reaching across all regions.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;

@@ -1,4 +1,4 @@
-//! What falls sooner or later, or is to fall: card house, arch, planks, dominoes.
+//! Defines the experiments of what falls sooner or later, or is to fall: card house, arch, planks, dominoes.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;

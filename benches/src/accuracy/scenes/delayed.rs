@@ -1,4 +1,4 @@
-//! Exchanges that are skipped, late or lost.
+//! Defines the experiment of exchanges that are skipped, late or lost.
 
 use super::super::fleet::Fault;
 use super::super::scene::{Case, Experiment, Size};

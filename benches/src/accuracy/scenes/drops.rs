@@ -1,4 +1,4 @@
-//! SimBenchmark's 666: 6 x 6 x 6 balls that drop on a floor, elastic or not.
+//! Defines the experiments of SimBenchmark's 666: 6 x 6 x 6 balls that drop on a floor, elastic or not.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;

@@ -1,4 +1,4 @@
-//! Bodies in flight: shot through several regions a step, tumbling where eight meet, against a thin wall.
+//! Defines the experiments of bodies in flight: shot through several regions a step, tumbling where eight meet, against a thin wall.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;

@@ -1,4 +1,4 @@
-//! Balls that meet: two on the border, five in a row.
+//! Defines the experiments of balls that collide: two on the border, five in a row.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;

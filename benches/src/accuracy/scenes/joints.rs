@@ -1,4 +1,4 @@
-//! Joints across the border.
+//! Defines the experiments of joints across the border: a chain and nets.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;

@@ -1,4 +1,4 @@
-//! The experiments, by family.
+//! Lists the experiments, by family.
 
 mod borders;
 mod collapse;

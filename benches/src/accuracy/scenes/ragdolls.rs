@@ -1,4 +1,4 @@
-//! Ragdolls that tumble down stairs, across borders.
+//! Defines the experiment of ragdolls that tumble down stairs, across borders.
 
 use dcd::rapier3d::prelude::*;
 use dcd::scene::{Params, Scene, SceneJoint};

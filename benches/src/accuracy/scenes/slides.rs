@@ -1,4 +1,4 @@
-//! Bodies that slide and roll over the border.
+//! Defines the experiments of bodies that slide and roll over the border.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;

@@ -1,4 +1,4 @@
-//! Stacks of boxes with the border across, between and up through them.
+//! Defines the experiments of stacks of boxes with the border across, between and up through them.
 
 use dcd::scene::{Params, Scene};
 use dcd::space::Axis;

@@ -1,4 +1,4 @@
-//! Chaotic scenes: figures over several seeds instead of positions.
+//! Defines the experiments of chaotic scenes, judged by figures over several seeds instead of positions.
 
 use dcd::scene::{Params, Scene};
 use dcd::space::Axis;

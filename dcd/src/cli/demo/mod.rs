@@ -1,4 +1,4 @@
-//! `dcd demo`: the whole chain with real processes on this machine.
+//! Implements `dcd demo`: runs server, nodes and a C client as real processes on this machine.
 
 mod process;
 mod program;
@@ -21,11 +21,11 @@ use super::values::wall_seconds;
 use crate::net::{Authority, JoinRole};
 use crate::scene::{AvatarHint, Params, Scene};
 
-/// What a step that takes a second or two may take on a busy machine.
+/// The longest time for a step that takes a second or two, on a busy machine.
 const STEP: Duration = Duration::from_secs(30);
-/// How often the user's wish to end is looked for.
+/// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(20);
-/// How long there is no server after one was killed: nodes take a second to miss it.
+/// Time without a server after one was killed: nodes take a second to miss it.
 const DOWN: Duration = Duration::from_millis(1500);
 
 /// Shows a world that several processes compute and that a C program plays in
@@ -109,7 +109,7 @@ impl Demo {
     }
 }
 
-/// What every scene of the demo needs.
+/// Data that every scene of the demo needs.
 struct Show<'a> {
     common: &'a Common,
     interrupt: Interrupt,
@@ -181,7 +181,7 @@ impl Show<'_> {
         Played::new(cast, &joined, &served, &computed)
     }
 
-    /// The server, and where it listens.
+    /// Starts the server, and returns it and the address where it listens.
     fn serve(&self, demo: &Demo, listen: &str) -> Result<(Process, String), Failure> {
         let mut serving = self.command("serve");
         serving.arg(&demo.scene).args(["--listen", listen, "--nodes", &demo.nodes.to_string(), "--data"]);
@@ -191,7 +191,7 @@ impl Show<'_> {
         Ok((server, line.trim_start_matches("listening ").to_owned()))
     }
 
-    /// Waits, but not if the user wants the end.
+    /// Waits, but not if the user asked for the end.
     fn wait_until(&self, due: Instant) -> Result<(), Failure> {
         while Instant::now() < due {
             if self.interrupt.asked() {
@@ -202,7 +202,7 @@ impl Show<'_> {
         Ok(())
     }
 
-    /// The server dies, and another one goes on.
+    /// Kills the server, and starts another one that goes on.
     fn restart(
         &self,
         demo: &Demo,
@@ -222,7 +222,7 @@ impl Show<'_> {
         Ok((server, Restart { after_s: after.as_secs_f64(), took_s, view }))
     }
 
-    /// A node dies.
+    /// Kills a node.
     fn kill(
         &self,
         nodes: &mut Vec<(String, Process)>,
@@ -255,7 +255,7 @@ impl Show<'_> {
         Ok(self.authority.issue_token(role, Duration::from_secs(600), now)?.to_string())
     }
 
-    /// The JSON object that a process prints last, whatever it thinks of it.
+    /// Returns the JSON object that a process prints last, whatever its exit code.
     fn summary(&self, process: Process, name: &str) -> Result<Value, Failure> {
         let (status, said) = process.finish(STEP, self.interrupt)?;
         said.last().and_then(|line| serde_json::from_str(line).ok()).ok_or_else(|| {
@@ -264,7 +264,7 @@ impl Show<'_> {
     }
 }
 
-/// Where the avatar starts and goes: as the scene says, else along the ground through the middle; so slowly that it does
+/// Returns where the avatar starts and goes: as the scene says, else along the ground through the middle; so slowly that it does
 /// not leave the world.
 fn avatar(scene: &Scene, time: Duration) -> AvatarHint {
     let (min, max) = (scene.bounds.min, scene.bounds.max);

@@ -1,4 +1,4 @@
-//! A child process that is waited for with a bound, and never outlives its handle.
+//! Runs a child process that is waited for with a bound, and never outlives its handle.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read};
@@ -11,9 +11,9 @@ use std::time::{Duration, Instant};
 use crate::cli::failure::Failure;
 use crate::cli::interrupt::Interrupt;
 
-/// How often the user's wish to end is looked for.
+/// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
-/// What a child gets to end in order when its handle is dropped.
+/// Time that a child gets to end in order when its handle is dropped.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Lines of its standard error that are kept to explain a failure.
 const KEPT: usize = 30;
@@ -97,7 +97,7 @@ impl Process {
         }
     }
 
-    /// Waits until it ends by itself, and gives the lines of its standard output that were not asked for.
+    /// Waits until it ends by itself, and returns the lines of its standard output that were not asked for.
     pub(super) fn finish(
         mut self,
         limit: Duration,
@@ -119,7 +119,7 @@ impl Process {
         Ok((status, self.lines.try_iter().collect()))
     }
 
-    /// As [`Process::finish`], but its failure is an error.
+    /// Waits as [`Process::finish`] does, but returns its failure as an error.
     pub(super) fn succeed(self, limit: Duration, interrupt: Interrupt) -> Result<Vec<String>, Failure> {
         let (name, errors) = (self.name.clone(), self.errors.clone());
         match self.finish(limit, interrupt)? {
@@ -139,7 +139,7 @@ impl Process {
         let _ = self.child.wait();
     }
 
-    /// An error that says what it did not do, with its own last words.
+    /// Returns an error that says what it did not do, with its own last words.
     pub(super) fn failed(&self, what: &str) -> Failure {
         explained(&self.name, what, &self.errors)
     }

@@ -1,4 +1,4 @@
-//! The C program of the demo: where its source is, and how it is made.
+//! Finds and builds the C program of the demo.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,18 +9,18 @@ use crate::cli::common::Common;
 use crate::cli::failure::Failure;
 use crate::cli::interrupt::Interrupt;
 
-/// A first build on a slow machine.
+/// The longest time of a first build on a slow machine.
 const BUILD: Duration = Duration::from_secs(1800);
 const SOURCE: &str = "examples-c/join.c";
 
-/// What a static library of Rust needs of the system (`cargo rustc -p dcd-ffi -- --print native-static-libs`).
+/// System libraries that a static library of Rust needs (`cargo rustc -p dcd-ffi -- --print native-static-libs`).
 const SYSTEM_LIBRARIES: &[&str] = if cfg!(target_os = "linux") {
     &["-lgcc_s", "-lutil", "-lrt", "-lpthread", "-lm", "-ldl", "-lc"]
 } else {
     &["-lm"]
 };
 
-/// The folder of dcd's sources: the one that this binary was built from, else one around the current folder.
+/// Returns the folder of dcd's sources: the one that this binary was built from, else one around the current folder.
 pub(super) fn workspace() -> Result<PathBuf, Failure> {
     let is_it = |folder: &&Path| folder.join(SOURCE).is_file() && folder.join("include/dcd.h").is_file();
     let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
@@ -49,7 +49,7 @@ pub(super) fn build(
     // With `dcd` itself, so that the dependencies' features are those of the running binary and nothing is built twice.
     building.args(["build", "--package", "dcd-ffi", "--package", "dcd", "--lib"]);
     building.args(["--message-format", "json-render-diagnostics"]);
-    // `cargo run` tells its child of the package it runs; build scripts that listen to that would build anew.
+    // `cargo run` sets variables about the package it runs for its child; build scripts that depend on them would build anew.
     for (name, _) in std::env::vars_os() {
         let told = name.to_str().is_some_and(|name| {
             ["CARGO_PKG_", "CARGO_MANIFEST_"].iter().any(|prefix| name.starts_with(prefix))
@@ -64,7 +64,7 @@ pub(super) fn build(
     if let Some(target) = std::env::current_exe().ok().as_deref().and_then(target_of) {
         building.arg("--target-dir").arg(target);
     }
-    // What cargo told this process about its package would make build scripts run anew.
+    // The variables that cargo set for this process about its package would make build scripts run anew.
     for (name, _) in std::env::vars_os() {
         let name = name.to_string_lossy();
         if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") {
@@ -87,13 +87,13 @@ pub(super) fn build(
     Ok(program)
 }
 
-/// Cargo's target folder, if this binary lies in one.
+/// Returns cargo's target folder, if this binary lies in one.
 fn target_of(binary: &Path) -> Option<PathBuf> {
     let target = binary.ancestors().skip(2).take(2).find(|folder| folder.join("CACHEDIR.TAG").is_file());
     target.map(Path::to_owned)
 }
 
-/// The library's file, in the message in which cargo tells of it.
+/// Returns the library's file from the message in which cargo names it.
 fn static_library(message: &str) -> Option<PathBuf> {
     let message: serde_json::Value = serde_json::from_str(message).ok()?;
     if message["reason"] != "compiler-artifact" || message["target"]["name"] != "dcd_ffi" {

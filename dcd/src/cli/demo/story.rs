@@ -1,4 +1,4 @@
-//! What happened in the demo, for people and for programs.
+//! Reports the events of the demo, for people and for programs.
 
 use serde::Serialize;
 use serde_json::Value;
@@ -7,7 +7,7 @@ use crate::cli::failure::Failure;
 use crate::cli::summary::Summary;
 use crate::scene::AvatarHint;
 
-/// Who took part.
+/// The participants of the demo, and what happened to them.
 pub(super) struct Cast {
     pub address: String,
     pub scene: String,
@@ -19,7 +19,7 @@ pub(super) struct Cast {
     pub restart: Option<Restart>,
 }
 
-/// How a node died and what became of its regions.
+/// The death of a node and the takeover of its regions.
 pub(super) struct Takeover {
     pub killed: String,
     pub after_s: f64,
@@ -28,7 +28,7 @@ pub(super) struct Takeover {
     pub view: String,
 }
 
-/// How the server died and another one went on.
+/// The death of the server and its restart.
 pub(super) struct Restart {
     pub after_s: f64,
     pub took_s: f64,
@@ -36,7 +36,7 @@ pub(super) struct Restart {
     pub view: String,
 }
 
-/// What came of it.
+/// The participants and the result.
 pub(super) struct Played {
     pub cast: Cast,
     pub result: Outcome,
@@ -60,7 +60,7 @@ pub(super) struct Outcome {
     pub bytes_per_s: f64,
 }
 
-/// Of the slowest node, milliseconds.
+/// Times per tick of the slowest node, milliseconds.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct Times {
     pub p50: Option<f64>,
@@ -87,7 +87,7 @@ impl Summary for Outcome {
 }
 
 impl Played {
-    /// Puts together what the processes said of themselves.
+    /// Combines the summaries of the processes.
     pub(super) fn new(cast: Cast, joined: &str, served: &Value, computed: &[Value]) -> Result<Self, Failure> {
         let heard = |key: &str| {
             let value = joined.split_whitespace().find_map(|word| word.strip_prefix(key)?.strip_prefix('='));
@@ -119,7 +119,7 @@ impl Played {
     }
 }
 
-/// The story, for people.
+/// Tells the story, for people.
 pub(super) fn told(played: &Played) -> String {
     let Cast { address, scene, view, hint, nodes, takeover, restart } = &played.cast;
     let place = hint.pose.translation;

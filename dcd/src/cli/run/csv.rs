@@ -1,4 +1,4 @@
-//! The state of all movable bodies as CSV.
+//! Writes the state of all movable bodies as CSV.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -13,7 +13,7 @@ const HEADER: &str = "id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region";
 pub(super) struct Target(PathBuf);
 
 impl Target {
-    /// A long run is not to be lost to a wrong path. What the file held stays until the run is over.
+    /// Checks that the file can be written: a long run is not to be lost to a wrong path. Its content stays until the run is over.
     pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
         match OpenOptions::new().append(true).create(true).open(&path) {
             Ok(_) => Ok(Self(path)),
@@ -34,7 +34,7 @@ fn refused(path: &Path, error: &io::Error) -> String {
     )
 }
 
-/// Bodies in id order; every number is the shortest text that reads back to the same bits.
+/// Writes bodies in id order; every number is the shortest text that reads back to the same bits.
 fn write_states(mut to: impl Write, world: &impl Measured) -> io::Result<()> {
     writeln!(to, "{HEADER}")?;
     for (id, region, pose, velocity) in world.states() {

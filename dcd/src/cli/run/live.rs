@@ -1,4 +1,4 @@
-//! What `dcd run` shows to a person who looks on while it runs.
+//! Draws the progress of `dcd run` for a person who looks on while it runs.
 
 use std::time::{Duration, Instant};
 
@@ -8,9 +8,9 @@ use crate::cli::common::Common;
 use crate::runtime::LocalWorld;
 use crate::runtime::measure::Subject;
 
-/// Between two drawings.
+/// Time between two drawings.
 const PERIOD: Duration = Duration::from_millis(250);
-/// Regions that have a line of their own.
+/// The most regions that have a line of their own.
 const MOST_LINES: usize = 12;
 
 /// A bar with a table below it; nothing without a person.
@@ -18,10 +18,10 @@ pub(super) struct Live {
     bar: ProgressBar,
     /// When it was drawn last; the first step is shown at once.
     drawn: Option<Instant>,
-    /// Since then.
+    /// Steps since then.
     steps: u32,
     spent: Duration,
-    /// Of each region.
+    /// Time spent in each region.
     spent_by: Vec<Duration>,
 }
 
@@ -37,7 +37,7 @@ impl Live {
         Self { bar, drawn: None, steps: 0, spent: Duration::ZERO, spent_by: Vec::new() }
     }
 
-    /// After each step, outside what is timed.
+    /// Counts a step, outside what is timed, and draws now and then.
     pub(super) fn tell(&mut self, tick: u64, subject: &Subject) {
         if self.bar.is_hidden() {
             return;
@@ -85,9 +85,9 @@ impl Live {
     }
 }
 
-/// What there is to see.
+/// The numbers of one drawing.
 struct Look {
-    /// Of the whole, a step.
+    /// Time of the whole, per step.
     ms: f64,
     transfers: u64,
     exchanges: usize,
@@ -101,7 +101,7 @@ struct Row {
     bodies: usize,
     awake: usize,
     replicas: usize,
-    /// A step.
+    /// Time per step.
     ms: f64,
 }
 

@@ -1,4 +1,4 @@
-//! `dcd run`: steps a scene on this machine and measures it.
+//! Implements `dcd run`: steps a scene on this machine and measures it.
 
 mod csv;
 mod live;
@@ -175,7 +175,7 @@ fn after_help() -> String {
     )
 }
 
-/// From so many regions to so many; none keeps as many as there are.
+/// A range of region counts; none keeps as many as there are.
 #[derive(Clone, Copy)]
 struct Range(Option<(usize, usize)>);
 
@@ -192,7 +192,7 @@ fn range(text: &str) -> Result<Range, String> {
     }
 }
 
-/// At most 30 years: more would not end, and ticks are counted in whole numbers.
+/// The longest run: 30 years; more would not end, and ticks are counted in whole numbers.
 const MOST_SECONDS: f64 = 1e9;
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -1,4 +1,4 @@
-//! Worlds that `dcd run` saves and goes on with.
+//! Saves and restores worlds of `dcd run` as snapshots.
 
 use std::fs::File;
 use std::io::Read;
@@ -9,7 +9,7 @@ use crate::cli::common::Common;
 use crate::cli::failure::Failure;
 use crate::runtime::{LocalWorld, SnapshotError};
 
-/// A file to save to, beside which one could be written before the run began: a long run is not to be lost to a wrong path.
+/// A file for the snapshot, beside which one could be written before the run began: a long run is not to be lost to a wrong path.
 pub(super) struct Target {
     path: PathBuf,
 }
@@ -43,7 +43,7 @@ impl Target {
     }
 }
 
-/// Whether this names a snapshot: by its ending, or because it says so of itself.
+/// Returns whether this names a snapshot: by its extension, or by its content.
 pub(super) fn is_one(path: &str) -> bool {
     let mut beginning = Vec::new();
     let read = File::open(path).and_then(|file| file.take(8).read_to_end(&mut beginning));

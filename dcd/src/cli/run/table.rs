@@ -1,4 +1,4 @@
-//! A report for people.
+//! Formats a report as a table for people.
 
 use crate::runtime::measure::{Chosen, Report};
 

@@ -1,4 +1,4 @@
-//! What a client says, and what it believes.
+//! Tests what a client sends to server and leader (interest, questions), and which states of bodies it takes in.
 
 use super::*;
 use crate::protocol::{Asked, Found, Stamp};
@@ -51,7 +51,7 @@ fn follow(client: &mut Client, node: u32) {
     client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Node(NodeId(node))));
 }
 
-/// What it says to its leaders of its interest.
+/// Returns the interests that it sends to its leaders.
 fn said(client: &mut Client) -> Vec<(Peer, Option<Area>)> {
     let output = |output| match output {
         ClientOutput::Send { to, message: Message::FromClient(_, FromClient::Interest(area)) } => {

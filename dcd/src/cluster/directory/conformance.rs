@@ -1,15 +1,15 @@
-//! What every directory must do, whatever it is made of.
+//! Tests that an implementation of `Directory` does what the trait promises, whatever stores it.
 
 use super::{Batch, Condition, Directory, DirectoryError, Key, Revision, Tenure};
 use crate::protocol::ShapeHash;
 use crate::space::{BodyId, GroupId, JointId};
 
-/// A batch that writes one body's value.
+/// Returns a batch that writes one body's value.
 pub(crate) fn body(index: u32, value: u8, durable: bool) -> Batch {
     Batch { writes: vec![(Key::Body(BodyId::persistent(index)), Some(vec![value]))], durable }
 }
 
-/// Bodies and their values, as read.
+/// Returns bodies and their values, as read.
 pub(crate) fn values(directory: &mut impl Directory) -> Vec<(u32, u8)> {
     let entries = directory.load().unwrap();
     entries

@@ -1,16 +1,16 @@
-//! A directory without a disk, which knows what a disk would have kept.
+//! Keeps a directory in memory and simulates which batches a disk would have kept after a crash.
 
 use std::collections::BTreeMap;
 
 use super::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision, Tenure};
 
-/// For the simulator, and for worlds that need not outlive their server.
+/// A directory in memory, for the simulator and for worlds that need not outlive their server.
 #[derive(Clone, Debug, Default)]
 pub struct MemoryDirectory {
     now: State,
-    /// As of the last durable batch.
+    /// The entries as of the last durable batch.
     synced: State,
-    /// Committed since then, in order.
+    /// Batches committed since then, in order.
     unsynced: Vec<Batch>,
 }
 
@@ -34,13 +34,13 @@ impl State {
 }
 
 impl MemoryDirectory {
-    /// An empty one.
+    /// Returns an empty directory.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The machine crashes. Of the batches since the last durable one, in order, those are kept that are asked for, up to
-    /// the first that is not: a disk may have got any number of them, but none without all before it.
+    /// Simulates a crash of the machine. Of the batches since the last durable one, in order, keeps those that `keep_unsynced`
+    /// accepts, up to the first that it does not: a disk may have got any number of them, but none without all before it.
     pub fn crash(&mut self, mut keep_unsynced: impl FnMut(&Batch) -> bool) {
         for batch in std::mem::take(&mut self.unsynced) {
             if !keep_unsynced(&batch) {
@@ -51,7 +51,7 @@ impl MemoryDirectory {
         self.now = self.synced.clone();
     }
 
-    /// How many batches a crash could undo.
+    /// Returns how many batches a crash could undo.
     pub fn unsynced(&self) -> usize {
         self.unsynced.len()
     }

@@ -1,12 +1,12 @@
-//! The largest clique by branch and bound (Tomita and Seki 2003; in bits, San Segundo et al. 2011): nodes that are given the same
-//! colour are pairwise not near, so a clique has at most as many nodes as its candidates have colours.
+//! Finds the largest clique of a graph by branch and bound (Tomita and Seki 2003; in bits, San Segundo et al. 2011): nodes that
+//! are given the same colour are pairwise not near, so a clique has at most as many nodes as its candidates have colours.
 
 use super::near::{Graph, Ranks};
 
-/// Words of bits that the searches of one grouping may go over, beyond what every group costs anyway: 30 to 60 ms.
+/// How many words of bits the searches of one grouping may go over, beyond what every group costs anyway: 30 to 60 ms.
 const WORK: u64 = 50_000_000;
 
-/// What is left of the work, in words of bits.
+/// The work that is left, in words of bits.
 #[derive(Debug)]
 pub(super) struct Work(u64);
 
@@ -33,15 +33,15 @@ impl Work {
     }
 }
 
-/// A clique that nobody of `among` can be added to, lowest ranks first. Empty only if `among` is.
+/// Returns a clique that no node of `among` can be added to, lowest ranks first. Empty only if `among` is.
 pub(super) fn greedy(graph: &Graph, among: &Ranks) -> Vec<usize> {
     let mut clique = Vec::new();
     graph.complete(&mut clique, among);
     clique
 }
 
-/// The largest clique of `among`, or any of `enough` nodes, if it is larger than `best`; else `best`. When the work is spent
-/// it is the largest that was seen.
+/// Returns the largest clique of `among`, or any of `enough` nodes, if it is larger than `best`; else `best`. When the work is
+/// spent it is the largest that was seen.
 pub(super) fn largest(
     graph: &Graph,
     among: &Ranks,
@@ -64,7 +64,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Those that have as many near them as a clique larger than the best needs.
+    /// Returns the nodes that have as many near them as a clique larger than the best needs.
     fn worthwhile(&mut self, among: &Ranks) -> Ranks {
         let mut kept = among.clone();
         let mut before = usize::MAX;
@@ -102,8 +102,8 @@ impl Search<'_> {
         }
     }
 
-    /// Candidates in the order of their colours, with the number of colours up to theirs. Those are left out whose colours
-    /// are so few that no larger clique begins with them.
+    /// Returns the candidates in the order of their colours, with the number of colours up to theirs. Those are left out whose
+    /// colours are so few that no larger clique begins with them.
     fn coloured(&mut self, candidates: &Ranks) -> Vec<(usize, usize)> {
         let too_few = self.best.len().saturating_sub(self.chosen.len());
         let mut coloured = Vec::new();

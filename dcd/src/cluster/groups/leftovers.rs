@@ -1,10 +1,10 @@
-//! Nobody alone: who is left over by groups of 2^k joins a group, takes a member of one that can spare it, or takes half of a pair,
-//! whose other half then looks for company in the same way. Along such chains everybody finds company who can: if
-//! some other division into groups leaves fewer alone, a chain leads towards it.
+//! Finds company for nodes that groups of 2^k nodes leave alone: such a node joins a group, takes a member of one that can
+//! spare it, or takes half of a pair, whose other half then looks for company in the same way. Along such chains (augmenting
+//! paths) every node finds company that can: if some other division into groups leaves fewer alone, a chain leads towards it.
 
 use super::near::{Graph, Ranks};
 
-/// Nodes that may be looked at in all chains together; those of ten nodes never need so many.
+/// How many nodes may be looked at in all chains together; graphs of ten nodes never need so many.
 const WORK: u64 = 4_000_000;
 
 /// Leaves as few nodes alone as it can, and of the ways to do so takes those that keep sizes powers of two.
@@ -39,7 +39,7 @@ struct Places<'a> {
     touched: Ranks,
 }
 
-/// What may be done for somebody alone, worst first.
+/// A way to find company for a node that is alone, worst first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Way {
     /// Take one of four or more.
@@ -50,12 +50,12 @@ enum Way {
     TakeFromThree(usize),
     /// Join a group that will have 2^k members.
     JoinWell(usize),
-    /// Join somebody alone.
+    /// Join another node that is alone.
     JoinOne(usize),
 }
 
 impl Places<'_> {
-    /// Finds company for somebody alone, or changes nothing.
+    /// Finds company for a node that is alone, or changes nothing.
     fn find_company(&mut self, rank: usize) -> bool {
         let near: Vec<usize> = self.graph.near(rank).iter().collect();
         self.work = self.work.saturating_sub(near.len() as u64 + 1);
@@ -87,7 +87,7 @@ impl Places<'_> {
         false
     }
 
-    /// What the group of somebody near can do at once.
+    /// Returns what the group of a near node can do at once.
     fn way(&self, rank: usize, other: usize) -> Option<Way> {
         let group = &self.groups[self.group_of[other]];
         let size = group.len();

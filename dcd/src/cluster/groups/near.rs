@@ -1,8 +1,9 @@
-//! Who is near whom: a graph in bits, so that a thousand nodes meet a thousand in sixteen words.
+//! Stores which nodes are near each other as a graph of bit sets, so that two sets of a thousand nodes are intersected in
+//! sixteen words.
 
 use crate::space::NodeId;
 
-/// A set of nodes by rank.
+/// A set of nodes by rank, in bits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Ranks(Vec<u64>);
 
@@ -69,7 +70,7 @@ impl Ranks {
     }
 }
 
-/// Nodes ranked by how many are near them, most first, of equals the lower id; and who is near whom.
+/// The graph of pairs of near nodes. Nodes are ranked by how many are near them, most first, of equals the lower id.
 #[derive(Clone, Debug)]
 pub(super) struct Graph {
     nodes: Vec<NodeId>,
@@ -77,7 +78,7 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    /// The graph of these nodes, each taken once.
+    /// Returns the graph of these nodes, each taken once.
     pub(super) fn new(nodes: &[NodeId], is_near: impl Fn(NodeId, NodeId) -> bool) -> Self {
         let mut ids = nodes.to_vec();
         ids.sort_unstable();
@@ -111,7 +112,7 @@ impl Graph {
         self.nodes[rank]
     }
 
-    /// Who is near this one; never itself.
+    /// Returns the nodes near this one; never itself.
     pub(super) fn near(&self, rank: usize) -> &Ranks {
         &self.near[rank]
     }
@@ -130,7 +131,7 @@ impl Graph {
         all
     }
 
-    /// Adds to a clique whoever of `left` is near all of it, lowest rank first.
+    /// Adds to a clique the nodes of `left` that are near all of it, lowest rank first.
     pub(super) fn complete(&self, clique: &mut Vec<usize>, left: &Ranks) {
         let mut fit = left.clone();
         clique.iter().for_each(|&rank| fit.keep(self.near(rank)));

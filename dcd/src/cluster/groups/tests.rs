@@ -1,3 +1,5 @@
+//! Tests that groups form, and newcomers join them, by rules and hints, and that the search keeps within its bound on work.
+
 use std::collections::BTreeSet;
 
 use proptest::prelude::*;

@@ -1,15 +1,15 @@
-//! Which members hold which avatars: whoever does must hear where they are wanted, and nobody else (thesis 3.3.8).
+//! Tracks which members hold which avatars, so that an avatar's inputs are sent to those members only (thesis 3.3.8).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::space::{BodyId, NodeId};
 
-/// What members said they hold. An avatar that nobody spoke of yet concerns all.
+/// The avatars that each member said it holds. An avatar that none has named yet concerns all.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Holders {
     by_node: BTreeMap<NodeId, BTreeSet<BodyId>>,
     known: BTreeMap<BodyId, u32>,
-    /// Members that held an avatar until lately, and are told of it once more.
+    /// Members that held an avatar until lately, and are sent its input once more.
     former: BTreeSet<(BodyId, NodeId)>,
 }
 

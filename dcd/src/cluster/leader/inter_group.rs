@@ -1,5 +1,5 @@
-//! A group among others (thesis 3.3.8): which bodies it is believed about, what it tells the others of them, and how its own
-//! follow where another group is believed.
+//! Synchronises a group with other groups (inter-group, thesis 3.3.8): tracks which bodies it is authoritative for, sends their
+//! states to the other groups, and corrects its own bodies where another group is authoritative.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,17 +11,17 @@ use crate::space::{BodyId, ClientId, Tick};
 
 /// Ticks between messages to the other groups.
 const TELL_EVERY: u64 = 6;
-/// Bodies at rest that are told of again with each.
+/// Bodies at rest that are sent again with each.
 const REMINDERS: usize = 4;
-/// What another group told longer ago than this does not count any more, ticks.
+/// A state that another group sent longer ago than this does not count any more, ticks.
 const STALE_TICKS: u64 = 60;
 /// How many ticks another group may be ahead or behind before this one hurries or waits.
 const STEP_TICKS: i64 = 1;
-/// By how much it does for each of them, and at most: a second is made up for in some five.
+/// The share of a tick by which it hurries or waits per tick of difference, and at most: a second is made up for in some five.
 const HURRY: f32 = 0.01;
 const MOST_HURRY: f32 = 0.25;
 
-/// Deviations between this group and those that are believed, since they were last asked for.
+/// The deviations of this group's bodies from the authoritative groups', since they were last asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deviations {
     /// How often a body was compared.
@@ -34,16 +34,16 @@ pub struct Deviations {
     pub above: u64,
 }
 
-/// What a leader knows of the other groups.
+/// The leader's state between groups.
 #[derive(Clone, Debug, Default)]
 pub(super) struct InterGroup {
     by_default: bool,
     stances: BTreeMap<BodyId, (u32, bool)>,
-    /// Moved since the others were told, of those that this group is believed about.
+    /// Bodies that moved since states were last sent, of those that this group is authoritative for.
     moved: BTreeSet<BodyId>,
     told: BTreeMap<BodyId, (Tick, SharedState)>,
     reminded: BodyId,
-    /// The newest that other groups told.
+    /// The newest states that other groups sent.
     heard: BTreeMap<BodyId, (Tick, SharedState)>,
     news: BTreeSet<BodyId>,
     correcting: BTreeSet<BodyId>,
@@ -63,7 +63,7 @@ impl InterGroup {
 }
 
 impl Leader {
-    /// The server says which group is believed about what.
+    /// Takes in from the server which bodies this group is authoritative for.
     pub fn authority(&mut self, alone: bool, by_default: bool, stances: Vec<Stance>) {
         let known: BTreeSet<_> = self.latest.keys().copied().collect();
         let inter_group =
@@ -78,7 +78,7 @@ impl Leader {
         if by_default {
             inter_group.ahead = None;
         }
-        // Who is believed follows nobody any more.
+        // Bodies that this group is authoritative for are corrected no more.
         let is_ours = |id: &BodyId| alone || inter_group.is_ours(*id, &self.clients);
         let ours: Vec<_> = inter_group.heard.keys().copied().filter(is_ours).collect();
         ours.into_iter().for_each(|id| self.let_go(id));
@@ -87,7 +87,7 @@ impl Leader {
         }
     }
 
-    /// A body is led no more: it goes on as it was to move, not at the speed at which it made up for what it was off.
+    /// Stops correcting a body: it goes on with the velocity of its target, not with that of the correction.
     fn let_go(&mut self, id: BodyId) {
         let Some(inter_group) = &mut self.inter_group else { return };
         inter_group.news.remove(&id);
@@ -101,7 +101,7 @@ impl Leader {
         }
     }
 
-    /// What other groups tell of bodies that they are believed about.
+    /// Takes in states that other groups sent of bodies that they are authoritative for.
     pub fn hear_other_groups(&mut self, main: bool, tick: Tick, states: Vec<SharedState>) {
         let now = self.tick.0;
         let Some(inter_group) = &mut self.inter_group else { return };
@@ -110,7 +110,7 @@ impl Leader {
         }
         for state in states {
             let id = state.id;
-            // Else it was sent before this group was believed.
+            // Else it was sent before this group was authoritative.
             let theirs = !inter_group.is_ours(id, &self.clients);
             if theirs && inter_group.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
                 inter_group.heard.insert(id, (tick, state));
@@ -124,7 +124,7 @@ impl Leader {
         }
     }
 
-    /// How far this group's bodies were from where the groups that are believed have them, since the last call.
+    /// Returns how far this group's bodies were from where the authoritative groups have them, since the last call.
     pub fn take_deviations(&mut self) -> Deviations {
         self.inter_group
             .as_mut()
@@ -132,7 +132,7 @@ impl Leader {
             .unwrap_or_default()
     }
 
-    /// How much longer or shorter than usual the next tick is to be, so that groups keep step.
+    /// Returns the factor by which the next tick is longer or shorter than usual, so that groups keep step.
     pub(super) fn stretch(&self) -> f32 {
         match self.inter_group.as_ref().and_then(|inter_group| inter_group.ahead) {
             Some(ahead) if ahead.abs() > STEP_TICKS => {
@@ -150,12 +150,12 @@ impl Leader {
         }
     }
 
-    /// Whether this group takes itself to be the one that is believed about a body.
+    /// Returns whether this group takes itself to be authoritative for a body.
     pub fn is_authoritative(&self, id: BodyId) -> bool {
         self.inter_group.as_ref().is_none_or(|inter_group| inter_group.is_ours(id, &self.clients))
     }
 
-    /// A local avatar that touches a body makes its group the one that is believed about it.
+    /// Claims authority for bodies that a local avatar touches.
     pub(super) fn claim(&mut self, touches: &[Touch]) {
         let Some(inter_group) = &mut self.inter_group else { return };
         let mut claims = BTreeMap::new();
@@ -179,7 +179,8 @@ impl Leader {
         }
     }
 
-    /// After a completed tick: compares, and tells the others at a set rate.
+    /// Compares bodies with the authoritative groups' after a completed tick, and sends states to the other groups at a set
+    /// rate.
     pub(super) fn compare_and_tell(&mut self) {
         let (view, tick, dt_s) = (self.view, self.tick, self.dt.as_secs_f64());
         let thresholds = self.thresholds;
@@ -221,7 +222,7 @@ impl Leader {
                         && deviation_m(&state.pose, &pose) < limit
                 });
                 if !foretold || !moved.contains(id) {
-                    // Told as of this tick: who reads it has one tick a message.
+                    // As of this tick: the reader has one tick per message.
                     let lag_s = (tick.0 as f64 - at.0 as f64) * dt_s;
                     let pose = state.pose.moved(&state.velocity, lag_s);
                     let state = SharedState { pose, ..*state };
@@ -240,7 +241,7 @@ impl Leader {
         }
     }
 
-    /// Corrections for the next tick.
+    /// Returns the corrections for the next tick.
     pub(super) fn corrections(&mut self) -> Vec<WorldOp> {
         let Some(inter_group) = &mut self.inter_group else { return Vec::new() };
         let mut by_tick: BTreeMap<Tick, Vec<SharedState>> = BTreeMap::new();
@@ -254,7 +255,7 @@ impl Leader {
         by_tick.into_iter().map(|(tick, states)| WorldOp::Correct { tick, states }).collect()
     }
 
-    /// Messages for the server since the last call.
+    /// Returns the messages for the server since the last call.
     pub fn take_server_messages(&mut self) -> Vec<ToServer> {
         self.inter_group
             .as_mut()
@@ -296,7 +297,7 @@ mod tests {
         }
     }
 
-    /// Leads itself, in a group that is not the main one.
+    /// Returns the leader of a group of one that is not the main one.
     fn leader() -> Leader {
         let member = Member { node: NodeId(1), address: ([127, 0, 0, 1], 1).into(), client: None };
         let view = View {
@@ -329,7 +330,7 @@ mod tests {
         leader.dispatch(Duration::from_secs(tick.0 + 1)).expect("it is alone")
     }
 
-    /// A body is led to a place that is far from where it is.
+    /// Returns a leader that corrects a body towards a place far from where it is.
     fn leading() -> Leader {
         let mut leader = leader();
         tick(&mut leader, moving(1.0, 6.0));
@@ -339,7 +340,7 @@ mod tests {
         leader
     }
 
-    /// It is to move as it does where the other group has it.
+    /// Returns the operation that ends a correction: the body is to move as it does in the other group.
     fn let_go() -> Vec<WorldOp> {
         let velocity = moving(0.0, 0.5).velocity;
         vec![WorldOp::Input(Input { body: BODY, logical_time: 0, velocity, pose: None })]

@@ -1,41 +1,41 @@
-//! What a client that does not want to hear of everything is told: bodies in its area, and what it must know of others so
-//! that nothing it believes to be in its area is out of date.
+//! Selects the states that a client with an area of interest is sent (interest management): of bodies in its area, and of other
+//! bodies where needed so that nothing it takes to be in its area is out of date.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// How often a body that comes into the area or leaves it is told of: datagrams get lost.
+/// How often a body that comes into the area or leaves it is sent: datagrams get lost.
 const TIMES: u8 = 3;
-/// The most of them that are told of at once: what goes beyond waits, lest it push other states out.
+/// The most of them that are sent at once: the rest waits, lest it push other states out.
 const AT_ONCE: usize = 200;
-/// Resting bodies in the area told again with each batch of states.
+/// Resting bodies in the area sent again with each batch of states.
 const REMINDERS: usize = 16;
 
 /// The newest state of each body.
 pub(super) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
-/// Bodies that moved since clients were told, and where they were before, if that was told.
+/// Bodies that moved since states were last sent, and where they were before, if that was sent.
 pub(super) type Moved = BTreeMap<BodyId, Option<[f64; 3]>>;
 
-/// One client's interest, and what it was told.
+/// One client's area of interest, and what it was sent.
 #[derive(Clone, Debug)]
 pub(super) struct Audience {
     client: ClientId,
     area: Area,
-    /// Around avatars that the area does not cover.
+    /// Areas around own avatars that the area does not cover.
     near: BTreeMap<BodyId, Area>,
-    /// Told of whenever they move.
+    /// Bodies that are sent whenever they move.
     inside: BTreeSet<BodyId>,
-    /// To be told of though they may rest, so many times more.
+    /// Bodies to be sent though they may rest, and how many times more.
     owed: BTreeMap<BodyId, u8>,
-    /// Outside, and not where the client was told last: where that was. At most one entry a body.
+    /// Bodies outside that are not where the client was told last, and where that was. At most one entry per body.
     stale: BTreeMap<BodyId, [f64; 3]>,
     reminded: BodyId,
 }
 
 impl Audience {
-    /// Of a client that was told of all these, and wants to hear of an area from now on.
+    /// Returns the audience of a client that was sent all these bodies, and has this area of interest from now on.
     pub(super) fn new(client: ClientId, area: Area, latest: &Latest) -> Self {
         let mut audience = Self {
             client,
@@ -50,12 +50,12 @@ impl Audience {
         audience
     }
 
-    /// Where it wants to hear of bodies.
+    /// Returns the client's area of interest.
     pub(super) fn area(&self) -> Area {
         self.area
     }
 
-    /// It wants to hear of another area.
+    /// Changes the area of interest.
     pub(super) fn turn_to(&mut self, area: Area, latest: &Latest) {
         if area != self.area {
             self.area = area;
@@ -71,7 +71,8 @@ impl Audience {
         self.look(latest);
     }
 
-    /// What it is told of the bodies that moved, of those that it must hear of though they did not, and of some that rest.
+    /// Returns the states to send: of bodies that moved in the area, of bodies that came into it or left it, and of some that
+    /// rest.
     pub(super) fn batch(&mut self, moved: &Moved, latest: &Latest) -> Vec<SharedState> {
         let state_of = |id: &BodyId| latest.get(id).map(|&(state, _)| state);
         let mut strayed = false;
@@ -96,10 +97,10 @@ impl Audience {
                 self.owed.insert(id, TIMES);
             } else if !self.owed.contains_key(&id) && !self.stale.contains_key(&id) {
                 match before {
-                    // The area has come to where the client believes it.
+                    // The area has come to where the client has it.
                     Some(before) if self.spans(before) => drop(self.owed.insert(id, TIMES)),
                     Some(before) => drop(self.stale.insert(id, before)),
-                    // Nobody knows what an earlier leader told.
+                    // Nobody knows what an earlier leader sent.
                     None => drop(told.insert(id)),
                 }
             }
@@ -111,7 +112,7 @@ impl Audience {
         told.iter().filter_map(state_of).collect()
     }
 
-    /// Whether it hears of a body where this state has it.
+    /// Returns whether a body is sent where this state has it.
     pub(super) fn reaches(&self, state: &SharedState) -> bool {
         let (id, at) = (state.id, state.pose.translation);
         let is_inside = self.inside.contains(&id);
@@ -126,7 +127,7 @@ impl Audience {
         self.stale.remove(&id);
     }
 
-    /// An avatar of its own is here now. Says whether others must be looked at therefore.
+    /// Moves the area around one of the client's own avatars. Returns whether other bodies must be looked at therefore.
     fn follow(&mut self, id: BodyId, state: &SharedState) -> bool {
         let around = Area::around_avatar(state.pose.translation);
         if self.area.contains(&around) {
@@ -139,8 +140,8 @@ impl Audience {
         true
     }
 
-    /// Looks at all bodies, as what it hears of has changed: what comes in is owed, and what goes, so that the client knows;
-    /// and where the client believes a body that has moved on unseen.
+    /// Looks at all bodies after the area has changed. Owed are bodies that come in, those that go, so that the client knows,
+    /// and those that the client has in the area though they have moved on unseen.
     fn look(&mut self, latest: &Latest) {
         for (&id, (state, _)) in latest {
             let is_inside = self.reaches(state);
@@ -162,7 +163,7 @@ impl Audience {
         }
     }
 
-    /// Whether whatever comes here is told.
+    /// Returns whether a body that comes here is sent.
     fn spans(&self, at: [f64; 3]) -> bool {
         self.area.enters(at) || self.near.values().any(|area| area.enters(at))
     }
@@ -203,7 +204,7 @@ mod tests {
     const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
     const STONE: BodyId = BodyId::persistent(1);
 
-    /// A leader's knowledge, one client with an interest, and what that client believes.
+    /// A leader's states, one client with an interest, and where that client has each body.
     struct Stage {
         latest: Latest,
         moved: Moved,
@@ -228,7 +229,7 @@ mod tests {
     }
 
     impl Stage {
-        /// Everything was told; what is owed at first too.
+        /// Everything was sent; what is owed at first too.
         fn new(bodies: &[(BodyId, f64)], area: Area) -> Self {
             let latest: Latest = bodies.iter().map(|&(id, x)| (id, (state(id, x), Tick(0)))).collect();
             let believed = latest.iter().map(|(&id, (state, _))| (id, state.pose.translation)).collect();
@@ -249,7 +250,7 @@ mod tests {
             self.audience.turn_to(area, &self.latest);
         }
 
-        /// Whom the client is told of at the end of a tick.
+        /// Returns the bodies that the client is sent at the end of a tick.
         fn tell(&mut self) -> Vec<BodyId> {
             let told = self.audience.batch(&std::mem::take(&mut self.moved), &self.latest);
             self.believed.extend(told.iter().map(|state| (state.id, state.pose.translation)));
@@ -360,8 +361,8 @@ mod tests {
         assert_eq!(reminded.len(), 45, "up to 44 m: the area and its margin");
     }
 
-    /// Bodies, avatars and areas move and jump at random: whatever is in the area, or believed to be, is believed to be where it
-    /// is; and the leader keeps no more than an entry a body.
+    /// Bodies, avatars and areas move and jump at random: whatever is in the area, or the client has there, the client has
+    /// where it is; and the leader keeps no more than an entry per body.
     #[test]
     fn what_a_client_believes_of_its_area_is_so_whatever_moves() {
         for seed in 0..300 {

@@ -1,5 +1,6 @@
-//! Clients' questions: dispatched with a tick to all members, whose answers come with the word that they have completed it.
-//! A question whose answer does not come, because the members change, is asked again by its client.
+//! Answers clients' questions about bodies (rays, shape casts, overlaps): each is dispatched with a tick to all members, whose
+//! answers come when they have completed it. A question whose answer does not come, because the members change, is asked again
+//! by its client.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -8,17 +9,17 @@ use crate::protocol::{
 };
 use crate::space::{ClientId, NodeId};
 
-/// What a client may be told of answers in a tick before the rest waits: a client that reads too slowly loses its link, and
-/// several long answers at once are more than may wait for it.
+/// Bytes of answers that a client may be sent per tick before the rest waits: a client that reads too slowly loses its link,
+/// and several long answers at once are more than may wait for it.
 const ANSWER_BYTES: usize = 8 << 10;
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Questions {
     waiting: VecDeque<(ClientId, Question)>,
     open: BTreeMap<(ClientId, u64), Open>,
-    /// Whole answers that are not told yet.
+    /// Complete answers that are not sent yet.
     ready: VecDeque<Ready>,
-    /// What each client was told, less its allowance of every tick since.
+    /// Bytes of answers that each client was sent, less its allowance of every tick since.
     told: BTreeMap<ClientId, usize>,
 }
 
@@ -39,7 +40,8 @@ struct Ready {
 }
 
 impl Questions {
-    /// A client asks, perhaps once more. What is beyond its bounds it asks again later.
+    /// Takes in a client's question, perhaps asked once more. One beyond the client's bounds is dropped; the client asks it
+    /// again later.
     pub(super) fn ask(&mut self, client: ClientId, question: Question) {
         let (mut count, mut cost) = (1, question.cost());
         for (number, more) in self.unanswered(client) {
@@ -53,7 +55,7 @@ impl Questions {
         }
     }
 
-    /// By number, with what each costs.
+    /// Returns a client's unanswered questions by number, with what each costs.
     fn unanswered(&self, client: ClientId) -> impl Iterator<Item = (u64, usize)> {
         let waiting = self.waiting.iter().filter(move |(of, _)| *of == client);
         let waiting = waiting.map(|(_, question)| (question.number, question.cost()));
@@ -63,7 +65,7 @@ impl Questions {
         waiting.chain(under_way).chain(ready.map(|ready| (ready.number, ready.cost)))
     }
 
-    /// What goes with the next tick: as much as one question may cost; the rest waits.
+    /// Returns the questions that go with the next tick: as much as one question may cost; the rest waits.
     pub(super) fn dispatch(&mut self, members: &BTreeSet<NodeId>) -> Vec<WorldOp> {
         let (mut ops, mut cost) = (Vec::new(), 0);
         while let Some((client, question)) = self.waiting.pop_front() {
@@ -80,7 +82,7 @@ impl Questions {
         ops
     }
 
-    /// What a member's bodies answer.
+    /// Takes in a member's answers.
     pub(super) fn answered(&mut self, node: NodeId, answers: Vec<Answer>) {
         for Answer { client, number, found } in answers {
             let Some(open) = self.open.get_mut(&(client, number)) else { continue };
@@ -95,7 +97,7 @@ impl Questions {
         }
     }
 
-    /// A tick begins.
+    /// Grants each client its allowance of answers for a new tick.
     pub(super) fn allow(&mut self) {
         self.told.retain(|_, bytes| {
             *bytes = bytes.saturating_sub(ANSWER_BYTES);
@@ -103,7 +105,7 @@ impl Questions {
         });
     }
 
-    /// Whole answers, for clients that have not been told too much.
+    /// Returns complete answers, for clients that have not been sent too much.
     pub(super) fn tell(&mut self) -> Vec<(ClientId, ToClient)> {
         let mut messages = Vec::new();
         for ready in std::mem::take(&mut self.ready) {
@@ -118,7 +120,7 @@ impl Questions {
         messages
     }
 
-    /// Nobody waits for the answers any more.
+    /// Forgets a client's questions and answers.
     pub(super) fn forget(&mut self, client: ClientId) {
         self.waiting.retain(|(of, _)| *of != client);
         self.open.retain(|&(of, _), _| of != client);
@@ -165,7 +167,7 @@ mod tests {
         let [one, two] = MEMBERS;
         for (node, answer) in [
             (one, answer(7, vec![hit(1, 5.0), hit(2, 2.0), None])),
-            // Said again; to something else; of another kind; of no question.
+            // Sent again; to something else; of another kind; of no question.
             (one, answer(7, vec![None; 3])),
             (two, answer(7, vec![None; 2])),
             (two, vec![Answer { client: CLIENT, number: 7, found: Found::TooMuch }]),
@@ -232,7 +234,7 @@ mod tests {
         }
         assert_eq!(times.len(), 4);
         assert!(times[0] == 0 && times[3] > 12, "{times:?}");
-        // Short ones are told at once.
+        // Short ones are sent at once.
         for number in 9..20 {
             questions.ask(CLIENT, question(number, 1));
         }

@@ -1,4 +1,4 @@
-//! What clients are told: contacts of their avatars, and where bodies are.
+//! Sends clients contacts of their avatars and the states of bodies (state replication from the leader to clients).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,14 +7,15 @@ use super::interest::{Audience, Moved};
 use crate::protocol::{ContactForce, ContactKey, SharedState, Stamp, ToClient, Touch, WorldEvents};
 use crate::space::{ClientId, Tick};
 
-/// Resting bodies told again with each batch of states, so that a client that missed their last move hears of it.
+/// Resting bodies sent again with each batch of states, so that a client that missed their last move hears of it.
 const REMINDERS: usize = 16;
 
-/// So often at least, in ticks, clients and the server hear that time goes on though nothing moves.
+/// The ticks after which clients and the server at least hear that time goes on though nothing moves (a heartbeat).
 pub(in crate::cluster) const TELL_TICK: u64 = 30;
 
 impl Leader {
-    /// A pair that two regions hold is seen by both: it begins with the first and ends with the last of them.
+    /// Sends contacts to the clients whose avatars touch. A pair that two regions hold is seen by both: it begins with the
+    /// first and ends with the last of them.
     pub(super) fn forward_contacts(&mut self) {
         let mut seen = WorldEvents::default();
         self.contacts.merge(std::mem::take(&mut self.events).values(), &mut seen);
@@ -61,7 +62,7 @@ impl Leader {
         self.tell_tick();
     }
 
-    /// Tells all who want to hear of everything of what has moved, and of some that have not.
+    /// Sends bodies that have moved, and some that have not, to all clients without an area of interest.
     fn tell_moved(&mut self, moved: Moved) {
         let reminders: Vec<_> = self
             .latest
@@ -77,7 +78,7 @@ impl Leader {
         self.tell_all(self.tick, false, &states);
     }
 
-    /// Tells those who have not heard of anything for long that time goes on.
+    /// Sends the tick to clients that have not heard of anything for long.
     fn tell_tick(&mut self) {
         let is_due = |client: &ClientId| {
             self.told.get(client).is_none_or(|&Tick(told)| told + TELL_TICK <= self.tick.0)
@@ -87,7 +88,7 @@ impl Leader {
         }
     }
 
-    /// Tells all who want to hear of everything.
+    /// Sends states to all clients without an area of interest.
     fn tell_all(&mut self, tick: Tick, provisional: bool, states: &[SharedState]) {
         let all = self.clients.keys().filter(|client| !self.audiences.contains_key(client));
         for client in all.copied().collect::<Vec<_>>() {
@@ -103,7 +104,7 @@ impl Leader {
         self.messages.push((client, ToClient::States { stamp, states }));
     }
 
-    /// What was computed without the others, for clients only.
+    /// Sends clients the states of a speculative tick, computed without the other nodes.
     pub fn tell_provisional(&mut self, tick: Tick, states: &[SharedState]) {
         let of =
             |audience: &Audience| states.iter().filter(|state| audience.reaches(state)).copied().collect();
@@ -115,7 +116,7 @@ impl Leader {
     }
 }
 
-/// The clients whose avatars touch, each once.
+/// Returns the clients whose avatars touch, each once.
 fn hosts(key: ContactKey) -> BTreeSet<ClientId> {
     key.a.client().into_iter().chain(key.b.client()).collect()
 }

@@ -1,15 +1,15 @@
-//! What passes through a node between clients, leader and server.
+//! Routes messages between clients, leader and server through a node.
 
 use super::{Node, NodeOutput};
 use crate::cluster::Peer;
 use crate::protocol::{FromClient, Message, ToClient, pack_states};
 use crate::space::ClientId;
 
-/// Inputs kept from clients that hear of their new leader before it does.
+/// The most inputs kept from clients that hear of their new leader before it does.
 const EARLY_WISHES: usize = 1_024;
 
 impl Node {
-    /// The client in this process speaks: no message is formed while this node leads.
+    /// Passes on a message of the client in this process; none is sent while this node leads.
     pub(super) fn own_client(&mut self, message: FromClient) {
         let Some(client) = self.config.client else { return };
         match &message {
@@ -25,14 +25,14 @@ impl Node {
         }
     }
 
-    /// What was said to the leader may be lost with the link.
+    /// Sends the interest of the client in this process again: it may be lost with the link to the leader.
     pub(super) fn repeat_interest(&mut self) {
         if let Some(message) = self.interest.clone() {
             self.own_client(message);
         }
     }
 
-    /// A client speaks over its own link, or over that of the node in its process.
+    /// Takes in a client's message, over its own link or over that of the node in its process.
     pub(super) fn hear_client(&mut self, from: Peer, client: ClientId, message: FromClient) {
         let speaks_for = match from {
             Peer::Client(linked) => linked == client,
@@ -68,7 +68,7 @@ impl Node {
         }
     }
 
-    /// A view has begun: what clients requested of this node in advance is done if it leads.
+    /// Handles, once a view has begun, what clients sent this node in advance, if it leads.
     pub(super) fn grant_early_inputs(&mut self) {
         for (client, message) in std::mem::take(&mut self.inputs) {
             if self.leader.is_some() {
@@ -77,8 +77,8 @@ impl Node {
         }
     }
 
-    /// A view has begun: the client in this process may have heard so from the server, and said again to the leader of the last view
-    /// what it inputs.
+    /// Tells the client in this process who leads a view that has begun: it may have heard so from the server, and sent its
+    /// inputs again to the leader of the last view.
     pub(super) fn tell_own_client(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
         let (leader, allocation) = (view.led_by().cloned(), view.allocation.clone());
@@ -86,7 +86,7 @@ impl Node {
         self.outputs.push_back(NodeOutput::Client(message));
     }
 
-    /// Gives clients what the leader has for them.
+    /// Sends the leader's messages to clients and to the server.
     pub(super) fn flush_leader(&mut self) {
         let messages = self.leader.as_mut().map(|leader| leader.take_messages()).unwrap_or_default();
         for (client, message) in messages {

@@ -1,5 +1,6 @@
-//! Links of a node: each pair of nodes has one, dialled by the lower id (thesis 4.3.2.10). A link that breaks is made anew,
-//! and what may have been lost is said again; only when it does not come back is it complained of.
+//! Maintains the links of a node: each pair of nodes has one, dialled by the lower id (thesis 4.3.2.10). A link that breaks is
+//! dialled again, and what may have been lost is sent again; only when it does not come back does the node complain to the
+//! server.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -10,19 +11,19 @@ use crate::protocol::link::HANDSHAKE_TIMEOUT;
 use crate::protocol::{Border, Delay, Hello, JoinAs, Member, Message, Pong, ToServer, VERSION};
 use crate::space::NodeId;
 
-/// Rounds said again when a link is back, beside those of the ticks that members may be apart: nobody is farther behind.
+/// Rounds sent again when a link is back, beside those of the ticks that members may be apart: nobody is farther behind.
 const SAID_AGAIN: usize = 2;
-/// How long a link may be down before it is complained of.
+/// How long a link may be down before the node complains to the server.
 const COMPLAIN_AFTER: Duration = Duration::from_millis(350);
 /// The same for one that never was up.
 const NEVER_UP: Duration = HANDSHAKE_TIMEOUT.saturating_mul(2);
 /// How long a member that is linked may keep the others waiting, beside twenty times what a tick takes.
 const STALL: Duration = Duration::from_millis(2_500);
-/// Between complaints, and between attempts to dial the server or another member.
+/// The time between complaints, and between attempts to dial the server or another member.
 const AGAIN: Duration = Duration::from_millis(250);
-/// Between attempts to dial a node of another group.
+/// The time between attempts to dial a node of another group.
 const AGAIN_ABROAD: Duration = Duration::from_secs(1);
-/// How often delays are looked at for the server.
+/// How often changed delays are reported to the server.
 const DELAYS: Duration = Duration::from_secs(1);
 
 #[derive(Clone, Debug)]
@@ -38,7 +39,7 @@ struct Link {
     said: VecDeque<Border>,
 }
 
-/// All links of a node.
+/// The links of a node to the server and to other nodes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Links {
     server_up: bool,
@@ -56,7 +57,7 @@ impl Links {
         dials.chain(self.nodes.iter().filter_map(down)).chain(self.dial_server_at).chain(self.delays_at).min()
     }
 
-    /// Keeps what is said to a member, for when its link breaks.
+    /// Keeps a border message to a member, to send it again when its link breaks.
     pub(super) fn keep(&mut self, to: NodeId, border: &Border, lag: u64) {
         if let Some(link) = self.nodes.get_mut(&to) {
             link.said.push_back(border.clone());
@@ -66,7 +67,7 @@ impl Links {
         }
     }
 
-    /// The server knows nothing of our delays any more.
+    /// Forgets which delays the server knows, so that they are reported anew.
     pub(super) fn tell_again(&mut self) {
         self.nodes.values_mut().for_each(|link| link.told_ms = None);
     }
@@ -81,7 +82,7 @@ impl Links {
 }
 
 impl Node {
-    /// A link to the server is up: who we are, and what we compute.
+    /// Greets the server over a new link: who we are, and which view we compute.
     pub(super) fn greet_server(&mut self, now: Duration) {
         self.link.server_up = true;
         self.link.dial_server_at = None;
@@ -98,7 +99,7 @@ impl Node {
         self.pinger.add(now, Peer::Server);
     }
 
-    /// The server's link is gone, or could not be made. The group computes on without it.
+    /// Schedules the next dial of the server, whose link is gone or could not be made. The group computes on without it.
     pub(super) fn miss_server(&mut self, now: Duration) {
         self.link.dial_server_at = Some(if self.link.server_up { now } else { now + AGAIN });
         self.link.server_up = false;
@@ -108,7 +109,7 @@ impl Node {
         }
     }
 
-    /// Who there is to be linked with.
+    /// Takes in the roster of nodes to be linked with.
     pub(super) fn know(&mut self, now: Duration, roster: &[Member], forget_others: bool) {
         let me = self.config.id;
         for member in roster.iter().filter(|member| member.node != me) {
@@ -189,7 +190,7 @@ impl Node {
         }
     }
 
-    /// A round trip is complete: the delay may be a reason to call for a vote.
+    /// Takes in a complete round trip: the delay may be a reason to call for a vote.
     pub(super) fn hear_pong(&mut self, now: Duration, from: Peer, pong: Pong) {
         self.pinger.pong(now, from, pong);
         let Peer::Node(node) = from else { return };
@@ -207,7 +208,7 @@ impl Node {
         }
     }
 
-    /// Dials, complaints and reports that are due.
+    /// Makes the dials, complaints and reports that are due.
     pub(super) fn tend_links(&mut self, now: Duration) {
         if self.link.dial_server_at.take_if(|at| *at <= now).is_some() {
             self.outputs.push_back(NodeOutput::Redial);
@@ -242,7 +243,7 @@ impl Node {
         }
     }
 
-    /// When members that are linked, but say nothing, are complained of.
+    /// Returns when members that are linked, but send nothing, are complained of.
     pub(super) fn stalled_at(&self) -> Option<Duration> {
         let waits = self.view.is_some() && self.change.is_none() && self.link.server_up;
         let since = match self.since_leader {
@@ -261,13 +262,13 @@ impl Node {
         }
     }
 
-    /// When a leader that waits for members is to say that it lives.
+    /// Returns when a leader that waits for members is to say that it lives.
     pub(super) fn reassurance_at(&self) -> Option<Duration> {
         let waits = self.leader.as_ref().is_some_and(|leader| leader.missing().next().is_some());
         (waits && self.change.is_none()).then(|| self.reassure_at.max(self.since + STALL / 4))
     }
 
-    /// A ping: members hear that it is not the leader who hangs.
+    /// Sends members a ping as heartbeat: they hear that it is not the leader who hangs.
     pub(super) fn reassure(&mut self, now: Duration) {
         if self.reassurance_at().is_none_or(|at| now < at) {
             return;

@@ -1,4 +1,5 @@
-//! Ticks and view changes of a node. Every event leads to [`Node::progress`], which does whatever the state now allows.
+//! Runs the ticks (lockstep) and view changes of a node: every event leads to [`Node::progress`], which does whatever the state
+//! now allows.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -48,7 +49,7 @@ impl Node {
             ToNode::Finish { view, dispatches, survivors } => {
                 if let Some(change) = self.change.as_mut().filter(|change| change.view == view) {
                     change.finish = true;
-                    // All of the members' dispatches, ours among them; who asks again is told of all.
+                    // All of the members' dispatches, ours among them; a server that asks again is sent all.
                     self.dispatched =
                         dispatches.last().map_or(Tick(0), |last| last.tick).max(self.dispatched);
                     self.dispatches = dispatches.into();
@@ -95,7 +96,7 @@ impl Node {
         }
     }
 
-    /// Whatever was computed here is the server's no more, or never was: the world comes anew.
+    /// Discards whatever was computed here: the server sends the world anew.
     fn begin_anew(&mut self) {
         if std::mem::take(&mut self.busy) {
             self.void += 1;
@@ -135,7 +136,7 @@ impl Node {
         }
     }
 
-    /// Nothing has come of a view change: the group goes on as it was.
+    /// Drops a view change of which nothing has come: the group goes on as it was.
     pub(super) fn drop_change(&mut self) {
         self.change = None;
         self.asked = None;
@@ -314,7 +315,7 @@ impl Node {
             queue.retain(|border| border.view >= view.number);
             !queue.is_empty()
         });
-        // What clients requested and was not passed on yet is not lost with the view.
+        // What clients sent and was not dispatched yet is not lost with the view.
         let pending = self.leader.take().map(Leader::into_inputs).unwrap_or_default();
         self.inputs.splice(..0, pending);
         self.leader =
@@ -342,7 +343,7 @@ impl Node {
         self.tell_own_client();
     }
 
-    /// Sends what the regions have to say, and waits for what the others' have.
+    /// Sends the regions' border messages, and waits for the others' (a barrier).
     fn exchange(&mut self, outgoing: Vec<BorderMessage>, removed: Vec<BodyRecord>) {
         let view = self.view.as_ref().expect("only members compute");
         let number = view.number;
@@ -377,7 +378,7 @@ impl Node {
         }
     }
 
-    /// Hands the round to the physics once every other member has spoken.
+    /// Hands the round to the physics once the border messages of every other member have arrived.
     fn accept(&mut self) {
         let number = self.number();
         let Phase::Exchanging(tick, round, _) = self.phase else { return };
@@ -439,12 +440,12 @@ impl Node {
         self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint });
     }
 
-    /// Whether the world has ended here.
+    /// Returns whether the world has ended here.
     fn is_over(&self) -> bool {
         self.world.as_ref().is_some_and(|world| world.last_tick == Some(self.tick))
     }
 
-    /// Members that are waited for though they are linked.
+    /// Returns the members that are waited for though they are linked.
     pub(super) fn laggards(&self) -> Vec<NodeId> {
         let linked = |node: &NodeId| self.link.is_up(*node);
         match (&self.phase, &self.leader) {
@@ -464,7 +465,8 @@ impl Node {
         }
     }
 
-    /// The tick whose messages are taken in at the end of this one: an earlier one when members are not in step. `None`: none yet.
+    /// Returns the tick whose messages are taken in at the end of this one: an earlier one when members are not in step.
+    /// `None`: none yet.
     fn heard_after(&self, tick: Tick) -> Option<Tick> {
         let view = self.view.as_ref().map_or(Tick(0), |view| view.tick);
         let lag = self.lag();
@@ -475,7 +477,7 @@ impl Node {
         }
     }
 
-    /// Before a survey: what members said in their last ticks is taken in, for nothing must be on its way.
+    /// Takes in the border messages of members' last ticks before a survey, for nothing must be on its way.
     fn drain(&mut self, now: Duration) {
         let Some(mut incoming) = self.unheard() else { return };
         self.change.as_mut().expect("only a view change drains").drained = true;
@@ -488,7 +490,7 @@ impl Node {
         self.ask(PhysicsCommand::Drain { tick: self.tick, incoming });
     }
 
-    /// What members said and was not taken in. `None`: not all of it has arrived.
+    /// Returns the border messages that were not taken in yet. `None`: not all of it has arrived.
     fn unheard(&self) -> Option<Vec<BorderMessage>> {
         let Some(view) = self.view.as_ref().filter(|_| self.lag() > 0) else { return Some(Vec::new()) };
         let from = self.heard_after(self.tick).unwrap_or(view.tick).max(self.drained).next();
@@ -510,8 +512,7 @@ impl Node {
         Some(unheard)
     }
 
-    /// What has happened from outside since messages were written counts for bodies that were on their way meanwhile: they are
-    /// gone, or go where their users want them.
+    /// Applies to bodies that were on their way the removals and inputs dispatched since their messages were written.
     fn amend(&mut self, tick: Tick, incoming: &mut [BorderMessage]) {
         let mut removed = Vec::new();
         for dispatch in self.dispatches.iter().filter(|dispatch| dispatch.tick <= tick) {
@@ -556,7 +557,7 @@ impl Node {
     }
 }
 
-/// What clients may want to hear: contacts of avatars.
+/// Keeps what clients may want to hear of: contacts of avatars.
 fn of_avatars(mut events: RegionEvents) -> Option<RegionEvents> {
     events.touches.retain(|touch| touch.key.a.client().or(touch.key.b.client()).is_some());
     events.forces.retain(|force| force.key.a.client().or(force.key.b.client()).is_some());

@@ -1,5 +1,6 @@
-//! Provisional ticks: a node that waits for others in vain computes on for its clients, on a copy of what it holds. Nothing
-//! of it is ever committed: when the others are back, the copy is forgotten and the world goes on where the barrier stood.
+//! Computes speculative ticks: a node that waits for others in vain computes on for its clients, on a copy of what it holds.
+//! Nothing of it is ever committed: when the others are back, the copy is discarded and the world goes on where the barrier
+//! stood.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,7 +12,7 @@ use crate::space::{BodyId, Tick};
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Speculation {
-    /// Provisional ticks since the last one that counts, and when the next is due; `None`: all is well.
+    /// Speculative ticks since the last one that counts, and when the next is due; `None`: all is well.
     running: Option<(u64, Duration)>,
     /// The newest inputs of the client in this process since then.
     inputs: BTreeMap<BodyId, Input>,
@@ -30,12 +31,12 @@ impl Speculation {
 }
 
 impl Node {
-    /// Whether a tick is complete here and the next has not begun.
+    /// Returns whether a tick is complete here and the next has not begun.
     pub(super) fn is_resting(&self) -> bool {
         matches!(self.phase, Phase::Resting)
     }
 
-    /// When the next provisional tick is due, if all stays as it is.
+    /// Returns when the next speculative tick is due, if all stays as it is.
     pub(super) fn speculation_due(&self) -> Option<Duration> {
         let world = self.world.as_ref().filter(|world| world.pace == Pace::RealTime)?;
         let is_over = world.last_tick == Some(self.tick);
@@ -46,7 +47,7 @@ impl Node {
         Some(self.speculation.running.map_or(self.since + self.config.patience, |(_, at)| at))
     }
 
-    /// Computes a provisional tick if it is due.
+    /// Computes a speculative tick if it is due.
     pub(super) fn speculate(&mut self, now: Duration) {
         if self.speculation_due().is_none_or(|at| now < at) {
             return;
@@ -60,7 +61,7 @@ impl Node {
         self.ask(PhysicsCommand::Speculate(inputs.into_values().map(WorldOp::Input).collect()));
     }
 
-    /// Tells clients what became of the copy.
+    /// Sends clients the states of a speculative tick.
     pub(super) fn speculated(&mut self, states: Vec<SharedState>) {
         let Some((count, _)) = self.speculation.running else { return };
         // As often as of ticks that count: more would crowd those out on a thin link.
@@ -80,7 +81,7 @@ impl Node {
         }
     }
 
-    /// The others are back.
+    /// Ends speculation and discards the copy: the others are back.
     pub(super) fn end_speculation(&mut self) {
         if self.speculation.running.is_some() {
             self.speculation = Speculation::default();

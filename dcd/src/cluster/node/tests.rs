@@ -1,4 +1,4 @@
-//! What a node refuses, keeps and drops.
+//! Tests which messages a node refuses, keeps and drops, and what becomes of bodies on their way when the view changes.
 
 use super::*;
 use crate::protocol::{Border, Chunk, Input, ToNode, Velocity, WorldOp};
@@ -279,7 +279,7 @@ fn change_view(node: &mut Node, number: u64) -> Vec<NodeOutput> {
     drain(node)
 }
 
-/// What the physics is given of the others' words, by body and its speed.
+/// Returns the bodies, and their velocities, in the others' border messages that the physics is given.
 fn arriving(outputs: &[NodeOutput]) -> Vec<(BodyId, Velocity)> {
     let incoming = match outputs.last() {
         Some(NodeOutput::Physics(PhysicsCommand::Accept { incoming, .. })) => incoming,
@@ -290,7 +290,7 @@ fn arriving(outputs: &[NodeOutput]) -> Vec<(BodyId, Velocity)> {
     transfers.map(|transfer| (transfer.body.id, transfer.body.state.velocity)).collect()
 }
 
-/// Bodies that the server is told are removed.
+/// Returns the bodies that the server is told are removed.
 fn removed(outputs: &[NodeOutput]) -> Vec<BodyId> {
     let of = |output: &NodeOutput| match output {
         NodeOutput::Send { message: Message::ToServer(ToServer::Removed { bodies, .. }), .. } => {

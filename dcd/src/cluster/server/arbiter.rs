@@ -1,4 +1,4 @@
-//! Between groups (thesis 3.3.8, 4.3.2.10): which one is believed about a body, and who is told what the others see.
+//! Decides which group is authoritative for a body, and forwards states between groups (inter-group, thesis 3.3.8, 4.3.2.10).
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use super::group::Group;
 use crate::protocol::{SharedState, Stance, ToNode, ViewNumber};
 use crate::space::{BodyId, GroupId, NodeId, Tick};
 
-/// Which groups are believed about bodies that the main one is not believed about.
+/// The groups that are authoritative for bodies for which the main one is not.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Arbiter {
     /// The group whose avatar last touched a body, and how often that has changed.
@@ -17,7 +17,8 @@ pub(super) struct Arbiter {
 }
 
 impl Server {
-    /// The group that is believed about a body: that of its client; or whose avatar touched it last; or the main one.
+    /// Returns the group that is authoritative for a body: that of its client; or that whose avatar touched it last; or the
+    /// main one.
     pub fn believed(&self, body: BodyId) -> GroupId {
         let group = match body.client() {
             Some(client) => self.common.clients.get(&client).map(|entry| entry.group),
@@ -26,14 +27,14 @@ impl Server {
         group.filter(|group| self.groups.get(group).is_some_and(lives)).unwrap_or(self.main)
     }
 
-    /// The group that this node leads in this view.
+    /// Returns the group that this node leads in this view.
     fn led_by(&self, node: NodeId, view: ViewNumber) -> Option<GroupId> {
         let leads =
             |group: &&Group| group.view.as_ref().is_some_and(|v| v.leader == node && v.number == view);
         self.groups.values().find(leads).map(|group| group.id)
     }
 
-    /// A group tells how bodies are that it is believed about: all others are told.
+    /// Forwards the states of bodies that a group is authoritative for to all other groups.
     pub(super) fn inter_group(
         &mut self,
         node: NodeId,
@@ -58,7 +59,7 @@ impl Server {
         }
     }
 
-    /// An avatar of a group has touched bodies: the group is believed about them, if it knew who was before.
+    /// Makes a group authoritative for bodies that its avatars have touched, if it knew which group was before.
     pub(super) fn touched(&mut self, node: NodeId, view: ViewNumber, bodies: Vec<(BodyId, u32)>) {
         let Some(from) = self.led_by(node, view) else {
             self.common.stale += 1;
@@ -83,11 +84,11 @@ impl Server {
         }
     }
 
-    /// New leaders are told who is believed about what; so are all when groups come and go.
+    /// Tells new leaders which bodies their group is authoritative for, and all leaders when groups come and go.
     pub(super) fn tell_leaders(&mut self) {
         let alone = self.groups.values().filter(|group| lives(group)).count() <= 1;
         self.arbiter.told.retain(|id, _| self.groups.contains_key(id));
-        // The main one is believed about what no group can be asked about any more, at a number that leaders have not heard.
+        // The main group becomes authoritative for bodies whose group is gone, at a number that leaders have not heard.
         let mut orphans = Vec::new();
         for (&body, (number, group)) in &mut self.arbiter.touched {
             if *group != self.main && !self.groups.get(group).is_some_and(lives) {

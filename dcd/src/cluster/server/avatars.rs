@@ -1,5 +1,5 @@
-//! Avatars on record: they come with their client, wait while it is away, and return as they were (thesis 4.3.2.10). Every
-//! group has its own.
+//! Keeps avatars on record: they come with their client, are parked while it is away, and return as they were (thesis
+//! 4.3.2.10). Every group has its own record of them.
 
 use super::common::Common;
 use super::group::Group;
@@ -68,7 +68,7 @@ impl Server {
                 self.part(client);
                 None
             }
-            // A participant without a leader, who says it again to the next.
+            // A participant without a leader, which sends it again to the next.
             FromClient::Interest(_) | FromClient::Ask(_) => None,
         };
         if let Some((body, reason)) = refused {
@@ -76,7 +76,7 @@ impl Server {
         }
     }
 
-    /// A client that knows no leader, or whose node is still joining, speaks through the server.
+    /// Passes on the input of a client that knows no leader, or whose node is still joining.
     fn pass_on(&mut self, client: ClientId, input: Input) {
         let group = self.common.clients.get(&client).map_or(self.main, |entry| entry.group);
         let Some(group) = self.groups.get_mut(&group) else { return };
@@ -98,7 +98,7 @@ impl Server {
         }
     }
 
-    /// A client is gone; its avatars wait.
+    /// Removes a client that is gone; its avatars are parked.
     pub(super) fn part(&mut self, client: ClientId) {
         if self.common.clients.remove(&client).is_some() {
             for group in self.groups.values_mut() {
@@ -109,7 +109,7 @@ impl Server {
         }
     }
 
-    /// A client is here; its avatars return.
+    /// Brings back the avatars of a client that is here.
     pub(super) fn bring_back(&mut self, client: ClientId) {
         for group in self.groups.values_mut() {
             for (id, life) in group.record.avatars(client) {
@@ -126,7 +126,7 @@ impl Server {
 }
 
 impl Group {
-    /// The owner has removed a body.
+    /// Takes in a body that its owner has removed.
     pub(super) fn removed(&mut self, common: &mut Common, tick: Tick, body: BodyRecord) {
         let id = body.id;
         if let Some(Life::Removing { park, back }) = self.record.life(id) {
@@ -135,7 +135,7 @@ impl Group {
         }
     }
 
-    /// A body that no node holds any more is parked, brought back or forgotten.
+    /// Parks, brings back or forgets a body that no node holds any more.
     pub(super) fn rest(&mut self, common: &mut Common, id: BodyId, park: bool, back: bool) {
         match (park, back) {
             (false, _) => self.record.remove(id),

@@ -1,4 +1,4 @@
-//! What all groups of a server share: who is there, and what is to be sent.
+//! Holds what all groups of a server share: nodes, clients, and messages to be sent.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -23,7 +23,7 @@ pub(super) struct NodeEntry {
     /// It has the world, and may be given regions.
     pub loaded: bool,
     pub leaving: bool,
-    /// Why it has to go, if it is not by its own input.
+    /// Why it has to go, if it did not ask to leave itself.
     pub unwanted: Option<String>,
     /// The group that it is, or is to be, a member of.
     pub group: Option<GroupId>,
@@ -39,7 +39,7 @@ pub(super) struct NodeEntry {
 }
 
 impl NodeEntry {
-    /// Whether regions can be given to it.
+    /// Returns whether regions can be given to it.
     pub(super) fn is_ready(&self) -> bool {
         self.loaded && !self.leaving && (self.linked || self.serving.is_some())
     }
@@ -92,7 +92,7 @@ impl Common {
         self.outputs.push_back(ServerOutput::Send { to: Peer::Client(client), message });
     }
 
-    /// To all clients that play with this group.
+    /// Sends a message to all clients that play with this group.
     pub(super) fn send_clients(&mut self, group: GroupId, message: &ToClient) {
         let concerned = |(_, entry): &(&ClientId, &ClientEntry)| entry.linked && entry.group == group;
         let ids: Vec<_> = self.clients.iter().filter(concerned).map(|(&id, _)| id).collect();
@@ -105,7 +105,7 @@ impl Common {
         self.outputs.push_back(ServerOutput::Close { peer, farewell, reason });
     }
 
-    /// A node is told to go, and is no longer known.
+    /// Tells a node to go, and forgets it.
     pub(super) fn dismiss(&mut self, node: NodeId, farewell: Farewell, reason: String) {
         let message = Message::ToNode(ToNode::Shutdown { farewell, reason: reason.clone() });
         self.outputs.push_back(ServerOutput::Send { to: Peer::Node(node), message });
@@ -113,7 +113,7 @@ impl Common {
         self.nodes.remove(&node);
     }
 
-    /// Every node is told of every other.
+    /// Tells every node of every other.
     pub(super) fn tell_roster(&mut self) {
         let roster: Vec<_> = self.nodes.values().map(|entry| entry.member.clone()).collect();
         for node in self.nodes.keys().copied().collect::<Vec<_>>() {

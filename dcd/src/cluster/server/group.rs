@@ -1,4 +1,5 @@
-//! One consistency group as the server sees it: who computes the world in it, and the record of the world as it is there.
+//! Keeps one consistency group on the server: its view (membership), its record of the world, and its members' complaints about
+//! lost links.
 
 mod change;
 
@@ -15,7 +16,7 @@ use crate::space::{BodyId, GroupId, NodeId, Tick};
 /// How long complaints about lost links are collected before one of those concerned has to go.
 const HEARING: Duration = Duration::from_millis(50);
 
-/// Who complains that it cannot reach whom.
+/// A complaint: the node that complains, and the node that it cannot reach.
 type Complaint = (NodeId, NodeId);
 
 #[derive(Clone, Debug)]
@@ -34,13 +35,13 @@ pub(super) struct Group {
     complaints: BTreeSet<Complaint>,
     /// When they are decided on.
     pub hearing: Option<Duration>,
-    /// Whether a member's link broke, so that what was said over it may be lost: all is to be compared.
+    /// Whether a member's link broke, so that what was sent over it may be lost: all is to be compared.
     pub unsure: bool,
     /// Whether anything was heard of the present view: if not, nobody may have heard of it.
     pub confirmed: bool,
     /// Since when no member has a link, though some may go on computing.
     pub silent_since: Option<Duration>,
-    /// Whether that has been told.
+    /// Whether clients were told so: the group is held.
     pub held: bool,
     /// Lost and doubled bodies by the last survey of a world that ends.
     pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,
@@ -67,7 +68,7 @@ impl Group {
         }
     }
 
-    /// The same group under another name.
+    /// Returns the same group under another id.
     pub(super) fn renamed(self, id: GroupId, tick: Tick) -> Self {
         Self { id, tick, ..self }
     }
@@ -76,7 +77,7 @@ impl Group {
         self.view.as_ref().is_some_and(|view| view.members.iter().any(|member| member.node == node))
     }
 
-    /// Members that compute the present view, as far as known.
+    /// Returns the members that compute the present view, as far as known.
     pub(super) fn serving(&self, common: &Common) -> BTreeSet<NodeId> {
         let Some(view) = &self.view else { return BTreeSet::new() };
         let serves =
@@ -84,7 +85,8 @@ impl Group {
         view.members.iter().map(|member| member.node).filter(serves).collect()
     }
 
-    /// Nodes that are to be the members of the next view. Who computes another group's view must be let go of there first.
+    /// Returns the nodes that are to be the members of the next view. A node that computes another group's view must be let go
+    /// of there first.
     pub(super) fn wanted<'a>(&self, common: &'a Common) -> impl Iterator<Item = (NodeId, &'a NodeEntry)> {
         let (id, present) = (self.id, self.view.as_ref().map(|view| view.number));
         let is_free = move |entry: &NodeEntry| entry.serving.is_none() || entry.serving == present;
@@ -136,7 +138,7 @@ impl Group {
         }
     }
 
-    /// What a member says about the world. `false`: not from a member, or of another view.
+    /// Takes in what a member says about the world. Returns `false` if it is not from a member, or of another view.
     pub(super) fn hear(&mut self, common: &mut Common, node: NodeId, message: ToServer) -> bool {
         let present = self.view.as_ref().map(|view| view.number);
         let coming = self.change.as_ref().map(|change| change.number);
@@ -188,8 +190,9 @@ impl Group {
         }
     }
 
-    /// Members that cannot reach one another cannot share a tree. Those that most others complain of go, of equals the
-    /// youngest; each is named once, dead ones first. Who is dead or hangs does not complain itself.
+    /// Decides which members have to go, as members that cannot reach one another cannot share a tree. Those that most others
+    /// complain of go, of equals the one with the highest id; each is named once, dead ones first. A node that is dead or hangs
+    /// does not complain itself.
     pub(super) fn decide_complaints(&mut self, common: &Common) -> Vec<NodeId> {
         self.hearing = None;
         let mut open: BTreeSet<_> = std::mem::take(&mut self.complaints)
@@ -211,7 +214,7 @@ impl Group {
         going
     }
 
-    /// All have told what they own, or there is nobody to ask: what is lost, what is doubled.
+    /// Closes the audit, when all have told what they own or there is nobody to ask: lists what is lost and what is doubled.
     pub(super) fn close_audit(&mut self, owners: &BTreeMap<BodyId, usize>) {
         let lost = self
             .record
@@ -224,7 +227,7 @@ impl Group {
         self.audit = Some((lost, doubled));
     }
 
-    /// No member has a link: the group may be dead, or computing on where it is not heard.
+    /// Marks the group as held, as no member has a link: it may be dead, or computing on where it is not heard.
     pub(super) fn fall_silent(&mut self, common: &mut Common) {
         self.change = None;
         self.silent_since.get_or_insert(common.now);
@@ -238,7 +241,7 @@ impl Group {
 }
 
 impl Common {
-    /// Whether enough nodes are there for the world to begin.
+    /// Returns whether enough nodes are there for the world to begin.
     pub(super) fn may_begin(&self) -> bool {
         self.nodes.values().filter(|entry| entry.is_ready()).count() >= self.config.min_nodes
     }

@@ -1,4 +1,4 @@
-//! Nodes as they come, break their links, come back, hang, leave and die (thesis 4.3.2.10, 4.3.3).
+//! Handles nodes that join, lose their links, come back, hang, leave and die (thesis 4.3.2.10, 4.3.3).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use crate::space::{GroupId, NodeId};
 /// How long a group whose members are all out of reach is left alone before others take over.
 const HOLD: Duration = Duration::from_secs(3);
 
-/// What a node that comes back is to its group.
+/// The standing of a node that comes back in its group.
 pub(super) enum Resumption {
     /// A member still.
     Member(GroupId),
@@ -24,14 +24,14 @@ pub(super) enum Resumption {
 }
 
 impl Server {
-    /// The group whose view the node computes.
+    /// Returns the group whose view the node computes.
     pub(super) fn group_of(&self, node: NodeId) -> Option<GroupId> {
         let serving = self.common.nodes.get(&node)?.serving?;
         let is_view = |group: &&Group| group.view.as_ref().is_some_and(|view| view.number == serving);
         self.groups.values().find(is_view).map(|group| group.id)
     }
 
-    /// Where a node belongs that comes back and computes this view.
+    /// Decides where a node belongs that comes back and computes this view.
     pub(super) fn resumption(&mut self, node: NodeId, view: ViewNumber) -> Resumption {
         let Some(id) = self.group_of(node) else { return Resumption::Anew };
         let Some(group) = self.groups.get_mut(&id) else { return Resumption::Anew };
@@ -65,7 +65,7 @@ impl Server {
         }
     }
 
-    /// A view was heard of: who was to go with it begins anew.
+    /// Drops the view before one that was heard of: nodes that were to go begin anew.
     fn let_go(&mut self, id: GroupId, view: ViewNumber) {
         let Some(group) = self.groups.get_mut(&id) else { return };
         group.former = None;
@@ -82,7 +82,7 @@ impl Server {
         over.into_iter().for_each(|node| self.begin_anew(node));
     }
 
-    /// A node is back of which it is not known yet whether it is a member.
+    /// Links again a node of which it is not known yet whether it is a member.
     pub(super) fn link_again(&mut self, member: Member) {
         if let Some(entry) = self.common.nodes.get_mut(&member.node) {
             (entry.member, entry.linked, entry.absent_until) = (member, true, None);
@@ -90,7 +90,7 @@ impl Server {
         self.common.tell_roster();
     }
 
-    /// A member's link broke and is back: what was said over it may be lost, so all is compared.
+    /// Resumes a member whose link broke and is back: what was sent over it may be lost, so all is compared in a view change.
     pub(super) fn resume(&mut self, member: Member, id: GroupId) {
         let (node, until) = (member.node, self.common.now + RETURN);
         if let Some(entry) = self.common.nodes.get_mut(&node) {
@@ -188,7 +188,7 @@ impl Server {
         }
     }
 
-    /// A node has been without a link for too long.
+    /// Gives up a node that has been without a link for too long.
     pub(super) fn give_up(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get_mut(&node) else { return };
         entry.absent_until = None;
@@ -208,7 +208,7 @@ impl Server {
         }
     }
 
-    /// A node is dead, or has begun anew: the world goes on without what it computed.
+    /// Removes a node that is dead, or has begun anew: the world goes on without what it computed.
     pub(super) fn lose(&mut self, node: NodeId) {
         let group = self.group_of(node);
         if self.common.nodes.remove(&node).is_none() {
@@ -223,7 +223,8 @@ impl Server {
         }
     }
 
-    /// A member does not do its part: whatever it computes counts for nothing, and it gets the world anew.
+    /// Makes a member begin anew that does not do its part: whatever it computes counts for nothing, and it is sent the world
+    /// anew.
     pub(super) fn begin_anew(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
         let member = entry.member.clone();
@@ -236,7 +237,7 @@ impl Server {
         }
     }
 
-    /// A member cannot be reached by others: it goes on alone, or is gone.
+    /// Sets apart a member that others cannot reach: it goes on in a group of its own, or is removed if it is not linked.
     pub(super) fn set_apart(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
         if !entry.linked {
@@ -250,13 +251,13 @@ impl Server {
         self.put(node, group);
     }
 
-    /// When others may take over from groups that are out of reach.
+    /// Returns when others may take over from groups that are out of reach.
     pub(super) fn takeover_at(&self) -> Option<Duration> {
         let is_silent = |group: &&Group| group.held && group.view.is_some() && self.has_successors(group);
         self.groups.values().filter(is_silent).filter_map(|group| Some(group.silent_since? + HOLD)).min()
     }
 
-    /// Whether nodes are linked that could compute the world in place of this group.
+    /// Returns whether nodes are linked that could compute the world in place of this group.
     pub(super) fn has_successors(&self, group: &Group) -> bool {
         let serving = group.serving(&self.common);
         let can = |(node, entry): (&NodeId, &NodeEntry)| {
@@ -265,7 +266,7 @@ impl Server {
         self.common.nodes.iter().any(can)
     }
 
-    /// Others are there, and the members of a silent group have had their time: what they do now counts for nothing.
+    /// Lets others take over from groups that were silent for too long: what the members of those do now counts for nothing.
     pub(super) fn take_over(&mut self) {
         if self.takeover_at().is_none_or(|at| at > self.common.now) {
             return;
@@ -287,7 +288,7 @@ impl Server {
         }
     }
 
-    /// A node goes as if it had requested to.
+    /// Sends a node away, as if it had asked to leave.
     pub(super) fn send_away(&mut self, node: NodeId, reason: String) {
         match self.common.nodes.get_mut(&node) {
             Some(entry) => (entry.leaving, entry.unwanted) = (true, Some(reason)),
@@ -295,7 +296,7 @@ impl Server {
         }
     }
 
-    /// Nodes that go, and compute nothing any more, go.
+    /// Dismisses leaving nodes that compute nothing any more.
     pub(super) fn release(&mut self) {
         let free: Vec<_> = self
             .common

@@ -1,4 +1,5 @@
-//! Who is in which group: at the start by delay, later by joining, votes, and by who cannot reach whom (thesis 3.3.7–3.3.9).
+//! Assigns nodes to groups: at the start by delay, later by joining, by votes, and by which nodes cannot reach each other
+//! (thesis 3.3.7–3.3.9).
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -17,19 +18,19 @@ const MEASURE: Duration = Duration::from_secs(2);
 /// How long a node that was out of reach stays alone at least, when groups do not depend on delay.
 const APART: Duration = Duration::from_secs(3);
 
-/// How often it is looked who can reach whom again.
+/// How often it is checked which nodes can reach each other again.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// Who may share a group.
+/// The rules of which nodes may share a group.
 #[derive(Clone, Debug)]
 pub struct Grouping {
-    /// Nodes in a group at most.
+    /// The largest number of nodes in a group.
     pub max_size: usize,
-    /// Which sizes are preferred.
+    /// The preferred sizes of groups.
     pub policy: GroupPolicy,
-    /// What else is known about nodes.
+    /// Hints about which nodes belong together.
     pub hints: Vec<Hint>,
-    /// How votes are held.
+    /// The rules of votes.
     pub votes: PollRules,
 }
 
@@ -48,8 +49,8 @@ impl Server {
         GroupRules { threshold_ms, max_size, policy }
     }
 
-    /// The delay from one node to another, as far as groups depend on it: if they do not, who is not known to be out of reach
-    /// is near.
+    /// Returns the delay from one node to another, as far as groups depend on it: if they do not, a node that is not known to
+    /// be out of reach is near.
     fn delay_ms(&self, from: NodeId, to: NodeId) -> Option<f64> {
         let unknown = match self.common.config.world.thresholds.delay {
             None => Some(0.0),
@@ -59,7 +60,7 @@ impl Server {
         told.map_or(unknown, |delay| delay.map(f64::from))
     }
 
-    /// Whether all is known that a node's group depends on, or it took too long to find out.
+    /// Returns whether all is known that a node's group depends on, or it took too long to find out.
     fn is_measured(&self, node: NodeId) -> bool {
         let Some(entry) = self.common.nodes.get(&node) else { return false };
         let others = self.common.nodes.iter().filter(|&(&other, entry)| entry.linked && other != node);
@@ -113,7 +114,7 @@ impl Server {
         }
     }
 
-    /// Nodes that have left a group begin anew, in the one that they are to be in.
+    /// Makes nodes that have left a group begin anew, in the one that they are to be in.
     pub(super) fn welcome_moved(&mut self) {
         let moved =
             self.common.nodes.iter().filter(|(_, entry)| entry.moved && entry.linked && !entry.leaving);
@@ -128,8 +129,8 @@ impl Server {
         }
     }
 
-    /// When groups do not depend on delay, there are several only because some could not reach one another. Who can again
-    /// comes back, the smaller group to the larger.
+    /// Moves nodes that can reach the largest group again back to it. When groups do not depend on delay, there are several
+    /// only because some nodes could not reach one another.
     fn rejoin(&mut self) {
         let now = self.common.now;
         let mut members: BTreeMap<GroupId, Vec<NodeId>> = BTreeMap::new();
@@ -186,7 +187,7 @@ impl Server {
         self.common.nodes.iter().filter(|(_, e)| e.group == Some(group)).map(|(&node, _)| node).collect()
     }
 
-    /// A member calls for a vote.
+    /// Takes in a member's call for a vote.
     pub(super) fn call(&mut self, caller: NodeId, motion: Motion) {
         let group_of = |node| self.common.nodes.get(&node).and_then(|entry| entry.group);
         let (Some(own), Some(other)) = (group_of(caller), group_of(motion.candidate())) else { return };
@@ -204,7 +205,7 @@ impl Server {
         }
     }
 
-    /// A member says how far the candidate is from it.
+    /// Takes in a member's ballot: its delay to the candidate.
     pub(super) fn cast(&mut self, voter: NodeId, poll: u64, delay_ms: Option<f32>) {
         let Some(thresholds) = self.common.config.world.thresholds.delay else { return };
         let delay = delay_ms.map_or(PeerDelay::Unknown, |ms| PeerDelay::AverageMs(ms.into()));
@@ -231,7 +232,7 @@ impl Server {
         }
     }
 
-    /// A group without members.
+    /// Adds a group without members, and returns its id.
     pub(super) fn new_group(&mut self) -> GroupId {
         self.last_group.0 += 1;
         self.common.world_changed = true;
@@ -249,7 +250,7 @@ impl Server {
         }
     }
 
-    /// Groups that nobody is in, or is to be in, are no more; the largest of the others becomes the main one if need be.
+    /// Dissolves groups that no node is in, or is to be in; the largest of the others becomes the main one if need be.
     pub(super) fn tidy(&mut self) {
         let is_empty = |group: &Group| {
             group.change.is_none()
@@ -276,7 +277,7 @@ impl Server {
         self.settle_clients();
     }
 
-    /// The group that a client is to play with: that of its own node, the one it has, or the main one.
+    /// Returns the group that a client is to play with: that of its own node, the one it has, or the main one.
     pub(super) fn group_for(&self, client: ClientId) -> GroupId {
         let own = self.common.nodes.iter().find(|(_, entry)| entry.member.client == Some(client));
         let own = own.and_then(|(&node, _)| self.group_of(node));

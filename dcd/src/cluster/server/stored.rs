@@ -1,4 +1,5 @@
-//! What a server writes down, and how it goes on from it (thesis 4.3.3 assumes that it never fails; this one may).
+//! Stores the server's state in the directory, and restores a server from it (thesis 4.3.3 assumes that it never fails; this
+//! one may).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -20,7 +21,7 @@ use crate::space::{GroupId, Tick};
 /// Views begun since the last number was written down are fewer than this.
 const NUMBERS_AHEAD: u64 = 1 << 10;
 
-/// Why a server cannot go on from what is stored.
+/// An error of restoring a server from what is stored.
 #[derive(Debug, thiserror::Error)]
 pub enum RestoreError {
     /// There is something, but no world.
@@ -42,7 +43,7 @@ pub enum RestoreError {
     Entry(#[from] CodecError),
 }
 
-/// After all that can have been begun since this one was written down.
+/// Returns a view number after all that can have been begun since this one was written down.
 fn ahead_of(number: ViewNumber) -> ViewNumber {
     ViewNumber(number.0.saturating_add(NUMBERS_AHEAD))
 }
@@ -77,8 +78,8 @@ impl Check for StoredGroup {
 }
 
 impl Server {
-    /// A server with a world that begins in place of the one that another server stored: its views are numbered after those of
-    /// that one, so that whatever anybody still has of it counts for nothing.
+    /// Returns a server with a world that begins in place of the one that another server stored: its views are numbered after
+    /// those of that one, so that whatever anybody still has of it counts for nothing.
     pub fn instead(config: ServerConfig, record: Record, entries: &[Entry]) -> Self {
         let former = entries.iter().find(|entry| entry.key == Key::World);
         let former = former.and_then(|entry| decode_value::<StoredWorld>(&entry.value).ok());
@@ -87,8 +88,8 @@ impl Server {
         server
     }
 
-    /// A server that goes on from what another one stored. Members of its groups are waited for; then each group
-    /// goes on with those who came.
+    /// Returns a server that goes on from what another one stored. Members of its groups are waited for; then each group goes
+    /// on with those that came.
     pub fn restore(config: ServerConfig, entries: Vec<Entry>) -> Result<Self, RestoreError> {
         let mut world = None;
         let mut groups: BTreeMap<GroupId, StoredGroup> = BTreeMap::new();
@@ -127,7 +128,7 @@ impl Server {
         Ok(server)
     }
 
-    /// A group of a stored world: its members are waited for.
+    /// Adds a group of a stored world, whose members are waited for.
     pub(super) fn expect_back(
         &mut self,
         id: GroupId,
@@ -167,7 +168,7 @@ impl Server {
         self.groups.insert(id, group);
     }
 
-    /// Writes down what has changed, before anything is said that follows from it: `mark` outputs were there before.
+    /// Writes down what has changed, before anything is sent that follows from it: `mark` outputs were there before.
     pub(super) fn store(&mut self, mark: usize, soft: bool) {
         let mut writes = Vec::new();
         let tick_alone = soft && !self.common.world_changed;

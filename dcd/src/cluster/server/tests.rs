@@ -1,4 +1,5 @@
-//! Rules of the server that a calm simulation does not show.
+//! Tests rules of the server that a calm simulation does not show: on versions, lost links, view changes, authority and
+//! avatars.
 
 use std::sync::Arc;
 
@@ -95,7 +96,7 @@ fn obey(server: &mut Server, node: u32, mut outputs: Vec<ServerOutput>) -> Vec<S
     outputs
 }
 
-/// What it says when enough time has passed.
+/// Returns what it sends when enough time has passed.
 fn wait(server: &mut Server) -> Vec<ServerOutput> {
     loop {
         let due = server.poll_timeout().expect("something is waited for");
@@ -286,7 +287,7 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     assert_eq!(server.poll_output(), None, "it ends once");
 }
 
-/// A server whose nodes 1 and 2 compute the world.
+/// Returns a server whose nodes 1 and 2 compute the world.
 fn server_of_two() -> Server {
     let mut server = server();
     for node in [1, 2] {

@@ -1,4 +1,5 @@
-//! A node's watch over its delays: when to call for which vote (thesis 3.3.9, 4.3.2.7).
+//! Monitors a node's delays to all others and decides when to call for a vote on inclusion or rejection (thesis 3.3.9,
+//! 4.3.2.7).
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -7,25 +8,25 @@ use super::{VoteError, VoteThresholds};
 use crate::protocol::Motion;
 use crate::space::NodeId;
 
-/// How patient a [`DelayMonitor`] is.
+/// The rules of a [`DelayMonitor`]: how many bad samples it takes to call for a vote.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DelayRules {
-    /// Samples one after another that must give cause before a vote is called.
+    /// Consecutive samples that must give cause before a vote is called.
     pub strikes: u32,
-    /// So long after a peer's last strike, and again after as long, one strike is forgotten. To be longer than the longest interval
-    /// of pings.
+    /// The time after a peer's last strike at which one strike is forgotten, and another after as long again. To be longer than
+    /// the longest interval of pings.
     pub strike_life: Duration,
 }
 
 impl Default for DelayRules {
-    /// Three strikes (thesis 3.3.9), kept for ten minutes: pings come every 500 s at the least.
+    /// Returns three strikes (thesis 3.3.9), kept for ten minutes: pings come every 500 s at the least.
     fn default() -> Self {
         Self { strikes: 3, strike_life: Duration::from_secs(600) }
     }
 }
 
 impl DelayRules {
-    /// The rules, if they can be followed.
+    /// Returns the rules, if they can be followed.
     pub fn checked(self) -> Result<Self, VoteError> {
         if self.strikes == 0 { Err(VoteError::NoStrikes) } else { Ok(self) }
     }
@@ -38,7 +39,7 @@ struct Strikes {
     last: Duration,
 }
 
-/// Watches the delays from one node to all others. One entry a peer: [`Self::forget`] those that are gone.
+/// Monitors the delays from one node to all others. It keeps one entry per peer: [`Self::forget`] those that are gone.
 #[derive(Clone, Debug)]
 pub struct DelayMonitor {
     thresholds: VoteThresholds,
@@ -47,7 +48,7 @@ pub struct DelayMonitor {
 }
 
 impl DelayMonitor {
-    /// A watch that has seen nothing.
+    /// Returns a monitor without samples.
     ///
     /// # Panics
     /// When `thresholds` or `rules` have not been checked.
@@ -57,9 +58,9 @@ impl DelayMonitor {
         Self { thresholds, rules, peers: BTreeMap::new() }
     }
 
-    /// Takes in a new round trip to a peer: the average of the last ones with it, and itself, in milliseconds (infinite: no answer).
-    /// Says which vote to call, if any. Then the strikes begin anew, so that a call that is refused is made again
-    /// after as many more.
+    /// Takes in a new round trip to a peer: the average (or median) of the last ones with it, and the latest itself, in
+    /// milliseconds (infinite: no answer). Returns the vote to call, if any. Then the strikes begin anew, so that a call that
+    /// is refused is made again after as many more.
     pub fn observe(
         &mut self,
         now: Duration,

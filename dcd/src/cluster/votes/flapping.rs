@@ -1,4 +1,5 @@
-//! Nodes and server together through an hour: how often does a node move whose delay goes up and down?
+//! Tests that votes do not flap: nodes and server run together for an hour, and a node whose delay goes up and down moves only
+//! a few times.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;

@@ -1,4 +1,5 @@
-//! The server's side of votes: which may be held, who has said what, what comes of it (thesis 3.3.9, 4.3.1.5).
+//! Holds the votes of all groups on the server: decides which may be held, collects the ballots and closes the polls (thesis
+//! 3.3.9, 4.3.1.5).
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -7,27 +8,27 @@ use super::{Ballot, Tally, VoteError};
 use crate::protocol::Motion;
 use crate::space::NodeId;
 
-/// How often votes may be held. The thesis names these means without figures; the figures are ours.
+/// The rules on how often votes may be held. The thesis names these means without figures; the figures are ours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PollRules {
-    /// Nodes in a group at most, see [`super::super::GroupRules::max_size`].
+    /// The largest number of nodes in a group, see [`super::super::GroupRules::max_size`].
     pub max_size: usize,
-    /// Ballots are waited for so long; who has not voted then abstains.
+    /// How long ballots are waited for; a voter that has not voted by then abstains.
     pub deadline: Duration,
-    /// A member's call for rejection, in a group of three or more, is heard when another has made the same call so short a time ago.
+    /// How recently another member must have called for the same rejection, in a group of three or more, for a vote to be held.
     pub second_within: Duration,
-    /// Between two votes that one node calls, and between two votes on one node.
+    /// The shortest time between two votes that one node calls, and between two votes on one node.
     pub rest: Duration,
-    /// Votes within `window` at most, of all groups together.
+    /// The most votes within `window`, of all groups together.
     pub max_votes: usize,
     /// See `max_votes`.
     pub window: Duration,
-    /// So long a node stays in its group before it may be voted elsewhere.
+    /// How long a node stays in its group before it may be voted elsewhere.
     pub min_stay: Duration,
-    /// So long a node that was evicted stays out of groups: after its second eviction three times as long, and so on, until it is
-    /// forgiven.
+    /// How long a node that was evicted stays out of groups: after its second eviction three times as long, and so on, until it
+    /// is forgiven.
     pub return_after: Duration,
-    /// After so long without another, evictions are forgotten.
+    /// The time without another eviction after which evictions are forgotten.
     pub forgiven_after: Duration,
 }
 
@@ -50,7 +51,7 @@ impl Default for PollRules {
 }
 
 impl PollRules {
-    /// The rules, if they can be followed.
+    /// Returns the rules, if they can be followed.
     pub fn checked(self) -> Result<Self, VoteError> {
         let Self { max_votes, window, .. } = self;
         if max_votes == 0 || window.is_zero() {
@@ -64,19 +65,19 @@ impl PollRules {
 /// A node's call for a vote, with what the server knows of the groups concerned.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a> {
-    /// Who calls.
+    /// The node that calls.
     pub caller: NodeId,
-    /// For what.
+    /// The motion that it calls for.
     pub motion: Motion,
     /// Members of the caller's group, the caller included.
     pub group: &'a [NodeId],
     /// Members of the candidate's present group, the candidate included.
     pub present: &'a [NodeId],
-    /// Whether the membership of either group is being changed.
+    /// Whether the membership of either group is changing.
     pub changing: bool,
 }
 
-/// Why a vote is not held.
+/// The reason why a vote is not held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VoteRefusal {
     /// See the message.
@@ -108,16 +109,16 @@ pub enum VoteRefusal {
     TooMany,
 }
 
-/// A vote that is over.
+/// The outcome of a vote that is over.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outcome {
     /// Its number.
     pub poll: u64,
-    /// What it was about.
+    /// The motion that was voted on.
     pub motion: Motion,
     /// The caller's group.
     pub group: Vec<NodeId>,
-    /// What was said.
+    /// The counts of the ballots.
     pub tally: Tally,
     /// Whether the candidate moves: into `group`, or out of it into a group of its own.
     pub passed: bool,
@@ -133,7 +134,7 @@ struct Poll {
     deadline: Duration,
 }
 
-/// What is remembered of a node.
+/// A node's history in votes.
 #[derive(Clone, Debug, Default)]
 struct Standing {
     /// Since when it has been in its group.
@@ -144,11 +145,11 @@ struct Standing {
     /// When it may call, and be voted on, again.
     may_call: Duration,
     may_be_voted_on: Duration,
-    /// Who has called for its rejection, and when for the last time.
+    /// Nodes that have called for its rejection, and when for the last time.
     accusers: BTreeMap<NodeId, Duration>,
 }
 
-/// Votes of all groups. It holds one entry a node, a time a vote of the window, and at most one open poll a group.
+/// The votes of all groups. It holds one entry per node, one time per vote of the window, and at most one open poll per group.
 #[derive(Clone, Debug)]
 pub struct Polls {
     rules: PollRules,
@@ -160,7 +161,7 @@ pub struct Polls {
 }
 
 impl Polls {
-    /// No votes yet.
+    /// Returns polls without any votes.
     ///
     /// # Panics
     /// When `rules` have not been checked.
@@ -169,23 +170,23 @@ impl Polls {
         Self { rules, last: 0, open: BTreeMap::new(), opened: VecDeque::new(), nodes: BTreeMap::new() }
     }
 
-    /// A node is in another group from now on, other than by a vote: its stay begins.
+    /// Records that a node is in another group from now on, other than by a vote: its stay begins.
     pub fn placed(&mut self, now: Duration, node: NodeId) {
         self.nodes.entry(node).or_default().since = Some(now);
     }
 
-    /// The membership of these nodes' groups changes: votes that concern them are void.
+    /// Cancels the votes that concern these nodes, since the membership of their groups changes.
     pub fn group_changes(&mut self, members: &[NodeId]) {
         self.open.retain(|_, poll| !members.iter().any(|member| poll.concerned.contains(member)));
     }
 
-    /// A node is gone for good.
+    /// Forgets a node that is gone for good, and cancels the votes that concern it.
     pub fn forget(&mut self, node: NodeId) {
         self.group_changes(&[node]);
         self.nodes.remove(&node);
     }
 
-    /// Opens a vote: its number, and who is to be asked. The candidate is not.
+    /// Opens a vote and returns its number and the voters. The candidate is not one of them.
     pub fn call(&mut self, now: Duration, call: &Call<'_>) -> Result<(u64, Vec<NodeId>), VoteRefusal> {
         let Call { caller, motion, group, present, .. } = *call;
         let candidate = motion.candidate();
@@ -213,7 +214,7 @@ impl Polls {
         Ok((self.last, voters))
     }
 
-    /// Whether a vote that could be held may be held now.
+    /// Checks whether a vote that could be held may be held now.
     fn in_time(&self, now: Duration, call: &Call<'_>) -> Result<(), VoteRefusal> {
         let Call { caller, motion, group, present, changing } = *call;
         let candidate = motion.candidate();
@@ -241,7 +242,8 @@ impl Polls {
         }
     }
 
-    /// Takes a ballot in. When it is the last, the vote is over. Who is not asked, has voted already or comes too late is not heard.
+    /// Takes a ballot in, and returns the outcome if it is the last. A node that is not asked, has voted already or comes too
+    /// late is ignored.
     pub fn ballot(&mut self, now: Duration, poll: u64, voter: NodeId, ballot: Ballot) -> Option<Outcome> {
         let open = self.open.get_mut(&poll).filter(|open| now <= open.deadline)?;
         open.ballots.get_mut(&voter)?.get_or_insert(ballot);
@@ -249,12 +251,12 @@ impl Polls {
         if all { self.close(now, poll) } else { None }
     }
 
-    /// When [`Self::handle_timeout`] has something to do.
+    /// Returns when [`Self::handle_timeout`] has something to do.
     pub fn poll_timeout(&self) -> Option<Duration> {
         self.open.values().map(|poll| poll.deadline).min()
     }
 
-    /// Ends the votes whose time is over.
+    /// Closes the votes whose deadline has passed, and returns their outcomes.
     pub fn handle_timeout(&mut self, now: Duration) -> Vec<Outcome> {
         let over: Vec<u64> =
             self.open.iter().filter(|(_, poll)| poll.deadline <= now).map(|(&number, _)| number).collect();
@@ -274,7 +276,7 @@ impl Polls {
 }
 
 impl Call<'_> {
-    /// Whether the vote could be held at all.
+    /// Checks whether the vote could be held at all.
     fn in_itself(&self, rules: &PollRules) -> Result<(), VoteRefusal> {
         let candidate = self.motion.candidate();
         if !self.group.contains(&self.caller) || !self.present.contains(&candidate) {
@@ -292,13 +294,13 @@ impl Call<'_> {
 }
 
 impl Standing {
-    /// One calls for the node's rejection. Calls of long ago are forgotten.
+    /// Records a call for the node's rejection. Calls of long ago are forgotten.
     fn accuse(&mut self, caller: NodeId, rules: &PollRules, now: Duration) {
         self.accusers.retain(|_, at| now < *at + rules.second_within);
         self.accusers.insert(caller, now);
     }
 
-    /// How many of the group have called for the node's rejection lately.
+    /// Returns how many of the group have called for the node's rejection lately.
     fn accusers(&self, group: &[NodeId]) -> usize {
         group.iter().filter(|node| self.accusers.contains_key(node)).count()
     }

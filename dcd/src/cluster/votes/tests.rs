@@ -1,3 +1,5 @@
+//! Tests that ballots, motions and polls follow the rules of votes (thesis 4.3.1.5).
+
 use std::time::Duration;
 
 use super::*;

@@ -1,4 +1,4 @@
-//! Peers that break rules, are slow, or vanish.
+//! Tests peers that break rules, are slow, or vanish.
 
 use std::time::Instant;
 
@@ -186,7 +186,7 @@ fn a_slow_reader_costs_its_limit_and_does_not_hold_up_others() {
             Ok(()) => {
                 sent += 1;
                 last_taken = Instant::now();
-                // Inbox, one stream's window, our window and queue; all else would be without bound.
+                // The inbox, one stream's window, our window and queue bound it.
                 assert!(sent * frame.len() < 4 << 20, "{sent} frames and no end");
             }
             Err(error) if last_taken.elapsed() > Duration::from_millis(300) => break error,

@@ -1,4 +1,4 @@
-//! Tokens, joins, identities.
+//! Tests tokens, joins and identities.
 
 use super::*;
 use crate::net::join::{JoinRequest, exchange};
@@ -12,7 +12,7 @@ fn refusal(result: Result<Identity, NetError>) -> String {
     }
 }
 
-/// The server's answer to bytes of our own making.
+/// Returns the server's answer to bytes of our own making.
 fn reply(server: &Server, request: &[u8]) -> String {
     let fingerprint = server.token(JoinRole::Node).fingerprint;
     let reply = exchange(server.addr(), fingerprint, request, PATIENCE).unwrap();
@@ -106,7 +106,7 @@ fn a_server_refuses_tokens_that_it_did_not_mint() {
     }
 }
 
-/// What a process with a key of its own says.
+/// Makes the join request of a process with a key of its own.
 fn request(token: &str) -> JoinRequest {
     let key = Key::generate().unwrap();
     JoinRequest { token: token.to_owned(), proof: key.prove(token), key: key.public(), resume: None }

@@ -1,4 +1,4 @@
-//! Real QUIC over loopback, all processes in one.
+//! Tests the network over real QUIC on loopback, with all peers in one process.
 
 mod faults;
 mod joining;
@@ -68,7 +68,7 @@ impl Process {
         }
     }
 
-    /// Connects to `other`; the keys of the connection here and there.
+    /// Connects to `other`; returns the keys of the connection here and there.
     fn connect_to(&self, other: &Process) -> (PeerKey, PeerKey) {
         let key = self.net.connect(other.net.local_addr(), other.net.who());
         assert_eq!(self.connected(), (key, other.net.who()));
@@ -102,7 +102,7 @@ impl Server {
         join(self.addr(), &self.token(role), None, PATIENCE).unwrap()
     }
 
-    /// A process that has joined and listens.
+    /// Starts a process that has joined and listens.
     fn process(&self, role: JoinRole) -> Process {
         Process::start(self.join(role), None, Limits::default())
     }

@@ -1,10 +1,10 @@
-//! Frames and datagrams between proven peers.
+//! Tests frames and datagrams between proven peers.
 
 use std::time::Instant;
 
 use super::*;
 
-/// A code of ours.
+/// A close code of our own.
 const LEAVING: CloseCode = CloseCode(CloseCode::FIRST_FREE + 1);
 
 #[test]

@@ -1,4 +1,4 @@
-//! A character that walks, climbs steps and pushes what is in its way.
+//! Moves a character through all regions: it walks, climbs steps and pushes what is in its way.
 
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::query::ShapeCastHit;
@@ -14,10 +14,10 @@ use crate::physics::query::{BodyFilter, ShapeHit, check_pose, check_vector};
 use crate::protocol::WorldPose;
 use crate::space::{BodyId, Bounds};
 
-/// Looked around this much farther than a character can reach: what carries it may carry it on.
+/// The margin around a character's reach in which bodies are gathered, metres: what carries it may carry it on.
 const SLACK_M: f32 = 1.0;
 
-/// A character and where it wants to go in one tick.
+/// A character and its desired movement in one tick.
 #[derive(Clone, Copy)]
 pub struct CharacterMove<'a> {
     /// Rapier's controller: how it climbs, slides and keeps to the ground.
@@ -28,7 +28,7 @@ pub struct CharacterMove<'a> {
     pub pose: WorldPose,
     /// Where it wants to go from there within the tick, metres.
     pub desired_m: [f32; 3],
-    /// What it heeds. If the character is a body of the world, exclude it here.
+    /// The bodies that it can collide with. If the character is a body of the world, exclude it here.
     pub filter: BodyFilter<'a>,
 }
 
@@ -42,7 +42,7 @@ impl std::fmt::Debug for CharacterMove<'_> {
     }
 }
 
-/// A character met a collider.
+/// A collision of a character with a collider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CharacterHit {
     /// Where the character stood then.
@@ -61,7 +61,7 @@ impl CharacterMove<'_> {
         Ok(check_vector(self.desired_m, "character's desired movement")?)
     }
 
-    /// As far as the controller looks.
+    /// Returns the box in which the controller looks for bodies.
     fn bounds(&self) -> Bounds {
         let turn = Pose::from_rotation(convert::rotation(self.pose.rotation));
         let around = self.shape.compute_aabb(&turn);
@@ -84,7 +84,7 @@ impl CharacterMove<'_> {
 }
 
 impl RegionHost {
-    /// See `LocalWorld::move_character`.
+    /// Moves a character; see `LocalWorld::move_character`.
     pub(crate) fn move_character(
         &self,
         character: &CharacterMove<'_>,
@@ -99,7 +99,7 @@ impl RegionHost {
         Ok(character.controller.move_shape(dt_s, &around.pipeline(), shape, &pose, desired, tell))
     }
 
-    /// See `LocalWorld::push_by_character`.
+    /// Pushes the bodies that a character met; see `LocalWorld::push_by_character`.
     pub(crate) fn push_by_character(
         &mut self,
         character: &CharacterMove<'_>,
@@ -143,7 +143,7 @@ fn named(around: &Neighbourhood, collision: &CharacterCollision) -> CharacterHit
     }
 }
 
-/// What Rapier was told of the same collision, in the space of another neighbourhood.
+/// Converts a hit to Rapier's record of the same collision, in the space of another neighbourhood.
 fn local(around: &Neighbourhood, met: &CharacterHit) -> CharacterCollision {
     let handle = |body: BodyId| {
         let parent = around.bodies.get(&body)?;

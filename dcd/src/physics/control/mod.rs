@@ -1,4 +1,4 @@
-//! Rapier's controllers in a partitioned world: characters that walk, cars that drive.
+//! Runs Rapier's controllers in a partitioned world: characters that walk, vehicles that drive.
 //!
 //! They ask one Rapier world what is around them, and no region has all of it. So they are shown a *neighbourhood*: a
 //! small Rapier world of whole bodies as their owners have them, from all regions. What a controller does to the bodies in
@@ -20,10 +20,10 @@ use super::query::{BodyFilter, QueryError};
 use super::{convert, record};
 use crate::space::{BodyId, Bounds};
 
-/// Why a controller cannot do its work.
+/// An error of a controller.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlError {
-    /// It is asked from no place, or to go nowhere.
+    /// A pose or a desired movement is not valid.
     #[error(transparent)]
     Query(#[from] QueryError),
     /// A body around it cannot be built.
@@ -37,7 +37,7 @@ pub enum ControlError {
     NoChassis(BodyId),
 }
 
-/// Whole bodies around a place, in one Rapier world.
+/// The neighbourhood of a controller: whole bodies around a place, in one Rapier world.
 struct Neighbourhood {
     anchor: [f64; 3],
     world: PhysicsWorld,
@@ -48,7 +48,7 @@ struct Neighbourhood {
 }
 
 impl Neighbourhood {
-    /// The bodies with colliders near a box that the filter lets through, and one more that is not to be found.
+    /// Gathers the bodies with colliders near a box that the filter lets through, and one more that is not to be found.
     fn gather(
         host: &RegionHost,
         bounds: &Bounds,
@@ -91,12 +91,12 @@ impl Neighbourhood {
         Ok(())
     }
 
-    /// What a controller may find.
+    /// Returns the query pipeline over what a controller may find.
     fn pipeline(&self) -> QueryPipeline<'_> {
         self.world.query_pipeline()
     }
 
-    /// The same for a controller that pushes.
+    /// Returns the same for a controller that pushes.
     fn pipeline_mut(&mut self) -> QueryPipelineMut<'_> {
         let PhysicsWorld { broad_phase, narrow_phase, bodies, colliders, .. } = &mut self.world;
         broad_phase.as_query_pipeline_mut(

@@ -1,4 +1,4 @@
-//! A car whose wheels are rays.
+//! Drives vehicles whose wheels are rays, by Rapier's ray-cast vehicle controller, through all regions.
 
 use parry3d::bounding_volume::BoundingVolume;
 use rapier3d::control::{DynamicRayCastVehicleController, Wheel};
@@ -32,7 +32,7 @@ impl std::fmt::Debug for Vehicle {
 }
 
 impl Vehicle {
-    /// A car without wheels: add them by `controller.add_wheel`.
+    /// Creates a vehicle without wheels: add them by `controller.add_wheel`.
     pub fn new(chassis: BodyId) -> Self {
         Self {
             chassis,
@@ -42,29 +42,29 @@ impl Vehicle {
         }
     }
 
-    /// The body that it drives.
+    /// Returns the body that it drives.
     pub fn chassis(&self) -> BodyId {
         self.chassis
     }
 
-    /// Where the space of its controller had its origin in the last update, in world space.
+    /// Returns the origin (anchor) of its controller's space in the last update, in world space.
     pub fn anchor(&self) -> [f64; 3] {
         self.anchor
     }
 
-    /// The middle of a wheel as of the last update, in world space; `None` if there is no such wheel.
+    /// Returns the centre of a wheel as of the last update, in world space; `None` if there is no such wheel.
     pub fn wheel_centre(&self, wheel: usize) -> Option<[f64; 3]> {
         Some(convert::world_point(self.anchor, self.controller.wheels().get(wheel)?.center()))
     }
 
-    /// What a wheel stood on in the last update.
+    /// Returns the collider that a wheel stood on in the last update.
     pub fn ground(&self, wheel: usize) -> Option<ColliderId> {
         self.grounds.get(wheel).copied().flatten()
     }
 }
 
 impl RegionHost {
-    /// See `LocalWorld::update_vehicle`.
+    /// Updates a vehicle; see `LocalWorld::update_vehicle`.
     pub(crate) fn update_vehicle(
         &mut self,
         vehicle: &mut Vehicle,
@@ -98,7 +98,7 @@ impl RegionHost {
     }
 }
 
-/// What the ray of a wheel may meet.
+/// Returns the AABB of all that the ray of a wheel may hit.
 fn ray_box(wheel: &Wheel, chassis: &Pose) -> Aabb {
     let from = chassis * wheel.chassis_connection_point_cs;
     let to = from + chassis.rotation * wheel.direction_cs * (wheel.suspension_rest_length + wheel.radius);

@@ -1,11 +1,11 @@
-//! How many substeps a region takes and how deep its overlaps are: as much as its borders need, each by how far the
-//! copies at it disagree for long. What shakes cancels out; what sags or creeps stays.
+//! Chooses how many substeps a region takes per tick and how deep its overlaps are, by how far the copies at each of its borders
+//! disagree over many ticks. Disagreement that shakes cancels out in the average; disagreement that sags or creeps stays.
 //!
-//! A border climbs by steps: one exchange, two, a deeper overlap, four exchanges, and so on. Depth comes before four, since
-//! it costs a few copies more, and four exchanges find all contacts of a region twice as often. Each step is a trial: one that does
-//! not let copies agree better is taken back, and it is long until the next.
+//! A border climbs a ladder of rungs: one exchange per tick, two, a deeper overlap, four exchanges, and so on. Depth comes before
+//! four, since it costs a few copies more, and four exchanges find all contacts of a region twice as often. Each climb is a trial:
+//! one that does not let copies agree better is taken back, and it is long until the next.
 //!
-//! Both sides of a border see the same copies, so both come to the same result. A region says in the last exchange of a
+//! Both sides of a border see the same copies, so that both come to the same result. A region announces in the last exchange of a
 //! tick how many substeps it will take in the next; a body is exchanged as often as all its members step.
 
 use rapier3d::prelude::*;
@@ -17,29 +17,30 @@ use crate::space::RegionSet;
 
 /// Ticks over which disagreement is averaged.
 const AVERAGED_TICKS: f32 = 15.0;
-/// Below this part of the tolerance a border is calm.
+/// A border whose lasting disagreement is below this part of the tolerance is calm.
 const CALM: f32 = 0.2;
-/// Ticks after a climb until it must have paid: lasting disagreement is down to this part of what it was, and copies shake no more.
+/// Ticks after a climb until it must have paid, that is, lasting disagreement is down to the part [`PAYS`] of what it was, and
+/// average disagreement has not grown.
 const TRIAL_TICKS: u32 = 30;
 const PAYS: f32 = 0.7;
-/// Ticks that a border must have been calm for to descend a rung, and rests for after a climb that did not pay, at first. A change
-/// of rung stirs what lies at the border: when it comes to nothing, the next takes four times as long, up to the longest. So it does
-/// when the border must climb again.
+/// Ticks for which a border must have been calm to descend a rung, and for which it rests after a climb that did not pay, at first.
+/// A change of rung disturbs the bodies at the border: when a climb does not pay, or the border must climb again after a descent,
+/// this grows fourfold, up to the longest.
 const PATIENCE_TICKS: u32 = 60;
 const LONGEST_PATIENCE_TICKS: u32 = 64 * PATIENCE_TICKS;
 
-/// How far copies are from their mean at the border with another region, in m/s.
+/// The distance of copies' velocities from their mean at the border with another region, in m/s.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Disagreement {
-    /// Of any copy, in an exchange.
+    /// The largest of any copy, in an exchange.
     pub most_m_s: f32,
-    /// Of any body's first copy, as a vector, averaged over a quarter of a second and summed over the exchanges of a tick, less
-    /// what is little beside the body's motion.
+    /// The largest of any body's first copy, as a vector averaged over a quarter of a second and summed over the exchanges of a tick,
+    /// less a part of the body's speed.
     pub lasting_m_s: f32,
 }
 
 impl Disagreement {
-    /// The worst of two bodies.
+    /// Returns the worse of two bodies' disagreements, each field by itself.
     pub(super) fn max(self, other: Self) -> Self {
         Self {
             most_m_s: self.most_m_s.max(other.most_m_s),
@@ -48,38 +49,38 @@ impl Disagreement {
     }
 }
 
-/// Takes the disagreement of one of so many exchanges of a tick into its average.
+/// Updates a running average with the disagreement of one of so many exchanges per tick.
 pub(super) fn average(of: &mut Vector, disagreement: Vector, exchanges: usize) {
     *of += (disagreement - *of / exchanges as f32) / AVERAGED_TICKS;
 }
 
-/// What a region knows of the substeps at its borders.
+/// The numbers of substeps of all regions as far as this one has heard, and the state of each of its borders.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Pace {
-    /// By rank, this region's own too: substeps in the present tick, and in the next as far as told.
+    /// By rank, this region's own too: substeps in the present tick, and in the next as announced.
     steps: Vec<(u8, u8)>,
     /// By rank of the other region.
     borders: Vec<BorderPace>,
-    /// What this region will tell.
+    /// The number of substeps that this region will announce.
     wanted: u8,
 }
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct BorderPace {
-    /// How far it has climbed: 0 is one exchange.
+    /// How far it has climbed: 0 is one exchange per tick.
     rung: u8,
-    /// Sum over the exchanges of this tick, m/s.
+    /// Largest disagreement, summed over the exchanges of this tick, m/s.
     sum: f32,
-    /// Of the last tick.
+    /// The sum of the last tick.
     last: f32,
-    /// Of the last ticks.
+    /// The sum averaged over the last ticks.
     average: f32,
-    /// After the last exchange of this tick, m/s.
+    /// Lasting disagreement after the last exchange of this tick, m/s.
     lasting: f32,
     calm: u32,
-    /// The highest rung that has paid: to climb there again is no trial.
+    /// The highest rung that has paid: to climb to it again is no trial.
     proven: u8,
-    /// Lasting and average disagreement when it climbed last, until that has paid or not.
+    /// Lasting and average disagreement at the last climb, while that is on trial.
     trial: Option<(f32, f32)>,
     /// Ticks since it last changed its rung.
     since: u32,
@@ -101,31 +102,31 @@ impl Pace {
         }
     }
 
-    /// Substeps that the region of this rank takes in the present tick.
+    /// Returns the substeps that the region of this rank takes in the present tick.
     pub(in crate::physics) fn steps_of(&self, rank: usize) -> usize {
         self.steps[rank].0.into()
     }
 
-    /// How often in the present tick a body is exchanged that these hold.
+    /// Returns how often in the present tick a body that these regions hold is exchanged.
     pub(super) fn exchanges_among(&self, members: RegionSet) -> usize {
         members.iter().map(|rank| self.steps_of(rank)).min().unwrap_or(1)
     }
 
-    /// What the region of this rank said of the next tick; 0 is nothing.
+    /// Notes the substeps that the region of this rank announced for the next tick; 0 announces nothing.
     pub(super) fn hear(&mut self, rank: usize, steps: u8) {
         if steps > 0 {
             self.steps[rank].1 = steps;
         }
     }
 
-    /// What this region, of this rank, says of the next tick: 0 when that is nothing new.
+    /// Returns the substeps that this region, of rank `own`, announces for the next tick; 0 when they are the same as announced before.
     pub(super) fn tell(&mut self, own: usize) -> u8 {
         let news = self.steps[own].1 != self.wanted;
         self.steps[own].1 = self.wanted;
         if news { self.wanted } else { 0 }
     }
 
-    /// Ranks have changed; a newborn region takes as many substeps as the one that it was cut from.
+    /// Translates all ranks; a newborn region takes as many substeps as the one that it was cut from.
     pub(in crate::physics) fn remap_ranks(&mut self, ranks: &RankRemap) {
         ranks.list(&mut self.steps, || (1, 1));
         ranks.list(&mut self.borders, BorderPace::idle);
@@ -134,30 +135,30 @@ impl Pace {
         }
     }
 
-    /// What a region that was cut from this one knows.
+    /// Returns the pace of a region that was cut from this one.
     pub(in crate::physics) fn of_newborn(self) -> Self {
         Self { borders: vec![BorderPace::idle(); self.borders.len()], ..self }
     }
 
-    /// Whether this region, of this rank, says nothing new of its substeps, and has come down to one.
+    /// Returns whether this region, of rank `own`, has no new number of substeps to announce, and all its borders are at rung 0.
     pub(in crate::physics) fn is_settled(&self, own: usize) -> bool {
         self.steps[own] == (self.wanted, self.wanted) && self.borders.iter().all(|border| border.rung == 0)
     }
 
-    /// The tick is over.
+    /// Ends the tick: the substeps announced for the next tick are the present ones from now on.
     pub(super) fn turn(&mut self) {
         for (now, next) in &mut self.steps {
             *now = *next;
         }
     }
 
-    /// Substeps of this region in the tick after the present one.
+    /// Returns the substeps of this region, of rank `own`, in the tick after the present one.
     pub(in crate::physics) fn next_of(&self, own: usize) -> usize {
         self.steps[own].1.into()
     }
 
-    /// Takes in how far copies shared with each other region disagreed in an exchange; none where nothing is
-    /// shared. After the last of a tick decides what to want, if that is left to it.
+    /// Adds up how far copies shared with each other region disagreed in an exchange; none where nothing is shared. After the last
+    /// exchange of a tick it decides how many substeps to want, with the coupling `auto`.
     pub(super) fn judge(&mut self, disagreement: &[Option<Disagreement>], moment: Moment<'_>) {
         let top = top_rung(moment.settings.exchanges);
         let decides = moment.settings.coupling == Coupling::Auto;
@@ -177,17 +178,17 @@ impl Pace {
         }
     }
 
-    /// By how many hops overlaps are to be deeper than usual.
+    /// Returns by how many hops overlaps are to be deeper than the settings say.
     pub(in crate::physics) fn extra_depth(&self) -> usize {
         usize::from(self.borders.iter().any(|border| border.rung >= DEEPER))
     }
 
-    /// How far copies have lately disagreed at the worst border in a tick, m/s.
+    /// Returns how far copies disagreed in the last tick at the worst border, m/s.
     pub(in crate::physics) fn disagreement_m_s(&self) -> f32 {
         self.borders.iter().map(|border| border.last).fold(0.0, f32::max)
     }
 
-    /// The same at the border with the region of this rank.
+    /// Returns how far copies disagreed in the last tick at the border with the region of this rank, m/s.
     pub(in crate::physics) fn disagreement_with_m_s(&self, rank: usize) -> f32 {
         self.borders[rank].last
     }
@@ -251,15 +252,15 @@ impl BorderPace {
     }
 }
 
-/// The rung from which on overlaps are deeper.
+/// The lowest rung at which overlaps are deeper.
 const DEEPER: u8 = 2;
 
-/// 1, 2, 2, 4, 8 …
+/// Returns the exchanges per tick at a rung: 1, 2, 2, 4, 8 …
 fn exchanges_at(rung: u8) -> u8 {
     1 << if rung < DEEPER { rung } else { rung - 1 }
 }
 
-/// The highest rung with so many exchanges at most.
+/// Returns the highest rung with at most so many exchanges.
 fn top_rung(exchanges: usize) -> u8 {
     match largest_power(exchanges).ilog2() as u8 {
         0 => 0,
@@ -267,7 +268,7 @@ fn top_rung(exchanges: usize) -> u8 {
     }
 }
 
-/// Substeps of regions divide each other, so that they meet.
+/// Returns the largest power of two up to `most`, or 64: substeps of regions divide each other, so that they end together.
 fn largest_power(most: usize) -> u8 {
     (1u8 << most.clamp(1, 64).ilog2()).max(1)
 }
@@ -276,7 +277,7 @@ fn largest_power(most: usize) -> u8 {
 mod tests {
     use super::*;
 
-    /// So many ticks in which copies disagree like this on each rung; how many of them were not on the lowest.
+    /// Runs `count` ticks in which copies disagree by `disagreement` of the rung; returns how many of them were not on the lowest rung.
     fn ticks(border: &mut BorderPace, count: usize, disagreement: impl Fn(u8) -> f32) -> usize {
         let tick = |_: &usize| {
             let now = disagreement(border.rung);
@@ -287,7 +288,7 @@ mod tests {
         (0..count).filter(tick).count()
     }
 
-    /// More exchanges help.
+    /// Disagreement that more exchanges ease.
     fn eased(rung: u8) -> f32 {
         [0.5, 0.25, 0.1, 0.01][usize::from(rung)]
     }

@@ -1,9 +1,10 @@
-//! What the regions that hold a body make of its copies: the mean velocity, given to each, the mean pose, to which each is drawn or
-//! put, and a push on each copy that evens out what presses on the copies unequally, because some of the body's neighbours are
-//! missing in some regions.
+//! Computes the consensus of the regions that hold a body: its copies get their mean velocity, are drawn to or put at their mean
+//! pose, and each is pushed by a force that evens out unequal contact forces on the copies, because some of the body's neighbours
+//! are missing in some regions.
 //!
 //! The mean of copies that each have 1/n of the mass conserves momentum exactly. It is formed from the same numbers in the
-//! same order everywhere, so that all members get the same bits.
+//! same order everywhere, so that all members get the same bits. A body whose mass is not split follows the copy of one region
+//! instead.
 
 use rapier3d::prelude::*;
 
@@ -20,25 +21,25 @@ const STILL_M_S: f32 = 0.05;
 const STILL_RAD_S: f32 = 0.1;
 const MOVED_M: f32 = 2e-3;
 const TURNED_RAD: f32 = 2e-3;
-/// Copies that count may be so far from their mean and are left alone: friction may hold them there, and to draw at what is held would
-/// wind up the memory of forces until it slips.
+/// Copies with a part of the mass that are no farther from their mean than this are left alone: friction may hold them there, and to
+/// draw at what is held would wind up the memory of forces until it slips.
 const SLACK_M: f32 = 1e-3;
 const SLACK_RAD: f32 = 1e-3;
-/// Those farther from it are drawn there in so many ticks, by their velocities.
+/// Copies farther from the mean are drawn to it in so many ticks, by their velocities.
 const DRAW_TICKS: f32 = 16.0;
-/// Those still farther, or in motion, are put there: no load has parted them, and what is put right later is seen.
+/// Copies still farther, or in motion, are put at the mean: no load has parted them, and a later correction would be seen.
 const FAR_M: f32 = 0.01;
 const FAR_RAD: f32 = 0.05;
 const MOTION_M_S: f32 = 0.5;
 const MOTION_RAD_S: f32 = 1.0;
-/// Lasting disagreement up to this part of a body's speed is none: beside how it moves nobody sees it.
+/// Lasting disagreement up to this part of a body's speed counts as none: beside its motion nobody sees it.
 const IN_MOTION: f32 = 0.1;
 /// A sleeping copy is left alone unless the others differ by more than this.
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
 
-/// Agrees on every body held here and elsewhere that is exchanged in this round. Notes, for each other region, how far the
-/// velocities of the copies of bodies held by both were from their means; none where nothing is.
+/// Applies the consensus to every body held here and elsewhere that is exchanged in this round. Notes, for each other region, how
+/// far the velocities of the copies of bodies held by both were from their means; none where no body is.
 pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
     let Border { shared: all, pace, disagreement, .. } = border;
     disagreement.fill(None);
@@ -77,7 +78,7 @@ fn agree_on(
         return Disagreement::default();
     }
     if !body.is_dynamic() {
-        // What its user moves is where its owner says.
+        // A kinematic body is where its owner says.
         if let Ownership::Replica { owner } = region.slot(link.handle).role
             && let Some(&(_, copy)) = shared.heard.iter().find(|(rank, _)| *rank == owner)
         {
@@ -130,10 +131,10 @@ fn is_broken(region: &Region, link: BodyRef) -> bool {
     region.mass_split(link.handle).is_some_and(|mass_split| mass_split.is_broken())
 }
 
-/// Takes for a body that is not split what it became in the region that saw most of what it touches: there the contacts of all
-/// that touches were solved together, so that what one body of them loses another gains. All bodies of one cluster are held where
-/// any of them is, as far as was foreseen; so all take the same region's word, and momentum is conserved. Where nothing touches it is
-/// the owner's.
+/// Gives the copy of a body that is not split the state that it has in the leading region: the one that saw most bodies of its
+/// island. There the contacts of all that touches were solved together, so that what one body of them loses another gains. All
+/// bodies of one island are held where any of them is, as far as was predicted; so all follow the same region, and momentum is
+/// conserved. Where nothing touches the body, its owner leads.
 fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared) {
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
@@ -165,8 +166,8 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared) {
     }
 }
 
-/// Positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on one hemisphere,
-/// which for copies as close as these is the exponential of the mean logarithm to third order.
+/// Returns the mean of copies: positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on
+/// one hemisphere, which for copies as close as these is the exponential of the mean logarithm to third order.
 fn mean<'a, I: Iterator<Item = &'a CopyState>>(copies: impl Fn() -> I) -> (WorldPose, Velocity) {
     let first = *copies().next().expect("a body has copies");
     if copies().all(|copy| copy.pose == first.pose && copy.velocity == first.velocity) {
@@ -199,7 +200,7 @@ fn mean<'a, I: Iterator<Item = &'a CopyState>>(copies: impl Fn() -> I) -> (World
     )
 }
 
-/// How far copies that count are from their mean at most.
+/// The greatest distance of a copy with a part of the mass from the mean.
 #[derive(Clone, Copy)]
 struct Apart {
     by_m: f32,
@@ -210,7 +211,7 @@ impl Apart {
     fn of<'a>(copies: impl Iterator<Item = &'a CopyState>, mean: &WorldPose) -> Self {
         let mut apart = Self { by_m: 0.0, by_rad: 0.0 };
         for copy in copies.filter(|copy| copy.pose != *mean) {
-            // It stays where it is, and nothing is drawn to it for ever.
+            // It stays where it is, and no copy is drawn to it for ever.
             if copy.sleeping {
                 return Self { by_m: 0.0, by_rad: 0.0 };
             }
@@ -220,7 +221,7 @@ impl Apart {
                 (0..4).map(squares).sum::<f32>().sqrt()
             };
             apart.by_m = apart.by_m.max((0..3).map(squares).sum::<f64>().sqrt() as f32);
-            // Of the chord, since a cosine near 1 knows no angle below a milliradian.
+            // From the chord, since a cosine near 1 resolves no angle below a milliradian.
             apart.by_rad = apart.by_rad.max(4.0 * (0.5 * chord(1.0).min(chord(-1.0))).asin());
         }
         apart
@@ -231,10 +232,10 @@ impl Apart {
     }
 }
 
-/// Gives a copy of what is split the mean velocity, and draws it to the mean pose. What presses on a copy moves it ahead of the mean or
-/// behind it, by the push on it times dt²/m: the work of pushes lies there, and comes back when the push ends. A copy that is put to
+/// Gives a copy of a split body the mean velocity, and draws it to the mean pose. The push on a copy moves it ahead of the mean or
+/// behind it, by the push times dt²/m: the work of pushes lies there, and comes back when the push ends. A copy that is put at
 /// the mean under its load keeps the push and loses the way, so that work was done for nothing, at every exchange anew: walls
-/// trembled for ever and fell apart. The draw is in proportion for all copies, so it leaves their momentum as it is.
+/// trembled for ever and fell apart. The draw is in proportion for all copies, so that it leaves their momentum as it is.
 fn draw(
     region: &mut Region,
     link: BodyRef,

@@ -1,4 +1,5 @@
-//! Applies what other regions say of who holds and owns a body: the other end of `halo`.
+//! Receives bodies, joints, transfers and drops from other regions, and inserts and removes replicas: the receiving end of `halo`
+//! and `membership`.
 
 use rapier3d::prelude::*;
 
@@ -10,7 +11,7 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyKind, BodyRecord, BorderMessage, Transfer};
 use crate::space::RegionSet;
 
-/// Bodies and joints that come, as owned or as replicas.
+/// Inserts the bodies and joints of a message: bodies transferred to this region, and replicas.
 pub(super) fn arrive(
     region: &mut Region,
     border: &mut Border,
@@ -37,11 +38,11 @@ pub(super) fn arrive(
     Ok(())
 }
 
-/// Replicas that are needed no more, and owned bodies that something elsewhere has stirred.
+/// Removes replicas that are needed no more, and wakes owned bodies whose replicas something elsewhere has moved.
 pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize) {
     for &id in &message.drops {
         let handle = region.handle_of(id);
-        // The word may have crossed a transfer: only a replica of the sender's is dropped.
+        // The message may have crossed a transfer: only a replica of the sender's is dropped.
         if handle.is_some_and(|handle| region.slot(handle).role == Ownership::Replica { owner: sender }) {
             region.remove(id);
         }
@@ -55,7 +56,7 @@ pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize
     }
 }
 
-/// Large bodies reach far out of the cell: the ground under all of them must be here.
+/// Inserts the immovable bodies under large shared bodies, which reach far out of the cell.
 pub(super) fn cover_hubs(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError> {
     for place in 0..region.held_elsewhere_count() {
         let link = region.held_elsewhere_at(place);
@@ -83,7 +84,7 @@ fn take_over(
         }
         Some(handle) => handle,
     };
-    // Whoever says so is mistaken or means ill: the owner at the highest epoch stays.
+    // The sender is mistaken or malicious: the owner at the highest epoch stays.
     let slot = region.slot(handle);
     if slot.role == Ownership::Owner || body.epoch < slot.epoch {
         let (owned, epoch) = (slot.role == Ownership::Owner, slot.epoch);
@@ -94,7 +95,7 @@ fn take_over(
     let slot = region.slot_mut(handle);
     (slot.whole, slot.doubt) = (transfer.whole, 0);
     border.note_arrival(BodyRef { id: body.id, handle });
-    // Copies that share the mass agree on their mean instead.
+    // Copies with a part of the mass follow their consensus instead.
     if !shares_mass {
         write_whole(region, handle, body);
     }
@@ -126,7 +127,7 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
     let state = &body.state;
     let pose = convert::region_from_world(region.anchor(), &state.pose);
     let rigid_body = &mut region.world_mut().bodies[handle];
-    // A ghost of the proxy coupling would not take the forces.
+    // A kinematic ghost of the proxy coupling would not take the forces.
     if body.traits.kind == BodyKind::Dynamic && !rigid_body.is_dynamic() {
         rigid_body.set_body_type(RigidBodyType::Dynamic, false);
     }

@@ -1,7 +1,7 @@
-//! Who must hold which body, and who owns it: the part of a coupling that is the same for all methods. Bodies that come
-//! near a neighbour are announced to it, those that leave its neighbourhood are called back, and a body whose centre has
-//! left the region is handed over. A body is replicated before it is transferred (thesis 3.3.3), so its contacts and
-//! their warm start are there when authority changes.
+//! Replicates bodies to the regions whose halo they touch and transfers ownership, for the couplings `owner` and `proxy`. A body
+//! that comes near a neighbour's cell is sent to it as a replica, one that leaves the halo is dropped there, and a body whose
+//! centre has left the region is transferred. A body is replicated before it is transferred (thesis 3.3.3), so that its contacts
+//! and their warm start are there when authority changes.
 
 use rapier3d::prelude::*;
 
@@ -13,12 +13,12 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyRecord, Transfer};
 use crate::space::{Bounds, RegionSet, Tick};
 
-/// Bodies far from any border are looked at again after at most so many ticks.
+/// Bodies far from any border are checked again after at most so many ticks.
 const LONGEST_REST: u32 = 8;
-/// By how much a body may be sped up meanwhile without being seen late.
+/// A body that is sped up by no more than this meanwhile is still checked in time.
 const SURPRISE_M_S: f32 = 10.0;
 
-/// A body that is to be held, or owned, by other regions than before.
+/// A change of the regions that hold a body, or of its owner.
 #[derive(Debug)]
 pub(super) struct HolderChange {
     link: BodyRef,
@@ -26,7 +26,7 @@ pub(super) struct HolderChange {
     owner: usize,
 }
 
-/// Says which regions must hold the bodies inserted since the last step.
+/// Sends the bodies inserted since the last step to the regions that must hold them.
 pub(super) fn announce(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
     let Side { region, border, outbox } = side;
     outbox.clear(tick);
@@ -38,7 +38,7 @@ pub(super) fn announce(side: &mut Side, partition: &Partition, tick: Tick, dt_s:
     tell_changes(region, border, outbox, partition, tick, dt_s);
 }
 
-/// Says who must hold what after a step. Only awake bodies, and those inserted since the last step, can need a change.
+/// Sends changes of holders and owners after a step. Only awake bodies, and those inserted since the last step, can need one.
 pub(super) fn tell(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
     let Side { region, border, outbox } = side;
     border.looked_at.clear();
@@ -51,7 +51,7 @@ pub(super) fn tell(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32
     tell_changes(region, border, outbox, partition, tick, dt_s);
 }
 
-/// Says of each of the bodies to be looked at, as far as it is owned here, what is new about its holders and its owner.
+/// Sends the changes of holders and owner of the bodies to be checked, as far as they are owned here.
 fn tell_changes(
     region: &mut Region,
     border: &mut Border,
@@ -67,7 +67,7 @@ fn tell_changes(
     }
 }
 
-/// Looks at these bodies and at every assembly with one of them; `changes` come out in id order, each body once.
+/// Checks these bodies and every assembly with one of them; `changes` come out in id order, each body once.
 fn find_changes(
     region: &mut Region,
     partition: &Partition,
@@ -108,7 +108,7 @@ fn find_changes(
     changes.dedup_by_key(|change| change.link.id);
 }
 
-/// The same for bodies that joints tie together: what one of them needs, all get.
+/// Checks bodies that joints tie together: the holders that one of them needs, all get.
 fn look_at_assembly(
     region: &mut Region,
     partition: &Partition,
@@ -147,7 +147,7 @@ fn propose(region: &Region, link: BodyRef, near: Near, owner: usize, changes: &m
     }
 }
 
-/// The region of the centre, once the centre has left the present one for good.
+/// Returns the rank of the centre's region, once the centre has left the present one by the hysteresis.
 fn new_owner(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize {
     if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
         partition.rank_at(centre)
@@ -156,7 +156,7 @@ fn new_owner(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize 
     }
 }
 
-/// Sends the body to its new holders, calls it back from those that need it no more, and hands over authority.
+/// Sends the body to its new holders, has it dropped by those that need it no more, and transfers authority.
 fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) {
     let HolderChange { link, holders, owner } = *change;
     let own = RegionSet::only(region.rank());
@@ -186,7 +186,7 @@ fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) 
     }
 }
 
-/// The part of a region where nothing concerns its neighbours, in region space.
+/// The part of a region's cell that is outside all its neighbours' halos, in region space.
 struct Inner {
     min: Vector,
     max: Vector,
@@ -201,8 +201,8 @@ impl Inner {
         }
     }
 
-    /// For how many ticks a body surely stays within, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
-    /// [`LONGEST_REST`]. A body that is hit harder is seen at most so many ticks late: it is replicated late, never lost.
+    /// Returns for how many ticks a body surely stays within, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
+    /// [`LONGEST_REST`]. A body that is hit harder is checked at most so many ticks late: it is replicated late, never lost.
     fn ticks_within(&self, region: &Region, handle: RigidBodyHandle, dt_s: f32) -> u32 {
         let body = &region.physics().bodies[handle];
         let centre = body.center_of_mass();
@@ -212,7 +212,7 @@ impl Inner {
     }
 }
 
-/// The regions whose cell a body comes near.
+/// The regions whose halo a body touches.
 #[derive(Clone, Copy, Default)]
 struct Near {
     within_halo: RegionSet,

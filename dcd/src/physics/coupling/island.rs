@@ -1,12 +1,12 @@
-//! Islands near borders: awake bodies that touch or are tied, and where they should be computed. An island small enough
-//! goes whole to one region, to the one that owns most of it; there it is computed as in one world. Larger ones stay
-//! where their bodies are.
+//! Finds the islands near borders (awake bodies that touch or are tied by joints) and chooses the region that is to compute each.
+//! An island small enough moves whole to one region, the one that owns most of it; there it is computed as in one world. The
+//! bodies of larger ones stay where they are.
 //!
-//! An island may lie in many regions, of which each sees its own part and its neighbours'. So each tells its neighbours which
-//! parts it knows of and from how far, nearest first, as many as make the island too large: sizes spread from part to
-//! part, and all come to the same sum. A part that is no more is told of from ever farther away, until there is none
-//! at the distance before: then nobody believes in it any longer. Meanwhile it may be counted twice, so what was heard
-//! over more than one border must hold for as long as that takes before it makes an island whole or splits it.
+//! An island may lie in many regions, of which each sees its own part and its neighbours'. So each sends its neighbours the parts
+//! it knows of and how many hops away they are, nearest first, as many as make the island too large: sizes spread from part to
+//! part, and all come to the same sum. A part that is no more is reported from ever farther away, until there is none one hop
+//! nearer: then no region counts it any longer. Meanwhile it may be counted twice, so that sizes heard over more than one border
+//! must hold for as long as that takes before they make an island whole or split it.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,25 +20,25 @@ use crate::physics::settings::WHOLE;
 use crate::protocol::{BIG_ISLAND, BodyKind, BorderMessage, IslandPart};
 use crate::space::{BodyId, RegionSet};
 
-/// An island that is not whole yet becomes so below this part of the limit, so that none flaps.
+/// An island that is not whole yet becomes so below this part of the limit: hysteresis, so that none flaps.
 const ENTER: f32 = 0.85;
 /// An island stays where it is as long as this part of its bodies lies there, or half as many as in the region with most of them.
 const STAY: f32 = 0.25;
-/// Islands of more bodies than this go body by body, and those that stay here are walked through every so many ticks only. What is hidden
-/// from a border for so long stays held at it.
+/// Islands of more bodies than this move body by body, and those that stay here are searched through every [`WALK_TICKS`] only. A
+/// body that is hidden from a border for so long stays held at it.
 const LARGE: usize = 256;
 const WALK_TICKS: u64 = 8;
-/// Ticks from when a region finds its islands to when its neighbours have used what it told of them.
+/// Ticks from when a region finds its islands to when its neighbours have used the parts that it sent.
 const TICKS_PER_HOP: u32 = 2;
 
 /// The islands that come near a border, as found last; kept for its memory.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Islands {
-    /// By Rapier's body index: place in `found`, plus one.
+    /// By Rapier's body index: place in `found`, plus one; 0 for a body in no island.
     of: Vec<u32>,
     touched: Vec<RigidBodyHandle>,
     pub found: Vec<Island>,
-    /// What others told of their parts in the last exchange, with the sender's rank, in order of rank and part.
+    /// Parts received from others in the last exchange, with the sender's rank, in order of rank and part.
     told: Vec<(usize, IslandPart)>,
     /// How many of those found are from ticks before.
     #[serde(skip)]
@@ -47,81 +47,81 @@ pub(super) struct Islands {
     open: Vec<RigidBodyHandle>,
 }
 
-/// Bodies that touch or are tied.
+/// An island: awake bodies that touch or are tied by joints, as far as this region sees them.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Island {
-    /// Those owned here.
+    /// Its bodies owned here.
     pub members: Vec<BodyRef>,
-    /// How many others' bodies it has that are held here.
+    /// How many of its bodies are owned by others and held here.
     ghosts: usize,
     /// Too large to move whole.
     pub big: bool,
-    /// Too large to go as one, by what this region has of it and hears of it at first hand.
+    /// Too large to move at once, by its parts in this region and its direct neighbours.
     pub large: bool,
-    /// There are too many bodies in this region alone: it was not followed to its end.
+    /// It has too many bodies in this region alone: the search was broken off.
     endless: bool,
-    /// Its lowest member, or that of the endless island which it belongs to.
+    /// The id of its lowest member, or of that of the endless island which it belongs to.
     name: Option<BodyId>,
     /// Something touches it or ties it together.
     pub pressed: bool,
-    /// To be whole as far as its parts say; before they are reckoned: as it was.
+    /// To be whole, by the sizes of its parts; before these are summed up: as it was.
     whole: bool,
-    /// Ticks for which its parts have said otherwise.
+    /// Ticks for which the sizes of its parts have said otherwise.
     doubt: u16,
     /// Parts of others that it touches, by their owner's rank and name.
     beside: Vec<(usize, BodyId)>,
-    /// Bodies of others of whose part nothing was heard yet, with their owner's rank.
+    /// Bodies of others whose part has not been received yet, with their owner's rank.
     unheard: Vec<(usize, BodyId)>,
-    /// All parts that are known of, this one first, farther ones later.
+    /// All known parts, this region's first, farther ones later.
     parts: Vec<IslandPart>,
     /// How many bodies others own of it, by rank.
     elsewhere: Vec<(usize, usize)>,
-    /// Rank of the region it goes to, unless it is big.
+    /// Rank of the region it moves to, unless it is big.
     pub target: usize,
-    /// Whether all of it may go there.
+    /// Whether all of it may move there.
     pub ready: bool,
 }
 
 impl Islands {
-    /// The island of a body, if it is near a border.
+    /// Returns the island of a body, if it is near a border.
     pub(super) fn of(&self, handle: RigidBodyHandle) -> Option<&Island> {
         let place = *self.of.get(handle.into_raw_parts().0 as usize)?;
         self.found.get((place as usize).checked_sub(1)?)
     }
 
-    /// How many bodies of a body's island this region owns, for who will meet it.
+    /// Returns how many bodies of a body's island this region owns, to be sent to other regions.
     pub(super) fn size(&self, handle: RigidBodyHandle) -> u16 {
         self.of(handle).map_or(1, |island| if island.big { BIG_ISLAND } else { island.own_size().max(1) })
     }
 
-    /// How many bodies a body's island has as this region sees it, its ghosts among them.
+    /// Returns how many bodies a body's island has as this region sees it, ghosts included.
     pub(super) fn seen(&self, handle: RigidBodyHandle) -> u16 {
         self.of(handle).map_or(1, |island| {
             if island.big { BIG_ISLAND } else { told(island.members.len() + island.ghosts) }
         })
     }
 
-    /// This region's part of a body's island, for those that hold the body.
+    /// Returns the name of this region's part of a body's island, for the regions that hold the body.
     pub(super) fn part(&self, handle: RigidBodyHandle) -> Option<BodyId> {
         self.of(handle)?.name
     }
 
-    /// Tells the parts of each island that was found last to all who hold any of its bodies.
+    /// Sends the parts of each island that was found last to all regions that hold any of its bodies.
     pub(super) fn tell(&self, region: &Region, outbox: &mut Outbox) {
         let mut hearers = vec![RegionSet::EMPTY; self.found.len()];
         for &handle in &self.touched {
-            // Some have gone since.
+            // Some have moved away since.
             let here = region.physics().bodies.contains(handle);
             let concerned = match region.role_of(handle).filter(|_| here) {
                 Some((_, Ownership::Owner)) => region.slot(handle).holders,
-                // It may hold nothing of what touches its body here.
+                // The owner may hold none of the bodies that touch its body here.
                 Some((_, Ownership::Replica { owner })) => RegionSet::only(owner),
                 _ => continue,
             };
             let place = self.of[handle.into_raw_parts().0 as usize] as usize - 1;
             hearers[place] = hearers[place].union(concerned);
         }
-        // What belongs to an endless island has its name, and is told of once.
+        // Islands that belong to an endless one have its name, and are sent once.
         let mut endless: Vec<(Option<BodyId>, RegionSet)> = Vec::new();
         for (island, mut hearers) in self.found.iter().zip(hearers) {
             if island.endless && !hearers.is_empty() {
@@ -139,12 +139,12 @@ impl Islands {
         }
     }
 
-    /// A new exchange has begun: nothing has been told in it.
+    /// Forgets the parts received in the exchange before.
     pub(super) fn forget_told(&mut self) {
         self.told.clear();
     }
 
-    /// Takes in what the region of this rank tells of islands. Regions are heard in the order of their ranks.
+    /// Stores the island parts sent by the region of this rank. Must be called in the order of ranks.
     pub(super) fn hear(&mut self, rank: usize, message: &BorderMessage) {
         let from = self.told.len();
         self.told.extend(message.islands.iter().map(|part| (rank, *part)));
@@ -158,7 +158,7 @@ impl Islands {
         self.told[from..].iter().take_while(those).map(|(_, part)| part)
     }
 
-    /// Ranks have changed: what was told with the old ones is told anew.
+    /// Translates the ranks in all parts, received and found.
     pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
         self.told
             .retain(|(rank, part)| ranks.to[*rank].is_some() && ranks.to[usize::from(part.rank)].is_some());
@@ -212,7 +212,7 @@ impl Islands {
         }
     }
 
-    /// Gathers all that is known of the parts of an island, up to the limit.
+    /// Gathers all known parts of an island, up to the limit.
     fn reckon(
         &self,
         place: usize,
@@ -240,7 +240,7 @@ impl Islands {
                     parts.push(IslandPart { of, hops, ..*told });
                     continue;
                 }
-                // What this region has itself it knows best.
+                // This region knows its own parts best.
                 let found = names.partition_point(|(other, _)| *other < told.name);
                 if let Some(&(_, found)) = names.get(found).filter(|(other, _)| *other == told.name) {
                     let found = &self.found[found];
@@ -322,7 +322,7 @@ impl Islands {
             }
             let mut endless = None;
             region.for_each_contact(handle, |other, touches| {
-                // What has been entered comes again with each pair of colliders, and from its own side.
+                // A body that has been entered comes again with each pair of colliders, and from its own side.
                 let place = self.place(other) as usize;
                 if !touches || place > self.found.len() || !takes_part(region, other) {
                     return;
@@ -354,8 +354,8 @@ impl Islands {
         }
     }
 
-    /// Forgets the islands found last, but for large ones that are to stay here: those are walked through only now and then, and
-    /// what comes to touch them joins them meanwhile.
+    /// Forgets the islands found last, except large ones that are to stay here: those are searched through every [`WALK_TICKS`] only,
+    /// and bodies that come to touch them join them meanwhile.
     fn keep_large(&mut self, region: &Region, moment: Moment<'_>) {
         for handle in self.touched.drain(..) {
             self.of[handle.into_raw_parts().0 as usize] = 0;
@@ -386,18 +386,18 @@ impl Islands {
 }
 
 impl Island {
-    /// Whether bodies of other regions belong to it.
+    /// Returns whether bodies of other regions belong to it.
     pub(super) fn spans(&self) -> bool {
         self.ghosts > 0 || !self.beside.is_empty()
     }
 
-    /// Whether regions with less of it need not hold any of it: they follow what this one computes, and what they have of it comes
-    /// here.
+    /// Returns whether regions with less of it need not hold any of its bodies owned here: this region leads, and the bodies that they
+    /// own of it move here.
     pub(super) fn draws(&self, own: usize) -> bool {
         self.large && !self.big && self.target == own
     }
 
-    /// What touches it belongs to it.
+    /// Merges an island that touches this one into it.
     fn take_in(&mut self, other: Self) {
         self.members.extend(other.members);
         self.ghosts += other.ghosts;
@@ -406,7 +406,7 @@ impl Island {
         self.unheard.extend(other.unheard);
     }
 
-    /// All that belongs to it has been found.
+    /// Sorts its members and names it, after all that belongs to it has been found.
     fn complete(&mut self) {
         self.members.sort_unstable_by_key(|link| link.id);
         self.name = self.name.or_else(|| Some(self.members.first()?.id));
@@ -414,7 +414,7 @@ impl Island {
         self.beside.dedup();
     }
 
-    /// What others have of it is found anew.
+    /// Clears its parts of others, which are found anew.
     fn begin_anew(&mut self) {
         self.ghosts = 0;
         self.name = None;
@@ -423,17 +423,17 @@ impl Island {
         self.elsewhere.clear();
     }
 
-    /// How many of its bodies this region owns.
+    /// Returns how many of its bodies this region owns.
     fn own_size(&self) -> u16 {
         if self.endless { BIG_ISLAND } else { self.members.len().min(usize::from(BIG_ISLAND) - 1) as u16 }
     }
 
-    /// How many bodies are in its parts.
+    /// Returns how many bodies are in its parts.
     fn total(&self) -> usize {
         self.parts.iter().map(|part| usize::from(part.size)).sum()
     }
 
-    /// Decides whether it is to be whole, by the sizes of its parts and by what these take it for.
+    /// Decides whether it is to be whole, by the sizes of its parts and by whether these were whole before.
     fn judge(&mut self, limit: usize) {
         let total = self.total();
         let close = total as f32 > ENTER * limit as f32 && !self.parts.iter().all(|part| part.whole);
@@ -443,7 +443,7 @@ impl Island {
             return;
         }
         let hops = u32::from(self.parts.last().map_or(0, |part| part.hops));
-        // What is only beside is known at first hand, and never twice; that there is nothing behind it must show.
+        // A part one hop away is reported by its owner, and never twice; that there are no parts behind it takes time to be sure of.
         let known = if split { hops <= 1 } else { hops == 0 };
         let patience = if self.endless || known { 0 } else { TICKS_PER_HOP * (hops + 2) };
         self.doubt = self.doubt.saturating_add(1);
@@ -452,7 +452,7 @@ impl Island {
         }
     }
 
-    /// Says where the island is to be computed.
+    /// Chooses the region where the island is to be computed.
     fn settle(&mut self, region: &Region, moment: Moment<'_>) {
         let own = region.rank();
         let limit = moment.settings.island_limit;
@@ -465,7 +465,7 @@ impl Island {
         self.judge(limit);
         let mut here = 0;
         let large = self.large;
-        // What others say of others is late: in a large island that comes together and apart, parts that are no more would count.
+        // Reports at second hand are late: in a large island that comes together and apart, parts that are no more would count.
         for part in self.parts.iter().filter(|part| !large || part.hops <= 1 || usize::from(part.rank) == own)
         {
             let (rank, size) = (usize::from(part.rank), usize::from(part.size));
@@ -503,12 +503,12 @@ impl Island {
     }
 }
 
-/// A number of bodies as others are told it: none is mistaken for an island that is too large to move.
+/// Returns a number of bodies as it is sent: clamped, so that none is mistaken for an island that is too large to move.
 fn told(count: usize) -> u16 {
     count.clamp(1, usize::from(BIG_ISLAND) - 1) as u16
 }
 
-/// Islands are of awake bodies that contacts can move.
+/// Returns whether a body can be part of an island: awake, and movable by contacts.
 fn takes_part(region: &Region, handle: RigidBodyHandle) -> bool {
     region.slot(handle).traits.kind == BodyKind::Dynamic && !region.physics().bodies[handle].is_sleeping()
 }

@@ -1,13 +1,13 @@
-//! Who holds and who owns a body, for couplings that agree on means. The owner decides, after the last step of a tick; all
-//! who hold the body learn of it by the same exchange and act on it together, so that its mass is divided by the same
-//! number everywhere.
+//! Decides which regions hold and which one owns a body, for the couplings with consensus (`overlap`, `island`, `auto`). The owner
+//! decides, after the last step of a tick; all holders of the body receive the decision in the same exchange and apply it
+//! together, so that its mass is split into the same number of parts everywhere.
 //!
 //! - A body is held by the regions within whose reach it is (`reach`), and some ticks longer, so that none flaps.
-//! - It is owned by the region of its centre, or by the one to which its island goes (`island`). What presses on
-//!   something is first held there for some ticks, so that the contacts and their warm start are there (thesis 3.3.3); what
-//!   is free goes at once.
-//! - What only moves on is followed by a shadow there, which has no part of the mass; so is, for one exchange, what comes to
-//!   be held where several hold it already: the shadow starts from their mean.
+//! - It is owned by the region of its centre, or by the one to which its island moves (`island`). A body that touches
+//!   something is first held there for some ticks, so that the contacts and their warm start are there (thesis 3.3.3); a free
+//!   body is transferred at once.
+//! - A body that only moves to a region has a warm-up ghost there, which has no part of the mass; so has, for one exchange, a body
+//!   that comes to be held where several hold it already: the warm-up ghost starts from their mean.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -23,20 +23,20 @@ use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Ticks for which a region keeps a body that it has no reason to hold any more.
 const KEEP_TICKS: u32 = 10;
-/// Ticks that a body which presses on something is held by the region to which it goes, before it is owned there.
+/// Ticks for which a body that touches something is held by the region to which it moves, before it is owned there.
 const SETTLE_TICKS: u32 = 8;
-/// What is only followed there waits until its shadow strays no further than this, in m/s: then its load has found its way
-/// through the contacts there. After so many ticks it goes anyway.
+/// A body waits until its warm-up ghost strays from it no further than this, in m/s: then its load has found its way through the
+/// contacts there. After [`FOLLOW_TICKS`] it moves anyway.
 const STRAY_M_S: f32 = 1e-3;
 const FOLLOW_TICKS: u32 = 120;
-/// After so many ticks that it has been to go somewhere, a body goes as it is: who holds it may change with every swing of a rope,
-/// and nothing would ever settle.
+/// A body that has been due to move for so many ticks moves as it is: its holders may change with every swing of a rope, and it
+/// would never settle.
 const LONGEST_AWAY_TICKS: u32 = 60;
-/// Of a large island goes at once what is faster than this, in m/s, when it has been to go for as long as others are held first: what
-/// contacts remember of it is of impacts, and worth nothing in the next tick.
+/// A body of a large island that is faster than this, in m/s, moves without being held there first, once it has been due for
+/// [`SETTLE_TICKS`]: the warm start of its contacts is of impacts, and worth nothing in the next tick.
 const LIVELY_M_S: f32 = 1.0;
 
-/// Who will hold a body from the end of this exchange on.
+/// A decision on the members of a body from the end of this exchange on.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Decision {
     link: BodyRef,
@@ -44,27 +44,27 @@ pub(super) struct Decision {
     warming: RegionSet,
 }
 
-/// What the owner wants of a body.
+/// The membership and owner that a body should have, by its owner's reckoning.
 #[derive(Clone, Copy)]
 struct Desired {
     /// Regions that must hold it, without its owner's.
     holders: RegionSet,
-    /// Those of them which its contacts reach.
+    /// Those of them that it is within reach of.
     reached: RegionSet,
     owner: usize,
     /// Whether its island moves whole.
     whole: bool,
-    /// Whether the regions that hold it divide its mass among them; else its owner's copy has all of it, and so has each ghost.
+    /// Whether its mass is split among the regions that hold it; else its owner's copy has all of it, and so has each ghost.
     split: bool,
     /// Whether something touches the body, or its island if that moves whole.
     pressed: bool,
-    /// Whether it, and its island if that moves whole, is where it goes, with its contacts.
+    /// Whether it, and its island if that moves whole, is held where it is to move, with its contacts.
     ready: bool,
-    /// Whether it goes without having been held there.
+    /// Whether it may move without having been held there.
     lively: bool,
 }
 
-/// Says which regions must hold the bodies inserted since the last step: all whose cell they come near.
+/// Sends the bodies inserted since the last step to the regions that must hold them: all whose cell they come near.
 pub(super) fn announce(side: &mut Side, moment: Moment<'_>) {
     side.outbox.clear(moment.tick);
     side.region.update_assemblies();
@@ -75,7 +75,7 @@ pub(super) fn announce(side: &mut Side, moment: Moment<'_>) {
     predicted_contacts::show(region, &mut border.predicted, outbox, moment);
 }
 
-/// Finds after a step what lies near the border, what touches there, and which bodies are new.
+/// Finds after a step the bodies near the border, the islands there, and the new bodies.
 pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
     side.region.update_assemblies();
     side.border.decisions.clear();
@@ -96,7 +96,7 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
     }
 }
 
-/// Decides, after [`survey`], who holds and owns what, and tells all whom it concerns.
+/// Decides, after [`survey`], on holders and owners, and sends the decisions to all regions concerned.
 pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Side { region, border, outbox } = side;
     predicted_contacts::show(region, &mut border.predicted, outbox, moment);
@@ -116,7 +116,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
     let candidates = candidates(region, border);
-    // First, since each looks at all of its island.
+    // First, since a decision needs these of all bodies of an island.
     for link in &candidates {
         let spans = border.islands.of(link.handle).is_some_and(Island::spans);
         if let Some(shared) = border.shared.get_mut(link.handle) {
@@ -138,7 +138,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     }
 }
 
-/// Acts on what owners decided: sets who holds what, and divides masses anew.
+/// Applies the owners' decisions: sets the members of bodies, and splits masses anew.
 pub(super) fn commit<'a>(
     region: &mut Region,
     border: &mut Border,
@@ -173,7 +173,7 @@ pub(super) fn commit<'a>(
     }
 }
 
-/// Bodies that come from nowhere may touch anything at once: they are held wherever they come near. Returns them.
+/// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once. Returns them.
 fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let Side { region, border, outbox } = side;
     let own = RegionSet::only(region.rank());
@@ -208,7 +208,8 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     fresh.into_iter().map(|link| link.handle).collect()
 }
 
-/// Bodies whose island counts. A body near the border that is alone, meets nobody and lies in its cell is one by itself.
+/// Returns the bodies whose islands are to be found. A body near the border that is alone, has no predicted contact and lies in its
+/// cell is an island by itself.
 fn island_seeds(region: &Region, predicted: &PredictedContacts) -> Vec<RigidBodyHandle> {
     let near = predicted.near.iter().filter(|near| {
         let handle = near.link.handle;
@@ -218,7 +219,7 @@ fn island_seeds(region: &Region, predicted: &PredictedContacts) -> Vec<RigidBody
     near.map(|near| near.link).chain(region.held_elsewhere()).map(|link| link.handle).collect()
 }
 
-/// Every body owned here for which something may have to change, in id order.
+/// Returns every body owned here whose membership or owner may have to change, in id order.
 fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
     let owned = |handle: &RigidBodyHandle| {
         let slot = region.slot(*handle);
@@ -242,7 +243,7 @@ fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
     all
 }
 
-/// Decides on one body. Returns it with its new owner if it is to go there at once.
+/// Decides on one body. Returns it with its new owner if it is to be transferred at once.
 fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(BodyRef, usize)> {
     let Side { region, border, outbox } = side;
     let desired = desired_membership(region, border, moment, link.handle);
@@ -271,7 +272,7 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(Body
         // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
         let needless = !held.without(desired.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
-        // What no contact moves may carry bodies of others of which its new owner has not heard yet.
+        // A kinematic body may carry bodies of others which its new owner has not received yet.
         if shared.idle > if desired.pressed || carries { KEEP_TICKS } else { 0 } {
             members = desired.holders.union(own);
         }
@@ -280,7 +281,7 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(Body
             && members.contains(desired.owner)
             && !asleep;
     }
-    // Whom contacts reach comes to count: at once where all others' mean is what the owner sends, else after one exchange.
+    // Copies within reach get a part of the mass: at once where only the owner's counted before, else after one exchange.
     let counting = before.without(warming_before);
     let at_once = if counting == own { members } else { before };
     let counts = if desired.split {
@@ -294,7 +295,7 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(Body
     if desired.owner != own_rank && ready {
         owner = desired.owner;
         if counts == own && !desired.split {
-            // The copy that counts is the new owner's from now on, and what stays here follows it.
+            // The copy that counts is the new owner's from now on, and the one here follows it.
             warming = members.without(RegionSet::only(owner));
         } else if warming.contains(owner) {
             warming.remove(owner);
@@ -333,7 +334,7 @@ fn desired_membership(
     let island = border.islands.of(handle).filter(|island| !island.big);
     let owner = match island {
         Some(island) => island.target,
-        // What sleeps stays where it is.
+        // A sleeping body stays where it is.
         None if body.is_sleeping() => region.rank(),
         None => moment.home_of(region, handle),
     };
@@ -343,7 +344,7 @@ fn desired_membership(
         (Some(_), Some(assembly)) => border.ready_assemblies[assembly as usize],
         (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed, moment.tick.0 as u32),
     };
-    // What no contact moves is held by those who come near it, and draws nobody along.
+    // A kinematic body is held by the regions with a predicted contact to it, and reach does not spread from it.
     let id = region.slot(handle).id;
     let met = border
         .predicted
@@ -360,7 +361,7 @@ fn desired_membership(
     Desired { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }
 }
 
-/// For how many ticks another region has been to own the body.
+/// Notes that a body is due to move to another region; returns for how many ticks it has been so before.
 fn note_away(region: &mut Region, link: BodyRef, owner: usize, moment: Moment<'_>) -> u32 {
     if owner == region.rank() {
         return 0;
@@ -372,13 +373,13 @@ fn note_away(region: &mut Region, link: BodyRef, owner: usize, moment: Moment<'_
     before
 }
 
-/// The same as of the tick before.
+/// Returns for how many ticks until the tick before a body has been due to move.
 fn away_ticks(slot: &Slot, now: u32) -> u32 {
     let (first, last) = slot.away;
     if last + 1 == now { now - first } else { 0 }
 }
 
-/// Whether a body is held where it is to be owned, with its contacts.
+/// Returns whether a body is held where it is to be owned, with its contacts.
 fn is_ready(
     region: &Region,
     all: &SharedBodies,
@@ -388,14 +389,14 @@ fn is_ready(
     pressed: bool,
     now: u32,
 ) -> bool {
-    // It goes in one piece, when all else is ready.
+    // A multibody moves in one piece, when all else is ready.
     if region.is_articulated(handle) {
         return true;
     }
     let slot = region.slot(handle);
     let settled = all.get(handle).is_some_and(|shared| {
         let strays = shared.warming.contains(owner) && shared.strayed_m_s > STRAY_M_S;
-        // What only bounces off another region's body has parted from it before it would go.
+        // A body that only bounces off another region's has parted from it before it would move.
         let lasts = !island.is_some_and(Island::spans) || shared.joined >= SETTLE_TICKS;
         let follows = shared.settled >= if strays { FOLLOW_TICKS } else { SETTLE_TICKS };
         lasts && follows || away_ticks(slot, now) >= LONGEST_AWAY_TICKS
@@ -403,8 +404,8 @@ fn is_ready(
     slot.holders.contains(owner) && (settled || !pressed)
 }
 
-/// Finds which islands are ready to go. A small one goes when all of it is. What comes to a large one would keep it for ever: of
-/// that goes what is ready, joints' ends together.
+/// Finds which islands are ready to move. A small one moves when all of it is ready. Bodies that keep joining a large one would delay
+/// it for ever: of that one each body moves when it is ready, those tied by joints together.
 fn find_ready(region: &Region, border: &mut Border, now: u32) {
     let Border { islands, ready_assemblies, shared, .. } = border;
     let own = region.rank();
@@ -425,8 +426,8 @@ fn find_ready(region: &Region, border: &mut Border, now: u32) {
     }
 }
 
-/// Whether regions divide the body's mass among them: only in what is too large to be in one region whole, and in what is about to
-/// meet that.
+/// Returns whether a body's mass is to be split: with `overlap` always, else only in an island that is too large to be in one region
+/// whole, and in a body with a predicted contact to such an island.
 fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHandle) -> bool {
     let big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
     let mut meetings = border.predicted.meetings_of(id);
@@ -435,20 +436,20 @@ fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHand
         || meetings.any(|meeting| meeting.island == BIG_ISLAND)
 }
 
-/// Whether the body touches one that can move, or is tied to it.
+/// Returns whether the body touches or is tied to one that can move.
 fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
     let mut any = false;
     region.for_each_contact(handle, |_, touches| any |= touches);
     any
 }
 
-/// Whether nobody shares the body, nothing presses on it or is tied to it, so that it loses nothing by going at once.
+/// Returns whether a body can be transferred at once without loss: no other region holds it, and nothing touches it or is tied to it.
 fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
     let asleep = region.physics().bodies[handle].is_sleeping();
     region.slot(handle).holders.is_empty() && !asleep && !region.is_pressed(handle)
 }
 
-/// Sends a body that nobody shares to its new owner, whole; it is still to be removed here.
+/// Sends a body that no other region holds to its new owner, whole; the caller must remove it here.
 fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) {
     let record = region.body_record(link.handle);
     let epoch = record.epoch.next();
@@ -460,8 +461,8 @@ fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) 
     message.joints.extend(joints);
 }
 
-/// Multibodies that go elsewhere, with all that is tied to them: nobody shares them, so they go in one piece, at the cost of
-/// what their contacts remember.
+/// Returns the multibodies that move elsewhere, with all that is tied to them: they are never shared, so that they move in one piece,
+/// at the cost of the warm start of their contacts.
 fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<(BodyRef, usize)> {
     let mut leaving = Vec::new();
     for assembly in region.assemblies().iter().filter(|assembly| assembly.articulated) {
@@ -486,7 +487,7 @@ fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> 
     leaving
 }
 
-/// Tells all members, new, remaining and former, and sends the body to the new ones.
+/// Sends a membership to all members, new, remaining and former, and the body to the new ones.
 #[expect(clippy::too_many_arguments, reason = "one word of one owner")]
 fn tell(
     region: &Region,

@@ -1,13 +1,15 @@
-//! How regions that hold the same body agree on it: the one place where regions meet.
+//! Couples regions across their borders: keeps the copies that several regions hold of one body consistent, by messages after
+//! each substep.
 //!
-//! Before each (micro-)step a region *prepares* what it shares; after it, every region *gathers* what it has to say into
-//! one [`BorderMessage`] a neighbour, and then *applies* the messages of its neighbours in rank order. Values go in and
-//! come out; who carries them (memory, a simulator, QUIC) is not known here.
+//! Before each substep a region *prepares* the bodies that it shares; after it, every region *gathers* one [`BorderMessage`]
+//! per neighbour, and then *applies* the messages of its neighbours in rank order. Values go in and come out; who carries them
+//! (memory, a simulator, QUIC) is not known here.
 //!
-//! Two families: `owner` and `proxy` hold copies of all that comes near a border (`halo`) and let the owner's word
-//! stand. `overlap`, `island` and `auto` hold copies of what touches (`nearby`, `reach`, `membership`): of islands that may be in
-//! one region (`island`) whole ones, of which the best informed region's count; of others each has its share of the mass
-//! (`share`), and their means count (`agree`).
+//! Two families: `owner` and `proxy` hold copies of all that comes near a border (`halo`), and the owner's state is
+//! authoritative. `overlap`, `island` and `auto` hold copies of what touches (`predicted_contacts`, `reach`, `membership`). The
+//! bodies of islands that may be in one region (`island`) have whole copies, which follow the one in the region that sees most of
+//! the island; the mass of all others is split among their copies (`region::mass_splitting`), which follow their mean
+//! (`consensus`).
 
 mod auto;
 mod consensus;
@@ -36,7 +38,7 @@ use super::statics::Statics;
 use crate::protocol::BorderMessage;
 use crate::space::{RegionId, Tick};
 
-/// A region with its side of its borders: what it keeps of them, and what it says to its neighbours.
+/// A region with the state of its borders and the messages to its neighbours.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Side {
     pub region: Region,
@@ -45,35 +47,35 @@ pub(super) struct Side {
 }
 
 impl Side {
-    /// Of a region of a world that has these regions, which take so many substeps a tick at first.
+    /// Makes the side of a region in a world of these regions, which take `steps` substeps per tick at first.
     pub(super) fn new(region: Region, leaves: &std::sync::Arc<[RegionId]>, steps: usize) -> Self {
         let outbox = Outbox::new(region.id(), leaves.clone());
         Self { region, border: Border::new(leaves.len(), steps), outbox }
     }
 
-    /// Substeps of the present tick.
+    /// Returns the number of substeps of the present tick.
     pub(super) fn steps(&self) -> usize {
         self.border.pace.steps_of(self.region.rank())
     }
 
-    /// Substeps of the next tick.
+    /// Returns the number of substeps of the next tick.
     pub(super) fn steps_next(&self) -> usize {
         self.border.pace.next_of(self.region.rank())
     }
 
-    /// Whether nothing here can change in the tick to come.
+    /// Returns whether nothing here can change in the tick to come.
     pub(super) fn is_idle(&self) -> bool {
         self.region.is_idle() && !self.border.awaits_any() && self.border.pace.is_settled(self.region.rank())
     }
 
-    /// Ranks have changed.
+    /// Translates all ranks kept here, after ranks have changed.
     pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
         self.region.remap_ranks(ranks);
         self.border.remap_ranks(&self.region, ranks);
         self.outbox = Outbox::new(self.region.id(), ranks.leaves.clone());
     }
 
-    /// Membership changed: all that is shared must be announced again.
+    /// Forgets which regions hold what, after membership has changed: all that is shared must be announced again.
     pub(super) fn forget_holders(&mut self, regions: usize, steps: usize) {
         self.region.forget_holders();
         self.border = Border::new(regions, steps);
@@ -81,7 +83,7 @@ impl Side {
 }
 
 impl Coupling {
-    /// Fills the outbox with what neighbours must hold of the bodies inserted since the last step.
+    /// Fills the outbox with those bodies inserted since the last step that neighbours must hold.
     pub(super) fn announce(self, side: &mut Side, moment: Moment<'_>) {
         if self.shares_mass() {
             membership::announce(side, moment);
@@ -90,7 +92,7 @@ impl Coupling {
         }
     }
 
-    /// Before a step of the region.
+    /// Prepares the shared bodies for a substep of the region.
     pub(super) fn prepare(self, region: &mut Region, dt_s: f32) {
         if self.shares_mass() {
             for place in 0..region.held_elsewhere_count() {
@@ -99,7 +101,7 @@ impl Coupling {
         }
     }
 
-    /// Fills the outbox after a step.
+    /// Fills the outbox after a substep.
     pub(super) fn gather(self, side: &mut Side, moment: Moment<'_>) {
         if moment.partition.len() == 1 {
             side.region.take_fresh();
@@ -110,7 +112,7 @@ impl Coupling {
         }
     }
 
-    /// Takes in what the neighbours said, in rank order.
+    /// Applies the messages of the neighbours, in rank order.
     pub(super) fn apply<'a>(
         self,
         side: &mut Side,
@@ -126,23 +128,23 @@ impl Coupling {
     }
 }
 
-/// What a region keeps for its borders from one exchange to the next.
+/// The state that a region keeps for its borders from one exchange to the next.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct Border {
-    /// What is known of each body that other regions hold too.
+    /// The copies of each body that other regions hold too.
     shared: SharedBodies,
     predicted: predicted_contacts::PredictedContacts,
     reach: reach::Reach,
     islands: island::Islands,
     decisions: Vec<membership::Decision>,
-    /// By assembly: whether all of it may go where its island goes.
+    /// By assembly: whether all of it may move to where its island moves.
     #[serde(skip)]
     ready_assemblies: Vec<bool>,
-    /// How many substeps regions take.
+    /// The numbers of substeps that regions take.
     pub pace: auto::Pace,
     /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
     disagreement: Vec<Option<auto::Disagreement>>,
-    /// Bodies that must be looked at once, asleep or not, since the border or another region's bodies have come to them.
+    /// Bodies to be checked once, asleep or not, because the border or another region's bodies have come to them.
     overlooked: Vec<RigidBodyHandle>,
     /// Bodies that became the region's own in the exchange under way.
     arrived: Vec<BodyRef>,
@@ -154,7 +156,7 @@ pub(super) struct Border {
 }
 
 impl Border {
-    /// For a world of so many regions that take so many substeps a tick at first.
+    /// Makes the borders of a region in a world of so many regions, which take `steps` substeps per tick at first.
     fn new(regions: usize, steps: usize) -> Self {
         Self {
             predicted: predicted_contacts::PredictedContacts::new(regions),
@@ -164,7 +166,7 @@ impl Border {
         }
     }
 
-    /// Ranks have changed.
+    /// Translates all ranks kept here, after ranks have changed.
     fn remap_ranks(&mut self, region: &Region, ranks: &RankRemap) {
         self.shared.remap_ranks(region, ranks);
         self.predicted.remap_ranks(ranks);
@@ -174,17 +176,17 @@ impl Border {
         self.decisions.clear();
     }
 
-    /// Whether a body here is about to meet another region's.
+    /// Returns whether a contact of a body here with another region's is predicted.
     fn awaits_any(&self) -> bool {
         !self.predicted.meetings.is_empty()
     }
 
-    /// These bodies must be looked at in the next exchange, asleep or not.
+    /// Notes bodies to be checked in the next exchange, asleep or not.
     pub(super) fn overlook(&mut self, bodies: Vec<RigidBodyHandle>) {
         self.overlooked = bodies;
     }
 
-    /// Those of them that are still here.
+    /// Takes the bodies noted by [`Border::overlook`] that are still here.
     fn take_overlooked(&mut self, region: &Region) -> Vec<RigidBodyHandle> {
         let mut handles = std::mem::take(&mut self.overlooked);
         handles
@@ -192,34 +194,34 @@ impl Border {
         handles
     }
 
-    /// A body has become the region's own.
+    /// Notes that a body has become the region's own.
     pub(super) fn note_arrival(&mut self, link: BodyRef) {
         self.arrived.push(link);
     }
 
-    /// Bodies that became the region's own since this was asked last.
+    /// Takes the bodies that became the region's own since the last call.
     pub(super) fn take_arrived(&mut self) -> Vec<BodyRef> {
         std::mem::take(&mut self.arrived)
     }
 }
 
-/// Which exchange of which tick is being prepared.
+/// The exchange and the tick that are being computed.
 #[derive(Clone, Copy)]
 pub(super) struct Moment<'a> {
     pub partition: &'a Partition,
     pub settings: &'a StepSettings,
     pub tick: Tick,
-    /// Of this region's substeps.
+    /// Seconds: of this region's substep while it is stepped, of the tick in an exchange.
     pub dt_s: f32,
     /// The rounds of the tick, and which of them this is, from 1.
     pub rounds: usize,
     pub round: usize,
-    /// Whether it is the last exchange of the tick: who holds and owns what changes only then.
+    /// Whether it is the last exchange of the tick: holders and owners of bodies change only then.
     pub last: bool,
 }
 
 impl<'a> Moment<'a> {
-    /// Round 0 is the exchange before a tick in which new bodies are announced.
+    /// Makes the moment of a round. Round 0 is the exchange before a tick, in which new bodies are announced.
     pub(super) fn new(
         partition: &'a Partition,
         settings: &'a StepSettings,
@@ -231,7 +233,7 @@ impl<'a> Moment<'a> {
         Self { partition, settings, tick, dt_s: settings.dt_s, rounds, round, last }
     }
 
-    /// The region of a body's centre; the present one until the centre has left it for good.
+    /// Returns the rank of the region that a body's centre lies in; the present one until the centre has left it by the hysteresis.
     fn home_of(&self, region: &Region, handle: RigidBodyHandle) -> usize {
         let centre = region.centre_of(handle);
         if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
@@ -241,13 +243,13 @@ impl<'a> Moment<'a> {
         }
     }
 
-    /// Whether what happens so many times a tick happens in this round.
+    /// Returns whether something that happens `times` times per tick happens in this round.
     pub(super) fn is_due(&self, times: usize) -> bool {
         self.round.is_multiple_of((self.rounds / times.clamp(1, self.rounds)).max(1))
     }
 }
 
-/// What every region of a process may look things up in.
+/// The tables that all regions of a process share: partition, shapes and immovable bodies.
 #[derive(Clone, Copy)]
 pub(super) struct Ground<'a> {
     pub partition: &'a Partition,

@@ -1,7 +1,8 @@
-//! Split-mass overlap: bodies within some contact hops of a border live in both regions, each copy with its share of the
-//! mass, so every region can solve the contacts at the border by itself. After each substep the regions agree on the
-//! copies' means, which conserves momentum exactly; a memory of what pressed on each copy evens out the edges of the
-//! overlap, where a body has all its neighbours in one region and only some in another.
+//! Implements the overlap coupling by mass splitting: bodies within some contact hops of a border live in both regions, each copy
+//! with a part of the mass, so that every region can solve the contacts at the border by itself. After each substep the copies
+//! are set to their consensus, the mean, which conserves momentum exactly; a memory of the forces on each copy evens out the
+//! edges of the overlap, where a body has all its neighbours in one region and only some in another. The couplings `island` and
+//! `auto` use it too.
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
@@ -12,7 +13,7 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BorderMessage, CopyState};
 use crate::space::RegionSet;
 
-/// Says how the copies here moved, and after the last step of a tick who shall hold what.
+/// Sends the states of the copies here, and after the last step of a tick the new memberships.
 pub(super) fn gather(side: &mut Side, moment: Moment<'_>) {
     side.outbox.clear(moment.tick);
     if moment.last {
@@ -35,7 +36,7 @@ pub(super) fn gather(side: &mut Side, moment: Moment<'_>) {
     }
 }
 
-/// Takes in the others' copies and what owners decided.
+/// Applies the others' copies, the consensus, and the owners' decisions on membership.
 pub(super) fn apply<'a>(
     side: &mut Side,
     inbox: impl Iterator<Item = &'a BorderMessage> + Clone,
@@ -45,7 +46,7 @@ pub(super) fn apply<'a>(
     let Side { region, border, .. } = side;
     ghosts::cover_hubs(region, ground)?;
     cover_far(region, border, ground)?;
-    // Before a tick nobody tells of islands.
+    // In the exchange before a tick no islands are sent.
     let tells = moment.last && moment.round > 0;
     if tells {
         border.islands.forget_told();
@@ -60,7 +61,7 @@ pub(super) fn apply<'a>(
         }
         border.pace.hear(sender, message.steps);
     }
-    // Before a tick nobody has told where copies are: what was heard last is from before the user's changes.
+    // In the exchange before a tick no copies are sent: those received last are from before the user's changes.
     if moment.round > 0 {
         consensus::agree(region, border, moment);
         border.pace.judge(&border.disagreement, moment);
@@ -73,7 +74,7 @@ pub(super) fn apply<'a>(
     Ok(())
 }
 
-/// An island that is computed whole may reach far out of the cell.
+/// Inserts the immovable bodies under bodies that lie out of the cell: an island that is computed whole may reach far.
 fn cover_far(region: &mut Region, border: &Border, ground: Ground<'_>) -> Result<(), ShapeError> {
     for near in &border.predicted.near {
         if !region.cell().contains_box(&near.swept) {
@@ -87,7 +88,8 @@ fn rank_of(partition: &Partition, message: &BorderMessage) -> usize {
     partition.rank_of(message.from).expect("messages come from regions of this tree")
 }
 
-/// Sends a copy to all who hold the body; what a shadow of a split body became, to the owner alone; once only when it falls asleep.
+/// Sends a copy to all regions that hold the body, a warm-up ghost of a split body to its owner alone; once only when it falls
+/// asleep.
 fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     let Side { region, border, outbox } = side;
     let Border { shared, pace, islands, .. } = border;
@@ -117,7 +119,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     }
 }
 
-/// Keeps the others' copies; both lists are in id order, so there is no look-up a body.
+/// Stores the others' copies; both lists are in id order, so that there is no look-up per body.
 fn hear(region: &Region, border: &mut Border, copies: &[CopyState], sender: usize) {
     let (mut in_shared, mut in_replicas) = (0, 0);
     for copy in copies {

@@ -1,6 +1,6 @@
-//! Owner coupling: each body is computed by its owner; regions whose halo it touches hold a dynamic replica, which feels
-//! and is felt until the owner's word overwrites it after the step. It does not conserve momentum across a border: each
-//! side solves the contact with its own copy of the other body.
+//! Implements the owner coupling: each body is computed by its owner; regions whose halo it touches hold it as a dynamic replica,
+//! which pushes and is pushed until the owner's state overwrites it after the step. It does not conserve momentum across a
+//! border: each side solves the contact with its own copy of the other body.
 
 use super::{Ground, Side, ghosts, halo};
 use crate::physics::ShapeError;
@@ -16,10 +16,10 @@ const DEAD_BAND_M: f32 = 2e-3;
 const DEAD_BAND_RAD: f32 = 2e-3;
 const DEAD_BAND_M_S: f32 = 0.05;
 const DEAD_BAND_RAD_S: f32 = 0.1;
-/// A sleeping replica is left alone unless its owner says something that differs by more than this.
+/// A sleeping replica is left alone unless the owner's state differs from it by more than this.
 const WAKE_M_S: f32 = 0.05;
 
-/// Says how owned bodies moved, and to whom they must go.
+/// Sends the states of owned bodies to their holders, and the changes of holders and owners.
 pub(super) fn gather(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
     let Side { region, outbox, .. } = side;
     outbox.clear(tick);
@@ -29,7 +29,7 @@ pub(super) fn gather(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f
     halo::tell(side, partition, tick, dt_s);
 }
 
-/// Takes in the word of the owners.
+/// Applies the owners' messages: bodies that arrive, states, and bodies that depart.
 pub(super) fn apply<'a>(
     side: &mut Side,
     inbox: impl Iterator<Item = &'a BorderMessage>,
@@ -46,7 +46,7 @@ pub(super) fn apply<'a>(
     Ok(())
 }
 
-/// Every body held elsewhere: where it is, and once that it fell asleep.
+/// Sends the state of every body held elsewhere; of one that sleeps once only.
 fn tell_states(region: &mut Region, outbox: &mut Outbox) {
     for index in 0..region.shared().len() {
         let link = region.shared()[index];
@@ -62,7 +62,7 @@ fn tell_states(region: &mut Region, outbox: &mut Outbox) {
     }
 }
 
-/// Replicas that something here has stirred although their owner sleeps.
+/// Asks owners to wake the sleeping bodies whose replicas something here has moved.
 fn tell_wakes(region: &Region, outbox: &mut Outbox) {
     for link in region.replicas() {
         let slot = region.slot(link.handle);
@@ -77,7 +77,7 @@ fn tell_wakes(region: &Region, outbox: &mut Outbox) {
     }
 }
 
-/// Walks both lists, which are in id order, side by side: no look-up a body.
+/// Writes the received states. Walks both lists, which are in id order, side by side: no look-up per body.
 fn write_states(region: &mut Region, states: &[SharedState], sender: usize) {
     let mut at = 0;
     for state in states {

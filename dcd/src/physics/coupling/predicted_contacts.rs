@@ -1,6 +1,7 @@
-//! What regions show each other before anything touches: the bodies near the other's, as boxes that they will not leave in
-//! the next ticks. Both sides compare what they showed with what they saw, so both find the same meetings. A region whose
-//! bodies reach into another cell says so, and is shown what is there.
+//! Predicts contacts across borders by swept AABBs: regions exchange the AABBs and velocities of bodies near the border before
+//! anything touches, and sweep them over the next ticks. Both sides compare the list that they sent with the one that they
+//! received, so that both find the same predicted contacts (meetings). A region whose bodies reach into another cell announces
+//! how far, and is sent the bodies that are there.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,49 +16,49 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyKind, BorderMessage, NearbyBodies, NearbyBody};
 use crate::space::{BodyId, Bounds, RegionSet};
 
-/// Regions look so many ticks ahead. What is shown after one tick is met in the next and held in the one after.
+/// Contacts are predicted so many ticks ahead. A body that is sent after one tick is compared in the next and held in the one after.
 const AHEAD_TICKS: f32 = 3.0;
-/// What both regions hold already is seen by its contacts, unless it is faster than this.
+/// Contacts of a body that both regions hold already are found by the narrow phase, unless it is faster than this.
 const SLOW_M_S: f32 = 0.5;
-/// Bodies count as meeting when they come so near, metres.
+/// A contact is predicted when bodies come so near, metres.
 const MARGIN_M: f64 = 0.05;
-/// Bodies far from any border are looked at again after at most so many ticks.
+/// Bodies far from any border are checked again after at most so many ticks.
 const LONGEST_REST: u32 = 8;
-/// By how much a body may be sped up meanwhile without being seen late.
+/// A body that is sped up by no more than this meanwhile is still checked in time.
 const SURPRISE_M_S: f32 = 10.0;
 
-/// What a region shows and sees; kept from tick to tick.
+/// The lists of bodies near the border that a region sent and received, and the contacts predicted from them; kept from tick to tick.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct PredictedContacts {
     /// Bodies owned here near or beyond the border, in id order.
     pub near: Vec<Near>,
-    /// By rank: what was shown to that region last.
+    /// By rank: the bodies sent to that region last.
     shown: Vec<NearbyBodies>,
-    /// By rank: what was seen of it last.
+    /// By rank: the bodies received from it last.
     seen: Vec<NearbyBodies>,
-    /// Where something changed, so that meetings must be found anew.
+    /// Regions with a list that changed, so that contacts with them must be predicted anew.
     changed: RegionSet,
-    /// In order of body.
+    /// The predicted contacts, in order of body.
     pub meetings: Vec<Meeting>,
-    /// Of a tick, seconds.
+    /// The length of a tick, seconds.
     tick_s: f32,
-    /// Nothing in here concerns another region, in region space.
+    /// Bodies in this box concern no other region, in region space.
     inner: (Vector, Vector),
     /// Scratch.
     lists: Vec<Vec<NearbyBody>>,
 }
 
-/// A body owned here that another region may need to know of.
+/// A body owned here near the border, with its AABB and its swept AABB.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Near {
     pub link: BodyRef,
-    /// Around it as it is now.
+    /// Its AABB now.
     bounds: Bounds,
     velocity: Vector,
-    /// Around all that it may reach in the ticks to come.
+    /// Its swept AABB: around all that it may reach in the ticks to come.
     pub swept: Bounds,
     awake: bool,
-    /// The island's size as shown, in bodies owned here.
+    /// The size of its island as sent, in bodies owned here.
     pub island: u16,
 }
 
@@ -73,20 +74,20 @@ impl Near {
         }
     }
 
-    /// Regions that hold it, or into whose cells it may come.
+    /// Returns the regions that hold it, or into whose cells it may come.
     fn goes(&self, region: &Region, partition: &Partition) -> RegionSet {
         region.slot(self.link.handle).holders.union(partition.touching(&self.swept))
     }
 }
 
-/// A body owned here and one that is not held here come near each other.
+/// A predicted contact between a body owned here and one that is owned by another region.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Meeting {
     /// The one owned here.
     pub own: BodyId,
     /// Rank of the other's owner.
     pub rank: usize,
-    /// Size of the other's island in bodies owned there; 0 for what no contact moves.
+    /// Size of the other's island in bodies owned there; 0 for a body that contacts cannot move.
     pub island: u16,
     /// Regions that hold the other, or may come to own it soon.
     pub goes: RegionSet,
@@ -104,7 +105,7 @@ impl PredictedContacts {
         }
     }
 
-    /// Ranks have changed; whom the present meetings are with is found anew at the end of the next exchange.
+    /// Translates all ranks; contacts are predicted anew at the end of the next exchange where a list changed.
     pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
         ranks.list(&mut self.shown, NearbyBodies::default);
         ranks.list(&mut self.seen, NearbyBodies::default);
@@ -123,14 +124,14 @@ impl PredictedContacts {
         }
     }
 
-    /// Notes of every body near the border the size of its island, to be shown.
+    /// Notes the size of the island of every body near the border, to be sent.
     pub(super) fn set_islands(&mut self, of: impl Fn(RigidBodyHandle) -> u16) {
         for near in &mut self.near {
             near.island = of(near.link.handle);
         }
     }
 
-    /// Finds who meets whom, where something changed.
+    /// Predicts contacts with the regions whose lists changed.
     pub(super) fn meet(&mut self) {
         for rank in std::mem::take(&mut self.changed).iter() {
             let meetings = &mut self.meetings;
@@ -146,14 +147,14 @@ impl PredictedContacts {
         }
     }
 
-    /// Meetings of one body.
+    /// Returns the predicted contacts of one body.
     pub(super) fn meetings_of(&self, own: BodyId) -> impl Iterator<Item = &Meeting> {
         let from = self.meetings.partition_point(|meeting| meeting.own < own);
         self.meetings[from..].iter().take_while(move |meeting| meeting.own == own)
     }
 
-    /// Bodies owned here that will meet one whose contacts another region solves though it is owned here, with that region's rank: it
-    /// must have them by then.
+    /// Returns the bodies owned here with a predicted contact to a body that is owned here but led by another region, with that
+    /// region's rank: it solves the contact, so that it must hold both by then.
     pub(super) fn joining(&self, region: &Region, shared: &SharedBodies) -> Vec<(RigidBodyHandle, usize)> {
         let led = region.shared().iter().filter_map(|&link| {
             let rank = shared.get(link.handle)?.led_by.filter(|rank| *rank != region.rank())?;
@@ -174,7 +175,7 @@ impl PredictedContacts {
         found
     }
 
-    /// What no contact moves and is owned here, with the regions where bodies of this region may soon be that it may carry.
+    /// Returns the kinematic bodies owned here that may carry bodies of this region, with the regions where these may soon be.
     pub(super) fn carriers(
         &self,
         region: &Region,
@@ -198,21 +199,21 @@ impl PredictedContacts {
         found
     }
 
-    /// Whom it concerns that bodies reach out so far: the regions there, and those whose bodies reach there too, as
-    /// the regions there say. So nobody need hear of what happens far away.
+    /// Returns the regions to which the extent of this region's bodies is sent: the regions it touches, and those whose bodies reach
+    /// there too, as the regions there report. So no region receives what happens far away.
     fn audience(&self, extent: &Bounds, partition: &Partition) -> RegionSet {
         let there = partition.touching(extent);
         there.iter().fold(there, |all, rank| all.union(self.seen[rank].visitors))
     }
 
-    /// Regions whose bodies reach into this one's cell.
+    /// Returns the regions whose bodies reach into this one's cell.
     fn visitors(&self, region: &Region) -> RegionSet {
         let reaches =
             |nearby: &NearbyBodies| nearby.extent.is_some_and(|extent| region.cell().touches(&extent));
         self.seen.iter().enumerate().filter(|(_, nearby)| reaches(nearby)).map(|(rank, _)| rank).collect()
     }
 
-    /// The part of the region where nothing concerns the others: its cell without what the others' bodies reach into.
+    /// Finds the part of the region where bodies concern no other region: its cell without what the others' bodies reach into.
     fn find_inner(&mut self, region: &Region) {
         let cell = region.cell();
         let mut inner = Bounds::new(cell.min, cell.max);
@@ -226,8 +227,8 @@ impl PredictedContacts {
         );
     }
 
-    /// For how many ticks a body surely stays within, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
-    /// [`LONGEST_REST`]. A body that is hit harder is seen at most so many ticks late.
+    /// Returns for how many ticks a body surely stays in that part, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
+    /// [`LONGEST_REST`]. A body that is hit harder is checked at most so many ticks late.
     fn rest_of(&self, region: &Region, handle: RigidBodyHandle, tick_s: f32) -> u32 {
         let body = &region.physics().bodies[handle];
         let centre = body.center_of_mass();
@@ -255,13 +256,13 @@ fn cut(inner: &mut Bounds, away: &Bounds) {
     match face {
         Some((axis, true)) => inner.max[axis] = away.min[axis],
         Some((axis, false)) => inner.min[axis] = away.max[axis],
-        // It spans an unbounded cell: nowhere is out of its reach.
+        // It spans an unbounded cell: nothing of the cell is out of its reach.
         None => *inner = Bounds::new([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]),
     }
 }
 
-/// Takes in what another region shows. Bodies here that it did not reach before are to be looked at once: what sleeps is not
-/// looked at by itself, nor for some ticks what was far from any border.
+/// Stores the bodies near the border that another region sent. Bodies here that its extent did not reach before are to be checked
+/// once: a sleeping body is not checked by itself, nor for some ticks one that was far from any border.
 pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &BorderMessage) {
     let Some(nearby) = &message.nearby else { return };
     let before = border.predicted.seen[rank].extent;
@@ -279,7 +280,7 @@ pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &B
     predicted.changed.insert(rank);
 }
 
-/// The parts of a box that do not lie in another: a slab for each face that sticks out.
+/// Returns the parts of a box that do not lie in another: a slab for each face that sticks out.
 fn beyond(bounds: &Bounds, other: Option<&Bounds>) -> Vec<Bounds> {
     let Some(other) = other.filter(|other| other.touches(bounds)) else { return vec![*bounds] };
     let (mut rest, mut parts) = (*bounds, Vec::new());
@@ -300,7 +301,7 @@ fn beyond(bounds: &Bounds, other: Option<&Bounds>) -> Vec<Bounds> {
     parts
 }
 
-/// Looks at bodies owned here: keeps a list of those near the border, and lets the others rest.
+/// Checks bodies owned here: keeps a list of those near the border, and lets the others rest.
 pub(super) fn look(
     region: &mut Region,
     predicted: &mut PredictedContacts,
@@ -311,7 +312,7 @@ pub(super) fn look(
     predicted.tick_s = tick_s;
     let now = moment.tick.0 as u32;
     predicted.find_inner(region);
-    // By Rapier's handle, not by name: nothing is hashed.
+    // By Rapier's handle, not by id: nothing is hashed.
     let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
     predicted.near.retain(own);
     for &handle in handles {
@@ -338,7 +339,7 @@ pub(super) fn look(
     let PredictedContacts { near, seen, .. } = predicted;
     near.retain_mut(|near| {
         near.awake = !region.physics().bodies[near.link.handle].is_sleeping();
-        // What sleeps where nobody reaches concerns nobody, until it wakes or someone comes to reach it.
+        // A body that sleeps where no other region's bodies reach concerns none, until it wakes or their extent reaches it.
         near.awake
             || !region.cell().contains_box(&near.swept)
             || seen.iter().any(|nearby| nearby.extent.is_some_and(|extent| extent.touches(&near.swept)))
@@ -355,7 +356,7 @@ fn near(region: &Region, link: BodyRef, tick_s: f32) -> Near {
     Near { link, bounds, velocity, swept, awake: true, island: 1 }
 }
 
-/// Around a moving box for some time.
+/// Returns the swept AABB of a box that moves at a velocity for some time.
 fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
     let way = velocity.map(|v| f64::from(v) * ahead_s);
     bounds.union(&Bounds {
@@ -364,7 +365,7 @@ fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
     })
 }
 
-/// Says to every other region what it must see, if that changed.
+/// Sends every other region the bodies near its border, if that list changed.
 pub(super) fn show(
     region: &Region,
     predicted: &mut PredictedContacts,
@@ -387,9 +388,9 @@ pub(super) fn show(
         }
         let slot = region.slot(near.link.handle);
         let dynamic = slot.traits.kind == BodyKind::Dynamic;
-        // What is fast meets what is slow before they touch: then both must be shown.
+        // A contact of a fast body with a slow one is predicted before they touch: then both must be sent.
         let meets = |rank: &usize| fast[*rank].is_some_and(|fast| fast.touches(&near.swept));
-        // What no contact moves draws nobody along, so its contacts do not keep it where it is held.
+        // Reach does not spread from a kinematic body, so that its contacts do not keep it where it is held.
         let known = if near.velocity.length() > SLOW_M_S || !dynamic {
             RegionSet::EMPTY
         } else {
@@ -424,15 +425,15 @@ pub(super) fn show(
     }
 }
 
-/// A box around all that another region's fast bodies may reach in the ticks to come.
+/// Returns a box around all that another region's fast bodies may reach in the ticks to come.
 fn fast_bounds(nearby: &NearbyBodies, tick_s: f32) -> Option<Bounds> {
     let ahead_s = f64::from(AHEAD_TICKS * tick_s);
     let fast = nearby.bodies.iter().filter(|body| Vector::from_array(body.velocity).length() > SLOW_M_S);
     fast.map(|body| swept(&body.bounds, body.velocity, ahead_s)).reduce(|all, bounds| all.union(&bounds))
 }
 
-/// Every pair of boxes that will overlap within a time, and after how many seconds: by sweeping along the axis on which the
-/// second list is widest.
+/// Visits every pair of boxes that will overlap within `ahead_s`, found by sweep and prune along the axis on which the second list
+/// is widest.
 fn for_each_overlap(
     first: &[NearbyBody],
     second: &[NearbyBody],
@@ -466,7 +467,7 @@ fn for_each_overlap(
     }
 }
 
-/// In how many seconds two moving boxes begin to overlap; 0 if they do now, none if they never will.
+/// Returns in how many seconds two moving boxes begin to overlap; 0 if they do now, none if they never will.
 fn meet_after(a: (&Bounds, [f32; 3]), b: (&Bounds, [f32; 3])) -> Option<f64> {
     let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {

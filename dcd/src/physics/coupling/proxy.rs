@@ -1,6 +1,6 @@
-//! Proxy coupling: each body is computed by its owner; neighbours hold it as a kinematic ghost, which pushes and is not
-//! pushed. What most projects do, and the baseline of the charts: a contact across a border meets infinite mass on both
-//! sides, so elastic bodies gain energy, and a stack's ground feels only what lies on its own side.
+//! Implements the proxy coupling: each body is computed by its owner; neighbours hold it as a kinematic ghost, which pushes and is
+//! not pushed. Most projects do this, and it is the baseline of the charts: a contact across a border meets infinite mass on both
+//! sides, so that elastic bodies gain energy, and a stack's ground feels only what lies on its own side.
 
 use rapier3d::prelude::*;
 
@@ -9,7 +9,7 @@ use crate::physics::ShapeError;
 use crate::physics::region::{Ownership, Region};
 use crate::protocol::{BodyKind, BorderMessage};
 
-/// Takes in the word of the owners, and makes ghosts of what is owned elsewhere.
+/// Applies the owners' states, and makes kinematic ghosts of the bodies owned elsewhere.
 pub(super) fn apply<'a>(
     side: &mut Side,
     inbox: impl Iterator<Item = &'a BorderMessage>,

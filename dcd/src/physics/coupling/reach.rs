@@ -1,4 +1,5 @@
-//! How far borders reach into a region along contacts and joints: which bodies are within some hops of another region's.
+//! Finds which bodies of a region are within some hops, along contacts and joints, of bodies that another region owns: those that
+//! this other region must hold too.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -9,7 +10,7 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::BodyKind;
 use crate::space::RegionSet;
 
-/// The regions that each body is within reach of; kept for its memory.
+/// For each body, the regions with a body within `depth` hops of it; kept for its memory.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reach {
     /// By Rapier's body index.
@@ -23,15 +24,15 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// Regions of whose bodies this one is within reach, as found last.
+    /// Returns the regions with a body within reach of this one, as found last.
     pub(super) fn of(&self, handle: RigidBodyHandle) -> RegionSet {
         let mark = self.marks.get(handle.into_raw_parts().0 as usize);
         mark.copied().unwrap_or_default()
     }
 
-    /// Finds anew which bodies are within `depth` hops of those that other regions own, or will own: `leaving` are bodies
-    /// owned here that are on their way. `met` are bodies owned here that
-    /// come near one which is not held here, with the regions that own those: they are one hop away.
+    /// Finds anew which bodies are within `depth` hops of those that other regions own, or will own: `leaving` are bodies owned here
+    /// that are on their way. `met` are bodies owned here with a predicted contact to one that is not held here, with the regions
+    /// that own those: they are one hop away.
     pub(super) fn spread(
         &mut self,
         region: &Region,
@@ -73,8 +74,8 @@ impl Reach {
         }
     }
 
-    /// Of a small island all is within reach of whom a part of it is: so that they see all that presses on that part. Of a large one
-    /// they see less than its owner does, whose word stands.
+    /// Marks all of a small island with the regions that any part of it is within reach of, so that they see all that presses on that
+    /// part. Of a large island they see less than its owner does, which leads.
     pub(super) fn complete(&mut self, region: &Region, islands: &Islands) {
         self.next.clear();
         let small = |island: &&Island| !island.big && island.members.len() > 1 && !island.large;
@@ -87,8 +88,8 @@ impl Reach {
         }
     }
 
-    /// Marks what no contact moves with the regions of those that it carries: with all that hold what touches it, though
-    /// they only follow it there, and with those that `met` names. It must be there before what it carries is owned there.
+    /// Marks kinematic bodies with the regions of the bodies that they carry: with all that hold what touches them, even as a ghost,
+    /// and with those that `met` names. A kinematic body must be in a region before what it carries is owned there.
     pub(super) fn carry(&mut self, region: &Region, met: Vec<(RigidBodyHandle, RegionSet)>) {
         if !region.has_kinematic() {
             return;
@@ -126,7 +127,8 @@ impl Reach {
     }
 }
 
-/// A hub, and what no contact moves, is held wherever its neighbours are but does not draw others along.
+/// Returns whether reach spreads from a body to its neighbours. A hub or a kinematic body is held wherever its neighbours are, but
+/// does not bring its other neighbours along.
 fn passes_on(region: &Region, handle: RigidBodyHandle) -> bool {
     let slot = region.slot(handle);
     slot.reach_m <= HUB_REACH_M && slot.traits.kind == BodyKind::Dynamic

@@ -1,5 +1,5 @@
-//! What a region knows of the copies of a body that it shares with others: who holds it, which copies count, and what was heard
-//! and told of them last.
+//! Keeps, for each body that a region shares with others, the state of its copies: which regions hold it, which of the copies have
+//! a part of the mass, and the states that were sent and received last.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -10,27 +10,28 @@ use crate::physics::region::Region;
 use crate::protocol::{Check, CopyState};
 use crate::space::{RegionSet, mixed};
 
-/// What a region knows of a body that it shares with others.
+/// The members of a body that several regions hold, and the last states of its copies.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Shared {
-    /// All that hold it as of the last exchange, this region too.
+    /// All regions that hold it as of the last exchange, this one too.
     pub members: RegionSet,
-    /// Those of them whose copies do not count: they follow the others', to have their contacts when they come to count.
+    /// The members that hold warm-up ghosts: copies without a part of the mass, which follow the others, to have their contacts and
+    /// their warm start when they come to count.
     pub warming: RegionSet,
-    /// The other members' copies as last heard, by rank.
+    /// The other members' copies as last received, by rank.
     pub heard: Vec<(usize, CopyState)>,
     /// This region's copy after the last step.
     pub own: CopyState,
-    /// Whether it has followed the others since it came to be held here. What came as its owner had it may be other than what all
-    /// agreed on in that exchange, so what becomes of it in the first step is nobody's word.
+    /// Whether it has followed the others since it came to be held here. The state in which its owner sent it may differ from the
+    /// consensus of that exchange, so that no region may follow this copy after its first step.
     pub followed: bool,
-    /// Rank of the region whose word stood in the last exchange, unless the body is split.
+    /// Rank of the leading region, whose copy all followed in the last exchange; unless the body is split.
     pub led_by: Option<usize>,
-    /// How far the velocities of warming were from what they follow, m/s; told to the owner.
+    /// How far the velocities of warm-up ghosts were from what they follow, m/s, at most.
     pub strayed_m_s: f32,
-    /// Averaged difference of its first copy's velocity from the mean while it is split, m/s.
+    /// Average difference of its first copy's velocity from the mean while it is split, m/s.
     pub lasting: Vector,
-    /// Ticks since members changed.
+    /// Ticks since its members or its warm-up ghosts changed.
     pub settled: u32,
     /// Ticks for which bodies of other regions have belonged to its island.
     pub joined: u32,
@@ -39,12 +40,12 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Whether several copies count, each with its share of the mass; else the owner's does, and the others are ghosts of it.
+    /// Returns whether its mass is split among several copies; else the owner's copy has all of it, and the others are ghosts.
     pub(super) fn is_split(&self) -> bool {
         self.members.without(self.warming).len() > 1
     }
 
-    /// Ranks have changed.
+    /// Translates all ranks.
     fn remap_ranks(&mut self, ranks: &RankRemap) {
         (self.members, self.warming) = (ranks.set(self.members), ranks.set(self.warming));
         for (rank, _) in &mut self.heard {
@@ -55,15 +56,15 @@ impl Shared {
     }
 }
 
-/// What is known of each body that several regions hold, by Rapier's handle.
+/// The [`Shared`] state of each body that several regions hold, by Rapier's handle.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct SharedBodies {
-    /// By Rapier's body index. What is left of a body that is no more has another generation than its successor.
+    /// By Rapier's body index. An entry left of a removed body has another generation than its successor.
     of: Vec<Option<(RigidBodyHandle, Box<Shared>)>>,
 }
 
 impl SharedBodies {
-    /// Of one body; none while one region alone holds it.
+    /// Returns the state of one shared body; none while one region alone holds it.
     #[inline]
     pub(super) fn get(&self, handle: RigidBodyHandle) -> Option<&Shared> {
         let (of, shared) = self.of.get(handle.into_raw_parts().0 as usize)?.as_ref()?;
@@ -88,21 +89,21 @@ impl SharedBodies {
         &mut place.as_mut().expect("just entered").1
     }
 
-    /// One region alone holds the body, or none any more.
+    /// Forgets a body that one region alone holds, or none any more.
     pub(super) fn forget(&mut self, handle: RigidBodyHandle) {
         if let Some(place) = self.of.get_mut(handle.into_raw_parts().0 as usize) {
             *place = None;
         }
     }
 
-    /// A body has come to be held here, or is announced anew: no copies of others have been heard.
+    /// Enters a body that has come to be held here, or is announced anew: no copies of others have been received.
     pub(super) fn begin(&mut self, handle: RigidBodyHandle) {
         let shared = self.enter(handle);
         shared.followed = false;
         shared.heard.clear();
     }
 
-    /// Makes these regions the members. A body with one member is shared no more.
+    /// Sets the members of a body and its warm-up ghosts. A body with one member is shared no more.
     pub(super) fn set_members(
         &mut self,
         region: &mut Region,
@@ -127,7 +128,7 @@ impl SharedBodies {
         }
     }
 
-    /// Ranks have changed. Forgets what is left of bodies that are here no more: it may speak of regions that are none either.
+    /// Translates all ranks. Forgets entries of bodies that are here no more: they may name regions that are no more either.
     pub(super) fn remap_ranks(&mut self, region: &Region, ranks: &RankRemap) {
         for place in &mut self.of {
             if place.as_ref().is_some_and(|(handle, _)| !region.physics().bodies.contains(*handle)) {
@@ -139,10 +140,10 @@ impl SharedBodies {
     }
 }
 
-/// Reads a copy after a step: its state, and what contacts and joints pressed on it since the last exchange.
+/// Reads a copy after a step: its state, and the force and torque of contacts and joints on it since the last exchange.
 pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &Shared, tick_s: f32) -> CopyState {
     let (slot, body) = (region.slot(handle), &region.physics().bodies[handle]);
-    // What cannot be told says nothing, as a copy that Rapier has set aside.
+    // A copy whose numbers cannot be sent is unsound, like one that Rapier has quarantined.
     let unsound = CopyState { id: slot.id, ..CopyState::default() };
     if region.mass_split(handle).is_some_and(|mass_split| mass_split.is_broken()) {
         return unsound;
@@ -163,7 +164,7 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &Shared, ti
     if own.check().is_ok() { own } else { unsound }
 }
 
-/// A hash of the names of the bodies that press on this one or are tied to it, the same in whatever order they come.
+/// Returns a hash of the ids of the bodies that press on this one and of its joints, the same in whatever order they come.
 fn partners(region: &Region, handle: RigidBodyHandle) -> u64 {
     let world = region.physics();
     let mut hash = 0u64;

@@ -1,4 +1,4 @@
-//! Where regions meet, as whoever watches a world sees it: what they share there, and at what expense they agree on it.
+//! Reports the borders between regions to an observer: bodies that both hold, exchanges per tick, overlap depth, disagreement.
 
 use std::collections::BTreeMap;
 
@@ -14,20 +14,20 @@ pub struct BorderView {
     pub b: RegionId,
     /// Movable bodies that both hold, whoever owns them.
     pub bodies: usize,
-    /// How often a tick they agree, as of the tick to come; with [`Coupling::Auto`](crate::physics::Coupling::Auto) as often as the
-    /// border came to need.
+    /// Exchanges per tick, as of the next tick; with [`Coupling::Auto`](crate::physics::Coupling::Auto) as many as the border
+    /// came to need.
     pub exchanges: usize,
     /// Contact hops across the border within which bodies live in both, at the side where it is more; 0 with couplings
     /// that go by distance.
     pub depth: usize,
     /// How far copies of bodies that both hold were from their means in the last tick, summed over its exchanges, m/s; 0 with
-    /// couplings that do not agree on means.
+    /// couplings without consensus.
     pub disagreement_m_s: f32,
 }
 
 impl RegionHost {
-    /// The borders between regions computed here, in order of (a, b): of each two whose cells have a face in common, or that
-    /// hold the same body.
+    /// Returns the borders between regions computed here, in order of (a, b): one for each two whose cells have a face in common,
+    /// or that hold the same body.
     pub fn borders(&self) -> Vec<BorderView> {
         let mut shared = self.bodies_shared();
         for (at, a) in self.regions().enumerate() {
@@ -53,7 +53,8 @@ impl RegionHost {
         shared.into_iter().filter_map(view).collect()
     }
 
-    /// How many regions hold a body, as its owner knows; of an immovable body, or one owned elsewhere, how many here do.
+    /// Returns how many regions hold a body, as its owner knows; of an immovable body, or one owned elsewhere, how many regions
+    /// here do.
     pub fn holders(&self, id: BodyId) -> usize {
         match self.owned(id) {
             Some((region, handle)) => 1 + region.slot(handle).holders.len(),
@@ -61,7 +62,7 @@ impl RegionHost {
         }
     }
 
-    /// By ranks in ascending order: how many bodies both hold.
+    /// Returns how many bodies each two regions both hold, by their ranks in ascending order.
     fn bodies_shared(&self) -> BTreeMap<(usize, usize), usize> {
         let mut shared = BTreeMap::new();
         for region in self.regions() {

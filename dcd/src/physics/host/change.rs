@@ -1,4 +1,4 @@
-//! Changes in place, made to every copy of a body or joint alike.
+//! Applies a user's changes to every copy of a body or joint alike: in place, by kinematic target or by teleport.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -88,7 +88,7 @@ impl RegionHost {
         found
     }
 
-    /// Changes what a multibody joint has besides what every joint has. Returns whether there is such a joint.
+    /// Changes the link settings of a multibody joint. Returns whether there is such a joint.
     pub fn update_link(&mut self, id: JointId, settings: &LinkSettings) -> bool {
         let mut found = false;
         for Side { region, .. } in &mut self.sides {
@@ -97,12 +97,12 @@ impl RegionHost {
         found
     }
 
-    /// Where a link of a multibody is and how it moves, if its region is computed here and has stepped.
+    /// Returns the position and velocity of a link of a multibody, if its region is computed here and has stepped.
     pub fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
         self.regions().find_map(|region| region.link_motion(id))
     }
 
-    /// Sets how fast a link of a multibody moves. Returns whether there is such a joint.
+    /// Sets the velocity of a link of a multibody, by degree of freedom. Returns whether there is such a joint.
     pub fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
         let mut found = false;
         for Side { region, .. } in &mut self.sides {
@@ -111,29 +111,29 @@ impl RegionHost {
         found
     }
 
-    /// A joint, whole, if any region here holds it.
+    /// Returns the whole record of a joint, if any region here holds it.
     pub fn joint(&self, id: JointId) -> Option<JointRecord> {
         self.regions().find_map(|region| region.joint_record(id))
     }
 
-    /// The joints of a body, whole, by id; an immovable one has them in many regions, each of which has those of its own
-    /// bodies.
+    /// Returns the whole records of a body's joints, by id; those of an immovable body lie in many regions, each of which has
+    /// those of its own bodies.
     pub fn all_joints_of(&self, id: BodyId) -> BTreeMap<JointId, JointRecord> {
         let holders = self.regions().filter_map(|region| Some((region, region.handle_of(id)?)));
         let joints = holders.flat_map(|(region, handle)| region.joints_of(handle));
         joints.map(|joint| (joint.id, joint)).collect()
     }
 
-    /// What the locked axes of a joint bear, as of the last step: newtons along the three axes of its frame, newton metres
-    /// about them. Summed over the regions here that hold it. Rapier makes
-    /// what it solves orthogonal first, so the numbers of several axes are mixed.
+    /// Returns the load on the locked axes of a joint, as of the last step: newtons along the three axes of its frame, newton
+    /// metres about them. Summed over the regions here that hold it. Rapier makes what it solves orthogonal first, so the numbers
+    /// of several axes are mixed.
     pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         let loads = self.regions().filter_map(|region| region.joint_load(id));
         loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
     }
 
-    /// Sends a position-based kinematic body to a pose, where it is at the end of the next tick. Returns whether any region
-    /// here holds it.
+    /// Sets the kinematic target of a position-based kinematic body: the pose that it has at the end of the next tick. Returns
+    /// whether any region here holds it.
     pub fn send_to(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
@@ -149,8 +149,8 @@ impl RegionHost {
         Ok(held)
     }
 
-    /// A record does not say where its body was sent: the first copies of bodies that were sent before any step hear of
-    /// it from the owner's.
+    /// Sets the kinematic targets of the first copies of new bodies. A record does not hold a target that was set before any
+    /// step, so it is taken from the owner's copy.
     pub(super) fn target_newcomers(&mut self, fresh: &[BodyId]) {
         for &id in fresh {
             let Some((owner, handle)) = self.owned(id) else { continue };
@@ -171,7 +171,7 @@ impl RegionHost {
         }
     }
 
-    /// The mass of a movable body held here, in kilograms, whole even where it is shared.
+    /// Returns the mass of a movable body held here, in kilograms: the whole mass even where it is split among regions.
     pub fn mass_kg(&self, id: BodyId) -> Option<f32> {
         let of = |region: &Region, handle: RigidBodyHandle| {
             region.physics().bodies[handle].mass() * region.share_of(handle) as f32
@@ -180,7 +180,7 @@ impl RegionHost {
         self.owned(id).map(|(region, handle)| of(region, handle)).or_else(here)
     }
 
-    /// A pose of the world in the space of the region that owns a body, or of one that holds it.
+    /// Converts a pose in world space to the space of the region that owns a body, or of one that holds it.
     pub fn region_pose(&self, id: BodyId, pose: &WorldPose) -> Option<Pose> {
         let holds = |region: &&Region| region.handle_of(id).is_some();
         let owner = self.owned(id).map(|(region, _)| region);
@@ -188,7 +188,7 @@ impl RegionHost {
         Some(convert::region_from_world(region.anchor(), pose))
     }
 
-    /// Puts a body elsewhere, in every copy; one that comes to lie in other regions is placed anew.
+    /// Moves a body to a pose, in every copy; one that comes to lie in another region is placed anew.
     pub fn teleport(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
@@ -203,7 +203,7 @@ impl RegionHost {
         }
         let Some(record) = self.record(id) else { return Ok(false) };
         let joints: Vec<_> = self.joints_of(id).collect();
-        // Who is moved wakes, wherever it comes to lie.
+        // A body that is moved wakes, wherever it comes to lie.
         let state = BodyState { pose, sleeping: false, still_s: 0.0, ..record.state };
         let moved = BodyRecord { state, ..record };
         let owner = self.partition.rank_at(pose.translation);
@@ -215,8 +215,8 @@ impl RegionHost {
         Ok(self.move_copies(id, pose))
     }
 
-    /// Puts every copy held here elsewhere; the next exchange hands the body over, if it left its region. Returns whether
-    /// any region here holds it.
+    /// Moves every copy held here to a pose; the next exchange hands the body over, if it left its region. Returns whether any
+    /// region here holds it.
     pub fn move_copies(&mut self, id: BodyId, pose: WorldPose) -> bool {
         let mut held = false;
         for Side { region, .. } in &mut self.sides {

@@ -1,4 +1,4 @@
-//! Islands of the whole world that are too large to move whole, so that planes can keep out of them.
+//! Finds islands of the whole world that are too large to move whole, so that planes of the tree can keep out of them.
 
 use std::collections::BTreeMap;
 
@@ -9,12 +9,12 @@ use crate::physics::region::{Ownership, Region};
 use crate::protocol::BodyKind;
 use crate::space::{BodyId, Bounds, PlaceGroups};
 
-/// The islands with more bodies than a limit: what touches or is tied, awake or asleep, in whatever regions.
+/// The islands with more bodies than a limit: bodies that touch or are tied, awake or asleep, in whatever regions.
 #[derive(Debug, Default)]
 pub(super) struct Giants {
-    /// A box around each, in world space.
+    /// The AABB of each, in world space.
     pub boxes: Vec<Bounds>,
-    /// Which of them a body is part of.
+    /// The island that a body is part of.
     members: BTreeMap<BodyId, usize>,
 }
 
@@ -57,18 +57,18 @@ impl Giants {
         giants
     }
 
-    /// The one that a body is part of.
+    /// Returns the large island that a body is part of.
     pub(super) fn of(&self, body: BodyId) -> Option<usize> {
         self.members.get(&body).copied()
     }
 
-    /// All bodies that are part of one, in id order.
+    /// Returns all bodies of large islands, in id order.
     pub(super) fn members(&self) -> impl Iterator<Item = (BodyId, usize)> {
         self.members.iter().map(|(&id, &island)| (id, island))
     }
 }
 
-/// Joins what touches or is tied in a region.
+/// Joins the bodies that touch or are tied in a region.
 fn join(region: &Region, place_of: impl Fn(BodyId) -> Option<usize>, groups: &mut PlaceGroups) {
     let world = region.physics();
     let mut places: Vec<Option<usize>> = Vec::new();
@@ -91,7 +91,7 @@ fn join(region: &Region, place_of: impl Fn(BodyId) -> Option<usize>, groups: &mu
     }
 }
 
-/// Islands are of bodies that contacts can move.
+/// Returns whether a body can be part of an island: contacts can move it.
 fn is_part(region: &Region, handle: RigidBodyHandle) -> bool {
     region.slot(handle).traits.kind == BodyKind::Dynamic
 }

@@ -1,4 +1,5 @@
-//! The regions that one process computes: all of them in a local world, some of them on a node.
+//! Steps the regions that one process computes, tick by tick, and exchanges their messages: all of them in a local world, some of
+//! them on a node.
 
 mod borders;
 mod change;
@@ -33,7 +34,7 @@ use super::statics::Statics;
 use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, Tick};
 
-/// Why a host cannot do what it is asked.
+/// An error of a [`RegionHost`].
 #[derive(Debug, thiserror::Error)]
 pub enum HostError {
     /// A shape cannot be held.
@@ -47,7 +48,7 @@ pub enum HostError {
         /// The system's reason.
         cause: rayon::ThreadPoolBuildError,
     },
-    /// The name is taken.
+    /// The id is taken.
     #[error("{0} is in the world already; every body has one id")]
     Taken(BodyId),
     /// A joint ties a body that is not there.
@@ -92,10 +93,10 @@ pub struct RegionHost {
     hooks: Option<Arc<dyn ContactHooks>>,
     #[serde(skip)]
     threads: Threads,
-    /// Only what it takes to compute depends on it.
+    /// Only the time that a tick takes depends on it.
     #[serde(skip)]
     trial: Trial,
-    /// From regions computed elsewhere, for the exchange that is open.
+    /// Messages from regions computed elsewhere, for the next exchange.
     incoming: Vec<BorderMessage>,
     balancer: Option<repartition::Balancer>,
     tick: Tick,
@@ -110,9 +111,9 @@ pub struct RegionHost {
 }
 
 impl RegionHost {
-    /// An empty host of the regions named, which must be leaves of the partition's tree.
+    /// Creates an empty host of the regions named, which must be leaves of the partition's tree.
     ///
-    /// As [`RegionHost::set_threads`] says of `threads`.
+    /// For `threads` see [`RegionHost::set_threads`].
     pub fn new(
         partition: Partition,
         settings: StepSettings,
@@ -146,31 +147,32 @@ impl RegionHost {
         Ok(host)
     }
 
-    /// Restored from a snapshot: Rapier hears again what its own part of the snapshot left out.
+    /// Completes a restore from a snapshot: tells Rapier again what its own part of the snapshot left out.
     pub(crate) fn resume(&mut self) {
         self.sides.iter_mut().for_each(|side| side.region.repeat_joint_changes());
     }
 
-    /// Steps by so many threads from now on; 1 uses the calling thread, which few bodies do anyhow. What happens does not depend
-    /// on it. With the feature `parallel` the only region has all of them, several share them out; without, each has one.
+    /// Sets the number of threads that step it; 1 uses the calling thread, as a world of few bodies does anyhow. Results do not
+    /// depend on it. With the feature `parallel` a single region uses all of them, several regions divide them; without, each
+    /// region uses one.
     pub fn set_threads(&mut self, threads: usize) -> Result<(), HostError> {
         self.threads = Threads::new(threads, self.sides.len())?;
         Ok(())
     }
 
-    /// How many threads step it.
+    /// Returns the number of threads that step it.
     pub fn threads(&self) -> usize {
         self.threads.count()
     }
 
-    /// Takes over threads and hooks of a host whose place this one takes.
+    /// Takes over the threads and hooks of the host that this one replaces.
     pub(crate) fn serve_as(&mut self, former: &Self) -> Result<(), HostError> {
         self.threads = former.threads.clone();
         self.set_hooks(former.hooks.clone());
         self.threads.suit(self.sides.len())
     }
 
-    /// Whether so much is awake that it may be worth waking other threads.
+    /// Returns whether so many bodies are awake that it may be worth waking other threads.
     fn is_busy(&self) -> bool {
         let awake = self.regions().flat_map(|region| region.physics().islands.active_bodies());
         self.threads.are_teams() && awake.take(WORTH_WAKING).count() == WORTH_WAKING
@@ -188,7 +190,7 @@ impl RegionHost {
         done
     }
 
-    /// Asks these hooks about contacts in every region from now on; `None` asks nobody.
+    /// Sets the contact hooks of every region; `None` removes them.
     pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) {
         for side in &mut self.sides {
             side.region.set_hooks(hooks.clone());
@@ -196,17 +198,17 @@ impl RegionHost {
         self.hooks = hooks;
     }
 
-    /// The shapes of this process.
+    /// Returns the shapes of this process.
     pub fn shapes(&self) -> &ShapeLibrary {
         &self.shapes
     }
 
-    /// The same, to describe bodies by Rapier's builders.
+    /// Returns the shapes of this process, to describe bodies by Rapier's builders.
     pub fn shapes_mut(&mut self) -> &mut ShapeLibrary {
         &mut self.shapes
     }
 
-    /// The first half of a round: every region that is to step in it does, and says what its neighbours must know.
+    /// Computes the first half of a round: every region that is due steps, and writes the messages to its neighbours.
     pub fn compute(&mut self) {
         self.on_threads(Self::compute_here);
     }
@@ -272,25 +274,25 @@ impl RegionHost {
         }
     }
 
-    /// What regions here have to say to regions elsewhere, non-empty messages only.
+    /// Returns the messages of regions here to regions computed elsewhere, non-empty ones only.
     pub fn outgoing(&self) -> impl Iterator<Item = &BorderMessage> {
         let letters = self.sides.iter().flat_map(|side| side.outbox.letters());
         letters.filter(|(rank, _)| self.place_of[*rank].is_none()).map(|(_, message)| message)
     }
 
-    /// Hands in what a region computed elsewhere said; the exchange takes it in.
+    /// Accepts a message of a region computed elsewhere; the next exchange applies it.
     pub fn accept(&mut self, message: BorderMessage) {
         self.incoming.push(message);
     }
 
-    /// Takes in what was accepted, and nothing else: no tick ends with it.
+    /// Applies the messages accepted so far, and sends none: no tick ends with it.
     pub fn drain(&mut self) -> Result<(), HostError> {
         let tick = self.tick;
         self.sides.iter_mut().for_each(|side| side.outbox.clear(tick));
         self.exchange()
     }
 
-    /// The second half: every region takes in what the others said, in rank order.
+    /// Computes the second half of a round: every region applies the messages of the others, in rank order.
     pub fn exchange(&mut self) -> Result<(), HostError> {
         if self.is_busy() && self.trial.is_for_teams() {
             self.threads.clone().enter(|| self.exchange_here())
@@ -346,14 +348,14 @@ impl RegionHost {
         Ok(())
     }
 
-    /// A whole tick of a host that computes every region.
+    /// Steps a host that computes every region by a whole tick.
     pub fn step(&mut self) -> Result<(), HostError> {
         assert_eq!(
             self.sides.len(),
             self.partition.len(),
             "a node's exchange needs its neighbours' messages"
         );
-        // One entry a tick: between its halves the threads stay awake.
+        // One entry per tick: between its halves the threads stay awake.
         self.on_threads(Self::step_all)
     }
 
@@ -377,25 +379,25 @@ impl RegionHost {
         Ok(())
     }
 
-    /// The tick is over: counts it.
+    /// Ends the tick and counts it.
     pub fn end_tick(&mut self) {
         self.tick = self.tick.next();
         self.rounds_done = std::mem::take(&mut self.round);
     }
 
-    /// What the regions saw of contacts since [`RegionHost::clear_events`], in rank order.
+    /// Returns the contact events of the regions since [`RegionHost::clear_events`], in rank order.
     pub fn events(&self) -> impl Iterator<Item = &RegionEvents> {
         self.regions().map(Region::events)
     }
 
-    /// Forgets what the regions saw.
+    /// Clears the contact events of the regions.
     pub fn clear_events(&mut self) {
         for side in &mut self.sides {
             side.region.clear_events();
         }
     }
 
-    /// Ticks since the world began.
+    /// Returns the ticks since the world began.
     pub fn tick(&self) -> Tick {
         self.tick
     }
@@ -405,49 +407,49 @@ impl RegionHost {
         self.tick = tick;
     }
 
-    /// How it is stepped.
+    /// Returns the settings by which it is stepped.
     pub fn settings(&self) -> &StepSettings {
         &self.settings
     }
 
-    /// Where the regions are.
+    /// Returns the partition of the world into regions.
     pub fn partition(&self) -> &Partition {
         &self.partition
     }
 
-    /// The regions computed here, in rank order.
+    /// Returns the regions computed here, in rank order.
     pub fn regions(&self) -> impl ExactSizeIterator<Item = &Region> + Clone {
         self.sides.iter().map(|side| &side.region)
     }
 
-    /// The region of a rank, if it is computed here.
+    /// Returns the region of a rank, if it is computed here.
     fn region_at(&self, rank: usize) -> Option<&Region> {
         Some(&self.sides[self.place_of[rank]?].region)
     }
 
-    /// Bodies that changed owner since the host was made, counted by the new owner.
+    /// Returns how many bodies changed owner since the host was made, counted at the new owner.
     pub fn transfers(&self) -> u64 {
         self.transfers
     }
 
-    /// Bodies that regions here gave to others in the last [`RegionHost::step`], in id order.
+    /// Returns the handovers of bodies from regions here to others in the last [`RegionHost::step`], in id order.
     pub fn handovers(&self) -> &[Handover] {
         &self.handovers
     }
 
-    /// The owner's copy of a movable body, if its region is computed here.
+    /// Returns the owner's copy of a movable body, if its region is computed here.
     #[inline]
     pub fn owned(&self, id: BodyId) -> Option<(&Region, RigidBodyHandle)> {
         let home = self.owner_index.home(id)?;
         Some((self.region_at(home.rank)?, home.handle))
     }
 
-    /// An immovable body by name.
+    /// Returns an immovable body by id.
     pub fn immovable(&self, id: BodyId) -> Option<&BodyRecord> {
         self.statics.body(id)
     }
 
-    /// A body, whole: as its owner has it, if that is here, else as a replica has it.
+    /// Returns the whole record of a body: as its owner has it, if that is here, else as a replica has it.
     pub fn record(&self, id: BodyId) -> Option<BodyRecord> {
         if let Some(body) = self.statics.body(id) {
             return Some(body.clone());
@@ -458,13 +460,13 @@ impl RegionHost {
         self.regions().find_map(|region| Some(region.body_record(region.handle_of(id)?)))
     }
 
-    /// The joints of one body, whole, in order of insertion.
+    /// Returns the whole records of one body's joints, in order of insertion.
     pub fn joints_of(&self, id: BodyId) -> impl Iterator<Item = JointRecord> {
         let held = self.regions().find_map(|region| Some((region, region.handle_of(id)?)));
         held.into_iter().flat_map(|(region, handle)| region.joints_of(handle))
     }
 
-    /// Every movable body owned here in id order, with its region.
+    /// Returns the pose and velocity of every movable body owned here, in id order, with its region.
     pub fn states(&self) -> impl Iterator<Item = (BodyId, RegionId, WorldPose, Velocity)> {
         self.owned_bodies().map(|(id, region, handle)| {
             let (pose, velocity) = region.motion(handle);
@@ -472,23 +474,23 @@ impl RegionHost {
         })
     }
 
-    /// Every movable body owned here in id order, with its region and Rapier's handle there.
+    /// Returns every movable body owned here, in id order, with its region and Rapier's handle there.
     pub fn owned_bodies(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
         self.owner_index.homes().filter_map(|(id, home)| Some((id, self.region_at(home.rank)?, home.handle)))
     }
 
-    /// Every movable body held here, owned or replica, in id order.
+    /// Returns every movable body held here, owned or replica, in id order.
     pub fn held_bodies(&self) -> BTreeSet<BodyId> {
         let held = self.regions().flat_map(Region::bodies);
         held.map(|(id, ..)| id).filter(|&id| self.statics.body(id).is_none()).collect()
     }
 
-    /// Every immovable body of the world, in id order.
+    /// Returns every immovable body of the world, in id order.
     pub fn scenery(&self) -> impl Iterator<Item = &BodyRecord> {
         self.statics.bodies()
     }
 
-    /// How many movable bodies are owned here.
+    /// Returns how many movable bodies are owned here.
     pub fn owned_count(&self) -> usize {
         self.owner_index.len()
     }

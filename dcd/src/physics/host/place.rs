@@ -1,4 +1,4 @@
-//! What comes into the regions and goes out of them: bodies, joints, whole regions.
+//! Inserts bodies, joints and regions into a host and removes them.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::protocol::{BodyKind, BodyRecord, JointRecord};
 use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 
 impl RegionHost {
-    /// Takes on one more region, empty.
+    /// Adds an empty region.
     pub(super) fn add_region(&mut self, id: RegionId) {
         let rank = self.partition.rank_of(id).expect("a region is a leaf of the tree");
         assert!(self.place_of[rank].is_none(), "{id} is hosted here already");
@@ -29,7 +29,7 @@ impl RegionHost {
         self.index();
     }
 
-    /// Gives a region up, with all that it holds.
+    /// Removes a region with all that it holds.
     fn remove_region(&mut self, id: RegionId) {
         if let Some(place) = self.partition.rank_of(id).and_then(|rank| self.place_of[rank]) {
             self.sides.remove(place);
@@ -37,10 +37,10 @@ impl RegionHost {
         }
     }
 
-    /// Puts bodies and the joints among them into the regions where they belong, as far as these are computed here: an
-    /// assembly into the region of its lowest body, an immovable body wherever it reaches. Replicas come with the exchange
-    /// after [`RegionHost::announce`]; [`RegionHost::step`] sees to that before it steps, once for all that was inserted.
-    /// Nothing is inserted when anything is refused.
+    /// Inserts bodies and the joints among them into the regions where they belong, as far as these are computed here: a small
+    /// group of tied bodies into the region where most of it lies, a multibody into that of its lowest body, an immovable body
+    /// wherever it reaches. Replicas come with the exchange after [`RegionHost::announce`]; [`RegionHost::step`] sees to that
+    /// before it steps, once for all that was inserted. Nothing is inserted when anything is refused.
     pub fn insert(&mut self, mut bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
         bodies.sort_by_key(|body| body.id);
         self.check(&bodies, joints)?;
@@ -52,10 +52,10 @@ impl RegionHost {
         self.insert_placed(bodies, &owners, &whole, joints)
     }
 
-    /// Computes these regions from now on and no other, as when membership changes. Kept regions keep their bodies;
-    /// `placed` bodies (with their regions, which may be elsewhere) supersede what is held of them; `dropped` ones go.
-    /// All forget who holds replicas, so everything shared must be announced again by the exchange that follows:
-    /// [`RegionHost::announce`], [`RegionHost::exchange`], [`RegionHost::drop_unconfirmed`].
+    /// Sets the regions that are computed here, as when membership changes. Kept regions keep their bodies; `placed` bodies (with
+    /// their regions, which may be elsewhere) supersede what is held of them; `dropped` ones go. All regions forget which others
+    /// hold replicas, so every shared body must be announced again by the exchange that follows: [`RegionHost::announce`],
+    /// [`RegionHost::exchange`], [`RegionHost::drop_unconfirmed`].
     pub fn rebuild(
         &mut self,
         hosted: &[RegionId],
@@ -69,7 +69,7 @@ impl RegionHost {
             }
         }
         let mut placed = placed;
-        // What is immovable is told on joining, and stays.
+        // Immovable bodies are sent on joining, and stay.
         placed
             .retain(|(_, body)| body.traits.kind != BodyKind::Fixed || self.statics.body(body.id).is_none());
         for id in placed.iter().map(|(_, body)| body.id).chain(dropped.iter().copied()) {
@@ -89,7 +89,7 @@ impl RegionHost {
             }
         }
         self.threads.suit(self.sides.len())?;
-        // New regions get what is immovable in the same pass, so that all is inserted in id order, as in a new world.
+        // New regions get immovable bodies in the same pass, so that all is inserted in id order, as in a new world.
         placed.extend(self.statics.bodies().map(|body| (RegionId(0), body.clone())));
         placed.sort_by_key(|(_, body)| body.id);
         let mut owners: Vec<_> =
@@ -99,7 +99,7 @@ impl RegionHost {
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
         let mut joints = joints.to_vec();
         if self.tick == Tick(0) {
-            // The whole scene, told to every node: each places it as a world in one process would.
+            // The whole scene, sent to every node: each places it as a world in one process would.
             owners = placement.owners(&bodies, &self.partition);
             whole = placement.whole(&owners);
         } else {
@@ -120,19 +120,19 @@ impl RegionHost {
         self.insert_placed(bodies, &owners, &whole, &joints)
     }
 
-    /// Says which regions must hold what was inserted since the last step; the exchange carries it.
+    /// Announces bodies inserted since the last step to the regions that must hold them; the next exchange carries it.
     pub fn announce(&mut self) {
         let settings = self.settings;
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0);
         let all = self.sides.iter_mut().collect();
         self.threads.share_out(all, |side| settings.coupling.announce(side, moment));
-        // Who rested in the tick before may have been stirred since: it must act on what it announces itself.
+        // A region that rested in the tick before may have been stirred since: it must act on what it announces itself.
         for side in self.sides.iter_mut().filter(|side| !side.is_idle()) {
             side.region.begin_tick(false);
         }
     }
 
-    /// Lets go of replicas that no owner has announced since [`RegionHost::rebuild`].
+    /// Removes replicas that no owner has announced since [`RegionHost::rebuild`].
     pub fn drop_unconfirmed(&mut self) {
         for Side { region, .. } in &mut self.sides {
             for link in region.replicas().to_vec() {
@@ -143,7 +143,7 @@ impl RegionHost {
         }
     }
 
-    /// Takes a body out of every region. Returns whether any held it.
+    /// Removes a body from every region. Returns whether any held it.
     pub fn remove(&mut self, id: BodyId) -> bool {
         let mut held = self.statics.remove(id);
         for Side { region, .. } in &mut self.sides {
@@ -154,8 +154,8 @@ impl RegionHost {
         held
     }
 
-    /// Ties two bodies that are in the world. Their assemblies become one: if these lie in different regions, both are
-    /// placed anew, which costs them the warm start of one step.
+    /// Inserts a joint between two bodies of the world. Their assemblies become one: if these lie in different regions, both are
+    /// placed anew, which costs them the warm starting of one step.
     pub fn tie(&mut self, joint: JointRecord) -> Result<(), HostError> {
         let JointRecord { id, a, b, .. } = joint;
         self.check_links(std::slice::from_ref(&joint), &[])?;
@@ -176,7 +176,7 @@ impl RegionHost {
         self.insert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
-    /// Whether Rapier can have these joints in multibodies, beside what is there.
+    /// Checks that Rapier can have these joints in multibodies, beside those that are there.
     fn check_links(&self, joints: &[JointRecord], bodies: &[BodyRecord]) -> Result<(), HostError> {
         let mut parents = BTreeMap::new();
         for joint in joints.iter().filter(|joint| joint.link.is_some()) {
@@ -204,13 +204,13 @@ impl RegionHost {
         Ok(())
     }
 
-    /// The body whose link this one is.
+    /// Returns the parent of a link in its multibody.
     fn parent_of(&self, id: BodyId) -> Option<BodyId> {
         let mut links = self.joints_of(id).filter(|joint| joint.link.is_some() && joint.b == id);
         links.next().map(|joint| joint.a)
     }
 
-    /// Takes a joint out of every region. Returns whether any held it.
+    /// Removes a joint from every region. Returns whether any held it.
     pub fn remove_joint(&mut self, id: JointId) -> bool {
         let mut held = false;
         for Side { region, .. } in &mut self.sides {
@@ -253,7 +253,8 @@ impl RegionHost {
         self.statics.body(id).is_some() || self.regions().any(|region| region.handle_of(id).is_some())
     }
 
-    /// In id order, as one Rapier world would be filled; `owners` are ranks, `whole` are bodies whose island lies in one region.
+    /// Inserts bodies in id order, as one Rapier world would be filled; `owners` are ranks, `whole` are bodies whose island lies
+    /// in one region.
     fn insert_placed(
         &mut self,
         bodies: Vec<BodyRecord>,
@@ -309,7 +310,7 @@ impl RegionHost {
         Ok(())
     }
 
-    /// What a joint ties is held wherever the other end is, however far they lie apart.
+    /// Makes the region of each end of a joint hold the other end too, however far they lie apart.
     fn share_ends(&mut self, joint: &JointRecord, bodies: &[BodyRecord], owners: &[usize]) {
         let owner_of = |id| {
             let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
@@ -328,7 +329,7 @@ impl RegionHost {
         }
     }
 
-    /// The movable bodies that joints tie to this one, with it, and the joints of all of them.
+    /// Collects this body, the movable bodies that joints tie to it, and the joints of all of them.
     pub(super) fn gather_assembly(
         &self,
         body: BodyId,
@@ -357,7 +358,7 @@ impl RegionHost {
     }
 }
 
-/// How far a recorded body reaches from its position, in metres.
+/// Returns how far a recorded body reaches from its position, in metres.
 fn reach_of_record(body: &BodyRecord, shapes: &ShapeLibrary) -> Result<f32, ShapeError> {
     let mut reach = 0.0f32;
     for collider in &body.traits.colliders {

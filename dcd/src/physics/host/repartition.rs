@@ -1,5 +1,5 @@
-//! The tree follows the load while the world runs: planes move, regions are cut and merged. Whatever changes, bodies change
-//! hands as if they had crossed a border by themselves; a region is given up only when nothing is left in it.
+//! Balances the load while the world runs: moves planes of the distribution tree, splits and merges regions. Whatever changes,
+//! bodies change owners as if they had crossed a border by themselves; a region is given up only when nothing is left in it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
 use crate::space::{Balance, Burden, DistributionTree, Load, RegionId, TreeChange, plan};
 
-/// How the tree is kept in balance, and what is under way.
+/// The load balancer: its settings, and the merges under way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Balancer {
     settings: Balance,
@@ -23,7 +23,7 @@ pub(super) struct Balancer {
     island_limit: usize,
 }
 
-/// The one of two siblings that takes over all of the other's.
+/// The one of two sibling regions that takes over all bodies of the other.
 type Heir = RegionId;
 
 impl Balancer {
@@ -34,15 +34,15 @@ impl Balancer {
 
 /// The most bodies of an island that stays whole while the tree follows the load, however much there is to do.
 const BALANCED_ISLAND: usize = 256;
-/// Islands of so few bodies stay whole all the same.
+/// Islands of at most so many bodies stay whole all the same.
 const LEAST_ISLAND: usize = 16;
 /// An island that stays whole is at most this part of what a region has to do: more could not be balanced.
 const ISLAND_SHARE: usize = 4;
 
 impl RegionHost {
-    /// Lets the tree follow the load from now on, or stay as it is. The host must compute every region. Of a world that follows its
-    /// load, islands are cut that have more than 256 bodies, or than a quarter of a region's awake ones and 16: in one region whole
-    /// they would be its load.
+    /// Turns load balancing on with these settings, or off with `None`. The host must compute every region. With load balancing,
+    /// islands are cut that have more than 256 bodies, or more than both 16 and a quarter of a mean region's awake bodies: whole in
+    /// one region, they would be its load.
     pub fn set_balance(&mut self, settings: Option<Balance>) {
         assert_eq!(self.sides.len(), self.partition.len(), "balance needs all regions in one process");
         let island_limit = self.balancer.as_ref().map_or(self.settings.island_limit, |old| old.island_limit);
@@ -53,20 +53,20 @@ impl RegionHost {
         }
     }
 
-    /// Islands stay whole as far as their region stays in balance.
+    /// Limits the islands that stay whole to such as leave their region in balance.
     fn limit_islands(&mut self, island_limit: usize) {
         let awake: usize = self.regions().map(Region::awake_count).sum();
         let share = awake / self.sides.len() / ISLAND_SHARE;
         self.settings.island_limit = island_limit.min(share.clamp(LEAST_ISLAND, BALANCED_ISLAND));
     }
 
-    /// How the tree follows the load.
+    /// Returns the settings of load balancing, if it is on.
     pub fn balance(&self) -> Option<&Balance> {
         self.balancer.as_ref().map(|balancer| &balancer.settings)
     }
 
-    /// Between two ticks: looks whether planes should move, or regions come or go, when it is time to. Returns regions that
-    /// have new names, with these.
+    /// Rebalances the tree between two ticks, when it is due: moves planes, splits or merges regions. Returns the regions that
+    /// have new ids, as (old, new).
     pub fn rebalance(&mut self) -> Result<Vec<(RegionId, RegionId)>, HostError> {
         let Some(mut balancer) = self.balancer.take() else { return Ok(Vec::new()) };
         let is_due = self.tick.0.is_multiple_of(balancer.settings.every_ticks.into());
@@ -90,7 +90,7 @@ impl RegionHost {
         Ok(renamed)
     }
 
-    /// The load of a region, in the units of the balance.
+    /// Returns the load of a region, in the units of the balance.
     pub fn load_of(&self, region: &Region, load: Load) -> f64 {
         match load {
             Load::Counts => region.activity(),
@@ -98,7 +98,8 @@ impl RegionHost {
         }
     }
 
-    /// Every awake body with its share of its region's load, and what sleeps of islands that are too large to move whole.
+    /// Returns every awake body with its part of its region's load, and the sleeping bodies of islands that are too large to move
+    /// whole.
     fn burdens(&self, load: Load, giants: &Giants) -> Vec<Burden> {
         let mut burdens = Vec::new();
         for region in self.regions() {
@@ -118,8 +119,8 @@ impl RegionHost {
         burdens
     }
 
-    /// Islands that no coupling moves whole, where it moves any: to cut one takes more substeps, and most of its bodies are
-    /// held twice. Other couplings pay that at every border.
+    /// Returns the islands that are too large to move whole, if the coupling moves islands at all: to cut one takes more
+    /// substeps, and most of its bodies are held twice. Other couplings pay that at every border.
     fn giants(&self) -> Giants {
         if self.settings.coupling.moves_islands() {
             Giants::find(&self.sides, self.settings.island_limit.max(BALANCED_ISLAND))
@@ -160,7 +161,7 @@ impl RegionHost {
         self.refit(tree)
     }
 
-    /// Regions that have been emptied are given up.
+    /// Completes merges: gives up the regions that have been emptied.
     fn finish_merging(
         &mut self,
         balancer: &mut Balancer,
@@ -186,8 +187,8 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Takes over a tree that has other leaves: `names` says which regions are called what from now on, `born` names a region
-    /// that is new and the one that it was cut from.
+    /// Adopts a tree that has other leaves: `names` maps old ids of regions to new ones, `born` names a region that is new and
+    /// the one that it was cut from.
     fn adopt(
         &mut self,
         tree: DistributionTree,
@@ -221,14 +222,14 @@ impl RegionHost {
         Ok(())
     }
 
-    /// The tree has the same leaves, but its planes are elsewhere: gives every region its cell, with the ground there.
+    /// Adopts a tree with the same leaves whose planes have moved: gives every region its cell, with the immovable bodies there.
     pub(crate) fn refit(&mut self, tree: DistributionTree) -> Result<(), HostError> {
         Arc::make_mut(&mut self.partition).set_tree(tree);
         for Side { region, border, .. } in &mut self.sides {
             let cell = *self.partition.cell(region.rank());
             if *region.cell() != cell {
                 region.set_cell(cell);
-                // What sleeps too is looked at anew.
+                // Sleeping bodies too are looked at anew.
                 border.overlook(region.own_sleepers());
                 self.statics.recover(region, &self.shapes)?;
             }

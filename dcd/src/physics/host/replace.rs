@@ -1,4 +1,5 @@
-//! What cannot be changed in every copy as it is: the body is taken out, and placed anew with its joints.
+//! Removes bodies that cannot be changed in place and inserts them anew with their joints: other colliders, or fixed to movable
+//! and back.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,8 +12,8 @@ use crate::protocol::{BodyKind, BodyRecord};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
-    /// Takes a user's change of a body's type in: what can move has an owner, what cannot has none. A link of a multibody
-    /// keeps its type.
+    /// Applies a user's change of a body's type: a body that can move has an owner, an immovable one has none. A link of a
+    /// multibody keeps its type.
     pub fn settle_kind(&mut self, id: BodyId) -> Result<(), HostError> {
         let known = self.statics.body(id);
         let copy = self
@@ -36,7 +37,7 @@ impl RegionHost {
         self.replace(record)
     }
 
-    /// Gives a body one more collider. Returns whether it is held here.
+    /// Adds a collider to a body. Returns whether it is held here.
     pub fn insert_collider(&mut self, id: BodyId, collider: &ColliderBuilder) -> Result<bool, HostError> {
         let collider = record::collider_record(collider, &mut self.shapes)?;
         let Some(mut body) = self.record(id) else { return Ok(false) };
@@ -45,7 +46,7 @@ impl RegionHost {
         Ok(true)
     }
 
-    /// Takes a collider from a body; those after it move up. Returns whether there was one.
+    /// Removes a collider from a body; those after it move up. Returns whether there was one.
     pub fn remove_collider(&mut self, id: BodyId, index: usize) -> Result<bool, HostError> {
         let Some(mut body) = self.record(id).filter(|body| index < body.traits.colliders.len()) else {
             return Ok(false);
@@ -55,7 +56,8 @@ impl RegionHost {
         Ok(true)
     }
 
-    /// Puts a body that is here in this form, and with it what joints tie to it; contacts of all these begin anew.
+    /// Removes a body and all that joints tie to it, and inserts them anew with the body as recorded; contacts of all these begin
+    /// anew.
     pub(super) fn replace(&mut self, body: BodyRecord) -> Result<(), HostError> {
         if !body.state.pose.is_valid() || !body.state.velocity.is_finite() {
             return Err(HostError::NotFinite(body.id));
@@ -73,7 +75,7 @@ impl RegionHost {
         self.insert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
-    /// The joint by which a body is a link of a multibody.
+    /// Returns the joint by which a body is a link of a multibody.
     fn link_of(&self, id: BodyId) -> Option<JointId> {
         let mut links = self.joints_of(id).filter(|joint| joint.link.is_some() && joint.b == id);
         links.next().map(|joint| joint.id)

@@ -1,15 +1,15 @@
-//! How many rounds of exchange a tick has: as many as the region that takes most substeps. A region that takes fewer
-//! steps only in some of them.
+//! Sets how many rounds of substep and exchange a tick has: as many as the region with most substeps takes. A region with fewer
+//! substeps steps only in some of the rounds.
 
 use super::{RegionHost, Side};
 
 impl RegionHost {
-    /// Substeps that the regions computed here want in the next tick, at most; known once a tick has been completed.
+    /// Returns the most substeps that any region computed here wants in the next tick; known once a tick has been completed.
     pub fn rounds_wanted(&self) -> usize {
         self.sides.iter().map(Side::steps_next).max().unwrap_or(1)
     }
 
-    /// Sets the rounds of the tick to come: the most that any region of the world wants.
+    /// Sets the rounds of the next tick: the most that any region of the world wants.
     ///
     /// # Panics
     /// Within a tick, or when there are none.
@@ -19,21 +19,21 @@ impl RegionHost {
         self.rounds = rounds;
     }
 
-    /// How far the copies of a body were from their mean in the last tick at the worst border, summed over its exchanges, in
-    /// m/s: the error estimate that [`Coupling::Auto`](crate::physics::Coupling::Auto) steers by. 0 with couplings that do not agree
-    /// on means.
+    /// Returns how far the copies of a body were from their mean in the last tick at the worst border, summed over its exchanges,
+    /// in m/s: the error estimate that [`Coupling::Auto`](crate::physics::Coupling::Auto) steers by. 0 with couplings without
+    /// consensus.
     pub fn disagreement_m_s(&self) -> f32 {
         let all = self.sides.iter().map(|side| side.border.pace.disagreement_m_s());
-        // A number that travels, whatever a copy has come to.
+        // Finite, so that it can be sent, whatever a copy has come to.
         all.fold(0.0, f32::max).min(f32::MAX)
     }
 
-    /// Rounds of the tick to come, or of the one under way.
+    /// Returns the rounds of the next tick, or of the one under way.
     pub fn rounds(&self) -> usize {
         self.rounds
     }
 
-    /// Exchanges of the last tick, at the border that took most; 0 before the first and in a world of one region.
+    /// Returns the exchanges of the last tick, at the border that took most; 0 before the first and in a world of one region.
     pub fn exchanges_done(&self) -> usize {
         if self.partition.len() == 1 { 0 } else { self.rounds_done }
     }

@@ -1,8 +1,8 @@
-//! The threads that step regions: teams of workers for many bodies, the calling thread for few.
+//! Steps regions on threads: teams of workers for many bodies, the calling thread for few.
 //!
 //! A team is a rayon pool that steps one region at a time, with Rapier's own parallel solver on all of the team's threads
 //! (feature `parallel`). Teams are pools apart since a step of Rapier waits, without taking other work, for what it hands to its
-//! pool: in a pool that it shared with other regions, all threads could come to wait like that, and nobody be left to work.
+//! pool: in a pool that it shared with other regions, all threads could come to wait like that, with none left to work.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use super::HostError;
 /// less than. Rapier shares out bodies by 256.
 pub(super) const WORTH_WAKING: usize = 256;
 
-/// So many threads, in teams. What happens does not depend on them.
+/// The worker threads, in teams. Results do not depend on them.
 #[derive(Clone)]
 pub(super) struct Threads {
     count: usize,
@@ -29,19 +29,19 @@ impl Default for Threads {
 }
 
 impl Threads {
-    /// So many threads for so many regions; none is started for one thread.
+    /// Starts so many threads for so many regions; none for one thread.
     pub(super) fn new(count: usize, regions: usize) -> Result<Self, HostError> {
         let mut threads = Self { count: count.max(1), ..Self::default() };
         threads.suit(regions)?;
         Ok(threads)
     }
 
-    /// How many there are.
+    /// Returns the number of threads.
     pub(super) fn count(&self) -> usize {
         self.count
     }
 
-    /// Forms the teams that suit so many regions, unless they are formed so already.
+    /// Forms the teams that suit this many regions, unless they are formed so already.
     pub(super) fn suit(&mut self, regions: usize) -> Result<(), HostError> {
         let sizes = team_sizes(self.count, regions);
         if !self.teams.iter().map(rayon::ThreadPool::current_num_threads).eq(sizes.iter().copied()) {
@@ -77,12 +77,12 @@ impl Threads {
         }
     }
 
-    /// Whether there are teams.
+    /// Returns whether there are teams.
     pub(super) fn are_teams(&self) -> bool {
         !self.teams.is_empty()
     }
 
-    /// Whether the calling thread is of the first team.
+    /// Returns whether the calling thread is of the first team.
     pub(super) fn are_entered(&self) -> bool {
         self.teams.first().is_some_and(|first| first.current_thread_index().is_some())
     }
@@ -102,8 +102,8 @@ impl Threads {
     }
 }
 
-/// Of so many awake bodies by region: the place of the region that has more than three quarters of them, if it is worth more than one
-/// thread. With less, others have enough to do beside it: of two regions one nearly always has more than half.
+/// Returns the index of the region that has more than three quarters of the awake bodies, if it is worth more than one thread.
+/// With less, others have enough to do beside it: of two regions one nearly always has more than half.
 pub(super) fn heaviest(awake: impl Iterator<Item = usize> + Clone) -> Option<usize> {
     let (place, most) = awake.clone().enumerate().max_by_key(|&(_, awake)| awake)?;
     let all: usize = awake.sum();
@@ -150,12 +150,12 @@ impl Default for Trial {
 }
 
 impl Trial {
-    /// Whether the next tick is the teams'.
+    /// Returns whether the next tick is the teams'.
     pub(super) fn is_for_teams(&self) -> bool {
         self.by_teams != self.is_on
     }
 
-    /// Such a tick took so long.
+    /// Notes how long such a tick took.
     pub(super) fn note(&mut self, took: Duration) {
         self.shortest = self.shortest.min(took);
         self.looked += 1;
@@ -196,7 +196,7 @@ fn with_all(teams: &[rayon::ThreadPool], work: &(impl Fn() + Sync)) {
     }
 }
 
-/// As many teams as regions, if there are as many threads, all of about the same size.
+/// Returns the sizes of the teams: as many teams as regions, if there are as many threads, all of about the same size.
 fn team_sizes(threads: usize, regions: usize) -> Vec<usize> {
     let teams = if threads < 2 { 0 } else { threads.min(regions) };
     if cfg!(feature = "parallel") {

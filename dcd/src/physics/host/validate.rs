@@ -1,4 +1,4 @@
-//! Checks what must hold of all regions between two ticks, as Box2D's `b2Validate` functions do for one world.
+//! Checks the invariants of all regions between two ticks, as Box2D's `b2Validate` functions do for one world.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::RegionHost;
 use crate::physics::region::Ownership;
 use crate::space::{BodyId, RegionId, RegionSet};
 
-/// Something that must hold between two ticks does not: a fault of dcd, or a peer's.
+/// A violated invariant between two ticks: a fault of dcd, or a peer's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
 #[non_exhaustive]
 pub enum Inconsistency {
@@ -18,7 +18,7 @@ pub enum Inconsistency {
         /// How many regions own it.
         owners: usize,
     },
-    /// The index of owners leads elsewhere than to the owner.
+    /// The owner index leads elsewhere than to the owner.
     #[error("the index of owners does not lead to {body} in {region}")]
     Index {
         /// Which body.
@@ -53,8 +53,8 @@ pub enum Inconsistency {
 }
 
 impl RegionHost {
-    /// What does not hold of the regions computed here, in order; nothing as long as all is well. Call it between two ticks. Who holds
-    /// what is looked at where this process has all regions.
+    /// Returns the violated invariants of the regions computed here, in order; none as long as all is well. Call it between two
+    /// ticks. The holders of bodies are checked only where this process has all regions.
     pub fn validate(&self) -> Vec<Inconsistency> {
         let mut found = Vec::new();
         let mut owners: BTreeMap<BodyId, Vec<(usize, RegionSet)>> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! Whether every body has exactly one owner.
+//! Counts the owners of every body, to check that each has exactly one.
 
 use super::View;
 use crate::space::BodyId;
@@ -17,12 +17,12 @@ impl Census {
         Self { owned }
     }
 
-    /// How many of these bodies have no owner.
+    /// Returns how many of these bodies have no owner.
     pub fn lost(&self, of: &[BodyId]) -> usize {
         of.iter().filter(|id| self.owned.binary_search(id).is_err()).count()
     }
 
-    /// How many bodies have more than one owner.
+    /// Returns how many bodies have more than one owner.
     pub fn doubled(&self) -> usize {
         self.owned.chunk_by(|a, b| a == b).filter(|same| same.len() > 1).count()
     }

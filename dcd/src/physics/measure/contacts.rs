@@ -1,8 +1,8 @@
-//! Contacts as the solver left them: how many, how deep, how hard on the ground.
+//! Measures the contacts as the solver left them: their number, penetration, and force on the ground.
 //!
-//! A contact may be solved in several regions, wherever both bodies are held. The region that owns the dynamic body of the
-//! lowest id answers for it, so that each is counted once. Where regions share a body's mass, each bears its part of the
-//! force, so forces are summed over all of them.
+//! A contact may be solved in several regions, wherever both bodies are held. The region that owns the dynamic body of the lowest
+//! id answers for it, so that each is counted once. Where a body's mass is split among regions, each bears its part of the force,
+//! so forces are summed over all of them.
 
 use rapier3d::geometry::ContactManifold;
 use rapier3d::prelude::*;
@@ -10,7 +10,7 @@ use rapier3d::prelude::*;
 use super::View;
 use crate::space::BodyId;
 
-/// All contacts of a world in its last step.
+/// A summary of all contacts of a world in its last step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactSample {
     /// Pairs of colliders that touch, of which at least one is on a dynamic body.
@@ -24,12 +24,12 @@ pub struct ContactSample {
 }
 
 impl ContactSample {
-    /// Force on the ground over weight: 1 at rest. `None` without weight.
+    /// Returns the force on the ground over the weight: 1 at rest. `None` without weight.
     pub fn ground_force_ratio(&self) -> Option<f64> {
         (self.weight_n > 0.0).then(|| self.ground_force_n / self.weight_n)
     }
 
-    /// Two parts of one world.
+    /// Adds up the samples of two parts of one world.
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             pairs: self.pairs + other.pairs,
@@ -40,7 +40,7 @@ impl ContactSample {
     }
 }
 
-/// The mean force of a contact pair on its second body over the last step, in newtons: normals and friction.
+/// Returns the mean force of a contact pair on its second body over the last step, in newtons: normals and friction.
 ///
 /// Of a normal, Rapier keeps the impulse of the whole step. Of friction, its default model keeps only what the last of the
 /// solver's iterations applied (`warmstart_tangent_world`, the same for all points of a manifold), so the step's friction
@@ -50,7 +50,7 @@ pub fn pair_force_n(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
     force_over_n(world, pair, world.integration_parameters.dt)
 }
 
-/// The same of a pair that was solved in a step of this length.
+/// Returns the same for a pair that was solved in a step of this length.
 fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3] {
     let model = world.integration_parameters.friction_model;
     let impulse = pair.solver_manifolds().iter().fold([0.0; 3], |sum, manifold| {
@@ -60,7 +60,7 @@ fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3]
     impulse.map(|v| v / f64::from(dt_s))
 }
 
-/// The length of the step in which a pair was solved last, in seconds. Of two that touch, both sleep or none does.
+/// Returns the length of the step in which a pair was solved last, in seconds. Of two that touch, both sleep or none does.
 fn solved_dt_s(view: View<'_>, pair: &ContactPair) -> f32 {
     let world = view.physics();
     let parents = [pair.collider1, pair.collider2].map(|collider| world.colliders.get(collider)?.parent());
@@ -69,7 +69,7 @@ fn solved_dt_s(view: View<'_>, pair: &ContactPair) -> f32 {
     handle.map_or(world.integration_parameters.dt, |handle| view.solved_dt_s(handle))
 }
 
-/// The impulse on the second body, in newton seconds.
+/// Returns the impulse on the second body, in newton seconds.
 fn impulse_ns(manifold: &ContactManifold, model: FrictionModel) -> [f64; 3] {
     // Points that the solver did not select keep stale impulses, so these must not be summed over all points.
     let solved = || {
@@ -161,7 +161,7 @@ impl Side {
     }
 }
 
-/// Whether the owner of the dynamic body of the lowest id is this view.
+/// Returns whether this view answers for the contact: it owns the dynamic body of the lowest id.
 fn answers(sides: [Side; 2]) -> bool {
     match sides {
         [Side::Dynamic(a, owned_a, _), Side::Dynamic(b, owned_b, _)] => {
@@ -176,12 +176,13 @@ fn answers(sides: [Side; 2]) -> bool {
     }
 }
 
-/// Whether the contact is on a body of which the view has a part: then every region that has one bears a part of the force.
+/// Returns whether the contact is on a body of which the view has a part: then every region that has one bears a part of the
+/// force.
 fn has_part(sides: [Side; 2]) -> bool {
     sides.iter().any(|side| matches!(side, Side::Dynamic(_, _, true)))
 }
 
-/// How deep the two colliders overlap where their bodies are now, in metres, without their skins.
+/// Returns how deep the two colliders overlap where their bodies are now, in metres, without their skins.
 ///
 /// The distances that manifolds store are those of the last full contact update, which Rapier skips while bodies hardly
 /// move; the solver's anchors ride with the bodies.

@@ -1,4 +1,4 @@
-//! What is measured of a world: energy, momentum, contacts, the force on the ground, who owns what, the state's hash.
+//! Measures a world: energy, momentum, contacts, the force on the ground, owners of bodies, the hash of its state.
 //!
 //! The same formulas serve a bare Rapier world and one that is cut into regions: both are a list of [`View`]s, each a
 //! Rapier world and the bodies that it answers for. Nothing here changes what it looks at.
@@ -28,7 +28,7 @@ pub enum View<'a> {
     Region(&'a Region),
 }
 
-/// Something that formulas can be applied to.
+/// A world that can be measured: a bare Rapier world, or the regions of a host.
 ///
 /// ```
 /// use dcd::physics::Measured;
@@ -43,17 +43,17 @@ pub enum View<'a> {
 /// # Ok::<(), dcd::scene::SceneError>(())
 /// ```
 pub trait Measured {
-    /// The Rapier worlds that make it up.
+    /// Returns the Rapier worlds that make it up.
     fn views(&self) -> Vec<View<'_>>;
 
-    /// Kinetic (of translation and rotation) and potential energy of all enabled dynamic bodies, in joules:
-    /// Σ ½ m v² + ½ ω·Iω − s m g·x, with the gravity scale s and the centre of mass x; the potential is zero at the
-    /// world's origin, for Earth's gravity at y = 0.
+    /// Returns the kinetic (of translation and rotation) and potential energy of all enabled dynamic bodies, in joules: Σ ½ m v²
+    /// + ½ ω·Iω − s m g·x, with the gravity scale s and the centre of mass x; the potential is zero at the world's origin, for
+    /// Earth's gravity at y = 0.
     fn energy_j(&self) -> f64 {
         self.views().into_iter().map(motion::energy_j).sum()
     }
 
-    /// Σ m v of all enabled dynamic bodies, in kg m/s.
+    /// Returns the momentum Σ m v of all enabled dynamic bodies, in kg m/s.
     fn momentum_kgms(&self) -> [f64; 3] {
         self.views()
             .into_iter()
@@ -61,23 +61,23 @@ pub trait Measured {
             .fold([0.0; 3], |sum, part| std::array::from_fn(|i| sum[i] + part[i]))
     }
 
-    /// The contacts of the last step, each by the one region that answers for it.
+    /// Samples the contacts of the last step, each counted by the one region that answers for it.
     fn contacts(&self) -> ContactSample {
         self.views().into_iter().map(contacts::sample).fold(ContactSample::default(), ContactSample::and)
     }
 
-    /// How deep each pair of colliders that touch overlaps, in metres, 0 where they do not, in no order: each pair by the one
-    /// region that answers for it.
+    /// Returns how deep each pair of colliders that touch overlaps, in metres, 0 where they do not, in no order: each pair
+    /// counted by the one region that answers for it.
     fn penetrations_m(&self) -> Vec<f64> {
         self.views().into_iter().flat_map(contacts::penetrations_m).collect()
     }
 
-    /// How often each movable body is owned.
+    /// Counts how often each movable body is owned.
     fn census(&self) -> Census {
         Census::of(&self.views())
     }
 
-    /// Bodies that Rapier set aside in the last step because their state was not finite, as owners or as replicas.
+    /// Returns the bodies that Rapier set aside in the last step because their state was not finite, as owners or as replicas.
     fn quarantined(&self) -> Vec<BodyId> {
         let of = |view: View<'_>| {
             let handles = view.physics().quarantine().bodies();
@@ -86,7 +86,7 @@ pub trait Measured {
         self.views().into_iter().flat_map(of).collect()
     }
 
-    /// Every movable body in id order: id, owner, pose, velocity.
+    /// Returns every movable body in id order: id, owner, pose, velocity.
     fn states(&self) -> Vec<(BodyId, RegionId, WorldPose, Velocity)> {
         let of = |view| {
             View::owned(view).map(move |(id, body)| (id, view.region(), view.pose(body), velocity(body)))
@@ -96,7 +96,7 @@ pub trait Measured {
         states
     }
 
-    /// One number for the state of all movable bodies: equal worlds, equal numbers. Of a body with two owners, the first
+    /// Returns a hash of the state of all movable bodies: equal worlds have equal hashes. Of a body with two owners, the first
     /// owner's copy counts.
     fn state_hash(&self) -> u64 {
         let mut states = self.states();
@@ -122,7 +122,7 @@ impl Measured for RegionHost {
 }
 
 impl<'a> View<'a> {
-    /// The Rapier world.
+    /// Returns the Rapier world.
     pub fn physics(self) -> &'a PhysicsWorld {
         match self {
             Self::Bare(world) => world,
@@ -130,7 +130,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The origin of its space, in world space, metres.
+    /// Returns the origin (anchor) of its space, in world space, metres.
     pub fn anchor(self) -> [f64; 3] {
         match self {
             Self::Bare(_) => [0.0; 3],
@@ -138,7 +138,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Its place in the tree; a bare world counts as the root.
+    /// Returns the id of its region; a bare world counts as the root of the tree.
     pub fn region(self) -> RegionId {
         match self {
             Self::Bare(_) => RegionId(0),
@@ -146,7 +146,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What the body behind a handle is called.
+    /// Returns the id of the body behind a handle.
     pub fn name(self, handle: RigidBodyHandle) -> Option<BodyId> {
         match self {
             Self::Bare(_) => Some(BodyId::persistent(handle.into_raw_parts().0)),
@@ -154,7 +154,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Whether the view answers for this body, which must be a movable one.
+    /// Returns whether the view answers for this body, which must be a movable one.
     pub fn owns(self, handle: RigidBodyHandle) -> bool {
         match self {
             Self::Bare(world) => world.bodies.get(handle).is_some_and(|body| !body.is_fixed()),
@@ -162,12 +162,13 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The movable bodies that it answers for.
+    /// Returns the movable bodies that it answers for.
     pub fn owned(self) -> impl Iterator<Item = (BodyId, &'a RigidBody)> {
         self.owned_handles().filter_map(move |(handle, body)| Some((self.name(handle)?, body)))
     }
 
-    /// By how many the mass of the body is divided here: regions that share a body each have a part of it.
+    /// Returns the number by which mass splitting divides the mass of the body here: regions that share a body each have a part
+    /// of it.
     pub fn parts(self, handle: RigidBodyHandle) -> f64 {
         match self {
             Self::Bare(_) => 1.0,
@@ -175,7 +176,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Whether the copy of the body here is one of those that bear its weight.
+    /// Returns whether the copy of the body here is one of those that bear its weight.
     fn counts(self, handle: RigidBodyHandle) -> bool {
         match self {
             Self::Bare(_) => true,
@@ -183,7 +184,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The length of the step in which the contacts of this body were solved last, in seconds.
+    /// Returns the length of the step in which the contacts of this body were solved last, in seconds.
     fn solved_dt_s(self, handle: RigidBodyHandle) -> f32 {
         match self {
             Self::Bare(world) => world.integration_parameters.dt,

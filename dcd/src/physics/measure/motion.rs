@@ -1,4 +1,4 @@
-//! Energy and momentum, summed in 64 bits.
+//! Computes the energy and momentum of a world, summed in 64 bits.
 
 use rapier3d::prelude::*;
 
@@ -19,8 +19,8 @@ pub(super) fn momentum_kgms(view: View<'_>) -> [f64; 3] {
     })
 }
 
-/// Enabled dynamic bodies with their masses, and into how many parts these are divided: Rapier works these out in the first step only, and a world is to be measured
-/// before it too.
+/// Returns the enabled dynamic bodies with their masses, and the numbers of parts into which these are split: Rapier computes
+/// masses in the first step only, and a world is to be measured before it too.
 fn taking_part(view: View<'_>) -> impl Iterator<Item = (f64, RigidBody)> {
     let colliders = &view.physics().colliders;
     view.owned_handles().filter(|(_, body)| body.is_dynamic() && body.is_enabled()).map(

@@ -1,4 +1,4 @@
-//! Formulas against closed forms, in one world and cut in two.
+//! Tests that measured quantities agree with closed forms, in one world and in a world cut in two.
 
 use super::*;
 use crate::physics::{Coupling, StepSettings};
@@ -192,8 +192,8 @@ fn what_sleeps_presses_with_its_weight_whatever_substeps_were_taken_then_and_are
     }
 }
 
-/// Whether the two sides of a horizontal border agree on the force between them is the coupling's affair. What must hold
-/// of the measure: the ground carries what the lower region lets its topmost body carry, and that region's own weight.
+/// The coupling decides whether the two sides of a horizontal border agree on the force between them. What must hold of the
+/// measure: the ground carries what the lower region lets its topmost body carry, and that region's own weight.
 #[test]
 fn across_a_border_each_contact_is_counted_once_and_forces_add_up() {
     let mut world = tower(Some((Axis::Y, 5.0)));

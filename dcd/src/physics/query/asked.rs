@@ -1,4 +1,4 @@
-//! Questions as they travel, answered by the bodies of one process.
+//! Answers queries that arrive as messages, from the bodies of one process.
 
 use parry3d::query::{ShapeCastOptions, ShapeCastStatus};
 use rapier3d::prelude::*;
@@ -12,11 +12,11 @@ use crate::protocol::{
 use crate::space::BodyId;
 
 impl Queries<'_> {
-    /// What was asked. What cannot be asked finds nothing.
+    /// Answers the queries of one message. An invalid query finds nothing.
     pub fn answer(&self, question: &Question) -> Found {
         let mut shapes = ShapeLibrary::default();
         for record in &question.shapes {
-            // Who names one that is refused finds nothing.
+            // A query that names a refused shape finds nothing.
             let _ = shapes.add(record.clone());
         }
         let (all, shape) = (&question.overlooks, |hash| shapes.shape(hash).ok());
@@ -45,17 +45,17 @@ impl Queries<'_> {
         }
     }
 
-    /// What one ray meets first.
+    /// Returns the first hit of one ray.
     pub fn ask_ray(&self, all: &Overlooks, ray: &RayQuestion) -> Result<Option<RayHit>, QueryError> {
         self.asking(all, &ray.meets, |queries, filter| queries.cast_ray(&straight(ray), filter))
     }
 
-    /// All that one ray meets, the nearest first.
+    /// Returns all hits of one ray, the nearest first.
     pub fn ask_ray_through(&self, all: &Overlooks, ray: &RayQuestion) -> Result<Vec<RayHit>, QueryError> {
         self.asking(all, &ray.meets, |queries, filter| queries.intersect_ray(&straight(ray), filter))
     }
 
-    /// What one moving shape meets first, on a way of one unit of time.
+    /// Returns the first hit of one moving shape, within one unit of time.
     pub fn ask_cast(
         &self,
         all: &Overlooks,
@@ -79,7 +79,7 @@ impl Queries<'_> {
         self.asking(all, meets, |queries, filter| queries.cast_shape(shape, pose, *motion, options, filter))
     }
 
-    /// All that is in one place, by id; nothing if its shape is not known.
+    /// Returns all colliders that overlap one shape, point or box, by id; none if its shape is not known.
     pub fn ask_overlap(
         &self,
         all: &Overlooks,
@@ -96,7 +96,7 @@ impl Queries<'_> {
         })
     }
 
-    /// The place of anything that is nearest to a point, as [`Queries::project_point`].
+    /// Returns the point of any collider that is nearest to a given point, as [`Queries::project_point`].
     pub fn ask_nearest(
         &self,
         all: &Overlooks,

@@ -1,4 +1,4 @@
-//! Shapes that move: what they meet first, and when.
+//! Casts moving shapes through all regions: finds what they hit first, and when.
 
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::query::{NonlinearRigidMotion, ShapeCastHit, ShapeCastOptions, ShapeCastStatus};
@@ -9,7 +9,7 @@ use crate::physics::convert;
 use crate::protocol::{Velocity, WorldPose};
 use crate::space::BodyId;
 
-/// Where a moving shape met a collider.
+/// The hit of a moving shape on a collider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeHit {
     /// Which body.
@@ -33,20 +33,20 @@ pub struct ShapeHit {
     pub subshape: u32,
 }
 
-/// The way of a shape that moves and turns.
+/// The motion of a shape that moves and rotates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorldMotion {
     /// Where the shape starts.
     pub start: WorldPose,
     /// The point of the shape that moves straight, in its own space, metres.
     pub local_centre: [f32; 3],
-    /// How it moves and turns about that point, a second.
+    /// Its linear velocity and its angular velocity about that point, per second.
     pub velocity: Velocity,
 }
 
 impl Queries<'_> {
-    /// What a shape meets first when it moves straight and does not turn; of what is met at once, that of the lowest id.
-    /// `velocity` is in metres a unit of time; times of `options` are in that unit, and may be infinite.
+    /// Returns the first hit of a shape that moves straight and does not rotate; of simultaneous hits, that on the lowest id.
+    /// `velocity` is in metres per unit of time; times of `options` are in that unit, and may be infinite.
     ///
     /// ```
     /// # use dcd::physics::BodyFilter;
@@ -90,8 +90,8 @@ impl Queries<'_> {
         Ok(best)
     }
 
-    /// What a shape meets first when it moves and turns, between two times in seconds. A shape that overlaps something at the
-    /// start stops there at once, or, without `stop_at_penetration`, only if it moves further in.
+    /// Returns the first hit of a shape that moves and rotates, between two times in seconds. A shape that overlaps something at
+    /// the start stops there at once, or, without `stop_at_penetration`, only if it moves further in.
     pub fn cast_shape_nonlinear(
         &self,
         shape: &dyn Shape,
@@ -115,7 +115,7 @@ impl Queries<'_> {
                 angvel: convert::vector(motion.velocity.angular),
             };
             let pipeline = &answerer.pipeline;
-            // Parry's own way over a tree may pass by a grazing hit, by which boxes happen to lie together.
+            // Parry's own traversal of a BVH may miss a grazing hit, depending on which boxes lie together.
             for (handle, collider) in pipeline.intersect_aabb_conservative(swept(shape, &motion, &times)) {
                 let at = NonlinearRigidMotion::identity().prepend(*collider.position());
                 let (start, end) = (times.start, times.end);
@@ -141,7 +141,7 @@ impl Queries<'_> {
     }
 }
 
-/// A box around all places that a shape may come to.
+/// Returns the swept AABB of a moving shape.
 fn swept(shape: &dyn Shape, motion: &NonlinearRigidMotion, times: &std::ops::Range<f32>) -> Aabb {
     let ball = shape.compute_local_bounding_sphere();
     let reach = (ball.center - motion.local_center).length() + ball.radius + 0.01;

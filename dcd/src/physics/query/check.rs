@@ -1,9 +1,9 @@
-//! What a query must be.
+//! Checks the arguments of queries.
 
 use crate::protocol::WorldPose;
 use crate::space::Bounds;
 
-/// Why a query has no answer.
+/// An error in the arguments of a query.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum QueryError {
     /// A number is NaN or infinite.
@@ -42,7 +42,7 @@ pub(in crate::physics) fn pose(pose: &WorldPose, what: &'static str) -> Result<(
     if pose.is_valid() { Ok(()) } else { Err(QueryError::Rotation(what)) }
 }
 
-/// A limit that may be infinite.
+/// Checks a limit, which may be infinite.
 pub(super) fn limit(value: f64, what: &'static str) -> Result<(), QueryError> {
     // NaN is not above 0 either.
     if value >= 0.0 { Ok(()) } else { Err(QueryError::Limit { what, value }) }
@@ -52,7 +52,7 @@ pub(super) fn bounds(bounds: &Bounds) -> Result<(), QueryError> {
     if (0..3).all(|i| bounds.min[i] <= bounds.max[i]) { Ok(()) } else { Err(QueryError::Box) }
 }
 
-/// A limit in f32, which Parry compares with finite numbers.
+/// Converts a limit to f32, which Parry compares with finite numbers.
 pub(super) fn f32_limit(value: f64) -> f32 {
     value.min(f64::from(f32::MAX)) as f32
 }

@@ -1,11 +1,11 @@
-//! What a query looks for.
+//! Filters the bodies and colliders that a query may find.
 
 use rapier3d::prelude::*;
 
 use crate::physics::collider_id::ColliderId;
 use crate::space::BodyId;
 
-/// Rapier's `QueryFilter` with bodies by name; the default lets everything be found, sensors too.
+/// Rapier's `QueryFilter` with bodies by id; the default lets everything be found, sensors too.
 ///
 /// ```
 /// # use dcd::physics::{BodyFilter, WorldRay};
@@ -28,7 +28,7 @@ pub struct BodyFilter<'a> {
     pub flags: QueryFilterFlags,
     /// Only colliders whose collision groups go with these, by the test modes of both.
     pub groups: Option<InteractionGroups>,
-    /// Bodies that are left out, as the one that looks.
+    /// Bodies that are left out, for example the one that asks.
     pub exclude_bodies: &'a [BodyId],
     /// Colliders that are left out.
     pub exclude_colliders: &'a [ColliderId],

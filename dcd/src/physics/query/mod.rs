@@ -1,4 +1,4 @@
-//! Questions about where bodies are, over all regions of a process: rays, shape casts, projections, overlaps.
+//! Answers spatial queries over all regions of a process: ray casts, shape casts, point projections, overlaps.
 //!
 //! Each region asks its own Rapier world about the bodies it answers for, and the answers become one: a replica is left
 //! to its owner, so that no body answers twice from two slightly different places, and an immovable body, which several
@@ -64,7 +64,7 @@ impl std::fmt::Debug for Queries<'_> {
 }
 
 impl RegionHost {
-    /// What there is to ask about the bodies computed here.
+    /// Returns the queries over the bodies computed here.
     pub fn queries(&self) -> Queries<'_> {
         Queries { host: self }
     }
@@ -116,7 +116,7 @@ impl<'a> Queries<'a> {
 }
 
 impl Answerer<'_> {
-    /// Whose collider it is; `near` is a box around the answer in region space. `None` if the body is immovable and some
+    /// Returns the id of a collider; `near` is a box around the answer in region space. `None` if the body is immovable and some
     /// region nearer to the answer gives it too.
     fn name(&self, handle: ColliderHandle, near: Aabb) -> Option<ColliderId> {
         let (region, world) = (self.region, self.region.physics());
@@ -135,7 +135,7 @@ impl Answerer<'_> {
         Bounds { min: convert::world_point(anchor, aabb.mins), max: convert::world_point(anchor, aabb.maxs) }
     }
 
-    /// The box around all its colliders, in world space.
+    /// Returns the AABB of all its colliders, in world space.
     fn extent(&self) -> Bounds {
         self.world_box(self.pipeline.bvh.root_aabb())
     }

@@ -1,4 +1,4 @@
-//! What overlaps a shape or a box.
+//! Finds the colliders that overlap a shape or a box.
 
 use parry3d::bounding_volume::BoundingVolume;
 use rapier3d::prelude::*;
@@ -9,7 +9,7 @@ use crate::protocol::WorldPose;
 use crate::space::Bounds;
 
 impl Queries<'_> {
-    /// Every collider that overlaps a shape at a pose, by id.
+    /// Returns every collider that overlaps a shape at a pose, by id.
     ///
     /// ```
     /// # use dcd::physics::BodyFilter;
@@ -47,8 +47,8 @@ impl Queries<'_> {
         Ok(found)
     }
 
-    /// Every collider whose own box, along the axes of the world, touches this one, by id: what may overlap it. The box may be
-    /// infinite. Rapier's own answer depends on its tree, whose boxes are wider; this one does not.
+    /// Returns every collider whose own AABB touches this box, by id: those that may overlap it. The box may be infinite.
+    /// Rapier's own answer depends on its BVH, whose boxes are wider; this one does not.
     pub fn intersect_aabb_conservative(
         &self,
         bounds: &Bounds,

@@ -1,4 +1,4 @@
-//! Points: the nearest place of any body, and the bodies around a point.
+//! Projects points onto the nearest collider, and finds the colliders that contain a point.
 
 use parry3d::query::PointProjection;
 use rapier3d::prelude::*;
@@ -7,7 +7,7 @@ use super::{Answerer, BodyFilter, ColliderId, Queries, QueryError, check};
 use crate::physics::convert;
 use crate::space::{BodyId, Bounds};
 
-/// The place of a collider that is nearest to a point.
+/// The point of a collider that is nearest to a given point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointHit {
     /// Which body.
@@ -23,8 +23,8 @@ pub struct PointHit {
 }
 
 impl Queries<'_> {
-    /// The place of any collider that is nearest to a point and no farther than `max_m` metres, which may be infinite. A
-    /// point inside of a `solid` body is its own nearest; else the nearest place of the surface is meant.
+    /// Returns the point of any collider that is nearest to a given point and no farther than `max_m` metres, which may be
+    /// infinite. A point inside of a `solid` body is its own nearest; else the nearest point of the surface is meant.
     pub fn project_point(
         &self,
         point: [f64; 3],
@@ -39,7 +39,7 @@ impl Queries<'_> {
         Ok(found.map(|(hit, ())| hit))
     }
 
-    /// The nearest place of a surface, with the face, edge or vertex that it lies on.
+    /// Returns the nearest point of a surface, with the face, edge or vertex that it lies on.
     pub fn project_point_and_get_feature(
         &self,
         point: [f64; 3],
@@ -51,7 +51,7 @@ impl Queries<'_> {
         })
     }
 
-    /// Every collider that a point lies in, by id.
+    /// Returns every collider that a point lies in, by id.
     ///
     /// ```
     /// # use dcd::physics::BodyFilter;

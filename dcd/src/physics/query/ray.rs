@@ -1,4 +1,4 @@
-//! Rays.
+//! Casts rays through all regions: finds the first hit, or all hits along a ray.
 
 use rapier3d::prelude::*;
 
@@ -6,10 +6,11 @@ use super::{Answerer, BodyFilter, Queries, QueryError, check};
 use crate::physics::convert;
 use crate::space::{BodyId, Bounds};
 
-/// A ray starts this near to what it may meet, however far off it was sent: metres that f32 counts in micrometres.
+/// A ray starts this near to what it may hit, however far away its origin is, metres: a distance that f32 resolves to
+/// micrometres.
 const NEAR_M: f64 = 256.0;
 
-/// A straight line that begins at a point.
+/// A ray in world space: a straight line that begins at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorldRay {
     /// Where it starts, in world space, metres.
@@ -23,18 +24,18 @@ pub struct WorldRay {
 }
 
 impl WorldRay {
-    /// A ray without an end, which meets the bodies that it starts in.
+    /// Creates a ray without an end, which hits the bodies that it starts in.
     pub const fn new(origin: [f64; 3], direction: [f32; 3]) -> Self {
         Self { origin, direction, max_m: f64::INFINITY, solid: true }
     }
 
-    /// The same ray up to this distance.
+    /// Returns the same ray, limited to this distance.
     pub const fn up_to(self, max_m: f64) -> Self {
         Self { max_m, ..self }
     }
 }
 
-/// Where a ray met a collider.
+/// The hit of a ray on a collider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit {
     /// Which body.
@@ -54,7 +55,7 @@ pub struct RayHit {
 }
 
 impl Queries<'_> {
-    /// The first collider that a ray meets; of equally near ones, that of the lowest id.
+    /// Returns the first hit of a ray; of equally near ones, that on the lowest id.
     pub fn cast_ray(&self, ray: &WorldRay, filter: &BodyFilter<'_>) -> Result<Option<RayHit>, QueryError> {
         let ray = Straight::of(ray)?;
         let mut best: Option<RayHit> = None;
@@ -73,7 +74,7 @@ impl Queries<'_> {
         Ok(best)
     }
 
-    /// Every collider that a ray meets, each once, the nearest first; of equally near ones, that of the lowest id first.
+    /// Returns one hit on every collider that a ray meets, the nearest first; of equally near ones, that on the lowest id first.
     pub fn intersect_ray(&self, ray: &WorldRay, filter: &BodyFilter<'_>) -> Result<Vec<RayHit>, QueryError> {
         let ray = Straight::of(ray)?;
         let mut hits = Vec::new();
@@ -83,7 +84,7 @@ impl Queries<'_> {
             let met = answerer.pipeline.intersect_ray(local, reach, ray.solid);
             hits.extend(met.filter_map(|(handle, _, hit)| part.hit(answerer, &local, handle, &hit)));
         });
-        // What several regions hold answered for itself in each of them.
+        // A body that several regions hold answered in each of them.
         hits.sort_by(|a, b| (a.body, a.collider).cmp(&(b.body, b.collider)).then(order(a, b)));
         hits.dedup_by_key(|hit| (hit.body, hit.collider));
         hits.sort_by(order);
@@ -117,7 +118,7 @@ impl Straight {
         Ok(Self { origin: ray.origin, direction, max_m: ray.max_m, solid: ray.solid })
     }
 
-    /// The part of the ray that may meet something in a box, in f32; `None` if none may.
+    /// Returns the part of the ray that may hit something in a box, in f32; `None` if none may.
     fn part(&self, extent: &Bounds, reach_m: f64) -> Option<Part<'_>> {
         let (mut enter_m, mut leave_m) = (0.0f64, reach_m);
         for i in 0..3 {

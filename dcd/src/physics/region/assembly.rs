@@ -1,4 +1,4 @@
-//! Assemblies: bodies tied by joints, owned and moved whole.
+//! Groups bodies tied by joints into assemblies, by union-find. An assembly is owned by one region, and moves whole.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::slot::BodyRef;
 use crate::space::{BodyId, Groups};
 
-/// Bodies of one region that joints tie together, in id order.
+/// A group of bodies of one region that joints tie together, in id order.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Assembly {
     pub members: Vec<BodyRef>,

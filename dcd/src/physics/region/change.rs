@@ -1,4 +1,4 @@
-//! Lets a user change bodies and colliders in place, and reads anew what a region knows of them.
+//! Lets a user change bodies and colliders in place, and updates a region's records of them.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::physics::{convert, record};
 use crate::protocol::BodyKind;
 
 impl Region {
-    /// A body is not, or may not be, what and where it was in the last step.
+    /// Notes that a body is not, or may not be, what and where it was in the last step.
     pub(in crate::physics) fn touch(&mut self, handle: RigidBodyHandle) {
         self.moved.take();
         if self.touched.last() != Some(&handle) {
@@ -20,14 +20,14 @@ impl Region {
     }
 
     /// Lets a user change the body in place, whole even where it is shared; reads its traits anew, and lets the coupling
-    /// look at it soon.
+    /// check it soon.
     pub(in crate::physics) fn change<R>(
         &mut self,
         handle: RigidBodyHandle,
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
         self.touch(handle);
-        // A dynamic body that is something else in Rapier is a ghost of the coupling, which its user must not see.
+        // A dynamic body that is kinematic in Rapier is a ghost of the proxy coupling, which its user must not see.
         let ghost = self.world.bodies[handle].body_type();
         let is_ghost = self.slot(handle).traits.kind == BodyKind::Dynamic && ghost != RigidBodyType::Dynamic;
         if is_ghost {
@@ -40,7 +40,7 @@ impl Region {
         result
     }
 
-    /// Reads a body's traits anew.
+    /// Reads a body's traits anew from Rapier.
     pub(in crate::physics) fn refresh(&mut self, handle: RigidBodyHandle) {
         self.due[handle.into_raw_parts().0 as usize] = 0;
         let old = &self.slot(handle).traits;

@@ -1,11 +1,11 @@
-//! Walks along contacts and joints from body to body.
+//! Visits the neighbours of a body: bodies that it may touch, touches, or is tied to by joints.
 
 use rapier3d::prelude::*;
 
 use super::{Ownership, Region};
 
 impl Region {
-    /// Visits every movable body that is near enough to touch this one, to overlap it as a sensor, or is tied to it; some may
+    /// Visits every movable body that is near enough to touch this one or to overlap it as a sensor, or that is tied to it; some may
     /// come twice.
     pub(in crate::physics) fn for_each_neighbour(
         &self,
@@ -21,8 +21,8 @@ impl Region {
         }
     }
 
-    /// Visits every movable body that is near enough to touch this one or is tied to it, and says whether it does touch it; some
-    /// may come twice.
+    /// Visits every movable body that is near enough to touch this one or is tied to it, with whether it does touch it (true for
+    /// joints); some may come twice.
     pub(in crate::physics) fn for_each_contact(
         &self,
         handle: RigidBodyHandle,
@@ -32,7 +32,7 @@ impl Region {
         self.for_each_pair(handle, |other, pair| visit(other, touches(pair)));
     }
 
-    /// The same, with the pair of colliders if it is no joint that ties the two.
+    /// Visits the same bodies as [`Region::for_each_contact`], with the pair of colliders unless a joint ties the two.
     fn for_each_pair(
         &self,
         handle: RigidBodyHandle,
@@ -56,7 +56,7 @@ impl Region {
         }
     }
 
-    /// Whether anything touches the body, what is immovable too, or a joint holds it.
+    /// Returns whether a joint holds the body or anything touches it, immovable bodies included.
     pub(in crate::physics) fn is_pressed(&self, handle: RigidBodyHandle) -> bool {
         let touches = |&collider: &ColliderHandle| {
             let mut pairs = self.world.narrow_phase.contact_pairs_with(collider);

@@ -1,4 +1,4 @@
-//! Puts bodies into a region and takes them out of it, and keeps note of whose they are.
+//! Inserts bodies into a region and removes them, and keeps its lists of owned, shared and replicated bodies.
 
 use rapier3d::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::protocol::{BodyKind, BodyRecord, JointRecord};
 use crate::space::{BodyId, Epoch, JointId, RegionSet};
 
 impl Region {
-    /// Inserts a body that is not held here yet.
+    /// Inserts a body that is not held here yet, with this ownership.
     pub(in crate::physics) fn insert(
         &mut self,
         body: &BodyRecord,
@@ -77,7 +77,7 @@ impl Region {
         Ok(handle)
     }
 
-    /// Takes a body out, with its joints. Returns whether it was held here.
+    /// Removes a body, with its joints. Returns whether it was held here.
     pub(in crate::physics) fn remove(&mut self, id: BodyId) -> bool {
         let Some(handle) = self.handle_of(id) else { return false };
         let joints: Vec<_> = self.joints_of(handle).collect();
@@ -85,7 +85,7 @@ impl Region {
             self.remove_joint(joint.id);
         }
         self.by_id.remove(&id);
-        // What is still held here waits for it.
+        // Joints whose other end is still held here wait for it.
         joints.iter().for_each(|joint| self.insert_joint(joint));
         self.watch.forget(id);
         self.guide.forget(handle);
@@ -125,8 +125,8 @@ impl Region {
         self.list(link);
     }
 
-    /// Membership changed: who holds replicas of this region's bodies, and whether its own replicas are still right, must
-    /// be told again.
+    /// Forgets who holds what, after membership has changed: the holders of this region's bodies, and whether its own replicas are
+    /// still valid, must be announced again.
     pub(in crate::physics) fn forget_holders(&mut self) {
         self.fresh.clear();
         self.guide.reset();
@@ -151,7 +151,7 @@ impl Region {
         self.shared.clear();
     }
 
-    /// Finds again which bodies joints tie together, if joints changed.
+    /// Finds anew which bodies joints tie together, if joints changed.
     pub(in crate::physics) fn update_assemblies(&mut self) {
         if !std::mem::take(&mut self.assemblies_stale) {
             return;
@@ -188,7 +188,7 @@ impl Region {
         }
     }
 
-    /// Puts a body on the list of its role.
+    /// Puts a body on the list of its ownership: shared or replica.
     pub(in crate::physics) fn list(&mut self, link: BodyRef) {
         let slot = self.slot(link.handle);
         let list = match slot.role {

@@ -1,5 +1,6 @@
-//! Kinematic bodies that go where their user says: by the end of the tick, however many substeps it has. Rapier would
-//! be there after the first and stand still in the others, so what they touch would feel a multiple of their speed.
+//! Moves kinematic bodies to their user's targets by the end of the tick, in equal parts over its substeps. Rapier alone would
+//! have them there after the first substep and still in the others, so that bodies they touch would feel a multiple of their
+//! speed.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -7,10 +8,10 @@ use serde::{Deserialize, Serialize};
 use super::Region;
 use crate::protocol::BodyKind;
 
-/// What is on its way, and how many substeps of the tick are done.
+/// The kinematic bodies of a region, their targets, and how many substeps of the tick are done.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct KinematicTargets {
-    /// In the order of insertion into the region.
+    /// Bodies that are kinematic by position, in the order of insertion into the region.
     bodies: Vec<RigidBodyHandle>,
     /// By Rapier's body index: whether it is kinematic, by position or by velocity; and how many are.
     kinematic: Vec<bool>,
@@ -20,7 +21,7 @@ pub(super) struct KinematicTargets {
 }
 
 impl KinematicTargets {
-    /// A body is of this kind from now on.
+    /// Notes that a body is of this kind from now on.
     pub(super) fn note(&mut self, handle: RigidBodyHandle, kind: BodyKind) {
         self.forget(handle);
         if kind == BodyKind::KinematicPosition {
@@ -36,12 +37,12 @@ impl KinematicTargets {
         }
     }
 
-    /// Whether any body here is kinematic.
+    /// Returns whether any body here is kinematic.
     pub(super) fn any_kinematic(&self) -> bool {
         self.count > 0
     }
 
-    /// A body is here no more.
+    /// Forgets a body.
     pub(super) fn forget(&mut self, handle: RigidBodyHandle) {
         self.bodies.retain(|&other| other != handle);
         self.targets.retain(|(other, _)| *other != handle);
@@ -50,18 +51,18 @@ impl KinematicTargets {
         }
     }
 
-    /// Whether the substep to come is the first of its tick.
+    /// Returns whether the substep to come is the first of its tick.
     pub(super) fn is_first(&self) -> bool {
         self.done == 0
     }
 
-    /// The tick under way is given up.
+    /// Gives up the tick under way.
     pub(super) fn reset(&mut self) {
         (self.done, self.targets) = (0, Vec::new());
     }
 }
 
-/// Before a substep of a tick that has so many.
+/// Sets the kinematic targets of the substep to come, in a tick of `steps` substeps.
 pub(super) fn guide(region: &mut Region, steps: usize) {
     let mut guide = std::mem::take(&mut region.guide);
     let bodies = &mut region.world_mut().bodies;
@@ -83,7 +84,7 @@ pub(super) fn guide(region: &mut Region, steps: usize) {
     region.guide = guide;
 }
 
-/// One of so many equal parts of the way: the centre of mass in a straight line, as Rapier takes it.
+/// Returns the pose after one of `parts` equal parts of the way: the centre of mass in a straight line, as Rapier takes it.
 fn part_of_way(body: &RigidBody, target: &Pose, parts: usize) -> Pose {
     if parts == 1 {
         return *target;

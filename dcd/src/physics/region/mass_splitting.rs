@@ -1,5 +1,5 @@
-//! Bodies that live in several regions: each copy that counts has its share of the mass, feels its share of the user's force,
-//! and is pushed by what evens out the missing neighbours of copies at the edge of an overlap.
+//! Splits the mass of a body among its copies in several regions: each copy that is not a ghost has a part of the mass and of the
+//! user's force, and is pushed by a force that makes up for missing neighbours at the edge of an overlap.
 
 use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
@@ -12,34 +12,34 @@ use crate::space::RegionSet;
 
 /// A remembered force may grow by this factor a step; more is an impact, and no load to be evened out.
 const IMPACT: f32 = 4.0;
-/// The memory of forces follows in this part of a tick, however many exchanges the tick has. What contacts press in shorter
-/// steps is rougher, and copies that answer to it at once drive each other apart: four exchanges squeezed boxes out from under a
+/// The memory of forces follows in this part of a tick, however many exchanges the tick has. Contact forces of shorter steps
+/// are rougher, and copies that answer to them at once drive each other apart: four exchanges squeezed boxes out from under a
 /// hundred courses and felled towers of 100:1, eight those of 10:1, all of which two held.
 const FORCE_MEMORY_TICKS: f32 = 0.5;
-/// By how much at most the memory of torques follows in an exchange. With more than two a tick it must follow still more slowly
-/// than that of forces: as the square did for up to sixteen, where a slowness in proportion fell at eight.
+/// By how much at most the memory of torques follows in an exchange. With more than two exchanges per tick it must follow still
+/// more slowly than that of forces: by the square it held with up to sixteen; in proportion, it fell with eight.
 const TORQUE_MEMORY: f32 = 0.3;
 
-/// How the mass and the user's force of one body are shared out among regions, and what presses on the copy here.
+/// The split of one body's mass and user's force among regions, and the forces on the copy here.
 #[derive(Debug, Serialize, Deserialize)]
 pub(in crate::physics) struct MassSplit {
-    /// The regions whose copies have a part of the mass, this one perhaps not: its copy is a ghost then, and whole.
+    /// The regions whose copies have a part of the mass; without this one, the copy here is a ghost.
     pub among: RegionSet,
-    /// By how many the mass of the copy here is divided.
+    /// Into how many parts the mass is split, of which the copy here has one.
     parts: usize,
-    /// Rapier has set the copy here aside, as its numbers were no longer finite.
+    /// Rapier has quarantined the copy here, as its numbers were no longer finite.
     broken: bool,
-    /// What the user presses on the whole body.
+    /// The user's force and torque on the whole body.
     user_force: Vector,
     user_torque: Vector,
-    /// What evens out the edges of the overlap: on this copy, until the next exchange.
+    /// The force and torque on this copy that even out the edges of the overlap, until the next exchange.
     push: Vector,
     twist: Vector,
-    /// How the copy began the steps since the last exchange.
+    /// The velocities with which the copy began the steps since the last exchange.
     start: Option<Start>,
 }
 
-/// Velocities at the beginning of the steps between two exchanges.
+/// The velocities of a copy at the beginning of the steps between two exchanges.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Start {
     linear: Vector,
@@ -62,19 +62,19 @@ impl MassSplit {
         }
     }
 
-    /// Whether several copies count, each with its share of the mass; else the owner's does, and the others are ghosts of it.
+    /// Returns whether the mass is split among several copies; else the owner's copy has all of it, and the others are ghosts.
     pub(in crate::physics) fn is_split(&self) -> bool {
         self.among.len() > 1
     }
 
-    /// Whether Rapier has set the copy here aside.
+    /// Returns whether Rapier has quarantined the copy here.
     pub(in crate::physics) fn is_broken(&self) -> bool {
         self.broken
     }
 }
 
 impl Region {
-    /// How a body held here is shared out; none while one region alone holds it.
+    /// Returns the mass split of a body held here; none while one region alone holds it.
     #[inline]
     pub(in crate::physics) fn mass_split(&self, handle: RigidBodyHandle) -> Option<&MassSplit> {
         self.slot(handle).mass_split.as_deref()
@@ -84,7 +84,7 @@ impl Region {
         self.slot_mut(handle).mass_split.as_deref_mut()
     }
 
-    /// A copy has come to be held here whole, or is announced anew: what presses on it is its user's.
+    /// Begins a mass split for a copy that has come to be held here whole, or is announced anew: all force on it is its user's.
     pub(in crate::physics) fn begin_mass_split(&mut self, handle: RigidBodyHandle) {
         let rank = self.rank;
         let whole = MassSplit::whole(&self.world.bodies[handle], rank);
@@ -93,7 +93,7 @@ impl Region {
         (mass_split.user_force, mass_split.user_torque) = (force, torque);
     }
 
-    /// Shares a body out among these regions: from now on the copy here has its part of the mass and of joints' forces.
+    /// Splits the mass of a body among these regions: from now on the copy here has its part of the mass and of joints' forces.
     pub(in crate::physics) fn split_mass_among(&mut self, handle: RigidBodyHandle, among: RegionSet) {
         if self.mass_split(handle).is_none() {
             let whole = MassSplit::whole(&self.world.bodies[handle], self.rank);
@@ -110,7 +110,7 @@ impl Region {
         }
     }
 
-    /// One region alone holds the body from now on, this one: it is whole, and pressed by nothing but its user's force.
+    /// Ends the mass split of a body that this region alone holds from now on: it has all of its mass and only its user's force.
     pub(in crate::physics) fn undivide(&mut self, handle: RigidBodyHandle) {
         self.split_mass_among(handle, RegionSet::only(self.rank));
         self.push(handle, Vector::ZERO, Vector::ZERO);
@@ -118,14 +118,14 @@ impl Region {
         self.slot_mut(handle).mass_split = None;
     }
 
-    /// Sets what evens out the edges of the overlap on a copy here, in newtons and newton metres, from the next step on.
+    /// Sets the force and torque that even out the edges of the overlap on a copy here, in N and N m, from the next step on.
     pub(in crate::physics) fn push(&mut self, handle: RigidBodyHandle, push: Vector, twist: Vector) {
         if let Some(mass_split) = self.mass_split_mut(handle) {
             (mass_split.push, mass_split.twist) = (push, twist);
         }
     }
 
-    /// Before a step: presses on the copy what it must feel in it, and notes how it starts.
+    /// Prepares a copy for a step: applies the forces on it, and notes its velocities if it is the first since the last exchange.
     pub(in crate::physics) fn prepare_copy(&mut self, handle: RigidBodyHandle, dt_s: f32) {
         let body = &self.world.bodies[handle];
         if !body.is_dynamic() || body.is_sleeping() {
@@ -138,21 +138,21 @@ impl Region {
         self.press(handle);
     }
 
-    /// The steps since the last exchange are over: the next ones count from where the copy is then.
+    /// Ends the steps since the last exchange: the next ones are measured from the copy's velocities then.
     pub(in crate::physics) fn restart_copy(&mut self, handle: RigidBodyHandle) {
         if let Some(mass_split) = self.mass_split_mut(handle) {
             mass_split.start = None;
         }
     }
 
-    /// Enables a copy that Rapier has set aside, to be written.
+    /// Enables a copy that Rapier has quarantined, to be written.
     pub(in crate::physics) fn mend_copy(&mut self, handle: RigidBodyHandle) {
         if self.mass_split_mut(handle).is_some_and(|mass_split| std::mem::take(&mut mass_split.broken)) {
             self.world_mut().bodies[handle].set_enabled(true);
         }
     }
 
-    /// Rapier has set every copy aside: so is the body, until its user enables it.
+    /// Gives up a body whose copies Rapier has all quarantined: it stays disabled until its user enables it.
     pub(in crate::physics) fn give_up_copies(&mut self, handle: RigidBodyHandle) {
         if let Some(mass_split) = self.mass_split_mut(handle) {
             (mass_split.user_force, mass_split.user_torque) = (Vector::ZERO, Vector::ZERO);
@@ -160,7 +160,7 @@ impl Region {
         self.refresh(handle);
     }
 
-    /// Rapier has set a copy aside that was no longer finite. Where regions share the body, the others decide.
+    /// Notes that Rapier has quarantined a copy that was no longer finite. Where regions share the body, the other copies decide.
     pub(super) fn set_aside(&mut self, handle: RigidBodyHandle) {
         let Some(slot) = self.slot_at(handle) else { return };
         self.quarantined.push(slot.id);
@@ -170,8 +170,8 @@ impl Region {
         }
     }
 
-    /// Force and torque of contacts and joints on a copy since the last exchange: what moved it besides gravity and what was
-    /// pressed on it. They follow what is measured now from what they were `before`.
+    /// Returns the smoothed force and torque of contacts and joints on a copy: measured since the last exchange as what moved it
+    /// besides gravity and the forces applied here, and low-pass filtered from the values `before`.
     pub(in crate::physics) fn strain(
         &self,
         handle: RigidBodyHandle,
@@ -201,25 +201,25 @@ impl Region {
         (force * follow + before.0 * (1.0 - follow), before.1 + (torque - before.1) * twist)
     }
 
-    /// What the user presses on the whole body, in newtons and newton metres, if it is shared out.
+    /// Returns the user's force and torque on the whole body, in N and N m, if it has a mass split.
     pub(super) fn user_load(&self, handle: RigidBodyHandle) -> Option<(Vector, Vector)> {
         self.mass_split(handle).map(|mass_split| (mass_split.user_force, mass_split.user_torque))
     }
 
-    /// By how many regions the mass of a body held here is divided: Rapier's body in each of them has that share of it.
+    /// Returns into how many parts the mass of a body held here is split: Rapier's body in each region that counts has one of them.
     pub fn share_of(&self, handle: RigidBodyHandle) -> usize {
         self.slot_at(handle)
             .and_then(|slot| slot.mass_split.as_deref())
             .map_or(1, |mass_split| mass_split.parts)
     }
 
-    /// Whether the copy of a body here counts, with its share of the mass; a ghost only follows those that do.
+    /// Returns whether the copy of a body here has a part of the mass; a ghost has none and only follows the copies that do.
     pub(in crate::physics) fn counts(&self, handle: RigidBodyHandle) -> bool {
         let mass_split = self.slot_at(handle).and_then(|slot| slot.mass_split.as_deref());
         mass_split.is_none_or(|mass_split| mass_split.among.contains(self.rank))
     }
 
-    /// Makes Rapier's forces on the copy what they must be.
+    /// Sets Rapier's forces on the copy to its part of the user's force, plus the push.
     fn press(&mut self, handle: RigidBodyHandle) {
         let Some(mass_split) = self.mass_split(handle) else { return };
         let parts = mass_split.parts.max(1) as f32;
@@ -238,7 +238,7 @@ impl Region {
         body.add_torque(torque, false);
     }
 
-    /// Lets a user see and change the body whole: with all of its mass and none but the user's forces. Reads its traits anew.
+    /// Lets a user see and change the body whole: with all of its mass and only the user's forces. Reads its traits anew.
     pub(super) fn change_whole<R>(
         &mut self,
         handle: RigidBodyHandle,
@@ -257,7 +257,7 @@ impl Region {
         };
         let before = self.lift(handle);
         // To change colliders would wake the body, which its user may only look at, or have put to sleep. So all of the mass
-        // stands in for what the body has besides its colliders.
+        // is set as the body's mass besides its colliders.
         let all = all_of(self.world.bodies[handle].mass_properties().local_mprops, parts);
         let body = &mut self.world_mut().bodies[handle];
         if parts > 1 {
@@ -284,7 +284,7 @@ impl Region {
         result
     }
 
-    /// The same for its colliders, which have all of their mass meanwhile.
+    /// Lets a user change the body's colliders, which have all of their mass meanwhile.
     pub(super) fn change_colliders_whole<R>(
         &mut self,
         handle: RigidBodyHandle,
@@ -302,7 +302,7 @@ impl Region {
         result
     }
 
-    /// Takes away what evens out the edges, and returns it.
+    /// Takes away the force and torque that even out the edges, and returns them.
     fn lift(&mut self, handle: RigidBodyHandle) -> (Vector, Vector) {
         let mass_split = self.mass_split_mut(handle).expect("only what is shared out is lifted");
         let before = (mass_split.push, mass_split.twist);
@@ -324,7 +324,7 @@ impl Region {
         self.press(handle);
     }
 
-    /// By how many the mass of the copy is to be divided, as its traits are now.
+    /// Returns into how many parts the mass is to be split, by the body's present traits.
     fn parts_now(&self, handle: RigidBodyHandle) -> usize {
         self.mass_split(handle).map_or(1, |mass_split| self.parts_among(handle, mass_split.among))
     }
@@ -333,7 +333,7 @@ impl Region {
         if self.slot(handle).traits.kind == BodyKind::Dynamic { among.len().max(1) } else { 1 }
     }
 
-    /// Gives every source of the body's mass its share.
+    /// Scales every source of the body's mass, colliders and extra mass, to one of so many parts.
     fn divide(&mut self, handle: RigidBodyHandle, parts: usize) {
         let traits = self.slot(handle).traits.clone();
         let share = 1.0 / parts as f32;
@@ -360,7 +360,7 @@ fn inertia_times(body: &RigidBody, angular: Vector) -> Vector {
     world_from_principal * (local.principal_inertia() * (world_from_principal.inverse() * angular))
 }
 
-/// The mass of so many equal parts.
+/// Returns the mass of so many equal parts together.
 fn all_of(part: MassProperties, parts: usize) -> MassProperties {
     let parts = parts as f32;
     MassProperties {

@@ -1,8 +1,9 @@
-//! Colliders that are not where Rapier's tree has them: their bodies were inserted, moved or changed since the last step.
+//! Keeps a second BVH for queries, of colliders that are not where Rapier's broad phase has them: their bodies were inserted, moved
+//! or changed since the last step.
 //!
-//! Rapier takes such changes in when it steps. Queries are not to wait for that, and are not to do it either: a tree that
-//! was brought up to date early orders pairs otherwise, so that a question would change the bits of what follows. So
-//! queries have a tree of their own for these colliders, made when something is asked.
+//! Rapier takes such changes in when it steps. Queries must not wait for that, and must not do it either: a tree that is brought
+//! up to date early orders pairs otherwise, so that a query would change the bits of what follows. So queries have a tree of
+//! their own for these colliders, made at the first query.
 
 use std::collections::HashMap;
 
@@ -12,7 +13,7 @@ use rapier3d::prelude::*;
 
 use super::{Ownership, Region};
 
-/// Copies of these colliders at their places of now.
+/// Copies of the moved colliders at their present places, in a BVH.
 #[derive(Default)]
 pub(in crate::physics) struct Moved {
     pub(in crate::physics) bvh: Bvh,
@@ -24,7 +25,7 @@ pub(in crate::physics) struct Moved {
 }
 
 impl Moved {
-    /// Looks at the bodies that were `touched` since the last step, and at those that regions agree on.
+    /// Collects the colliders of bodies that were `touched` since the last step, and of shared bodies that the coupling moved.
     pub(in crate::physics) fn of(region: &Region, touched: &[RigidBodyHandle]) -> Self {
         let world = region.physics();
         let shared = region.shared.iter().map(|link| link.handle).filter(|&handle| strayed(world, handle));
@@ -45,7 +46,7 @@ impl Moved {
 
     fn add(&mut self, region: &Region, handle: RigidBodyHandle, body: &RigidBody) {
         self.bodies.push(handle.into_raw_parts().0);
-        // While its body is set aside, Rapier's collider does not tell whether it was its user's wish.
+        // While its body is disabled, Rapier's collider does not tell whether its user enabled it.
         let wanted = &region.slot(handle).traits.colliders;
         for (&original, record) in body.colliders().iter().zip(wanted) {
             let collider = &region.physics().colliders[original];
@@ -64,18 +65,18 @@ impl Moved {
         }
     }
 
-    /// Whether a body is among them, and not to be looked for in Rapier's own tree.
+    /// Returns whether a body is among them, and not to be looked for in Rapier's own tree.
     pub(in crate::physics) fn holds(&self, body: RigidBodyHandle) -> bool {
         self.bodies.binary_search(&body.into_raw_parts().0).is_ok()
     }
 
-    /// Rapier's own collider, of which this one is a copy.
+    /// Returns Rapier's own collider, of which this one is a copy.
     pub(in crate::physics) fn original(&self, copy: ColliderHandle) -> ColliderHandle {
         self.originals[&copy.into_raw_parts().0]
     }
 }
 
-/// Whether a body has been put elsewhere than its colliders are.
+/// Returns whether a body has been put elsewhere than its colliders are.
 fn strayed(world: &PhysicsWorld, handle: RigidBodyHandle) -> bool {
     let body = &world.bodies[handle];
     body.colliders().iter().any(|&collider| {

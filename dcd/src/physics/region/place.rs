@@ -1,5 +1,5 @@
-//! Where a region is, what of the immovable it holds there, and how much it has to do: what changes as the tree follows the
-//! load and the anchor the bodies.
+//! Changes a region's cell, rank and origin (anchor), finds which immovable bodies it must hold, and measures its load: what
+//! changes as the tree follows the load, and the floating origin the bodies.
 
 use std::time::Duration;
 
@@ -11,21 +11,21 @@ use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;
 use crate::space::{BodyId, Bounds, Cell};
 
-/// A sleeping body may lie so far outside the cell.
+/// A sleeping body may lie so far outside the cell without being woken.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
 
 /// How much the last tick counts in the mean time of a tick.
 const TIME_MEMORY: f64 = 0.1;
 
 impl Region {
-    /// A plane has moved: everything here is looked at anew.
+    /// Sets the cell, after a plane has moved: the coupling checks all bodies here anew.
     pub(in crate::physics) fn set_cell(&mut self, cell: Cell) {
         self.cell = cell;
         self.stirred = true;
         self.due.fill(0);
     }
 
-    /// Takes the new ranks over; its own id may have changed too.
+    /// Translates all ranks; its own id may have changed too.
     pub(in crate::physics) fn remap_ranks(&mut self, ranks: &RankRemap) {
         self.rank = ranks.rank(self.rank);
         self.id = ranks.leaves[self.rank];
@@ -41,18 +41,18 @@ impl Region {
         }
     }
 
-    /// Whether it holds anything that can move.
+    /// Returns whether it holds anything that can move.
     pub(in crate::physics) fn holds_movable(&self) -> bool {
         self.slots.iter().flatten().any(|slot| slot.role != Ownership::Immovable)
     }
 
-    /// Whether it has still to say of contacts that they ended.
+    /// Returns whether it has still to report that contacts ended.
     pub(in crate::physics) fn owes_word(&self) -> bool {
         self.watch.owes_word()
     }
 
-    /// What sleeps where a plane has passed over it stays this region's, unless that is far from here: then it is woken, and
-    /// goes.
+    /// Wakes bodies that sleep far outside the cell, after a plane has passed over them, so that they move to their region. Those
+    /// that lie nearer stay this region's.
     pub(in crate::physics) fn wake_left_behind(&mut self) {
         for handle in self.own_sleepers() {
             let centre = convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass());
@@ -62,7 +62,7 @@ impl Region {
         }
     }
 
-    /// Its own bodies that sleep, in id order.
+    /// Returns its own bodies that sleep, in id order.
     pub(in crate::physics) fn own_sleepers(&self) -> Vec<RigidBodyHandle> {
         let owned = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Owner);
         let mut asleep: Vec<_> =
@@ -72,8 +72,8 @@ impl Region {
         asleep.into_iter().map(|link| link.handle).collect()
     }
 
-    /// How much there is to compute, by counts: its own bodies that are awake, and their contacts. How many copies it has of others'
-    /// bodies depends on where planes are: planes that moved by them would swing.
+    /// Returns the load as a count: its own bodies that are awake, and their contacts. Copies of others' bodies are left out, since
+    /// their number depends on where planes are: planes that moved by them would swing.
     pub(in crate::physics) fn activity(&self) -> f64 {
         let counts = |handle: RigidBodyHandle| {
             let owned = self.slot_at(handle).is_some_and(|slot| slot.role == Ownership::Owner);
@@ -88,7 +88,7 @@ impl Region {
         (bodies + self.world.contact_pairs().filter(touches).count()) as f64
     }
 
-    /// Where its own awake bodies are, in world space.
+    /// Returns the centres of its own awake bodies, in world space.
     pub(in crate::physics) fn awake_places(&self) -> impl Iterator<Item = (BodyId, [f64; 3])> {
         self.world.islands.active_bodies().filter_map(|handle| match self.role_of(handle) {
             Some((id, Ownership::Owner)) => Some((id, self.centre_of(handle))),
@@ -96,12 +96,12 @@ impl Region {
         })
     }
 
-    /// Where a body's centre of mass is, in world space.
+    /// Returns a body's centre of mass, in world space.
     pub(in crate::physics) fn centre_of(&self, handle: RigidBodyHandle) -> [f64; 3] {
         convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass())
     }
 
-    /// Counts the time of a round.
+    /// Adds up the wall time of a round; `first` begins a tick.
     pub(in crate::physics) fn count_time(&mut self, took: Duration, first: bool) {
         let took_us = took.as_secs_f64() * 1e6;
         if first {
@@ -111,12 +111,12 @@ impl Region {
         self.step_us += took_us;
     }
 
-    /// The time that its ticks take, smoothed, microseconds.
+    /// Returns the smoothed wall time of its ticks, microseconds.
     pub(in crate::physics) fn mean_step_us(&self) -> f64 {
         self.mean_step_us
     }
 
-    /// Moves the origin of region space: what is held here stays where it is in world space.
+    /// Moves the region's origin (anchor): what is held here stays where it is in world space.
     pub(in crate::physics) fn set_anchor(&mut self, anchor: [f64; 3]) {
         let from = std::mem::replace(&mut self.anchor, anchor);
         // Exact: anchors lie on a grid that f32 represents, as long as they are within its reach of each other.
@@ -145,8 +145,8 @@ impl Region {
         }
     }
 
-    /// Whether immovable bodies that touch this box are held here already; if not, from now on they must be: returns the
-    /// box to look for them in.
+    /// Widens the covered box, whose immovable bodies must be held here, if it does not contain this one: returns the box in which
+    /// to look for them then.
     pub(in crate::physics) fn widen_cover(&mut self, bounds: &Bounds) -> Option<Bounds> {
         if self.covered.contains(bounds) {
             return None;
@@ -155,7 +155,7 @@ impl Region {
         Some(self.covered)
     }
 
-    /// The cell has changed: the box in which immovable bodies are to be held from now on.
+    /// Computes the covered box anew, after the cell has changed: immovable bodies in it are to be held here from now on.
     pub(in crate::physics) fn renew_cover(&mut self) -> Bounds {
         let here = Bounds { min: self.cell.min, max: self.cell.max };
         let movable = self.slots.iter().flatten().filter(|slot| slot.role != Ownership::Immovable);

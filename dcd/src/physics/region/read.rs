@@ -1,4 +1,4 @@
-//! What a region says of the bodies that it holds, in world space.
+//! Reads the state of bodies that a region holds, in world space: pose, velocity, records and AABBs.
 
 use rapier3d::prelude::*;
 
@@ -8,33 +8,33 @@ use crate::protocol::{BodyRecord, BodyState, SharedState, Velocity, WorldPose};
 use crate::space::{Bounds, Epoch};
 
 impl Region {
-    /// The length of the substep in which the contacts of a body were solved last, in seconds: impulses that Rapier
+    /// Returns the length of the substep in which the contacts of a body were solved last, in seconds: impulses that Rapier
     /// keeps for it are of that step, be it long ago.
     pub(in crate::physics) fn solved_dt_s(&self, handle: RigidBodyHandle) -> f32 {
         let noted = self.solved_dt_s.get(handle.into_raw_parts().0 as usize);
         noted.copied().unwrap_or(self.world.integration_parameters.dt)
     }
 
-    /// A body's pose in world space, as this region sees it.
+    /// Returns a body's pose in world space, as this region sees it.
     #[inline]
     pub fn world_pose(&self, handle: RigidBodyHandle) -> WorldPose {
         convert::world_from_region(self.anchor, self.world.bodies[handle].position())
     }
 
-    /// How a body moves, as this region sees it.
+    /// Returns a body's velocity, as this region sees it.
     #[inline]
     pub fn velocity(&self, handle: RigidBodyHandle) -> Velocity {
         convert::velocity_of(&self.world.bodies[handle])
     }
 
-    /// [`Region::world_pose`] and [`Region::velocity`] of a body, by one look-up.
+    /// Returns [`Region::world_pose`] and [`Region::velocity`] of a body, by one look-up.
     #[inline]
     pub fn motion(&self, handle: RigidBodyHandle) -> (WorldPose, Velocity) {
         let body = &self.world.bodies[handle];
         (convert::world_from_region(self.anchor, body.position()), convert::velocity_of(body))
     }
 
-    /// A body held here, whole.
+    /// Returns the whole record of a body held here.
     pub fn body_record(&self, handle: RigidBodyHandle) -> BodyRecord {
         let slot = self.slot(handle);
         BodyRecord {
@@ -45,12 +45,12 @@ impl Region {
         }
     }
 
-    /// The epoch of a body held here.
+    /// Returns the epoch of a body held here.
     pub fn epoch_of(&self, handle: RigidBodyHandle) -> Epoch {
         self.slot(handle).epoch
     }
 
-    /// What a step changes of a body held here, in world space.
+    /// Returns the state of a body held here, in world space: all of it that a step changes.
     pub fn body_state(&self, handle: RigidBodyHandle) -> BodyState {
         let mut state = record::state_of(&self.world.bodies[handle], self.anchor);
         if let Some((force, torque)) = self.user_load(handle) {
@@ -59,7 +59,7 @@ impl Region {
         state
     }
 
-    /// What the owner of a body says of it.
+    /// Returns the state of a body that its owner sends to the holders.
     pub fn shared_state(&self, handle: RigidBodyHandle) -> SharedState {
         let (slot, body) = (self.slot(handle), &self.world.bodies[handle]);
         SharedState {
@@ -72,7 +72,7 @@ impl Region {
         }
     }
 
-    /// A box around a body's colliders now, in world space.
+    /// Returns the AABB of a body's colliders now, in world space.
     pub(in crate::physics) fn world_bounds(&self, handle: RigidBodyHandle) -> Bounds {
         self.slot(handle).outline.bounds(&self.world.bodies[handle], &self.world.colliders, self.anchor)
     }

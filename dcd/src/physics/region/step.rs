@@ -1,4 +1,4 @@
-//! Steps a region's Rapier world, and takes in what it says of contacts.
+//! Steps a region's Rapier world by one substep, and collects its contact events and quarantined bodies.
 
 use rapier3d::prelude::*;
 
@@ -7,7 +7,7 @@ use super::{Ownership, Region, kinematic_targets};
 use crate::physics::hooks::Named;
 
 impl Region {
-    /// Steps the Rapier world by one of so many substeps of a tick.
+    /// Steps the Rapier world by one of `steps` substeps of a tick.
     pub(in crate::physics) fn step(&mut self, parameters: &IntegrationParameters, steps: usize) {
         let dt_before_s = std::mem::replace(&mut self.world.integration_parameters, *parameters).dt;
         if self.guide.is_first() {
@@ -36,9 +36,9 @@ impl Region {
         }
     }
 
-    /// Notes in how long a substep the contacts of what is awake have been solved. What sleeps keeps its impulses, of a
-    /// substep that may have been longer or shorter than the present one. Rapier lets bodies fall asleep before it solves:
-    /// what is awake after a step has been solved in it.
+    /// Notes the length of the substep in which the contacts of awake bodies have been solved. Sleeping bodies keep their impulses,
+    /// of a substep that may have been longer or shorter than the present one. Rapier lets bodies fall asleep before it solves:
+    /// a body that is awake after a step has been solved in it.
     pub(in crate::physics) fn note_solved(&mut self, dt_before_s: f32) {
         let dt_s = self.world.integration_parameters.dt;
         if self.solved_dt_s.is_empty() && dt_s == dt_before_s {
@@ -50,8 +50,8 @@ impl Region {
         }
     }
 
-    /// Keeps the forces that this region answers for. Where each copy has all of the mass, that is the owner of the first
-    /// movable body; where masses are split, all whose copies count.
+    /// Keeps the contact forces that this region is to report. Where each copy has all of the mass, the owner of the first movable
+    /// body reports; where masses are split, all regions whose copies have a part.
     pub(in crate::physics) fn answer_for_forces(&mut self, from: usize) {
         let mut forces = std::mem::take(&mut self.events.forces);
         let heard = forces.split_off(from);

@@ -1,8 +1,9 @@
-//! The joints of a region. A joint whose ends several regions hold is solved in each of them: the forces of its motors and
-//! springs are shared out among these regions, as masses are. What locks or limits an axis needs no share.
+//! Keeps the joints of a region, and inserts them into and removes them from Rapier. A joint whose ends several regions hold is
+//! solved in each of them: the forces of its motors and springs are split among these regions, as masses are. Locks and limits
+//! of an axis need no splitting.
 //!
-//! Rapier hears of joints that come and go when its step begins, not before: it would keep note of them until then where no
-//! snapshot sees it.
+//! Joints are inserted into and removed from Rapier when its step begins, not before: until then it would keep note of them
+//! where no snapshot includes it.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -13,13 +14,13 @@ use crate::physics::joints;
 use crate::protocol::{JointRecord, LinkMotion};
 use crate::space::{BodyId, JointId, RegionSet};
 
-/// A joint as its user knows it, and what became of it in a region.
+/// A joint as its user knows it, and its handle in Rapier.
 #[derive(Serialize, Deserialize)]
 pub(super) struct HeldJoint {
     pub record: JointRecord,
-    /// None until Rapier has heard of it.
+    /// None while it is not in Rapier.
     handle: Option<Solver>,
-    /// Regions that solve it.
+    /// The number of regions that solve it.
     parts: usize,
 }
 
@@ -30,22 +31,22 @@ enum Solver {
     Multibody(MultibodyJointHandle),
 }
 
-/// What Rapier's joints must be told when the next step begins.
+/// The changes of joints to be applied to Rapier when the next step begins.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct JointNews {
     /// In order of insertion.
     tied: Vec<JointId>,
     untied: Vec<Solver>,
-    /// Bodies that are no more.
+    /// Removed bodies.
     gone: Vec<RigidBodyHandle>,
-    /// What Rapier has been told of but keeps in no snapshot: joints changed in place.
+    /// Joints changed in place: Rapier knows of the changes, but keeps them in no snapshot.
     changed: Vec<ImpulseJointHandle>,
-    /// What joints tie or tied that were changed or are gone. Rapier's own list of these has no order.
+    /// Bodies to be woken, whose joints were changed or removed. Rapier's own list of these has no order.
     woken: Vec<RigidBodyHandle>,
 }
 
 impl Region {
-    /// Tells Rapier which joints have come and gone. A step follows.
+    /// Inserts new joints into Rapier and removes old ones. A step must follow.
     pub(in crate::physics) fn tell_joints(&mut self) {
         let mut news = std::mem::take(&mut self.joint_news);
         for handle in news.untied.drain(..) {
@@ -55,7 +56,7 @@ impl Region {
             }
         }
         for handle in news.gone.drain(..) {
-            // Of its joints nothing is left but the place where they began.
+            // Of its joints nothing is left but the body's node in the joint graph.
             self.world_mut().impulse_joints.remove_joints_attached_to_rigid_body(handle);
         }
         for handle in news.woken.drain(..) {
@@ -97,15 +98,14 @@ impl Region {
         self.joint_news = news;
     }
 
-    /// Whether a joint between two bodies has anything to move. Rapier would panic at one that has not, or whose end is
+    /// Returns whether a joint between two bodies has anything to move. Rapier would panic at one that has not, or whose end is
     /// disabled: such joints wait.
     fn is_solvable(&self, a: RigidBodyHandle, b: RigidBodyHandle) -> bool {
         let [a, b] = [a, b].map(|end| &self.physics().bodies[end]);
         (a.is_dynamic() || b.is_dynamic()) && a.is_enabled() && b.is_enabled()
     }
 
-    /// Makes the second body a link of the first one's multibody, if both are this region's: copies of another's are led by its
-    /// word.
+    /// Makes the second body a link of the first one's multibody, if both are owned here: replicas follow their owner's state.
     fn link(
         &mut self,
         a: RigidBodyHandle,
@@ -119,7 +119,7 @@ impl Region {
         articulation::insert_link(&mut self.world_mut().multibody_joints, a, b, joint, &record.link?)
     }
 
-    /// Authority over a body has changed: only its owner solves the multibody that it is part of.
+    /// Inserts or removes the multibody joints of a body whose owner has changed: only its owner solves its multibody.
     pub(in crate::physics) fn relink(&mut self, handle: RigidBodyHandle) {
         for id in self.slot(handle).joints.clone() {
             let Some(mut held) = self.joints.remove(&id) else { continue };
@@ -139,7 +139,7 @@ impl Region {
         }
     }
 
-    /// Takes a body out of Rapier's world; its joints stay until the next step begins.
+    /// Removes a body from Rapier's world; its joints stay until the next step begins.
     pub(in crate::physics) fn remove_from_rapier(&mut self, handle: RigidBodyHandle) {
         let PhysicsWorld {
             bodies, islands, colliders, impulse_joints, multibody_joints, soft_bodies, ..
@@ -152,17 +152,17 @@ impl Region {
         }
     }
 
-    /// Restored from a snapshot: Rapier hears again which joints were changed since the last step.
+    /// Marks the joints changed since the last step in Rapier again, after the region was restored from a snapshot.
     pub(in crate::physics) fn repeat_joint_changes(&mut self) {
         for handle in self.joint_news.changed.clone() {
             let _ = self.world_mut().impulse_joints.get_mut(handle, false);
         }
     }
 
-    /// Ties two bodies, if the joint is not there yet: as soon as both are held here.
+    /// Inserts a joint, if it is not here yet; with one end held elsewhere it waits until both are held here.
     pub(in crate::physics) fn insert_joint(&mut self, joint: &JointRecord) {
         if let Some(held) = self.joints.get_mut(&joint.id) {
-            // The owner's word on where a link is, for whoever solves it next.
+            // The owner's state of the link, for the region that solves it next.
             if held.handle.is_none() && joint.link.is_some_and(|link| link.motion.is_some()) {
                 held.record.link = joint.link;
             }
@@ -187,12 +187,12 @@ impl Region {
         self.share_joint(joint.id);
     }
 
-    /// A body is no more: nothing waits for it.
+    /// Forgets the joints that wait for a removed body.
     pub(in crate::physics) fn forget_ties(&mut self, id: BodyId) {
         self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
     }
 
-    /// Unties two bodies and wakes them.
+    /// Removes a joint and wakes its bodies.
     pub(in crate::physics) fn remove_joint(&mut self, id: JointId) {
         self.waiting.remove(&id);
         let Some(joint) = self.joints.remove(&id) else { return };
@@ -211,7 +211,7 @@ impl Region {
         self.assemblies_stale = true;
     }
 
-    /// Lets a user change a joint in place, whole; wakes what it ties. Returns whether it is held here, or waits.
+    /// Lets a user change a joint in place, whole; wakes its bodies. Returns whether it is held here, or waits.
     pub(in crate::physics) fn change_joint(
         &mut self,
         id: JointId,
@@ -253,7 +253,7 @@ impl Region {
         true
     }
 
-    /// Who holds the ends of a joint has changed: shares its forces out anew.
+    /// Splits the forces of a joint anew, after the holders of its ends have changed.
     pub(in crate::physics) fn share_joint(&mut self, id: JointId) {
         let Some(mut held) = self.joints.remove(&id) else { return };
         let both = self.holders_of(held.record.a).intersection(self.holders_of(held.record.b));
@@ -273,7 +273,7 @@ impl Region {
         &mut joint.expect("a joint held here").data
     }
 
-    /// All regions that share the mass of a body; what is immovable is everywhere.
+    /// Returns all regions whose copies of a body have a part of its mass; all regions for an immovable one.
     fn holders_of(&self, id: BodyId) -> RegionSet {
         let own = RegionSet::only(self.rank());
         let Some(handle) = self.handle_of(id) else { return own };
@@ -284,7 +284,7 @@ impl Region {
         }
     }
 
-    /// A joint held here, whole: with the impulses of the last step, or as its multibody moves; or one that waits.
+    /// Returns a joint held here, whole, with the impulses of the last step or the motion of its multibody; or one that waits.
     pub(in crate::physics) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
         let held = self.joints.get(&id).map(|held| self.whole_record(held));
         held.or_else(|| self.waiting.get(&id).cloned())
@@ -314,7 +314,7 @@ impl Region {
         record
     }
 
-    /// Changes what a multibody joint has besides what every joint has. Returns whether it is one, and held here.
+    /// Changes the settings that only multibody joints have. Returns whether it is one, and held here.
     pub(in crate::physics) fn change_link(&mut self, id: JointId, settings: &LinkSettings) -> bool {
         let Some(mut held) = self.joints.remove(&id) else { return false };
         let is_link = held.record.link.is_some();
@@ -333,13 +333,13 @@ impl Region {
         is_link
     }
 
-    /// Where a link is and how it moves, if it is solved here.
+    /// Returns the position and velocity of a multibody link, if it is solved here.
     pub(in crate::physics) fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
         let held = self.joints.get(&id).filter(|held| matches!(held.handle, Some(Solver::Multibody(_))))?;
         self.whole_record(held).link?.motion
     }
 
-    /// Sets how fast a link moves, by its degrees of freedom. Returns whether it is one, and held here.
+    /// Sets the velocity of a multibody link, by its degrees of freedom. Returns whether it is one, and held here.
     pub(in crate::physics) fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
         let Some(mut held) = self.joints.remove(&id) else { return false };
         let is_link = held.record.link.is_some();
@@ -357,8 +357,8 @@ impl Region {
         is_link
     }
 
-    /// What this region's solver pressed on the locked axes of a joint in the last step: newtons along the three axes of
-    /// its frame, newton metres about them; nothing while the joint waits. None for multibody joints, whose solver has no such
+    /// Returns the force and torque of this region's solver on the locked axes of a joint in the last step: newtons along the three
+    /// axes of its frame, newton metres about them; zero while the joint waits. None for multibody joints, whose solver has no such
     /// impulses.
     pub(in crate::physics) fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         if self.waiting.contains_key(&id) {
@@ -377,23 +377,23 @@ impl Region {
         Some(std::array::from_fn(|axis| joint.impulses[axis] / dt_s))
     }
 
-    /// The bodies that a joint held here ties.
+    /// Returns the bodies that a joint held here ties.
     pub(in crate::physics) fn joint_ends(&self, id: JointId) -> Option<(RigidBodyHandle, RigidBodyHandle)> {
         let joint = &self.joints.get(&id)?.record;
         Some((self.handle_of(joint.a)?, self.handle_of(joint.b)?))
     }
 
-    /// The bodies that each joint held here ties, by name.
+    /// Returns the ids of the bodies that each joint held here ties.
     pub(in crate::physics) fn ties(&self) -> impl Iterator<Item = (BodyId, BodyId)> {
         self.joints.values().map(|joint| (joint.record.a, joint.record.b))
     }
 
-    /// Whether a joint is held here, or waits for one of its ends.
+    /// Returns whether a joint is held here, or waits for one of its ends.
     pub(in crate::physics) fn has_joint(&self, id: JointId) -> bool {
         self.joints.contains_key(&id) || self.waiting.contains_key(&id)
     }
 
-    /// The joints that a body hangs on, whole.
+    /// Returns the joints of a body, whole, waiting ones too.
     pub(in crate::physics) fn joints_of(&self, handle: RigidBodyHandle) -> impl Iterator<Item = JointRecord> {
         let slot = self.slot(handle);
         let waiting = self.waiting.values().filter(|joint| joint.a == slot.id || joint.b == slot.id).cloned();

@@ -1,4 +1,4 @@
-//! Between clients and their leader or the server.
+//! Defines the messages between clients and their leader or the server.
 
 use bincode::{Decode, Encode};
 
@@ -6,7 +6,7 @@ use super::{Chunk, EnvironmentProperties, Found, Member, Question, ViewNumber};
 use crate::protocol::{BodyRecord, ContactForce, ShapeRecord, SharedState, Touch, Velocity, WorldPose};
 use crate::space::{Allocation, BodyId, ClientId, GroupId, Tick};
 
-/// Client to leader, or to the server when there is none.
+/// A message of a client to its leader, or to the server when there is none.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum FromClient {
     /// Moves an avatar.
@@ -22,14 +22,14 @@ pub enum FromClient {
     Despawn(BodyId),
     /// The client goes; its avatars wait for its return.
     Leave,
-    /// What the client wants to hear of from now on; `None` is everything. To the leader alone: said again to each new one.
+    /// The client's area of interest from now on; `None` is everything. To the leader alone: sent again to each new one.
     Interest(Option<Area>),
-    /// The client asks about bodies. To the leader alone, and said again until it is answered.
+    /// The client's query about bodies. To the leader alone, and sent again until it is answered.
     Ask(Question),
 }
 
-/// A ball of world space that a client wants to hear of. The margins around it let it move a little, and bodies go to and fro
-/// at its edge, without a word between client and leader.
+/// A client's area of interest: a ball of world space. Thanks to the margins around it, it can move a little, and bodies can
+/// cross its edge to and fro, without a message between client and leader.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Area {
     /// Metres of world space.
@@ -39,8 +39,8 @@ pub struct Area {
 }
 
 impl Area {
-    /// What a client is told of around an avatar of its own, wherever its area is: what may touch it, unless it is long. Bodies
-    /// count by their origins, since leaders are not told of their sizes.
+    /// Returns the area around an avatar of its own of which a client always receives states: what may touch it, unless it is long.
+    /// Bodies count by their origins, since leaders do not know their sizes.
     pub const fn around_avatar(centre: [f64; 3]) -> Self {
         Self { centre, radius_m: 8.0 }
     }
@@ -54,40 +54,40 @@ impl Area {
         squares.sum::<f64>() <= distance_m * distance_m
     }
 
-    /// Whether what is there is certain to be told: the area and half a margin.
+    /// Returns whether states of bodies at this point are certain to be sent: in the area and half a margin.
     pub fn covers(&self, point: [f64; 3]) -> bool {
         self.is_within(point, self.radius_m + 0.5 * self.margin_m())
     }
 
-    /// Whether what comes there is told from then on.
+    /// Returns whether states of a body that comes to this point are sent from then on.
     pub fn enters(&self, point: [f64; 3]) -> bool {
         self.is_within(point, self.radius_m + self.margin_m())
     }
 
-    /// Whether what is told already goes on to be told there.
+    /// Returns whether a body whose states are already sent continues to be sent at this point.
     pub fn keeps(&self, point: [f64; 3]) -> bool {
         self.is_within(point, self.radius_m + 1.5 * self.margin_m())
     }
 
-    /// Whether what this one covers has all of the other in it.
+    /// Returns whether what this area covers contains all of the other.
     pub fn stands_for(&self, other: &Self) -> bool {
         self.radius_m == other.radius_m && self.is_within(other.centre, 0.5 * self.margin_m())
     }
 
-    /// Whether a smaller one lies in this one.
+    /// Returns whether a smaller area lies in this one.
     pub fn contains(&self, other: &Self) -> bool {
         self.is_within(other.centre, self.radius_m - other.radius_m) && other.radius_m <= self.radius_m
     }
 }
 
-/// Leader or server to client.
+/// A message of the leader or server to a client.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum ToClient {
     /// The server's answer to [`Hello`](super::Hello); chunks of the world follow, then [`ToClient::WorldEnd`].
     Welcome {
         /// The client's id.
         id: ClientId,
-        /// Where its logical time begins: beyond all that an earlier process of the same client came to.
+        /// Start of its logical time: beyond all that an earlier process of the same client came to.
         logical_time: u64,
         /// The world.
         world: EnvironmentProperties,
@@ -98,7 +98,7 @@ pub enum ToClient {
     WorldEnd,
     /// Who leads the group; `None` while nobody computes the world.
     LeaderIs {
-        /// The client's group: states of others do not concern it.
+        /// The client's group: states of other groups do not concern it.
         group: GroupId,
         /// Since which view.
         view: ViewNumber,
@@ -118,7 +118,7 @@ pub enum ToClient {
     Removed(BodyId),
     /// Bodies that moved; fits a datagram.
     States {
-        /// Of when and whose.
+        /// Their origin and time.
         stamp: Stamp,
         /// In id order.
         states: Vec<SharedState>,
@@ -139,27 +139,27 @@ pub enum ToClient {
         /// What was found.
         found: Found,
     },
-    /// A input was refused.
+    /// An input was refused.
     Rejected {
-        /// Concerning which body.
+        /// The body concerned.
         body: Option<BodyId>,
         /// Why.
         reason: Refusal,
     },
 }
 
-/// What states are of.
+/// The origin and time of states: group, tick, and whether they are speculative.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Stamp {
     /// The group that computed them: epochs and ticks of unlike groups do not compare.
     pub group: GroupId,
     /// After which tick.
     pub tick: Tick,
-    /// Computed without the other members, and not to be relied on: the next that is not counts whatever its tick.
+    /// Whether the tick was speculative: computed without the other members. A later one that is not counts whatever its tick.
     pub provisional: bool,
 }
 
-/// Why a client's input, or a join, was refused.
+/// The reason why a client's input, or a join, was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, thiserror::Error)]
 pub enum Refusal {
     /// Unequal protocol versions.
@@ -182,7 +182,7 @@ pub enum Refusal {
     /// Above [`EnvironmentProperties::avatar_speed_limit`].
     #[error("faster than the world allows: stay below its avatar speed limit")]
     TooFast,
-    /// A input with a newer logical time was there before.
+    /// An input with a newer logical time was there before.
     #[error("older than the last update of this avatar: let the logical time grow")]
     Late,
     /// A collider names a shape that the world does not know, that cannot be built, or that an avatar cannot have.
@@ -195,7 +195,7 @@ pub enum Refusal {
     TooMany,
 }
 
-/// Where an avatar's user wants it to go.
+/// An avatar input: the velocity or pose that its user asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Input {
     /// Which avatar.

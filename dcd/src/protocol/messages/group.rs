@@ -1,4 +1,4 @@
-//! Between the server and the nodes of a group, and among them.
+//! Defines the messages between the server and the nodes of a group, and among those nodes.
 
 use bincode::{Decode, Encode};
 
@@ -8,7 +8,7 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
 
-/// Server to node.
+/// A message of the server to a node.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum ToNode {
     /// Answer to [`Hello`](super::Hello); chunks of shapes and immovable bodies follow, then [`ToNode::WorldEnd`].
@@ -45,7 +45,7 @@ pub enum ToNode {
     },
     /// The view begins, with the [`Placed`](super::Placed) bodies sent before it.
     Adopt {
-        /// Who computes what.
+        /// Members, leader and allocation.
         view: View,
         /// Bodies to let go of: removed ones, and those that another member owns at a higher epoch.
         drop: Vec<BodyId>,
@@ -66,54 +66,54 @@ pub enum ToNode {
         /// What about.
         motion: Motion,
     },
-    /// To the leader of a group, from others: bodies about which they are believed. Newest wins.
+    /// To the leader of a group, from other groups: state replication of bodies for which those are authoritative. Newest wins.
     InterGroup {
         /// The present view of the receiver.
         view: ViewNumber,
-        /// Whether they come from the main group, whose ticks the others keep up with.
+        /// Whether they come from the main group, to whose ticks the others keep up.
         main: bool,
-        /// After which tick they were so.
+        /// The tick after which these states held.
         tick: Tick,
         /// In id order.
         states: Vec<SharedState>,
     },
-    /// To the leader of a group: which group is believed about what from now on.
+    /// To the leader of a group: for which bodies its group is authoritative from now on.
     Authority {
         /// The present view of the receiver.
         view: ViewNumber,
         /// Whether there is no other group.
         alone: bool,
-        /// Whether the receiver's group is believed about persistent bodies that no stance is on.
+        /// Whether the receiver's group is authoritative for persistent bodies that no stance is on.
         by_default: bool,
-        /// What is new, in id order.
+        /// New stances, in id order.
         stances: Vec<Stance>,
     },
     /// Stop.
     Shutdown {
         /// Why.
         farewell: Farewell,
-        /// The same for people.
+        /// The reason in words, for people.
         reason: String,
     },
 }
 
-/// Why the server does not want a process in its world any more.
+/// The reason why the server removes a process from its world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Farewell {
-    /// A node goes by its own input, and has handed its share over.
+    /// A node leaves at its own request, and has handed its share over.
     Left,
-    /// The server's user does not want it any more.
+    /// The server's user does not want it any longer.
     SentAway,
-    /// It is of another version, or not what it says that it is.
+    /// It has another version, or is not what it claims to be.
     Refused,
     /// The world ends.
     Ended,
 }
 
-/// Node to server.
+/// A message of a node to the server.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum ToServer {
-    /// The world has been received: regions may be given to this node.
+    /// The world has been received: the node can be given regions.
     Loaded,
     /// Answer to [`ToNode::Settle`].
     Settling {
@@ -122,7 +122,7 @@ pub enum ToServer {
         /// Dispatches received in the present view that another member may not have completed, in order.
         dispatches: Vec<Dispatch>,
     },
-    /// Answer to [`ToNode::Finish`]: what the node owns after its last tick.
+    /// Answer to [`ToNode::Finish`]: the bodies that the node owns after its last tick.
     Survey {
         /// The view to come.
         view: ViewNumber,
@@ -149,7 +149,7 @@ pub enum ToServer {
         /// In id order.
         bodies: Vec<BodyCheckpoint>,
     },
-    /// Bodies that this node owned and removed by a [`WorldOp::Remove`], as they were last.
+    /// The last states of bodies that this node owned and removed by a [`WorldOp::Remove`].
     Removed {
         /// The present view.
         view: ViewNumber,
@@ -176,7 +176,7 @@ pub enum ToServer {
         /// Round trip.
         delay_ms: Option<f32>,
     },
-    /// From the leader: bodies about which its group is believed, as they are here. Newest wins.
+    /// From the leader: state replication of bodies for which its group is authoritative. Newest wins.
     InterGroup {
         /// The present view.
         view: ViewNumber,
@@ -185,18 +185,18 @@ pub enum ToServer {
         /// In id order.
         states: Vec<SharedState>,
     },
-    /// From the leader: an avatar of its group has touched these bodies, at these numbers of authority.
+    /// From the leader: bodies that an avatar of its group has touched, each with its number of authority.
     Touched {
         /// The present view.
         view: ViewNumber,
         /// In id order.
         bodies: Vec<(BodyId, u32)>,
     },
-    /// The node inputs to go; its regions are handed over first, then it is told to shut down.
+    /// The node asks to leave; its regions are handed over first, then it is told to shut down.
     Leave,
 }
 
-/// The delay from the sender to another node.
+/// The measured delay from the sender to another node.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Delay {
     /// Which.
@@ -205,27 +205,27 @@ pub struct Delay {
     pub delay_ms: Option<f32>,
 }
 
-/// What a vote is about (thesis 3.3.9).
+/// The motion of a vote on membership (thesis 3.3.9).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub enum Motion {
-    /// The node is to come into the caller's group.
+    /// The node is to join the caller's group.
     Include(NodeId),
     /// The node is to leave the caller's group.
     Reject(NodeId),
 }
 
-/// Who is believed about a body.
+/// A statement which group is authoritative for a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Stance {
     /// Which body.
     pub body: BodyId,
     /// Grows with every change; the higher one counts.
     pub number: u32,
-    /// Whether it is the receiver's group.
+    /// Whether the receiver's group is the authoritative one.
     pub yours: bool,
 }
 
-/// One owned body in a survey.
+/// One owned body in a survey: the claim of a node to own it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Claim {
     /// Which body.
@@ -236,7 +236,7 @@ pub struct Claim {
     pub region: RegionId,
 }
 
-/// What a checkpoint keeps of a body.
+/// The state of a body that a checkpoint keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct BodyCheckpoint {
     /// Which body.
@@ -247,16 +247,16 @@ pub struct BodyCheckpoint {
     pub state: BodyState,
 }
 
-/// The leader's word that a tick may be computed.
+/// The leader's permission to compute a tick: the barrier opens.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Dispatch {
     /// In which view.
     pub view: ViewNumber,
     /// Which tick.
     pub tick: Tick,
-    /// In how many rounds all compute it: substeps of equal length, each followed by an exchange.
+    /// Number of rounds in which all compute it: substeps of equal length, each followed by an exchange.
     pub rounds: u32,
-    /// What happens to the world before it, in order.
+    /// Changes of the world before it, in order.
     pub ops: Vec<WorldOp>,
 }
 
@@ -278,14 +278,14 @@ pub enum WorldOp {
     RemoveJoint(JointId),
     /// An avatar's user moves it.
     Input(Input),
-    /// Bodies about which another group is believed: led towards where they are there, without a jump.
+    /// Bodies for which another group is authoritative: corrected gradually towards their states there, without a jump.
     Correct {
-        /// After which tick they were so.
+        /// The tick after which these states held.
         tick: Tick,
         /// In id order.
         states: Vec<SharedState>,
     },
-    /// A client asks about bodies as they are after the tick; changes nothing.
+    /// A client queries bodies as they are after the tick; changes nothing.
     Ask {
         /// Whose question.
         client: ClientId,
@@ -294,7 +294,7 @@ pub enum WorldOp {
     },
 }
 
-/// A member has completed a tick.
+/// A member's report that it has completed a tick: it has reached the barrier.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Done {
     /// In which view.
@@ -303,17 +303,17 @@ pub struct Done {
     pub tick: Tick,
     /// Rounds that its regions want for the next tick; all take the most that any member wants.
     pub rounds_wanted: u32,
-    /// What it cost.
+    /// Cost of the tick.
     pub stats: TickStats,
-    /// Avatars of which it holds a copy, in id order, if that has changed since it last said so in this view.
+    /// Avatars of which it holds a copy, in id order, if that has changed since it last reported it in this view.
     pub holds: Option<Vec<BodyId>>,
     /// Contacts of avatars.
     pub events: Vec<RegionEvents>,
-    /// To the questions that came with the tick.
+    /// Answers to the questions that came with the tick.
     pub answers: Vec<Answer>,
 }
 
-/// What a tick cost one member.
+/// The cost of a tick for one member.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
 pub struct TickStats {
     /// Bodies owned.
@@ -328,13 +328,13 @@ pub struct TickStats {
     pub compute_us: u32,
     /// Exchanges in it; 0 in a world of one region.
     pub exchanges: u32,
-    /// How far copies of shared bodies were from agreement at the worst border, summed over its exchanges, m/s.
+    /// How far copies of shared bodies were from consensus at the worst border, summed over its exchanges, m/s.
     pub disagreement_m_s: f32,
     /// Hash of the states of all owned bodies in id order, if asked for.
     pub state_hash: Option<u64>,
 }
 
-/// Bodies that moved since the member's last report.
+/// A member's report of bodies that moved since its last report.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Report {
     /// In which view.
@@ -345,7 +345,7 @@ pub struct Report {
     pub states: Vec<SharedState>,
 }
 
-/// Everything that one member's regions have to say to another's in one round; sent even when empty.
+/// The border messages of one member's regions to another's in one round; sent even when empty.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Border {
     /// In which view.

@@ -1,8 +1,8 @@
-//! Between the programs at both ends of a link. The world does not know of it.
+//! Defines the application messages between the programs at both ends of a link. The world ignores them.
 
 use bincode::{Decode, Encode};
 
-/// What a server's program and that of a node or client say to each other, in bytes of their own.
+/// A message between a server's program and that of a node or client, in bytes of their own.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Program {
     /// Arrives once and in order, as long as the link lasts; at most
@@ -10,6 +10,6 @@ pub enum Program {
     Message(Vec<u8>),
     /// May be lost, or overtaken; at most [`PROGRAM_DATAGRAM_BYTES`](crate::protocol::PROGRAM_DATAGRAM_BYTES).
     Datagram(Vec<u8>),
-    /// How much of the messages on this link the program has taken so far: room for more of them.
+    /// Total of the messages on this link that the program has taken so far: room for more of them.
     Taken(u64),
 }

@@ -1,65 +1,65 @@
-//! What a client asks about the bodies of the world, and what their owners answer.
+//! Defines scene queries (rays, shape casts, overlaps) that clients send about the bodies of the world, and their owners' answers.
 
 use bincode::{Decode, Encode};
 
 use crate::protocol::{ShapeHash, ShapeRecord, WorldPose, encoded_len, link};
 use crate::space::{BodyId, Bounds, ClientId};
 
-/// The most that one question may cost, see [`Question::cost`], and the most bodies that it leaves out.
+/// The most that one question may cost, see [`Question::cost`], and the most bodies that it may exclude.
 pub const MAX_COST: usize = 1_024;
-/// The most that all questions of one client that are not answered may cost.
+/// The most that all unanswered questions of one client may cost.
 pub const MAX_OPEN_COST: usize = 4 * MAX_COST;
-/// Most questions of one client that are not answered.
+/// The most unanswered questions of one client.
 pub const MAX_OPEN_QUESTIONS: usize = 64;
-/// What a shape costs that moves or overlaps, beside a ray, a point or a box.
+/// Cost of a shape that moves or overlaps; a ray, a point or a box costs 1.
 pub const SHAPE_COST: usize = 8;
-/// The least that a question for overlaps costs: its answer may be long.
+/// The least cost of a question for overlaps: its answer may be long.
 pub const OVERLAPS_COST: usize = 64;
-/// Most colliders that one question for overlaps may find.
+/// The most colliders that one question for overlaps may find.
 pub const MAX_FOUND: usize = 4_096;
 /// The longest question: with its envelope it fits a client's frame.
 pub const MAX_QUESTION_BYTES: usize = link::CLIENT_FRAME_BYTES - 64;
-/// How large a shape may be that turns on its way, metres: the farther out, the finer the steps in which it is looked at.
+/// The largest shape that may turn during a cast, metres: the farther out, the finer the steps in which it is looked at.
 pub const MAX_TURNING_M: f32 = 100.0;
-/// By how much a shape may turn on its way, radians: each turn is looked at in many steps.
+/// The largest turn of a shape during a cast, radians: each turn is looked at in many steps.
 pub const MAX_TURN: f32 = 64.0;
 
-/// Rays, casts or overlaps, and what all of them overlook.
+/// A scene query: rays, casts or overlaps, with one filter for all of them.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Question {
     /// The client's own, unlike those of its other questions.
     pub number: u64,
-    /// What all of it overlooks.
+    /// The filter of all of it.
     pub overlooks: Overlooks,
     /// The shapes that it names, parts before the compounds made of them. Each [suits clients](ShapeRecord::suits_clients).
     pub shapes: Vec<ShapeRecord>,
-    /// What is asked.
+    /// The rays, casts or overlaps.
     pub asked: Asked,
 }
 
-/// What is overlooked, as if it were not there.
+/// The filter of a query: bodies and colliders that it ignores.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub struct Overlooks {
     /// Kinds, as bits of Rapier's `QueryFilterFlags`.
     pub flags: u32,
-    /// Groups that the questions belong to: who meets none of them is left out. 0 asks nobody.
+    /// Groups that the questions belong to: colliders that meet none of them are left out. 0 filters nothing.
     pub groups: u32,
     /// Bodies in id order; at most [`MAX_COST`].
     pub exclude: Vec<BodyId>,
 }
 
-/// What is asked, all of it about the world after the same tick.
+/// The parts of a query, all of them about the world after the same tick.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum Asked {
-    /// What each ray meets first.
+    /// The first hit of each ray.
     Rays(Vec<RayQuestion>),
-    /// What each moving shape meets first.
+    /// The first hit of each moving shape.
     Casts(Vec<CastQuestion>),
-    /// All that is somewhere.
+    /// All colliders at each place.
     Overlaps(Vec<OverlapQuestion>),
 }
 
-/// One ray.
+/// A ray of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct RayQuestion {
     /// Where it starts, in world space, metres.
@@ -70,11 +70,11 @@ pub struct RayQuestion {
     pub max_m: f64,
     /// Whether a body that it starts in is met there at once.
     pub solid: bool,
-    /// Whom it meets.
+    /// Groups that it meets, and one body that it ignores.
     pub meets: Meets,
 }
 
-/// One shape that moves straight, and may turn on the way.
+/// A shape cast: one shape that moves straight, and may turn on the way.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct CastQuestion {
     /// Which.
@@ -89,20 +89,20 @@ pub struct CastQuestion {
     pub margin_m: f32,
     /// Whether what it overlaps at the start stops it only if it moves farther in; not if it turns, which may take for ever.
     pub leaves: bool,
-    /// Whom it meets.
+    /// Groups that it meets, and one body that it ignores.
     pub meets: Meets,
 }
 
-/// One place.
+/// An overlap query: one place.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct OverlapQuestion {
     /// Where.
     pub place: Place,
-    /// Whom it meets.
+    /// Groups that it meets, and one body that it ignores.
     pub meets: Meets,
 }
 
-/// Where something may be.
+/// The place of an overlap query.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub enum Place {
     /// In a shape.
@@ -113,7 +113,7 @@ pub enum Place {
     Box(Bounds),
 }
 
-/// Whom a single one of the questions meets.
+/// The filter of a single ray, cast or overlap.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Meets {
     /// Of these groups.
@@ -129,7 +129,7 @@ impl Default for Meets {
 }
 
 impl Question {
-    /// What answering it costs, in rays.
+    /// Returns the cost of answering it, in rays.
     pub fn cost(&self) -> usize {
         let of = |place: &Place| if matches!(place, Place::Shape(..)) { SHAPE_COST } else { 1 };
         match &self.asked {
@@ -141,14 +141,14 @@ impl Question {
         }
     }
 
-    /// Whether it is short enough to travel.
+    /// Returns whether it is short enough to be sent.
     pub fn fits(&self) -> bool {
         encoded_len(self) <= MAX_QUESTION_BYTES
     }
 }
 
 impl Asked {
-    /// The answer of a world without bodies.
+    /// Returns the answer of a world without bodies.
     pub fn nothing(&self) -> Found {
         match self {
             Self::Rays(rays) => Found::Rays(vec![None; rays.len()]),
@@ -158,7 +158,7 @@ impl Asked {
     }
 }
 
-/// What a ray met.
+/// The hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct RayAnswer {
     /// Which body.
@@ -175,7 +175,7 @@ pub struct RayAnswer {
     pub subshape: u32,
 }
 
-/// What a moving shape met.
+/// The hit of a moving shape.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct CastAnswer {
     /// Which body.
@@ -198,7 +198,7 @@ pub struct CastAnswer {
     pub inside: bool,
 }
 
-/// What is somewhere.
+/// A collider at the place of an overlap query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub struct Overlap {
     /// Which body.
@@ -207,7 +207,7 @@ pub struct Overlap {
     pub collider: u32,
 }
 
-/// What was found, in the order of the questions.
+/// The result of a query, in the order of its parts.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum Found {
     /// None where the ray met nothing.
@@ -216,13 +216,13 @@ pub enum Found {
     Casts(Vec<Option<CastAnswer>>),
     /// By body and collider; at most [`MAX_FOUND`] in all.
     Overlaps(Vec<Vec<Overlap>>),
-    /// More overlaps than that.
+    /// More overlaps than [`MAX_FOUND`].
     TooMuch,
 }
 
 impl Found {
-    /// Adds what others found of the same questions; of what was met, the nearest counts, and of equally near ones that of the
-    /// lowest id. Says whether it was an answer to the same.
+    /// Merges what others found for the same question: the nearest hit counts, and of equally near ones that of the lowest id.
+    /// Returns whether both answer the same question.
     pub fn join(&mut self, other: Self) -> bool {
         match (&mut *self, other) {
             (Self::Rays(ours), Self::Rays(theirs)) if ours.len() == theirs.len() => {
@@ -234,7 +234,7 @@ impl Found {
             (Self::Overlaps(ours), Self::Overlaps(theirs)) if ours.len() == theirs.len() => {
                 for (ours, theirs) in ours.iter_mut().zip(theirs) {
                     ours.extend(theirs);
-                    // Ground is several members'.
+                    // Several members hold the ground.
                     ours.sort_unstable();
                     ours.dedup();
                 }
@@ -264,7 +264,7 @@ fn keep_first<T>(ours: &mut [Option<T>], theirs: Vec<Option<T>>, when: impl Fn(&
     }
 }
 
-/// What one member's own bodies answer, after the tick that the question came with.
+/// The answer of one member's own bodies, after the tick that the question came with.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Answer {
     /// Whose question.

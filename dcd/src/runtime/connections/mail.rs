@@ -1,9 +1,9 @@
-//! What the programs at both ends of a link say to each other: what waits to be sent, for how much more the other end has
-//! room, and what has come.
+//! Queues the messages of the programs at both ends of a link, with flow control: what waits to be sent, how much more the other
+//! end has room for, and what has come.
 //!
 //! **A program that takes nothing** holds back whoever writes to it, and nobody else: of messages no more than
-//! [`PROGRAM_WINDOW_BYTES`] are on their way or untaken; then they wait at their sender, up to as much again; then it is
-//! told so. Of datagrams the newest are dropped, and counted. Nothing that the world needs waits for either.
+//! [`PROGRAM_WINDOW_BYTES`] are on their way or untaken; then they wait at their sender, up to as much again; then sending fails.
+//! Of datagrams the newest are dropped, and counted. Nothing that the world needs waits for either.
 
 use std::collections::VecDeque;
 
@@ -13,16 +13,16 @@ use crate::protocol::{self, Message, PROGRAM_DATAGRAM_BYTES, PROGRAM_MESSAGE_BYT
 
 /// Datagrams that wait to be sent, or to be taken, at most.
 const DATAGRAMS_BYTES: usize = 64 << 10;
-/// The other end is told of room once there is so much more of it; what is left is enough for any message.
+/// The other end is told of room once this much more of it is free; what is left is enough for any message.
 const TELL_BYTES: usize = PROGRAM_WINDOW_BYTES / 4;
 
-/// What a message takes of its window: its bytes and what keeping it costs.
+/// Returns what a message takes of its window: its bytes and the overhead of keeping it.
 pub(super) fn weight(bytes: &[u8]) -> usize {
     const OVERHEAD_BYTES: usize = 64;
     bytes.len() + OVERHEAD_BYTES
 }
 
-/// What became of a frame that was to be sent.
+/// The outcome of sending a frame.
 pub(in crate::runtime) enum Sent {
     /// It is on its way, or lost with its link.
     Done,
@@ -32,7 +32,7 @@ pub(in crate::runtime) enum Sent {
     Dropped,
 }
 
-/// Both directions of one link.
+/// The mail of both directions of one link.
 #[derive(Default)]
 pub(super) struct Mail {
     /// Frames to be sent, with their messages' weight.
@@ -43,7 +43,7 @@ pub(super) struct Mail {
     /// Weight of all messages sent, and of those that the other program took.
     sent: u64,
     taken_there: u64,
-    /// Weight of all messages that came, of those that our program took, and of what the other end was told of.
+    /// Weight of all messages that came, of those that our program took, and of what the other end knows to be taken.
     came: u64,
     taken: u64,
     told: u64,
@@ -54,7 +54,7 @@ pub(super) struct Mail {
 }
 
 impl Mail {
-    /// Puts a message among those that are to be sent.
+    /// Queues a message for sending.
     pub(super) fn post(&mut self, bytes: &[u8], delivery: Delivery) -> Result<(), ConnectionError> {
         let limit = match delivery {
             Delivery::Message => PROGRAM_MESSAGE_BYTES,
@@ -84,8 +84,8 @@ impl Mail {
         Ok(())
     }
 
-    /// Sends what there is room for. Returns whether anything waits for room on the link; what waits for the other program is not
-    /// meant, which will tell of itself.
+    /// Sends what there is room for. Returns whether anything waits for room on the link; what waits for the other program does
+    /// not count, which reports room by itself.
     pub(super) fn send(&mut self, mut send: impl FnMut(&[u8], Delivery) -> Sent) -> bool {
         self.datagrams_weight = 0;
         for frame in self.datagrams.drain(..) {
@@ -114,7 +114,8 @@ impl Mail {
         false
     }
 
-    /// What the other end says: bytes for our program, if they are any. An error names the rule that it broke.
+    /// Takes in a frame of the other end, and returns the bytes for our program, if there are any. An error names the rule that
+    /// it broke.
     pub(super) fn hear(&mut self, program: Program) -> Result<Option<(Vec<u8>, Delivery)>, &'static str> {
         match program {
             Program::Message(bytes) => {
@@ -140,7 +141,7 @@ impl Mail {
         }
     }
 
-    /// Our program takes what came.
+    /// Records that our program took a message.
     pub(super) fn take(&mut self, bytes: &[u8], delivery: Delivery) {
         match delivery {
             Delivery::Message => self.taken += weight(bytes) as u64,
@@ -148,19 +149,19 @@ impl Mail {
         }
     }
 
-    /// Whether the other end may need to hear that there is more room.
+    /// Returns whether the other end should be told that there is more room.
     pub(super) fn is_to_tell(&self) -> bool {
         self.taken - self.told >= TELL_BYTES as u64
     }
 
-    /// What came and was not taken, by weight.
+    /// Returns the weight of what came and was not taken.
     pub(super) fn untaken(&self) -> u64 {
         self.came - self.taken + self.untaken_datagrams as u64
     }
 
-    /// What is left of it when its link is gone.
+    /// Drops what waited to be sent when the link is gone.
     pub(super) fn end(&mut self) {
-        // What waited to be sent is dropped with the link; messages are not counted, their sender hears of the loss.
+        // What waited to be sent is dropped with the link; messages are not counted, since their sender learns of the loss.
         let dropped = self.dropped + self.datagrams.len() as u64;
         *self = Self { dropped, ..Self::default() };
     }
@@ -170,7 +171,7 @@ impl Mail {
 mod tests {
     use super::*;
 
-    /// All that would be sent, decoded, over a link with room for it.
+    /// Returns all that would be sent over a link with room for it, decoded.
     fn sent(mail: &mut Mail) -> Vec<Program> {
         let mut programs = Vec::new();
         mail.send(|frame, _| {
@@ -181,7 +182,7 @@ mod tests {
         programs
     }
 
-    /// Writes until there is no more room; how many messages.
+    /// Posts messages until there is no more room; returns how many.
     fn fill(mail: &mut Mail, bytes: &[u8], delivery: Delivery) -> usize {
         let mut count = 0;
         while mail.post(bytes, delivery) != Err(ConnectionError::Full) {

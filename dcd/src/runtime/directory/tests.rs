@@ -1,3 +1,5 @@
+//! Tests that the redb directory keeps batches whole through crashes, and refuses damaged files.
+
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 
@@ -9,14 +11,14 @@ fn new_folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }
 
-/// `count` bodies, all with this in their values.
+/// Makes a batch of `count` bodies, all with this stamp in their values.
 fn bodies(count: u32, stamp: u64, bytes: usize, durable: bool) -> Batch {
     let value = [&stamp.to_be_bytes()[..], &vec![7; bytes - 8]].concat();
     let writes = (0..count).map(|i| (Key::Body(BodyId::persistent(i)), Some(value.clone())));
     Batch { writes: writes.collect(), durable }
 }
 
-/// What is in all of their values.
+/// Returns the stamp in the values of all bodies.
 fn stamp(directory: &mut RedbDirectory, count: usize) -> u64 {
     let entries = directory.load().unwrap();
     let stamps: Vec<_> = entries.iter().map(|entry| *entry.value.first_chunk().unwrap()).collect();
@@ -109,7 +111,7 @@ fn a_beginning_that_was_cut_off_is_begun_again() {
     assert!(!folder.path().join("world.draft").exists());
 }
 
-/// What opening a damaged copy gives: the older or newer of two states that were committed durably, or a refusal.
+/// Opens a damaged copy and returns the outcome: the older or newer of two states that were committed durably, or a refusal.
 fn open_damaged(folder: &Path, content: &[u8]) -> Result<u64, DirectoryError> {
     let path = folder.join("world.redb");
     // Another file, so that no lock of the former is left on it.
@@ -200,7 +202,7 @@ fn a_process_killed_in_mid_write_keeps_all_durable_batches_and_none_in_part() {
         }
         assert!(matches!(RedbDirectory::open(folder.path()), Err(DirectoryError::Taken { .. })));
         child.kill().unwrap();
-        // What it still said before it died counts too.
+        // What it printed before it died counts too.
         durable = lines.filter_map(|line| number(&line, "durable ")).last().unwrap_or(durable);
         child.wait().unwrap();
         let mut directory = RedbDirectory::open(folder.path()).unwrap();
@@ -253,7 +255,7 @@ fn how_long_checkpoints_take() {
     ] {
         let times = (0..20).map(|i| {
             let batch = bodies(count, i, 150, durable);
-            // Not made durable by the clock.
+            // The clock must not make it durable.
             directory.synced_at = Instant::now();
             let start = Instant::now();
             directory.commit(&batch, &[]).unwrap();

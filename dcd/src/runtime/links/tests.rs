@@ -1,4 +1,4 @@
-//! Slow peers, links that break, and programs that write too much, over real links.
+//! Tests slow peers, links that break, and programs that write too much, over real QUIC links.
 
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -12,7 +12,7 @@ use crate::space::BodyId;
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// A server and another process, whose link is up; the other reads only what it is made to.
+/// A server and another process, whose link is up; the other reads only when told to.
 struct Pair {
     links: Links,
     events: NetEvents,
@@ -45,7 +45,7 @@ impl Pair {
         Self { links, events, other, other_events, peer, folder }
     }
 
-    /// Starts the other process again; gives back what it was.
+    /// Starts the other process again; returns the former one.
     fn start_other(&mut self) -> Net {
         let joined = Identity::load(&self.folder.path().join("joined")).unwrap();
         let (other, events) = start(joined, None, Limits::default());
@@ -53,12 +53,12 @@ impl Pair {
         std::mem::replace(&mut self.other, other)
     }
 
-    /// What became of the connection with the other process since the last call.
+    /// Returns the changes of the connection with the other process since the last call.
     fn changes(&self) -> Vec<ConnectionChange> {
         self.links.connections.take_events().into_iter().map(|event| event.change).collect()
     }
 
-    /// The next event of the network, and what it means.
+    /// Returns the link events of the next network event.
     fn hear(&mut self) -> Vec<LinkEvent> {
         let event = self.events.recv_timeout(PATIENCE).unwrap();
         self.links.translate(event)
@@ -69,7 +69,7 @@ impl Pair {
         self.links.send(self.peer, &Message::ToClient(client, message));
     }
 
-    /// Some 300 kB of a world.
+    /// Sends some 300 kB of a world.
     fn tell_bodies(&mut self) {
         let bodies = (0..1_000).map(|id| sim_body(BodyId::persistent(id), [0.0; 3])).collect();
         self.tell(ToClient::Chunk(Chunk::Bodies(bodies)));
@@ -85,7 +85,7 @@ impl Pair {
         self.links.waiting.values().map(|waiting| waiting.bytes).sum()
     }
 
-    /// Sends until sockets have taken in nothing for half a second; the time then.
+    /// Sends until sockets have taken in nothing for half a second; returns the time then.
     fn fill_sockets(&mut self) -> Instant {
         let began = Instant::now();
         let (mut waiting, mut since) = (self.waiting_bytes(), began);
@@ -102,7 +102,7 @@ impl Pair {
         }
     }
 
-    /// The other reads until nothing waits any more.
+    /// Lets the other read until nothing waits any more.
     fn read_all(&mut self) {
         while self.links.flush(Instant::now()) {
             while self.other_events.recv_timeout(Duration::from_millis(10)).is_ok() {}
@@ -172,7 +172,7 @@ fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
     assert_eq!(pair.given_up(), []);
     pair.links.flush(stuck + STUCK);
     assert_eq!((pair.given_up(), pair.waiting_bytes()), (vec![pair.peer], 0));
-    // Who takes in a little now and then is slow, and stays.
+    // A peer that takes in a little now and then is slow, and stays.
     let mut pair = Pair::new(crate::net::JoinRole::Client);
     pair.tell_world(60);
     let mut now = Instant::now();
@@ -209,7 +209,7 @@ fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
     assert!(connections.wait(seen, Duration::ZERO));
     assert_eq!(pair.changes(), [ConnectionChange::Back]);
     assert!(connections.get(first.id).unwrap().is_up);
-    // It calls again before its former link is found dead.
+    // It dials again before its former link is found dead.
     let former = pair.start_other();
     pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
     pair.hear();

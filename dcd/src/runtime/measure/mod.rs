@@ -1,4 +1,5 @@
-//! One measured run of a scene: the harness behind `dcd run`, the benchmarks and the accuracy suite.
+//! Measures one run of a scene (times, energy, penetration, owners): the harness behind `dcd run`, the benchmarks and the
+//! accuracy suite.
 
 mod report;
 mod run;

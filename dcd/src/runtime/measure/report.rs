@@ -1,4 +1,4 @@
-//! What a run gives.
+//! Defines the report of a measured run: times, accuracy and consistency, as JSON.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ const WARM_UP: usize = 30;
 /// The result of one run; as JSON, the object that `dcd run --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Its name.
+    /// Name of the scene.
     pub scene: String,
     /// Movable bodies of the scene.
     pub bodies: usize,
@@ -20,22 +20,23 @@ pub struct Report {
     pub threads: usize,
     /// Name of the coupling; none in a bare world.
     pub coupling: Option<&'static str>,
-    /// Exchanges a tick, of `auto` the most it may take; 0 in a bare world.
+    /// Exchanges per tick, for `auto` the most it may take; 0 in a bare world.
     pub exchanges: usize,
-    /// Exchanges a tick that took place, at the border that took most; 0 with one region.
+    /// Exchanges per tick that took place, at the border that took most; 0 with one region.
     pub exchanges_mean: f64,
-    /// How far copies of a body were from agreement in a tick at the worst border, summed over its exchanges, m/s; 0 with
-    /// couplings that do not agree on means.
+    /// Disagreement of the copies of a body in a tick at the worst border, summed over its exchanges, m/s; 0 with couplings
+    /// without consensus.
     pub disagreement_m_s: MeanMax,
-    /// How many times the mean the busiest region's awake bodies are, copies of others' too; 1 is perfect balance.
+    /// Awake bodies of the busiest region, copies of others' bodies too, divided by the mean of all regions; 1 is perfect
+    /// balance.
     pub imbalance: MeanMax,
     /// Ticks done.
     pub ticks: u64,
-    /// Simulated seconds a tick.
+    /// Simulated seconds per tick.
     pub dt_s: f32,
     /// Wall time of all steps, seconds, without what was measured between them.
     pub wall_s: f64,
-    /// Simulated seconds a second of `wall_s`.
+    /// Real-time factor: simulated seconds per second of `wall_s`.
     pub rtf: f64,
     /// Wall time of a step, milliseconds.
     pub step_ms: StepTimes,
@@ -54,19 +55,19 @@ pub struct Report {
     /// Force on fixed bodies along gravity over the weight of all dynamic ones, mean of the last simulated second; none
     /// without gravity.
     pub ground_force_ratio: Option<f64>,
-    /// Bodies without an owner: most at any look, one each simulated second and at the end.
+    /// Bodies without an owner: the most at any check, made once per simulated second and at the end.
     pub lost: usize,
     /// Bodies with several owners, likewise.
     pub doubled: usize,
     /// Bodies that Rapier set aside during the run because their state was not finite.
     pub quarantined: usize,
-    /// Of all movable bodies in id order, 16 hexadecimal digits.
+    /// Hash of all movable bodies in id order, 16 hexadecimal digits.
     pub state_hash: String,
     /// How it was computed, and why so.
     pub chosen: Chosen,
 }
 
-/// A [`Choice`](crate::runtime::Choice) in words.
+/// A [`Choice`](crate::runtime::Choice) as text.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Chosen {
     /// Regions at the end; 0 is one bare Rapier world.
@@ -75,25 +76,25 @@ pub struct Chosen {
     pub threads: usize,
     /// Name of the coupling; none in a bare world.
     pub coupling: Option<&'static str>,
-    /// Why so many regions.
+    /// The reason for the number of regions.
     pub why: String,
 }
 
-/// Before the first step and after the last.
+/// A quantity before the first step and after the last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct StartEnd<T> {
-    /// Before.
+    /// Before the first step.
     pub start: T,
-    /// After.
+    /// After the last step.
     pub end: T,
 }
 
-/// Of all ticks.
+/// Mean and maximum of a quantity over all ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MeanMax {
     /// Arithmetic mean.
     pub mean: f64,
-    /// The most.
+    /// Maximum.
     pub max: f64,
 }
 
@@ -102,16 +103,16 @@ pub struct MeanMax {
 pub struct StepTimes {
     /// Arithmetic mean.
     pub mean: Option<f64>,
-    /// Half of the steps were at most as long.
+    /// Median.
     pub p50: Option<f64>,
-    /// 99 of 100 were.
+    /// 99th percentile.
     pub p99: Option<f64>,
     /// The longest.
     pub max: Option<f64>,
 }
 
 impl StepTimes {
-    /// Of all steps of a run, in order.
+    /// Returns the times of all steps of a run, given in order.
     pub fn of(steps: &[Duration]) -> Self {
         let mut ms: Vec<_> = steps.iter().skip(WARM_UP).map(|step| step.as_secs_f64() * 1e3).collect();
         ms.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Steps a world, times the steps, and measures between them.
+//! Steps a world, times the steps, and measures energy, penetration, owners and imbalance between them.
 
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
@@ -16,7 +16,7 @@ use crate::runtime::{Choice, LocalWorld, Stats, Why, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::BodyId;
 
-/// What is stepped.
+/// The world that is stepped.
 pub enum Subject {
     /// One bare Rapier world, none of our code in its step: the reference.
     Bare(Box<PhysicsWorld>),
@@ -24,22 +24,22 @@ pub enum Subject {
     Regions(Box<LocalWorld>),
 }
 
-/// How it is run and what the report calls it.
+/// The plan of a run: how the world is cut and how many ticks it takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// How the world is cut; none is the bare world.
+    /// How the world is cut; `None` is the bare world.
     pub config: Option<WorldConfig>,
-    /// Steps.
+    /// Number of steps.
     pub ticks: u64,
 }
 
 impl Plan {
-    /// The ticks of so many simulated seconds, at least one.
+    /// Returns the number of ticks in so many simulated seconds, at least one.
     pub fn ticks_of(seconds: f64, dt_s: f32) -> u64 {
         (seconds / f64::from(dt_s)).round().max(1.0) as u64
     }
 
-    /// The world as planned.
+    /// Makes the world as planned.
     pub fn subject(&self, scene: &Scene) -> Result<Subject, WorldError> {
         Ok(match &self.config {
             None => Subject::Bare(Box::new(scene.bare_world())),
@@ -49,7 +49,8 @@ impl Plan {
 }
 
 impl Subject {
-    /// Does the work where stepping needs no other thread to be woken, unless it is worth that: steps are to be timed there.
+    /// Runs `work` on a thread of the bare world's pool, or of a pool of one thread, so that a timed step wakes another thread
+    /// only if it is worth that.
     pub fn at_home<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> Result<R, WorldError> {
         #[cfg(feature = "parallel")]
         {
@@ -82,7 +83,7 @@ impl Subject {
         }
     }
 
-    /// How many times the mean the busiest region has to do; 1 where there is nothing to share out.
+    /// Returns the load of the busiest region divided by the mean; 1 where there is no load.
     fn imbalance(&self) -> f64 {
         let Self::Regions(world) = self else { return 1.0 };
         let awake = world.regions().map(|region| region.physics().islands.active_bodies().count());
@@ -117,19 +118,19 @@ impl Measured for Subject {
     }
 }
 
-/// What a run is of.
+/// The name, tick length and bodies of a run, for the report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cast {
-    /// What the report calls it.
+    /// Its name in the report.
     pub name: String,
-    /// Seconds a tick.
+    /// Seconds per tick.
     pub dt_s: f32,
     /// Every movable body that must be there, in id order.
     pub bodies: Vec<BodyId>,
 }
 
 impl Cast {
-    /// By the scene, not by the world: a body that was never inserted is lost too.
+    /// Takes the bodies from the scene, not from the world: a body that was never inserted is lost too.
     pub fn of_scene(scene: &Scene) -> Self {
         let moves = |index: &usize| scene.bodies[*index].body.body_type != RigidBodyType::Fixed;
         let bodies = (0..scene.bodies.len()).filter(moves);
@@ -137,15 +138,15 @@ impl Cast {
         Self { name: scene.name.clone(), dt_s: scene.dt_s, bodies }
     }
 
-    /// What a world holds now, as after it was restored.
+    /// Takes the bodies from a world as it is now, for example after it was restored.
     pub fn of_world(name: String, world: &LocalWorld) -> Self {
         let bodies = world.states().map(|(id, ..)| id).collect();
         Self { name, dt_s: world.host().settings().dt_s, bodies }
     }
 }
 
-/// Runs a subject of this plan. `after_step` is told the ticks done, outside the timed part, and may end the run early: the
-/// report is then of what was done, and its last second is the last step.
+/// Runs a subject of this plan. `after_step` gets the number of ticks done, outside the timed part, and may end the run early:
+/// the report is then of what was done, and its last second is the last step.
 pub fn run(
     cast: &Cast,
     plan: &Plan,
@@ -221,7 +222,7 @@ fn run_here(
     })
 }
 
-/// What is gathered between steps.
+/// The measurements gathered between steps.
 #[derive(Default)]
 struct Watch {
     replicas: usize,
@@ -257,7 +258,7 @@ impl Watch {
     }
 }
 
-/// Of the values that are there; none when none is.
+/// Returns the mean of the values that are `Some`; `None` when there are none.
 fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let (count, sum) = values.flatten().fold((0u32, 0.0), |(count, sum), value| (count + 1, sum + value));
     (count > 0).then(|| sum / f64::from(count))

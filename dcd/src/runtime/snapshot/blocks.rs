@@ -1,5 +1,5 @@
-//! Bytes in blocks, each with a hash that is chained to the one before: a flipped bit, a missing or a swapped block shows
-//! before anything of the block is used, and neither side needs the whole in memory.
+//! Writes and reads bytes in blocks, each with a hash chained to the one before: a flipped bit, a missing or a swapped block is
+//! found before anything of the block is used, and neither side needs the whole in memory.
 //!
 //! A block: its length (u32, little endian), its bytes, BLAKE3 of the hash before, the length and the bytes. An empty
 //! block ends the snapshot.
@@ -13,7 +13,7 @@ pub(super) type Hash = [u8; 32];
 /// Bytes of every block but the last two.
 const BLOCK: usize = 1 << 20;
 
-/// Takes bytes and writes blocks.
+/// A writer that packs bytes into blocks.
 pub(super) struct BlockWriter<W> {
     to: W,
     before: Hash,
@@ -25,7 +25,7 @@ impl<W: Write> BlockWriter<W> {
         Self { to, before: header, block: Vec::with_capacity(BLOCK) }
     }
 
-    /// Writes what is left, and the end.
+    /// Writes the last bytes and the empty block that ends the snapshot.
     pub(super) fn finish(mut self) -> io::Result<()> {
         if !self.block.is_empty() {
             self.close_block()?;
@@ -59,7 +59,7 @@ impl<W: Write> Write for BlockWriter<W> {
     }
 }
 
-/// Takes blocks and gives their bytes.
+/// A reader that checks blocks and yields their bytes.
 pub(super) struct BlockReader<R> {
     from: R,
     before: Hash,
@@ -73,17 +73,17 @@ pub(super) struct BlockReader<R> {
 }
 
 impl<R: Read> BlockReader<R> {
-    /// After a header of this hash and so many bytes.
+    /// Makes a reader for what follows a header of this hash and length.
     pub(super) fn new(from: R, (header, taken): (Hash, u64)) -> Self {
         Self { from, before: header, block: Vec::new(), given: 0, taken, ended: false, failure: None }
     }
 
-    /// Why a read failed, if the file is to blame.
+    /// Takes the reason for a failed read, if it is the file.
     pub(super) fn failure(&mut self) -> Option<SnapshotError> {
         self.failure.take()
     }
 
-    /// All that was saved has been read: only the end may follow, and nothing after it.
+    /// Checks that nothing but the end follows, once all that was saved has been read.
     pub(super) fn finish(mut self) -> Result<(), SnapshotError> {
         let at = self.taken;
         if self.given < self.block.len() || !self.ended && self.open_block()? {
@@ -142,7 +142,7 @@ impl<R: Read> Read for BlockReader<R> {
     }
 }
 
-/// Fills `into` as far as there are bytes, and says how many.
+/// Fills `into` as far as there are bytes, and returns how many.
 pub(super) fn read_all(from: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
     let mut read = 0;
     while read < into.len() {

@@ -1,13 +1,13 @@
-//! Why a world is not saved or not restored.
+//! Defines the error of saving and restoring a snapshot.
 
 use bincode::error::{DecodeError, EncodeError};
 
 use crate::runtime::WorldError;
 
-/// Why a world is not saved or not restored.
+/// The error of saving or restoring a snapshot.
 #[derive(Debug, thiserror::Error)]
 pub enum SnapshotError {
-    /// Something else, by its first bytes.
+    /// The file is no snapshot, by its first bytes.
     #[error(
         "not a snapshot of dcd: give what `dcd run --save`, `LocalWorld::save` or dcd_snapshot_save wrote"
     )]
@@ -17,12 +17,12 @@ pub enum SnapshotError {
         "the snapshot is of {made_by}, this is {this}; restore it by the dcd that made it, or make it anew"
     )]
     Unlike {
-        /// Who made it.
+        /// The build that made it.
         made_by: String,
-        /// Who is to restore it.
+        /// The build that is to restore it.
         this: String,
     },
-    /// It ends too early.
+    /// The snapshot ends too early.
     #[error("the snapshot is cut off after {0} bytes: copy it again, or make it anew")]
     Truncated(u64),
     /// A checksum does not match, or something follows the end.
@@ -30,13 +30,13 @@ pub enum SnapshotError {
         "the snapshot is damaged within the block that begins at byte {0}: copy it again, or make it anew"
     )]
     Damaged(u64),
-    /// The checksums match and yet it makes no world.
+    /// The checksums match, yet the content is no world.
     #[error("the snapshot makes no world ({0}): it was made by another build of dcd; restore it by that one")]
     Undecodable(DecodeError),
     /// Writing failed, or something in the world has no form in a file.
     #[error("cannot save the world ({0}); free some space, or remove bodies of a custom shape")]
     Unsavable(EncodeError),
-    /// The file gives no bytes, or takes none.
+    /// The file cannot be read or written.
     #[error("the snapshot cannot be read or written: {0}; check the path, its permissions and the disk")]
     Io(#[from] std::io::Error),
     /// More threads than there can be, or the operating system gives none.

@@ -1,5 +1,5 @@
-//! How a snapshot begins: what it is and who made it. This part stays as it is in every format:
-//! magic, format number, length of the maker's name, the name, and the hash of all that.
+//! Writes and checks the header of a snapshot, which is the same in every format: magic, format number, length of the maker's
+//! name, the name, and the hash of all that.
 
 use std::io::{self, Read, Write};
 
@@ -8,7 +8,7 @@ use super::blocks::{Hash, read_all};
 
 pub(super) const MAGIC: [u8; 8] = *b"\x89dcdsnap";
 
-/// Writes the header and gives its hash, with which the first block is chained.
+/// Writes the header and returns its hash, with which the first block is chained.
 pub(super) fn write(format: u32, to: &mut impl Write) -> io::Result<Hash> {
     let name = maker();
     let length = u16::try_from(name.len()).expect("our own name is short");
@@ -19,7 +19,7 @@ pub(super) fn write(format: u32, to: &mut impl Write) -> io::Result<Hash> {
     Ok(hash)
 }
 
-/// Reads the header and gives its hash and its length in bytes, if the snapshot is of this format and this build.
+/// Reads the header and returns its hash and its length in bytes, if the snapshot is of this format and this build.
 pub(super) fn read(format: u32, from: &mut impl Read) -> Result<(Hash, u64), SnapshotError> {
     let mut header = vec![0; MAGIC.len()];
     if read_all(from, &mut header)? < MAGIC.len() || header != MAGIC {
@@ -49,7 +49,7 @@ pub(super) fn read(format: u32, from: &mut impl Read) -> Result<(Hash, u64), Sna
     Ok((hash, header.len() as u64))
 }
 
-/// All that must be the same for a snapshot to go on to the same bits.
+/// Returns the name of the build: all that must be the same for a restored world to go on to the same bits.
 fn maker() -> String {
     let determinism = if cfg!(feature = "enhanced-determinism") { ", enhanced-determinism" } else { "" };
     format!(

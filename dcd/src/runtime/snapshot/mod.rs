@@ -1,7 +1,7 @@
-//! A world as a file: saved between two ticks, and restored to go on bit for bit as if it had not been interrupted.
+//! Saves a world to a snapshot between two ticks, and restores it to go on bit for bit as if it had not been interrupted.
 //!
-//! A snapshot is Rapier's own state of every region with all that the regions know besides, behind a header that says who
-//! made it (`header`), in blocks that each prove themselves (`blocks`). Damage is found before anything is decoded.
+//! A snapshot is Rapier's own state of every region with all other state of the regions, behind a header that names the build
+//! that made it (`header`), in blocks with checksums (`blocks`). Damage is found before anything is decoded.
 
 mod blocks;
 mod error;
@@ -28,8 +28,8 @@ pub use error::SnapshotError;
 const FORMAT: u32 = 2;
 
 impl LocalWorld {
-    /// Writes the whole world: [`LocalWorld::restore`] gives one that goes on from here to the same bits. The number of
-    /// threads is not part of it. What is written is in blocks of a mebibyte; nothing larger is kept in memory.
+    /// Writes the whole world: [`LocalWorld::restore`] gives one that goes on from here to the same bits. The number of threads
+    /// is not part of it. It is written in blocks of a mebibyte; nothing larger is kept in memory.
     ///
     /// ```
     /// use dcd::runtime::{LocalWorld, WorldConfig};
@@ -52,10 +52,10 @@ impl LocalWorld {
         Ok(blocks.finish()?)
     }
 
-    /// Reads a world that [`LocalWorld::save`] wrote, up to the end of `from`, to be stepped by so many threads.
+    /// Reads a world that [`LocalWorld::save`] wrote, up to the end of `from`, to be stepped by `threads` threads.
     ///
-    /// Damage of any kind is an error. Against malice there is no guard: the checksums need no key, and whoever writes
-    /// right ones can hand Rapier broken indices. Restore no snapshot of people whom you do not trust.
+    /// Damage of any kind is an error. There is no guard against malice: the checksums need no key, and whoever writes right ones
+    /// can hand Rapier broken indices. Restore no snapshot of people whom you do not trust.
     pub fn restore(mut from: impl Read, threads: usize) -> Result<Self, SnapshotError> {
         check_threads(threads)?;
         let header = header::read(FORMAT, &mut from)?;
@@ -70,8 +70,8 @@ impl LocalWorld {
         Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO, why })
     }
 
-    /// Goes back, or on, to a world that [`LocalWorld::save`] wrote, with the threads and hooks that this one has. Ids that this
-    /// world has given are not given again. After an error nothing has changed.
+    /// Replaces this world by one that [`LocalWorld::save`] wrote, earlier or later, and keeps the threads and hooks of this one.
+    /// Ids that this world has given are not given again. After an error nothing has changed.
     pub fn reload(&mut self, from: impl Read) -> Result<(), SnapshotError> {
         let mut world = Self::restore(from, 1)?;
         world.host.serve_as(&self.host).map_err(WorldError::from)?;
@@ -81,7 +81,7 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Saves to a file. It is written beside its place first, so that half of one never stands where a whole one stood.
+    /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one.
     pub fn save_file(&self, path: &Path) -> Result<(), SnapshotError> {
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
@@ -100,7 +100,7 @@ impl LocalWorld {
         Ok(BufReader::with_capacity(1 << 16, File::open(path)?))
     }
 
-    /// Whether a file that begins with these bytes says that it is a snapshot; eight are enough.
+    /// Returns whether these first bytes of a file are those of a snapshot; eight are enough.
     pub fn is_snapshot(beginning: &[u8]) -> bool {
         beginning.starts_with(&header::MAGIC)
     }
@@ -115,7 +115,7 @@ struct Saved<'a> {
     next_joint: u64,
 }
 
-/// The same, owned.
+/// The fields of [`Saved`], owned.
 #[derive(Deserialize)]
 struct Restored {
     host: RegionHost,

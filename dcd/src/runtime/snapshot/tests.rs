@@ -1,3 +1,5 @@
+//! Tests that a restored world goes on to the same bits, and that damaged snapshots are refused.
+
 use proptest::prelude::*;
 use rapier3d::prelude::*;
 
@@ -41,7 +43,7 @@ fn continues_alike(world: &mut LocalWorld, ticks: u64, bytes: bool, what: &str) 
     assert!(!bytes || saved(world) == saved(&again), "{what}: they move alike and keep unlike things");
 }
 
-/// Every kind of scene that there is: stacks, rain, elastic gas, joints, height fields, hulls, sleep, kinematic bodies.
+/// Returns every kind of scene that there is: stacks, rain, elastic gas, joints, height fields, hulls, sleep, kinematic bodies.
 fn zoo() -> Vec<Scene> {
     let small = |name| match name {
         "pile" => "n=150",
@@ -77,7 +79,7 @@ fn world_of(scene: &Scene, coupling: Coupling, partitioning: Partitioning) -> Lo
     LocalWorld::from_scene(scene, WorldConfig { partitioning, step, ..config }).unwrap()
 }
 
-/// The guard against a field that is forgotten: scenes, couplings, cuts and moments.
+/// Guards against a forgotten field: all scenes, couplings, cuts and moments.
 #[test]
 fn a_restored_world_goes_on_to_the_same_bits() {
     for scene in zoo() {
@@ -96,7 +98,7 @@ fn a_restored_world_goes_on_to_the_same_bits() {
     }
 }
 
-/// Bodies of every kind on a floor that is cut twice, some tied, all told of their contacts.
+/// Makes a world with bodies of every kind on a floor that is cut twice, some joined, all with contact events.
 fn busy(coupling: Coupling) -> (LocalWorld, Vec<BodyId>, Vec<JointId>) {
     let step = StepSettings::default().with_coupling(coupling);
     let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Z, 0.3)]);
@@ -195,7 +197,7 @@ fn what_users_changed_since_the_last_step_is_not_lost() {
     }
 }
 
-/// Two arms of multibody joints on their way across a border, at any moment of it.
+/// Saves two arms of multibody joints at any moment of their way across a border.
 #[test]
 fn a_multibody_that_changes_region_goes_on_too() {
     for coupling in Coupling::ALL {
@@ -228,7 +230,7 @@ fn a_multibody_that_changes_region_goes_on_too() {
     }
 }
 
-/// Some hundred kilobytes, so that there is more than one block of them if blocks are small.
+/// Returns a snapshot of some hundred kilobytes: more than one block if blocks are small.
 fn sample() -> Vec<u8> {
     let (mut world, ..) = busy(Coupling::Auto);
     for _ in 0..20 {
@@ -305,7 +307,8 @@ fn blocks_that_are_swapped_or_left_out_are_noticed() {
     assert!(matches!(read(&left_out), Err(SnapshotError::Damaged(at)) if at == block as u64));
 }
 
-/// Fields show by the bytes that they take: when this fails, what is saved has changed. One new number a release is enough.
+/// Detects changed fields by the length of a snapshot: when this fails, what is saved has changed. One new number per release is
+/// enough.
 #[test]
 fn a_changed_layout_has_a_new_format_number() {
     let (mut world, ..) = busy(Coupling::Auto);

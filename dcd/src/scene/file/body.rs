@@ -1,4 +1,4 @@
-//! The tables `[[body]]` and `[[grid]]`.
+//! Reads the tables `[[body]]` and `[[grid]]` of scene files.
 
 use rapier3d::prelude::*;
 use serde::Deserialize;
@@ -11,7 +11,7 @@ use crate::scene::dice::Dice;
 use crate::scene::model::world_pose;
 use crate::space::Axis;
 
-/// Most bodies of one grid.
+/// The most bodies of one grid.
 const MOST: u64 = 2_000_000;
 
 #[derive(Deserialize)]
@@ -124,7 +124,7 @@ impl BodyDef {
 }
 
 impl GridDef {
-    /// Hands out the copies, x fastest, then y, then z; with a name they are `name[0]`, `name[1]` ….
+    /// Builds the copies, x fastest, then y, then z; with a name they are `name[0]`, `name[1]` ….
     pub(super) fn build(
         &self,
         mut push: impl FnMut(Option<&str>, SceneBody) -> Result<(), Fault>,

@@ -1,4 +1,4 @@
-//! The table `[[body.collider]]`.
+//! Reads the table `[[body.collider]]` of scene files.
 
 use rapier3d::parry::transformation::try_convex_hull;
 use rapier3d::prelude::*;
@@ -213,7 +213,7 @@ impl ColliderDef {
         })
     }
 
-    /// A radius on a box would otherwise be passed over in silence.
+    /// Refuses keys of other shapes: a radius on a box would otherwise be ignored without a word.
     fn refuse_keys_of_other_shapes(&self) -> Result<(), Fault> {
         let given = [
             ("half_size", self.half_size.is_some()),

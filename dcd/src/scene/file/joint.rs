@@ -1,4 +1,4 @@
-//! The table `[[joint]]`.
+//! Reads the table `[[joint]]` of scene files.
 
 use rapier3d::prelude::*;
 use serde::Deserialize;
@@ -43,7 +43,7 @@ enum Kind {
     Spring,
 }
 
-/// A body by its place in the list or by its name.
+/// A reference to a body by its place in the list or by its name.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "a body is named by a string or by its index, a whole number from 0")]
 enum BodyRef {
@@ -133,8 +133,8 @@ impl JointDef {
         Ok(joint)
     }
 
-    /// The joint's frame on both bodies. What is not given for `b` follows from where the bodies start: joints hold the
-    /// pose they start in. Ropes and springs pull at the middle of `b` instead.
+    /// Returns the joint's frame on both bodies. The frame on `b`, if not given, follows from where the bodies start: joints hold
+    /// the pose they start in. Ropes and springs pull at the middle of `b` instead.
     fn frames(&self, a: &WorldPose, b: &WorldPose) -> (Pose, Pose) {
         let turn = |pose: &WorldPose| Rotation::from_array(pose.rotation);
         let along =

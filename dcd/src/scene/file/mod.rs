@@ -1,4 +1,4 @@
-//! Scene files in TOML. The format, every key with unit and default, stands in `dcd/scenes/README.md`.
+//! Reads scene files in TOML. The format, every key with unit and default, stands in `dcd/scenes/README.md`.
 
 mod body;
 mod collider;

@@ -1,4 +1,4 @@
-//! Numbers of scene files that are checked while they are read, so that an error names the very line.
+//! Checks numbers of scene files while they are read, so that an error names the very line.
 
 use rapier3d::prelude::{Rotation, Vector};
 use serde::Deserialize;
@@ -45,7 +45,7 @@ checked!(
     "a finite number above 0"
 );
 
-/// A place or a step in world space, metres.
+/// A position or a step in world space, metres.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(try_from = "[f64; 3]")]
 pub(super) struct Place(pub(super) [f64; 3]);
@@ -82,7 +82,7 @@ impl TryFrom<[f32; 4]> for Quaternion {
     }
 }
 
-/// A direction, made a unit vector.
+/// A direction, normalised to a unit vector.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "[f32; 3]")]
 pub(super) struct Direction(pub(super) Vector);
@@ -98,12 +98,12 @@ impl TryFrom<[f32; 3]> for Direction {
     }
 }
 
-/// The vector of three checked numbers.
+/// Returns the vector of three checked numbers.
 pub(super) fn vector(values: [Finite; 3]) -> Vector {
     Vector::from(values.map(|value| value.0))
 }
 
-/// The rotation of a quaternion or of turns about the fixed x, then y, then z axis, of which one at most is given.
+/// Returns the rotation of a quaternion or of turns about the fixed x, then y, then z axis, of which one at most is given.
 pub(super) fn rotation(
     quaternion: Option<Quaternion>,
     euler_deg: Option<[Finite; 3]>,
@@ -121,7 +121,7 @@ pub(super) fn rotation(
     }
 }
 
-/// Sets what the file gives a value for.
+/// Sets a field if the file gives a value for it.
 pub(super) fn set<T>(field: &mut T, value: Option<T>) {
     if let Some(value) = value {
         *field = value;

@@ -1,4 +1,4 @@
-//! Where in a file something is wrong.
+//! Locates errors in a scene file: adds path and line to them.
 
 use std::ops::Range;
 use std::path::Path;
@@ -13,12 +13,12 @@ pub(super) struct Source<'a> {
     pub(super) text: &'a str,
 }
 
-/// What is wrong with a part of a file, before it is known where.
+/// An error in a part of a file, before its line is known.
 #[derive(Debug)]
 pub(super) enum Fault {
-    /// Said here.
+    /// Found here.
     Wrong { cause: String, remedy: String },
-    /// Said by the library that the file starts from.
+    /// Reported by the library that the file starts from.
     Scene(Box<SceneError>),
 }
 
@@ -29,12 +29,12 @@ impl Fault {
 }
 
 impl Source<'_> {
-    /// The file's name without `.toml`.
+    /// Returns the file's name without `.toml`.
     pub(super) fn stem(&self) -> String {
         self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// Reads a part, and says where it stands if it is wrong.
+    /// Reads a part, and adds its line to an error.
     pub(super) fn locate<T, U>(
         &self,
         part: &Spanned<T>,
@@ -58,7 +58,7 @@ impl Source<'_> {
         }
     }
 
-    /// What the TOML reader found: its messages name unknown keys and the known ones.
+    /// Converts an error of the TOML reader: its messages name unknown keys and the known ones.
     pub(super) fn syntax(&self, error: &toml::de::Error) -> SceneError {
         let cause = error.message().trim().replace('\n', ", ");
         let remedy = if cause.starts_with("unknown field") {

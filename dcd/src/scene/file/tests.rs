@@ -1,4 +1,4 @@
-//! Scene files: those that are shipped, and those that are wrong.
+//! Tests scene files: those that are shipped, and wrong ones.
 
 use rapier3d::prelude::*;
 

@@ -1,4 +1,4 @@
-//! The tables `[world]`, `[avatar]` and `[library]`.
+//! Reads the tables `[world]`, `[avatar]` and `[library]` of scene files.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -17,7 +17,7 @@ use crate::space::{Axis, Balance, Bounds, MAX_REGIONS};
 /// Room around the bodies when the file gives no bounds.
 const MARGIN_M: f64 = 1.0;
 
-/// Settings; what is not given comes from the library scene, or is the default.
+/// Settings of the world; what is not given comes from the library scene, or is the default.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WorldDef {
@@ -52,7 +52,7 @@ struct CutDef {
     at: Finite,
 }
 
-/// Where an avatar starts and drives.
+/// The start and the velocity of an avatar.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AvatarDef {
@@ -73,7 +73,7 @@ pub(super) struct LibraryDef {
 }
 
 impl WorldDef {
-    /// Changes what the file gives. The first `inherited` bodies are the library's, whose bounds stand.
+    /// Changes the settings that the file gives. The first `inherited` bodies are the library's, whose bounds stand.
     pub(super) fn apply(&self, scene: &mut Scene, inherited: Option<usize>) -> Result<(), Fault> {
         if let Some(name) = &self.name {
             scene.name.clone_from(name);
@@ -146,7 +146,7 @@ impl WorldDef {
     }
 }
 
-/// The library's bounds and what the file added to its bodies.
+/// Returns the library's bounds extended by the bodies that the file added.
 fn grown(bounds: Bounds, added: &[SceneBody]) -> Bounds {
     added
         .iter()
@@ -183,7 +183,7 @@ impl AvatarDef {
 }
 
 impl LibraryDef {
-    /// The library scene with the file's parameters, changed by those given from outside.
+    /// Builds the library scene with the file's parameters, changed by those given from outside.
     pub(super) fn start(&self, outside: &Params) -> Result<Scene, Fault> {
         let mut params = Params::new();
         for (name, value) in &self.params {

@@ -1,4 +1,4 @@
-//! A hanging chain with a heavy bob.
+//! Builds a hanging chain with a heavy bob.
 
 use rapier3d::prelude::*;
 
@@ -19,7 +19,7 @@ pub(super) const CHAIN: SceneInfo = SceneInfo {
     build: chain,
 };
 
-/// From joint to joint.
+/// Distance from joint to joint.
 const LINK_M: f64 = 0.5;
 const BOB_RADIUS_M: f32 = 0.3;
 

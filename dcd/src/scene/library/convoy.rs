@@ -1,4 +1,4 @@
-//! Cars with trailers in a row, on a plane without end.
+//! Builds cars with trailers in a row, on a plane without end.
 
 use rapier3d::prelude::*;
 
@@ -26,7 +26,7 @@ pub(super) const CONVOY: SceneInfo = SceneInfo {
     build: convoy,
 };
 
-/// From car to car.
+/// Distance from car to car.
 const GAP_M: f64 = 12.0;
 const RADIUS_M: f32 = 0.4;
 
@@ -64,14 +64,14 @@ fn chassis(scene: &mut Scene, x: f64, half_m: f32, mass_kg: f32, speed_m_s: f32)
     scene.push(WorldPose::at([x, 0.6, 0.0]), body, collider)
 }
 
-/// Two wheels that roll as the chassis drives.
+/// Adds two wheels that roll as the chassis drives.
 fn axle(scene: &mut Scene, chassis: usize, x: f32, speed_m_s: f32, drive: bool) {
     for z in [-0.95, 0.95] {
         let anchor = Vector::new(x, RADIUS_M - 0.6, z);
         let [from_x, from_y, _] = scene.bodies[chassis].pose.translation;
         let place = [from_x + f64::from(x), from_y + f64::from(anchor.y), f64::from(z)];
         let spin = -speed_m_s / RADIUS_M;
-        // Rapier would brake what turns as fast as this.
+        // Rapier would brake bodies that turn as fast as this.
         let body = RigidBodyBuilder::dynamic()
             .linvel(Vector::X * speed_m_s)
             .angvel(Vector::Z * spin)

@@ -1,4 +1,4 @@
-//! Dominoes in a ring.
+//! Builds dominoes in a ring.
 
 use std::f64::consts::{FRAC_PI_4, TAU};
 

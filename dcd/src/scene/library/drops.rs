@@ -1,4 +1,4 @@
-//! Falling scenes: a heap in a pit, rain on a landscape.
+//! Builds falling scenes: a heap in a pit, rain on a landscape.
 
 use rapier3d::prelude::*;
 
@@ -36,7 +36,7 @@ pub(super) const TERRAIN: SceneInfo = SceneInfo {
 };
 
 fn heap(values: &Values) -> Result<Scene, SceneError> {
-    /// Share of the volume that tumbled boxes fill.
+    /// Fraction of the volume that tumbled boxes fill.
     const FILLED: f64 = 0.6;
     /// A unit box turned by up to 0.15 rad reaches 0.60 m at most from its centre; jitter adds 0.04.
     const PITCH_M: f64 = 1.3;
@@ -76,7 +76,7 @@ fn heap(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// A unit box or another shape of about its size, none of which reaches further aside than a box.
+/// Returns a unit box or another shape of about its size, none of which reaches further aside than a box.
 fn shape(kind: usize, dice: &mut Dice) -> ColliderBuilder {
     match kind {
         0 => ColliderBuilder::cuboid(0.5, 0.5, 0.5),
@@ -128,7 +128,7 @@ fn terrain(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// A square height field of 2 m cells: four waves of random direction, and a rim that rises towards the edge.
+/// Returns a square height field of 2 m cells: four waves of random direction, and a rim that rises towards the edge.
 fn hills(half_m: f64, relief_m: f64, rim_m: f64, dice: &mut Dice) -> ColliderBuilder {
     let waves: Vec<_> = (0..4)
         .map(|_| {
@@ -158,7 +158,7 @@ fn hills(half_m: f64, relief_m: f64, rim_m: f64, dice: &mut Dice) -> ColliderBui
     ColliderBuilder::heightfield_with_flags(heights, scale, HeightFieldFlags::FIX_INTERNAL_EDGES)
 }
 
-/// Four walls of 4 m around a square pit, from below its floor to this height.
+/// Adds four walls of 4 m around a square pit, from below its floor to this height.
 fn push_walls(scene: &mut Scene, half_m: f64, height_m: f64, material: &ColliderBuilder) {
     const THICK_M: f64 = 4.0;
     const DEEP_M: f64 = 12.0;

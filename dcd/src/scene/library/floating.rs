@@ -1,4 +1,4 @@
-//! Scenes without gravity: a gas of balls, and the thesis's freely moving cubes.
+//! Builds scenes without gravity: a gas of balls, and the thesis's freely moving cubes.
 
 use rapier3d::prelude::*;
 
@@ -29,7 +29,7 @@ pub(super) const DVE: SceneInfo = SceneInfo {
     summary: "the thesis's world (5.1): unit cubes moving freely without gravity in a cube of side cbrt(n / coverage)",
     params: &[
         count("n", "1000", 1, MOST, "cubes"),
-        // 0.004 n pairs overlap in the mean (4 n c at coverage c): as few as in table 5.1, 16 of 1000.
+        // 0.004 n pairs overlap on average (4 n c at coverage c): as few as in table 5.1, 16 of 1000.
         number("coverage", "0.004", [0.00001, 0.15], "", "share of the world that cubes fill"),
         number("speed", "2", [0.0, 50.0], "m/s", "highest speed at the start"),
         number(
@@ -110,12 +110,12 @@ fn dve(values: &Values) -> Result<Scene, SceneError> {
     Ok(closed(scene, side))
 }
 
-/// Cells along one edge of the cube that gives each of n bodies a cell.
+/// Returns the cells along one edge of the cube that gives each of n bodies a cell.
 fn cells_for(n: usize) -> usize {
     (1..).find(|k: &usize| k.pow(3) >= n).expect("some cube holds n cells")
 }
 
-/// The middles of n cells of a cube around the origin, spread evenly over all its cells.
+/// Returns the centres of n cells of a cube around the origin, spread evenly over all its cells.
 fn places(n: usize, side: f64) -> impl Iterator<Item = [f64; 3]> {
     let k = cells_for(n);
     (0..n).map(move |i| {
@@ -133,7 +133,7 @@ fn elastic(collider: ColliderBuilder) -> ColliderBuilder {
     collider.restitution(1.0).friction(0.0)
 }
 
-/// Without gravity, and within six fixed walls around a cube of this side.
+/// Closes a scene: no gravity, and six fixed walls around a cube of this side.
 fn closed(mut scene: Scene, side: f64) -> Scene {
     const THICK_M: f64 = 2.0;
     let (half, off) = (0.5 * side, 0.5 * (side + THICK_M));

@@ -1,4 +1,4 @@
-//! What kinematic bodies carry: boxes on belts, balls in a turning drum.
+//! Builds scenes with kinematic bodies that carry others: boxes on belts, balls in a turning drum.
 
 use std::f64::consts::PI;
 
@@ -53,7 +53,7 @@ fn conveyor(values: &Values) -> Result<Scene, SceneError> {
     let unit = ColliderBuilder::cuboid(0.5, 0.5, 0.5);
     for i in 0..n {
         let (stack, level) = (i / STACK, i % STACK);
-        // Belt after belt, so that what is left over lacks at the end of the last ones.
+        // Belt after belt, so that the boxes that are missing are missing at the end of the last belts.
         let place = [along(stack / belts, half_x), level as f64 + 0.5, along(stack % belts, half_z)];
         // From rest they would topple.
         let body = RigidBodyBuilder::dynamic().linvel(velocity(stack % belts));
@@ -93,7 +93,7 @@ fn drum(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// Points of a grid within a cylinder along z, from its lowest to its highest.
+/// Returns the points of a grid within a cylinder along z, from its lowest to its highest.
 fn grid_in_cylinder(radius_m: f64, half_length_m: f64, pitch_m: f64) -> Vec<[f64; 3]> {
     let steps = (radius_m.max(half_length_m) / pitch_m) as i64;
     let line = move || (-steps..=steps).map(move |k| k as f64 * pitch_m);
@@ -101,7 +101,7 @@ fn grid_in_cylinder(radius_m: f64, half_length_m: f64, pitch_m: f64) -> Vec<[f64
     all.filter(|[x, y, z]| x.hypot(*y) <= radius_m && z.abs() <= half_length_m).collect()
 }
 
-/// A drum of this inner radius, as long as wide.
+/// Returns the colliders of a drum of this inner radius, as long as wide.
 fn shell(radius: f32) -> Vec<ColliderBuilder> {
     const PLATES: u16 = 24;
     const BLADES: u16 = 4;

@@ -1,4 +1,4 @@
-//! The library: named scenes with parameters, all deterministic.
+//! Provides the library: named scenes with parameters, all deterministic.
 
 mod chain;
 mod convoy;
@@ -15,13 +15,13 @@ use super::error::nearest;
 use super::params::{Values, count, number};
 use super::{ParamInfo, Params, Scene, SceneError};
 
-/// A scene of the library, for help texts.
+/// The description of a library scene, for help texts.
 pub struct SceneInfo {
-    /// As it is asked for.
+    /// The name by which it is asked for.
     pub name: &'static str,
-    /// One line.
+    /// One line of description.
     pub summary: &'static str,
-    /// What can be changed.
+    /// Its parameters.
     pub params: &'static [ParamInfo],
     build: fn(&Values) -> Result<Scene, SceneError>,
 }
@@ -45,7 +45,7 @@ static LIBRARY: [SceneInfo; 16] = [
     dominoes::DOMINO_RING,
 ];
 
-/// All scenes of the library.
+/// Returns the descriptions of all scenes of the library.
 pub fn library() -> &'static [SceneInfo] {
     &LIBRARY
 }
@@ -70,7 +70,7 @@ pub(super) fn build(name: &str, params: &Params) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// Most bodies of a scene: what fits the memory of a large machine, not a limit of the engine.
+/// The most bodies of a scene: what fits the memory of a large machine, not a limit of the engine.
 const MOST: u64 = 2_000_000;
 
 /// Parameter: the seed.
@@ -79,7 +79,7 @@ const SEED: ParamInfo = count("seed", "1", 0, u64::MAX, "source of all random nu
 /// Parameter: whether bodies may sleep.
 const SLEEP: ParamInfo = count("sleep", "1", 0, 1, "1: bodies at rest may fall asleep; 0: they never do");
 
-/// Parameter: the same for scenes whose use is to time steps.
+/// Parameter: whether bodies may sleep, for scenes made for timing steps.
 const NO_SLEEP: ParamInfo = ParamInfo {
     default: "0",
     what: "1: bodies at rest may fall asleep; 0: they never do, for what sleeps costs nothing and measures nothing",

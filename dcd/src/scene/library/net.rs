@@ -1,4 +1,4 @@
-//! A net of balls: all of it is one island and one assembly.
+//! Builds a net of balls: all of it is one island and one assembly.
 
 use rapier3d::prelude::*;
 
@@ -27,7 +27,7 @@ pub(super) const NET: SceneInfo = SceneInfo {
 };
 
 const PITCH_M: f64 = 0.5;
-/// From the net down to the axis of the pole.
+/// Distance from the net down to the axis of the pole.
 const DROP_M: f64 = 2.0;
 const POLE_RADIUS_M: f32 = 0.5;
 
@@ -66,7 +66,7 @@ fn net(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// Half-way between two balls, the second of which lies in this direction.
+/// Returns a joint half-way between two balls, the second of which lies in this direction.
 fn tie(a: usize, b: usize, direction: Vector) -> SceneJoint {
     let arm = 0.5 * PITCH_M as f32 * direction;
     let joint = SphericalJointBuilder::new().local_anchor1(arm).local_anchor2(-arm).contacts_enabled(false);

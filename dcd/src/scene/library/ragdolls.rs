@@ -1,4 +1,4 @@
-//! Ragdolls that fall on stairs and tumble down.
+//! Builds ragdolls that fall on stairs and tumble down.
 
 use rapier3d::prelude::*;
 
@@ -23,13 +23,13 @@ pub(super) const RAGDOLLS: SceneInfo = SceneInfo {
     build: ragdolls,
 };
 
-/// From ragdoll to ragdoll: none reaches further than half of it from its hips.
+/// Distance from ragdoll to ragdoll: none reaches further than half of it from its hips.
 const PITCH_M: f64 = 2.2;
-/// How deep and how high a step is. Steeper than friction holds.
+/// Depth and height of a step. Steeper than friction holds.
 const STEP_M: [f64; 2] = [0.45, 0.35];
-/// How fast they start down the stairs.
+/// Speed at which they start down the stairs.
 const THROW_M_S: f32 = 3.0;
-/// The floor at the foot of the stairs, along x.
+/// Length of the floor at the foot of the stairs, along x.
 const LANDING_M: f64 = 10.0;
 
 fn ragdolls(values: &Values) -> Result<Scene, SceneError> {
@@ -59,13 +59,13 @@ fn ragdolls(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// A part of a body: where it is from the hips as it stands, arms stretched out, and what it looks like.
+/// A part of a ragdoll: its position from the hips as it stands, arms stretched out, and its shape.
 struct Part {
     at: [f32; 3],
     shape: ColliderBuilder,
 }
 
-/// What ties a part to one before it.
+/// The joint that ties a part to one before it.
 struct Tie {
     a: usize,
     b: usize,
@@ -73,7 +73,7 @@ struct Tie {
     bend: Bend,
 }
 
-/// How far a joint bends, radians.
+/// The range of a joint, radians.
 enum Bend {
     /// About one axis, from and to.
     Hinge(Vector, [f32; 2]),
@@ -114,7 +114,7 @@ fn ragdoll(scene: &mut Scene, hips: [f64; 3], dice: &mut Dice, multibody: Option
     }
 }
 
-/// Hips, trunk, head; right and left: upper arm, forearm, thigh, shin.
+/// Returns the parts: hips, trunk, head; right and left: upper arm, forearm, thigh, shin.
 fn parts() -> Vec<Part> {
     let part = |at, shape| Part { at, shape };
     let mut parts = vec![

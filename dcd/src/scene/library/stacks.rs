@@ -1,4 +1,4 @@
-//! Standing scenes: tower, pyramid, wall, pile. Boxes on a fixed floor whose top is y = 0.
+//! Builds standing scenes: tower, pyramid, wall, pile. Boxes on a fixed floor whose top is y = 0.
 
 use rapier3d::prelude::*;
 
@@ -9,7 +9,7 @@ use crate::scene::params::Values;
 use crate::scene::{ParamInfo, Scene, SceneError};
 use crate::space::Bounds;
 
-/// Around the bodies: room for what moves a little, and the floor.
+/// Margin around the bodies: room for what moves a little, and the floor.
 const MARGIN_M: f64 = 1.0;
 
 const GAP: ParamInfo = number("gap", "0.05", [0.0, 10.0], "m", "free space between neighbours of one layer");
@@ -182,7 +182,7 @@ fn pile(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// Columns along x (even, so that the middle falls between two) and rows along z, nearly square, none longer than x.
+/// Returns columns along x (even, so that the middle falls between two) and rows along z, nearly square, none longer than x.
 fn grid_of(towers: usize) -> (usize, usize) {
     let root = (towers as f64).sqrt().ceil() as usize;
     let first = root + root % 2;
@@ -196,7 +196,7 @@ fn push_box(scene: &mut Scene, centre: [f64; 3], collider: ColliderBuilder) {
     scene.push(WorldPose::at(centre), RigidBodyBuilder::dynamic(), collider);
 }
 
-/// A slab of 2 m under what stands there, with room around it for what falls.
+/// Adds a slab of 2 m as floor, with room around the bodies for what falls.
 fn push_floor(scene: &mut Scene, half_xz_m: [f64; 2]) {
     const ROOM_M: f64 = 20.0;
     let half = half_xz_m.map(|half| (half + ROOM_M) as f32);

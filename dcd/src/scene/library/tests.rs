@@ -1,4 +1,4 @@
-//! Every scene of the library, run in a bare Rapier world.
+//! Tests every scene of the library in a bare Rapier world.
 
 use rapier3d::prelude::*;
 
@@ -32,7 +32,7 @@ fn scene(name: &str) -> Scene {
     build(name, &small(name)).unwrap()
 }
 
-/// Of bodies that are not tied to each other: the ends of links meet in their joint.
+/// Returns the deepest overlap of bodies that are not tied to each other: the ends of links meet in their joint.
 fn deepest_overlap_m(world: &PhysicsWorld) -> f32 {
     let tied = |pair: &&ContactPair| {
         let bodies = [pair.collider1, pair.collider2].map(|c| world.colliders[c].parent().unwrap());
@@ -73,7 +73,7 @@ fn energy(world: &PhysicsWorld) -> f32 {
     dynamic(world).map(RigidBody::kinetic_energy).sum()
 }
 
-/// Moving bodies of the largest group in which all touch.
+/// Returns the number of moving bodies in the largest group in which all touch.
 fn largest_island(world: &PhysicsWorld) -> usize {
     let mut open: Vec<_> =
         world.rigid_bodies().filter(|(_, body)| body.is_dynamic()).map(|(h, _)| h).collect();
@@ -238,7 +238,7 @@ fn a_chain_cannot_start_further_out_than_it_is_long() {
     assert!(error.contains("`offset=3` is not at most the chain's length, 2 m"), "{error}");
 }
 
-/// How far the scene has come after so many steps of one world, with these parameters.
+/// Returns the scene and its state after so many steps of one world, with these parameters.
 fn run(name: &str, params: &[&str], steps: usize) -> (Scene, PhysicsWorld) {
     let scene = build(name, &Params::from_args(params).unwrap()).unwrap();
     let mut world = scene.bare_world();

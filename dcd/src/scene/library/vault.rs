@@ -1,4 +1,4 @@
-//! Arches of wedge-shaped stones without mortar.
+//! Builds arches of wedge-shaped stones without mortar.
 
 use std::f64::consts::PI;
 
@@ -24,10 +24,10 @@ pub(super) const VAULT: SceneInfo = SceneInfo {
 };
 
 const INNER_M: f64 = 3.0;
-/// Half of what an arch is deep, and the free space behind it.
+/// Half of an arch's depth, and the free space behind it.
 const HALF_DEPTH_M: f64 = 0.5;
 const BEHIND_M: f64 = 0.1;
-/// Between two stones: of faces that lie exactly on one another, Parry takes some for a metre deep.
+/// Gap between two stones: of faces that lie exactly on one another, Parry takes some for a metre deep.
 const JOINT_M: f64 = 0.001;
 /// Free space between two arches.
 const BESIDE_M: f64 = 0.5;
@@ -66,7 +66,7 @@ fn vault(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// A stone around the middle of its arch's thickness, that leans by as much to both sides, its inner and outer face relative to that.
+/// Returns a stone around the middle of its arch's thickness, leaning as much to both sides; its faces are given relative to that.
 fn wedge(half_angle: f64, faces_m: [f64; 2], mean_m: f64) -> SharedShape {
     let mut corners = Vec::with_capacity(8);
     for face_m in faces_m {

@@ -1,4 +1,4 @@
-//! Meshes from files.
+//! Reads meshes from files, and builds hulls, triangle shapes and masses of them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -12,18 +12,18 @@ use super::source::Fault;
 /// Vertices of a mesh and its triangles.
 pub(super) type Triangles = (Vec<Vector>, Vec<[u32; 3]>);
 
-/// Files read before, so that a mesh that many bodies use is read once.
+/// A cache of mesh files, so that a mesh that many bodies use is read once.
 #[derive(Default)]
 pub(super) struct Meshes {
     files: BTreeMap<PathBuf, Vec<Triangles>>,
-    /// Collada files whose own axes are not z-up, which the reader passes over.
+    /// Collada files whose own axes are not z-up, which the reader ignores.
     pub(super) not_z_up: Vec<String>,
 }
 
 const FORMATS: &str = "obj, stl or dae";
 
 impl Meshes {
-    /// The meshes of a file, unscaled.
+    /// Returns the meshes of a file, unscaled.
     pub(super) fn read(&mut self, path: &Path) -> Result<&[Triangles], Fault> {
         if !self.files.contains_key(path) {
             let (bytes, meshes) = read(path)?;
@@ -68,14 +68,14 @@ fn read(path: &Path) -> Result<(Vec<u8>, Vec<Triangles>), Fault> {
     Ok((bytes, meshes))
 }
 
-/// The convex hull, if it has a volume and can travel. Parry fails at some rings of many points in a plane; the hull of the points
-/// that lie farthest in many directions stands in for those.
+/// Returns the convex hull, if it has a volume and can be sent. Parry fails at some rings of many points in a plane; the hull of the
+/// points that lie farthest in many directions stands in for those.
 pub(super) fn hull(points: &[Vector]) -> Option<SharedShape> {
     let of = |points: &[Vector]| SharedShape::convex_hull(points).filter(travels);
     of(points).or_else(|| [512, 256, 128, 64].into_iter().find_map(|count| of(&outermost(points, count))))
 }
 
-/// The points that lie farthest in so many directions, spread evenly over the sphere, each once.
+/// Returns the points that lie farthest in so many directions, spread evenly over the sphere, each once.
 fn outermost(points: &[Vector], count: usize) -> Vec<Vector> {
     let golden = std::f32::consts::PI * (5f32.sqrt() - 1.0);
     let directions = (0..count).map(|i| {
@@ -91,15 +91,15 @@ fn outermost(points: &[Vector], count: usize) -> Vec<Vector> {
     chosen.into_iter().map(|index| points[index]).collect()
 }
 
-/// The triangles as they are.
+/// Returns the triangles as they are.
 pub(super) fn triangles(points: Vec<Vector>, triangles: Vec<[u32; 3]>) -> Option<SharedShape> {
     SharedShape::trimesh_with_flags(points, triangles, TriMeshFlags::MERGE_DUPLICATE_VERTICES)
         .ok()
         .filter(travels)
 }
 
-/// Mass, at density 1, as MuJoCo takes it of a mesh unless it is told otherwise: that of the pyramids over all triangles whose
-/// common tip is the middle of the surface, each counted as positive. Exact for convex meshes.
+/// Returns the mass, at density 1, as MuJoCo takes it of a mesh unless it is told otherwise: that of the pyramids over all triangles
+/// whose common tip is the middle of the surface, each counted as positive. Exact for convex meshes.
 pub(super) fn pyramids(points: &[Vector], triangles: &[[u32; 3]]) -> MassProperties {
     let corners = |triangle: &[u32; 3]| triangle.map(|i| points[i as usize].as_dvec3());
     let (mut area, mut tip) = (0.0, DVec3::ZERO);

@@ -1,7 +1,7 @@
-//! Scenes from MJCF and URDF files, through Rapier's loaders. What they get wrong is put right here, and what a dcd world
+//! Loads scenes from MJCF and URDF files, through Rapier's loaders. What they get wrong is put right here, and what a dcd world
 //! cannot have is refused or warned of by name: `dcd/scenes/models/README.md` has the table, checked by a test.
 //!
-//! [`mjcf`] and [`urdf`] read a file into a [`Model`]; [`weights`] gives mass to what the formats leave without;
+//! [`mjcf`] and [`urdf`] read a file into a [`Model`]; [`weights`] gives mass to bodies that the formats leave without;
 //! [`placing`] makes a scene of copies of it.
 
 mod mesh;
@@ -20,7 +20,7 @@ use super::{Params, Scene, SceneError};
 use model::Model;
 use source::Source;
 
-/// What can be set of any model file.
+/// The parameters of any model file.
 pub static MODEL_PARAMS: [ParamInfo; 10] = [
     count("copies", "1", 1, 100_000, "how often the model is placed, in a square grid"),
     number("spacing", "0", [0.0, 1e4], "m", "from one copy to the next; 0: its own size and a fifth"),
@@ -52,7 +52,7 @@ pub static MODEL_PARAMS: [ParamInfo; 10] = [
     number("dt", "0", [0.0, 1.0], "s", "seconds a step; 0: what the file says, else 1/60"),
 ];
 
-/// What the parameters ask for.
+/// The values of the parameters.
 struct ModelParams {
     copies: usize,
     spacing_m: f64,
@@ -66,7 +66,7 @@ struct ModelParams {
     dt_s: f32,
 }
 
-/// Whether the path's extension names a format of this module.
+/// Returns whether the path's extension names a format of this module.
 pub(super) fn handles(path: &Path) -> bool {
     kind(path).is_some()
 }

@@ -1,4 +1,4 @@
-//! What a file describes, before it is placed: bodies, joints, and who may not touch whom.
+//! Defines a model as its file describes it, before it is placed: bodies, joints, and pairs that may not touch.
 
 use std::collections::BTreeSet;
 
@@ -22,7 +22,7 @@ pub(super) struct Model {
     pub(super) warnings: Warnings,
 }
 
-/// A body.
+/// A body of a model.
 pub(super) struct Part {
     /// For messages.
     pub(super) name: String,
@@ -41,25 +41,25 @@ pub(super) struct ModelJoint {
     pub(super) joint: GenericJoint,
     /// Whether it is part of the tree of bodies, and not a loop that closes it.
     pub(super) tree: bool,
-    /// What it has as a link of a multibody, if it is to be one.
+    /// Its settings as a link of a multibody, if it is to be one.
     pub(super) link: Option<LinkSettings>,
 }
 
 impl Model {
-    /// Parts `a` and `b` never touch.
+    /// Notes that parts `a` and `b` never touch.
     pub(super) fn keep_apart(&mut self, a: usize, b: usize) {
         if a != b {
             self.apart.insert((a.min(b), a.max(b)));
         }
     }
 
-    /// Whether a joint of the tree can be a link of a multibody: others stay impulse joints.
+    /// Returns whether a joint of the tree can be a link of a multibody: others stay impulse joints.
     pub(super) fn links(&self, a: usize, b: usize, joint: &GenericJoint) -> bool {
         a != b && self.parts[b].is_dynamic() && !joint.locked_axes.is_empty() && link_fault(joint).is_none()
     }
 
-    /// The joints of the scene: those of the file, and one without effect for each pair that never touches and that no joint
-    /// of the file keeps from touching. Such a joint travels between regions, Rapier's hooks do not.
+    /// Returns the joints of the scene: those of the file, and one without effect for each pair that never touches and that no joint
+    /// of the file keeps from touching. Such a joint can be sent between regions, Rapier's hooks cannot.
     pub(super) fn scene_joints(&self) -> Vec<SceneJoint> {
         let silent: BTreeSet<_> = self
             .joints
@@ -83,8 +83,8 @@ impl Model {
 }
 
 impl Part {
-    /// From what a loader built and did not insert. Its joints' hooks are left out: they do not travel, and a collider that has
-    /// one computes all its contacts anew in every step.
+    /// Builds a part from what a loader built and did not insert. Its joints' hooks are left out: they cannot be sent, and a collider
+    /// that has one computes all its contacts anew in every step.
     pub(super) fn of(name: String, body: &RigidBody, colliders: Vec<ColliderBuilder>) -> Self {
         let mass = match body.mass_properties().additional_local_mprops.as_deref() {
             Some(RigidBodyAdditionalMassProps::MassProps(mass)) => *mass,
@@ -107,7 +107,7 @@ impl Part {
     }
 }
 
-/// A loader's collider as a builder without mass.
+/// Returns a loader's collider as a builder without mass.
 pub(super) fn collider_builder(collider: &Collider) -> ColliderBuilder {
     ColliderBuilder::new(collider.shared_shape().clone())
         .position(*collider.position())
@@ -116,12 +116,12 @@ pub(super) fn collider_builder(collider: &Collider) -> ColliderBuilder {
         .density(0.0)
 }
 
-/// Whether the joint lets nothing move.
+/// Returns whether the joint locks all axes.
 pub(super) fn is_weld(joint: &GenericJoint) -> bool {
     joint.locked_axes == JointAxesMask::LOCKED_FIXED_AXES
 }
 
-/// Takes a hinge's limits off if they reach beyond half a turn, and says whether it did: Rapier knows angles up to there.
+/// Removes a hinge's limits if they reach beyond half a turn, and returns whether it did: Rapier knows angles up to there.
 pub(super) fn drop_wide_limits(joint: &mut GenericJoint) -> bool {
     let limits = &joint.limits[JointAxis::AngX as usize];
     let half_turn = std::f32::consts::PI + 1e-3;

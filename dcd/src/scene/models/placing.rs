@@ -1,4 +1,4 @@
-//! A scene of one or many copies of a model.
+//! Places one or many copies of a model as a scene.
 
 use rapier3d::prelude::*;
 
@@ -8,11 +8,11 @@ use crate::scene::model::world_pose;
 use crate::scene::{Scene, SceneBody, SceneJoint};
 use crate::space::Bounds;
 
-/// Room around the bodies.
+/// Margin around the bodies.
 const MARGIN_M: f64 = 1.0;
-/// Room between copies, as a part of their size.
+/// Gap between copies, as a fraction of their size.
 const ROOM: f64 = 0.2;
-/// What copies of no size keep apart.
+/// Least distance of copies without size.
 const LEAST_SPACING_M: f64 = 0.2;
 
 /// Places the copies, in rows of growing x, then y.
@@ -55,7 +55,7 @@ fn bodies_of(model: &Model, sleep: bool) -> Vec<SceneBody> {
     bodies.collect()
 }
 
-/// What is infinite is placed once. A fixed body of which nothing else is left is left out too.
+/// Adds a copy. Infinite bodies are placed once. A fixed body of which nothing else is left is left out too.
 fn add_copy(scene: &mut Scene, bodies: &[SceneBody], joints: &[SceneJoint], copy: usize, offset: [f64; 3]) {
     let mut placed = vec![None; bodies.len()];
     for (index, body) in bodies.iter().enumerate() {

@@ -1,16 +1,16 @@
-//! A model file's text, and errors that say where.
+//! Reads a model file as text, and adds path and line to errors.
 
 use std::path::{Path, PathBuf};
 
 use crate::scene::SceneError;
 
-/// A file as text.
+/// A model file as text.
 pub(super) struct Source {
     pub(super) path: PathBuf,
     pub(super) text: String,
 }
 
-/// What is wrong, before it is said of which file.
+/// An error in a file, before its path is added.
 #[derive(Debug)]
 pub(super) struct Fault {
     /// Counted from 1, when known.
@@ -24,7 +24,7 @@ impl Fault {
         Self { line: None, cause: cause.into(), remedy: remedy.into() }
     }
 
-    /// Of a node of the document.
+    /// Creates an error at a node of the document.
     pub(super) fn at(
         node: roxmltree::Node<'_, '_>,
         cause: impl Into<String>,
@@ -46,7 +46,7 @@ impl Source {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// The file's name without its extension.
+    /// Returns the file's name without its extension.
     pub(super) fn stem(&self) -> String {
         self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
@@ -56,7 +56,7 @@ impl Source {
         SceneError::File { path: self.path.clone(), line, cause, remedy }
     }
 
-    /// The document, whose root must have this name.
+    /// Returns the document, whose root must have this name.
     pub(super) fn document(&self, root: &str) -> Result<roxmltree::Document<'_>, SceneError> {
         let document = roxmltree::Document::parse(&self.text).map_err(|error| {
             let line = Some(error.pos().row as usize);
@@ -73,7 +73,7 @@ impl Source {
     }
 }
 
-/// Takes the XML declaration out, and zeros at the end: many files have something before the one or end with the others, which XML
+/// Removes the XML declaration, and zeros at the end: many files have something before the one or end with the others, which XML
 /// forbids and their own readers allow.
 fn without_declaration(mut text: String) -> String {
     text.truncate(text.trim_end_matches(['\0', ' ', '\r', '\n', '\t']).len());

@@ -1,12 +1,12 @@
-//! What is different in the scene from what its file says: one line a kind, with the names it concerns.
+//! Collects the differences between a scene and its file: one line per kind, with the names it concerns.
 
 use std::collections::BTreeMap;
 
-/// Kinds of differences, and whom each concerns.
+/// Kinds of differences, and the names that each concerns.
 #[derive(Debug, Default)]
 pub(super) struct Warnings(BTreeMap<&'static str, (&'static str, Vec<String>)>);
 
-/// How many names a line gives.
+/// The most names that a line gives.
 const SHOWN: usize = 3;
 
 impl Warnings {
@@ -15,7 +15,7 @@ impl Warnings {
         self.0.entry(what).or_insert((how, Vec::new())).1.push(whom.into());
     }
 
-    /// As lines, in order of what.
+    /// Returns the lines, in order of the feature.
     pub(super) fn lines(self) -> Vec<String> {
         self.0
             .into_iter()

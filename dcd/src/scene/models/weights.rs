@@ -1,5 +1,5 @@
-//! Mass where the formats have none. Rapier's impulse joints take a body without mass for one that nothing can move; in both
-//! formats such bodies are frames that move along with others.
+//! Gives mass to bodies that the formats leave without. Rapier's impulse joints take a body without mass for an immovable one; in
+//! both formats such bodies are frames that move along with others.
 
 use std::collections::VecDeque;
 
@@ -8,10 +8,10 @@ use rapier3d::prelude::*;
 use super::model::{Model, ModelJoint, is_weld};
 use super::source::Fault;
 
-/// How much of its mass a body lends to one without, at most.
+/// The largest fraction of its mass that a body lends to one without.
 const LENT: f32 = 0.1;
 
-/// Fixes what is welded to something fixed, and gives every other body mass and inertia.
+/// Fixes bodies that are welded to something fixed, and gives every other body mass and inertia.
 pub(super) fn settle(model: &mut Model) -> Result<(), Fault> {
     fix_welded(model);
     for index in 0..model.parts.len() {
@@ -45,7 +45,7 @@ pub(super) fn settle(model: &mut Model) -> Result<(), Fault> {
     Ok(())
 }
 
-/// What a weld of the tree ties to something fixed is fixed: the joint can go.
+/// Fixes bodies that a weld of the tree ties to something fixed; the joint is removed.
 fn fix_welded(model: &mut Model) {
     loop {
         let found = model.joints.iter().position(|joint| {
@@ -100,7 +100,7 @@ fn borrow(model: &mut Model, poor: usize) -> Result<(), Fault> {
     Ok(())
 }
 
-/// The nearest body with mass, by welds if there is one, else by any joint of the tree, children before parents; and the
+/// Returns the nearest body with mass, by welds if there is one, else by any joint of the tree, children before parents; and the
 /// joint through which the poor body is tied towards it.
 fn donor(model: &Model, poor: usize) -> Option<(usize, usize)> {
     let ties = |only_welds: bool| {

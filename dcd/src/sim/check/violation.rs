@@ -1,14 +1,14 @@
-//! What a run must never show.
+//! Defines the violations of invariants that a run must never show.
 
 use std::time::Duration;
 
 use crate::protocol::ViewNumber;
 use crate::space::{BodyId, ClientId, Epoch, NodeId, Tick};
 
-/// What a run must never show.
+/// A violation of an invariant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Violation {
-    /// Nobody owns it.
+    /// No node owns a body.
     #[error("{body} is owned by nobody after {tick}")]
     Lost {
         /// Which body.
@@ -16,7 +16,7 @@ pub enum Violation {
         /// After which tick.
         tick: Tick,
     },
-    /// Two own it.
+    /// Two nodes own a body.
     #[error("{body} has more than one owner after {tick}")]
     Doubled {
         /// Which body.
@@ -58,7 +58,7 @@ pub enum Violation {
         /// After which tick.
         tick: Tick,
     },
-    /// A client was shown something older than before.
+    /// A client was shown an older state than before.
     #[error("{body} went back from {before:?} to {after:?} at {client}")]
     ClientWentBack {
         /// Where.
@@ -70,7 +70,7 @@ pub enum Violation {
         /// What it shows now.
         after: (Epoch, Tick),
     },
-    /// Who computes a view that is over holds a body at an epoch that its successors do not beat.
+    /// A node that computes a view that is over holds a body at an epoch that its successors do not beat.
     #[error("{node}, whose view is over, holds {body} at {epoch}, its owner at {present}")]
     Overreach {
         /// Who.
@@ -92,7 +92,7 @@ pub enum Violation {
         /// The most that a member wanted after the tick before.
         wanted: u32,
     },
-    /// What a node computed in a view that is over got into the record.
+    /// State that a node computed in a view that is over got into the record.
     #[error("a checkpoint of view {} from {node} changed {body} on record", view.0)]
     StaleCommit {
         /// Who.
@@ -112,13 +112,13 @@ pub enum Violation {
         /// For how long.
         time: Duration,
     },
-    /// Somebody was told to go though everybody lived and could reach the others.
+    /// A process was removed though all lived and could reach each other.
     #[error("{node} was expelled though nobody was dead or cut off")]
     Expelled {
         /// Who.
         node: NodeId,
     },
-    /// A node takes a peer's clock for something else than it shows.
+    /// A node's estimate of a peer's clock is wrong by more than its own bound.
     #[error("{node} is wrong about a clock by {error_us} us, where {bound_us} us is the most")]
     Clock {
         /// Who.
@@ -128,7 +128,7 @@ pub enum Violation {
         /// By how much it may be.
         bound_us: u64,
     },
-    /// A queue held more than its bound.
+    /// A queue held more than its limit.
     #[error("{queue} held {held}, where {bound} is the bound")]
     Queue {
         /// Which.
@@ -141,20 +141,20 @@ pub enum Violation {
     /// Recovery took too long.
     #[error("the group had not recovered {} ms after the last fault: {lack}", after.as_millis())]
     Slow {
-        /// When it was given up.
+        /// Time after which it was given up.
         after: Duration,
-        /// What was wrong then.
+        /// The condition that did not hold then.
         lack: String,
     },
-    /// Not all was well at the end of a calm time.
+    /// Some condition did not hold at the end of a calm time.
     #[error("all has been calm for {} s, and {lack}", after.as_secs())]
     Unhealed {
         /// How long.
         after: Duration,
-        /// What is wrong.
+        /// The condition that does not hold.
         lack: String,
     },
-    /// A machine failed over its own error.
+    /// A state machine panicked.
     #[error("a machine panicked: {0}")]
     Panicked(String),
 }

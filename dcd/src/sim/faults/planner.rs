@@ -1,4 +1,4 @@
-//! Faults one after the other, from a seed.
+//! Plans faults one after the other, from a seed.
 
 use std::time::Duration;
 
@@ -88,7 +88,7 @@ impl Planner<'_> {
         self.wait(rest_ms, rest_ms);
     }
 
-    /// A fault of any kind, over before the next begins or not.
+    /// Adds a fault of any kind, over before the next begins or not.
     pub(super) fn anything(&mut self) {
         let before = self.at;
         match self.random.below(6) {

@@ -1,4 +1,4 @@
-//! What the network is like: how long packets take, how many are lost, who cannot reach whom.
+//! Defines the conditions of the simulated network: delays, loss, sites, and cuts between processes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -7,17 +7,17 @@ use crate::cluster::Peer;
 use crate::protocol::link;
 use crate::sim::Random;
 
-/// How long packets take on a way: from `base_us` to `base_us + jitter_us`, microseconds.
+/// The delay of packets on a path: from `base_us` to `base_us + jitter_us`, microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Path {
-    /// The quickest packet.
+    /// Delay of the quickest packet.
     pub base_us: u64,
     /// How much later the slowest may be.
     pub jitter_us: u64,
 }
 
 impl Path {
-    /// Packets take up to `longest_us`, and at least a tenth of it.
+    /// Returns a path on which packets take up to `longest_us`, and at least a tenth of it.
     pub const fn up_to(longest_us: u64) -> Self {
         Self { base_us: longest_us / 10, jitter_us: longest_us - longest_us / 10 }
     }
@@ -41,22 +41,22 @@ pub struct NetworkConditions {
     pub near: Path,
     /// Between sites.
     pub far: Path,
-    /// Where processes are; those not named are at site 0.
+    /// Sites of processes; those not named are at site 0.
     pub sites: BTreeMap<Peer, u32>,
     /// Between the server and all others; `None`: as between any two.
     pub server: Option<Path>,
-    /// Share of packets that are lost.
+    /// Fraction of packets that are lost.
     pub loss: f64,
-    /// Share of packets that take a detour, so that later ones overtake them.
+    /// Fraction of packets that take a detour, so that later ones overtake them.
     pub reorder: f64,
     /// How much longer the detour takes.
     pub detour: Duration,
-    /// Share of packets that arrive twice.
+    /// Fraction of packets that arrive twice.
     pub duplicate: f64,
 }
 
 impl NetworkConditions {
-    /// Nothing goes wrong, and all ways are alike.
+    /// Returns conditions in which nothing goes wrong, and all paths are alike.
     pub const fn calm(near: Path) -> Self {
         Self {
             near,
@@ -70,12 +70,12 @@ impl NetworkConditions {
         }
     }
 
-    /// Where a process is.
+    /// Returns the site of a process.
     pub fn site(&self, peer: Peer) -> u32 {
         self.sites.get(&peer).copied().unwrap_or_default()
     }
 
-    /// The way between two processes.
+    /// Returns the path between two processes.
     pub fn path(&self, from: Peer, to: Peer) -> Path {
         match self.server {
             Some(path) if from == Peer::Server || to == Peer::Server => path,
@@ -85,12 +85,12 @@ impl NetworkConditions {
     }
 }
 
-/// Bounds on what waits between a sender and the machine that is to read it; by default those of real links.
+/// Bounds on the bytes that wait between a sender and the machine that is to read them; by default those of real links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bounds {
-    /// What a reader's process takes in before its machine has read it.
+    /// Bytes that a reader's process takes in before its machine has read them.
     pub inbox_bytes: usize,
-    /// Then what the sender keeps for a server or node: in flight and waiting.
+    /// Bytes that the sender keeps beyond those for a server or node: in flight and waiting.
     pub queue_bytes: usize,
     /// The same for a client.
     pub client_queue_bytes: usize,
@@ -110,7 +110,7 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// What a sender keeps for this peer.
+    /// Returns the bytes that a sender may keep for this peer.
     pub(super) fn queue_for(&self, to: Peer) -> usize {
         match to {
             Peer::Client(_) => self.client_queue_bytes,
@@ -119,7 +119,7 @@ impl Bounds {
     }
 }
 
-/// A side of a cut.
+/// A side of a cut: a set of processes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Who {
     /// These processes.
@@ -129,12 +129,12 @@ pub enum Who {
 }
 
 impl Who {
-    /// One process.
+    /// Returns the side of one process.
     pub fn one(peer: Peer) -> Self {
         Self::Only(BTreeSet::from([peer]))
     }
 
-    /// Whether a process is on this side.
+    /// Returns whether a process is on this side.
     pub fn has(&self, peer: Peer) -> bool {
         match self {
             Self::Only(peers) => peers.contains(&peer),
@@ -143,7 +143,7 @@ impl Who {
     }
 }
 
-/// Nothing passes one way until a time.
+/// A one-way cut until a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cut {
     /// From here.
@@ -155,13 +155,13 @@ pub struct Cut {
 }
 
 impl Cut {
-    /// Nothing passes between these processes and all others, either way.
+    /// Returns cuts between these processes and all others, both ways.
     pub fn partition(island: BTreeSet<Peer>, until: Duration) -> [Self; 2] {
         let (inside, outside) = (Who::Only(island.clone()), Who::AllBut(island));
         [Self { from: inside.clone(), to: outside.clone(), until }, Self { from: outside, to: inside, until }]
     }
 
-    /// Nothing passes between these two, either way; all others reach both.
+    /// Returns cuts between these two, both ways; all others reach both.
     pub fn between(a: Peer, b: Peer, until: Duration) -> [Self; 2] {
         [
             Self { from: Who::one(a), to: Who::one(b), until },

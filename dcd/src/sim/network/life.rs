@@ -1,4 +1,4 @@
-//! How links begin and end: calls, time-outs, closings, cuts, stops and deaths.
+//! Simulates how links begin and end: calls, time-outs, closings, cuts, stops and deaths.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use crate::cluster::Peer;
 use crate::protocol::link::{FIRST_PROBE, IDLE_TIMEOUT, KEEP_ALIVE, LINGER};
 
 impl Network {
-    /// A process closes its link to another: what it has sent arrives, then the other end hears of it.
+    /// Closes a process's link to another: its sent messages arrive, then the other end hears of it.
     pub(in crate::sim) fn close(&mut self, now: Duration, from: Peer, to: Peer) {
         self.waiting.remove(&(from, to));
         if let Some(id) = self.current.get(&(from, to)).copied() {
@@ -17,7 +17,7 @@ impl Network {
         }
     }
 
-    /// The link between two processes breaks at both ends, and what is under way is lost; they can call each other again.
+    /// Breaks the link between two processes at both ends, and loses what is under way; they can call each other again.
     pub(in crate::sim) fn break_link(&mut self, a: Peer, b: Peer) {
         let Some(id) = self.current.get(&(a, b)).copied() else { return };
         for side in Side::BOTH {
@@ -32,7 +32,7 @@ impl Network {
         }
     }
 
-    /// Nothing passes where this says so, until its end.
+    /// Applies a cut until its end.
     pub(in crate::sim) fn cut(&mut self, now: Duration, cut: Cut) {
         self.push(cut.until, Event::Healed);
         for (id, side) in self.open_ends() {
@@ -44,7 +44,7 @@ impl Network {
         self.cuts.push(cut);
     }
 
-    /// A process is gone without a word. Of each of its lanes, what is under way arrives or is lost.
+    /// Kills a process without a word. Of each of its lanes, what is under way arrives or is lost.
     pub(in crate::sim) fn crash(&mut self, now: Duration, dead: Peer) {
         self.alive.remove(&dead);
         let is_its = |event: &Event| matches!(event, Event::Physics(node, _) if Peer::Node(*node) == dead);
@@ -64,7 +64,7 @@ impl Network {
             (0..LANES).for_each(|lane| other.drop_frames(lane));
             other.lingers = false;
             self.deafen(now, id, side.other());
-            // A process that is killed says nothing; one that falls over its own error may still say so.
+            // A process that is killed says nothing; one that panics may still say so.
             if self.random.chance(0.25) {
                 let soon = now + self.random.up_to(Duration::from_millis(40));
                 self.push(soon, Event::Closed(id, side.other()));
@@ -73,7 +73,7 @@ impl Network {
         }
     }
 
-    /// A process stops doing anything.
+    /// Stops a process.
     pub(in crate::sim) fn stop(&mut self, now: Duration, who: Peer) {
         self.alive.insert(who, Some(now));
         for (id, side) in self.ends_of(who) {
@@ -81,7 +81,7 @@ impl Network {
         }
     }
 
-    /// A process goes on. Returns those of its links that have ended before it has read what came over them.
+    /// Resumes a process. Returns those of its links that have ended before it has read what came over them.
     pub(in crate::sim) fn resume(&mut self, now: Duration, who: Peer) -> BTreeSet<LinkId> {
         let mut ended = BTreeSet::new();
         let Some(since) = self.alive.insert(who, None).flatten() else { return ended };
@@ -116,7 +116,7 @@ impl Network {
         self.alive.get(&who).is_some_and(Option::is_some)
     }
 
-    /// What happens to links, frames apart.
+    /// Executes an event of a link, frames apart.
     pub(super) fn live(&mut self, now: Duration, event: Event) {
         match event {
             Event::Dial(id, attempt) => self.dialled(now, id, attempt),
@@ -170,14 +170,14 @@ impl Network {
         self.alive.get(&who).is_some_and(Option::is_none)
     }
 
-    /// Whether packets of the other end reach this one.
+    /// Returns whether packets of the other end reach this one.
     fn is_audible(&self, now: Duration, id: LinkId, side: Side) -> bool {
         let Some(link) = self.links.get(&id) else { return false };
         let (own, other) = (link.end(side), link.end(side.other()));
         other.state != State::Closed && self.is_running(other.who) && self.passes(now, other.who, own.who)
     }
 
-    /// An end hears something, perhaps the last for a while.
+    /// Notes that an end hears something, perhaps the last for a while.
     pub(super) fn hear(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get_mut(&id) else { return };
         if link.end_mut(side).deaf.take().is_some() && link.is_open(side) && !self.is_audible(now, id, side) {
@@ -185,7 +185,7 @@ impl Network {
         }
     }
 
-    /// From now on an end hears nothing; the last it heard was a keep-alive some time ago, or anything since.
+    /// Notes that an end hears nothing from now on; the last it heard was a keep-alive some time ago, or anything since.
     fn deafen(&mut self, now: Duration, id: LinkId, side: Side) {
         let since = now.saturating_sub(self.random.up_to(KEEP_ALIVE));
         self.deafen_since(since, id, side);
@@ -209,7 +209,7 @@ impl Network {
         }
     }
 
-    /// Time of one flight of a handshake, with what its loss costs.
+    /// Returns the time of one flight of a handshake, with the cost of its loss.
     fn flight(&mut self, from: Peer, to: Peer) -> Duration {
         let mut time = self.delay(from, to);
         for retries in 0..6 {
@@ -239,7 +239,7 @@ impl Network {
         }
     }
 
-    /// A first packet that was not answered is sent again, each time after twice as long.
+    /// Sends a first packet again that was not answered, each time after twice as long.
     fn dial_again(&mut self, now: Duration, id: LinkId, attempt: u32) {
         self.push(now + FIRST_PROBE * (1 << attempt.min(8)), Event::Dial(id, attempt + 1));
     }
@@ -272,7 +272,7 @@ impl Network {
         }
     }
 
-    /// An end of a link is up; an earlier link of the same two ends here.
+    /// Opens an end of a link; an earlier link of the same two ends here.
     fn begin(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get_mut(&id) else { return };
         link.end_mut(side).state = State::Open;
@@ -293,7 +293,7 @@ impl Network {
         }
     }
 
-    /// A process wants no more of a link; it is not told of its end.
+    /// Ends a link for a process that wants no more of it and is not told of its end.
     fn hang_up(&mut self, now: Duration, id: LinkId, who: Peer) {
         let Some(link) = self.links.get_mut(&id) else { return };
         let side = link.side_of(who);
@@ -309,7 +309,7 @@ impl Network {
         self.tidy(id);
     }
 
-    /// The word that the other end has closed is sent to this end.
+    /// Sends this end the message that the other end has closed.
     pub(super) fn tell_closed(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get(&id) else { return };
         let (own, other) = (link.end(side).who, link.end(side.other()).who);
@@ -333,7 +333,7 @@ impl Network {
         }
     }
 
-    /// A reader does not read: the sender's end is closed, and the reader hears of it if it ever listens.
+    /// Closes the sender's end because the reader does not read; the reader hears of it if it ever listens.
     pub(super) fn overflow(&mut self, now: Duration, id: LinkId, side: Side) {
         self.traffic.overflows += 1;
         if let Some(link) = self.links.get_mut(&id) {
@@ -343,7 +343,7 @@ impl Network {
         self.tell_closed(now, id, side.other());
     }
 
-    /// An end has heard nothing for too long, and says nothing any more.
+    /// Closes an end that has heard nothing for too long.
     fn expire(&mut self, now: Duration, id: LinkId, side: Side) {
         self.gone(id, side);
         self.deafen(now, id, side.other());
@@ -355,7 +355,7 @@ impl Network {
         self.push(time, Event::Probe(id, side));
     }
 
-    /// A packet for a link that its process has forgotten is answered by a reset.
+    /// Answers a packet for a link that its process has forgotten by a reset.
     fn probe(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get(&id).filter(|link| link.is_open(side)) else { return };
         let (own, other) = (link.end(side).who, link.end(side.other()).who);
@@ -372,7 +372,7 @@ impl Network {
         }
     }
 
-    /// The link is over at this end, whose process hears of it if it has not closed it itself.
+    /// Ends the link at this end; its process hears of it if it has not closed it itself.
     fn gone(&mut self, id: LinkId, side: Side) {
         let Some(link) = self.links.get_mut(&id) else { return };
         let (own, other) = (link.end(side).who, link.end(side.other()).who);

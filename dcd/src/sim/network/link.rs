@@ -1,4 +1,4 @@
-//! One connection: two ends that may see it unlike each other, and what is under way between them.
+//! Defines one connection: two ends that may see it unlike each other, and the frames under way between them.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -40,11 +40,11 @@ pub(super) enum State {
 pub(super) struct End {
     pub(super) who: Peer,
     pub(super) state: State,
-    /// Since when it hears nothing, if it does not hear the other end.
+    /// Since when it has not heard the other end; `None` if it hears it.
     pub(super) deaf: Option<Duration>,
     /// Both reliable lanes, towards the other end.
     pub(super) lanes: [Frames; 2],
-    /// What the other end has not read of it, in bytes.
+    /// Bytes of it that the other end has not read.
     pub(super) unread: usize,
     /// Its process has closed it and what it sent before is still to arrive.
     pub(super) lingers: bool,
@@ -93,7 +93,7 @@ impl Link {
         &mut self.ends[side as usize]
     }
 
-    /// Which end a process has.
+    /// Returns which end a process has.
     pub(super) fn side_of(&self, who: Peer) -> Side {
         if self.ends[0].who == who { Side::Dialler } else { Side::Listener }
     }
@@ -119,7 +119,7 @@ impl End {
         lane.first + lane.waiting.len() as u64 - 1
     }
 
-    /// The next frame in order, if it has arrived.
+    /// Returns the next frame in order, if it has arrived.
     pub(super) fn next(&mut self, lane: usize) -> Option<Vec<u8>> {
         let lane = &mut self.lanes[lane];
         if lane.waiting.front()?.missing > 0 {
@@ -129,7 +129,7 @@ impl End {
         lane.waiting.pop_front().map(|frame| frame.bytes)
     }
 
-    /// What it sent and the other end has not got is lost.
+    /// Drops the frames that it sent and the other end has not got.
     pub(super) fn drop_frames(&mut self, lane: usize) {
         let lane = &mut self.lanes[lane];
         lane.first += lane.waiting.len() as u64;
@@ -144,7 +144,7 @@ impl End {
 /// The reliable lanes in order.
 pub(super) const LANES: usize = 2;
 
-/// The place of a reliable lane; `None` for datagrams.
+/// Returns the place of a reliable lane; `None` for datagrams.
 pub(super) const fn index(lane: Lane) -> Option<usize> {
     match lane {
         Lane::Control => Some(0),

@@ -1,4 +1,4 @@
-//! The network alone: what arrives, in which order, and when links end.
+//! Tests the network alone: which messages arrive, in which order, and when links end.
 
 use super::*;
 use crate::protocol::link::{FIRST_PROBE, HANDSHAKE_TIMEOUT, IDLE_TIMEOUT};

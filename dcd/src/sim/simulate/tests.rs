@@ -1,4 +1,4 @@
-//! The fault table by a few seeds of each row, and whether what is wrong is found.
+//! Tests the fault table by a few seeds of each row, and that violations are found.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Three groups of four nodes, 60 ms from one another: two of each group have a client with an avatar in their process.
+//! Tests three groups of four nodes, 60 ms from one another: two of each group have a client with an avatar in their process.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;

@@ -1,5 +1,5 @@
-//! An hour with real machines in which the delay of one node goes up and down: how often does it move? The rules by
-//! themselves are put to a harder test beside them (`cluster/votes/flapping.rs`).
+//! Tests how often a node moves between groups in an hour in which its delay goes up and down, with the real state machines. The
+//! rules by themselves are put to a harder test beside them (`cluster/votes/flapping.rs`).
 
 use std::f64::consts::TAU;
 use std::time::Duration;

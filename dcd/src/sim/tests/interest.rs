@@ -1,4 +1,4 @@
-//! Clients that want to hear of a part of the world.
+//! Tests interest management: clients that receive a part of the world only.
 
 use super::*;
 use crate::protocol::Area;
@@ -6,7 +6,7 @@ use crate::sim::Scope;
 
 /// A ball of a tenth of the world's volume, in which and around which bodies fly.
 const AREA: Area = Area { centre: [6.0, 4.0, 4.0], radius_m: 3.0 };
-/// What has come so far in must have been told: bodies fly at up to 21 m/s, from the edge in some 8 ticks.
+/// States of bodies that have come so far in must have been sent: bodies fly at up to 21 m/s, from the edge in some 8 ticks.
 const CORE: Area = Area { radius_m: 1.0, ..AREA };
 /// Members report every three ticks; then a word is on its way for some milliseconds.
 const FRESH_TICKS: u64 = 12;
@@ -21,7 +21,7 @@ fn interested(sim: &mut Sim, participates: bool, area: Area) -> ClientId {
     client
 }
 
-/// In the stand-in physics everything moves all the time: what is in the area, or believed to be, must have been told lately.
+/// In the stand-in physics everything moves all the time: states of bodies in the area, or that the client has there, must be recent.
 fn check_fresh(sim: &Sim, client: ClientId, seed: u64) -> usize {
     let (now, truth) = (sim.tick(), sim.states());
     let mut seen = 0;
@@ -81,12 +81,12 @@ fn an_interest_outlives_leaders_links_and_servers() {
                 sim.restart_server();
             }
         }
-        // What is requested for while nobody leads counts too.
+        // Areas that are requested while nobody leads count too.
         sim.submit(client, ClientEvent::Interest(Some(Area { centre: [12.0, 4.0, 4.0], ..AREA })));
         sim.submit(client, ClientEvent::Interest(Some(AREA)));
         sim.run_for(Duration::from_secs(5)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         stay_fresh(&mut sim, client, seed);
-        // And it is still kept to: what is outside is not told of.
+        // And it is still kept to: states of bodies outside are not sent.
         let now = sim.tick().0;
         assert!(sim.client(client).bodies().any(|view| view.settled_tick().0 + 30 < now), "seed {seed}");
         let before = bytes_to_clients(&sim);

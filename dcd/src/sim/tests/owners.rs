@@ -1,4 +1,4 @@
-//! Clients that are told who owns what.
+//! Tests that clients are told which region owns each body.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Clients that ask those who own the bodies.
+//! Tests queries of clients that the owners of bodies answer.
 
 use super::*;
 use crate::protocol::{

@@ -1,4 +1,4 @@
-//! What a trial does: faults and their ends, and what users do.
+//! Executes the actions of a trial: faults and their ends, and the actions of users.
 
 use std::time::Duration;
 
@@ -74,7 +74,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// A fault is over.
+    /// Ends a fault.
     fn relieved(&mut self, hindered: bool) {
         if hindered {
             self.hindered -= 1;
@@ -82,7 +82,7 @@ impl Trial<'_> {
         self.disturbed();
     }
 
-    /// A fault happens.
+    /// Executes a fault.
     pub(super) fn happen(&mut self, fault: Fault) {
         match fault {
             Fault::Cut { island, ways, time } => self.cut(island, ways, time),
@@ -106,7 +106,7 @@ impl Trial<'_> {
         }
     }
 
-    /// The process that is meant, if there is one.
+    /// Returns the process that is meant, if there is one.
     fn find(&self, victim: Victim) -> Option<Peer> {
         let nodes: Vec<NodeId> = self.sim.nodes.keys().copied().collect();
         let node = || Some(Peer::Node(*nodes.get(victim.pick as usize % nodes.len().max(1))?));
@@ -132,7 +132,7 @@ impl Trial<'_> {
     fn kill(&mut self, victim: Victim, back_after: Duration) {
         let Some(peer) = self.find(victim) else { return };
         let peer = match peer {
-            // Deaths between writing down and saying so are met on purpose half of the time.
+            // Deaths between storing and sending are met on purpose half of the time.
             Peer::Server if victim.pick.is_multiple_of(2) => {
                 self.sim.crash_after_store((victim.pick / 2 % 8) as u32);
                 self.stir();
@@ -145,7 +145,7 @@ impl Trial<'_> {
         self.died(peer, back_after);
     }
 
-    /// A process is dead; another one follows.
+    /// Notes that a process is dead, and schedules its successor.
     pub(super) fn died(&mut self, peer: Peer, back_after: Duration) {
         self.expected_nodes += u32::from(matches!(peer, Peer::Node(_)));
         self.disturbed();
@@ -187,7 +187,7 @@ impl Trial<'_> {
         self.plan(until, Action::Healed);
     }
 
-    /// A node joins, or one leaves, so that a view change begins.
+    /// Lets a node join or leave, so that a view change begins.
     fn stir(&mut self) {
         let nodes: Vec<_> = self.sim.nodes.keys().copied().collect();
         if nodes.len() as u32 + self.expected_nodes <= self.wanted_nodes() {
@@ -202,12 +202,12 @@ impl Trial<'_> {
         }
     }
 
-    /// A user has an avatar and moves it about.
+    /// Lets a user have an avatar and move it about.
     fn use_client(&mut self, client: ClientId) {
         if self.healed_at.is_some() {
             return;
         }
-        // Who turns all the time is nowhere near where other groups have heard that it is: users let them catch up at last.
+        // A user that turns all the time is nowhere near where other groups extrapolate it: users let them catch up at last.
         let lets_settle = self.sites > 1 && self.calm_since.is_some();
         let (least, most) = if lets_settle { (2_000, 4_000) } else { (300, 1_200) };
         let pause = self.random.between_ms(least, most);
@@ -235,13 +235,13 @@ impl Trial<'_> {
 }
 
 impl Trial<'_> {
-    /// Whether packets pass between two processes, both ways.
+    /// Returns whether packets pass between two processes, both ways.
     pub(super) fn reach(&self, a: Peer, b: Peer) -> bool {
         let network = &self.sim.network;
         network.passes(self.sim.now, a, b) && network.passes(self.sim.now, b, a)
     }
 
-    /// Whether a process lives and is not stopped.
+    /// Returns whether a process lives and is not stopped.
     pub(super) fn runs(&self, peer: Peer) -> bool {
         self.sim.hosts.get(&peer).is_some_and(|host| !host.stopped)
     }

@@ -1,4 +1,4 @@
-//! Trials with several groups: which process is where, and whether groups are and agree as they should.
+//! Checks trials with several groups: places processes at sites, and checks that groups form and agree as they should.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,14 +8,14 @@ use crate::cluster::{Peer, Server};
 use crate::sim::{Apart, Deviating};
 use crate::space::{BodyId, ClientId, GroupId, NodeId};
 
-/// How long a body may be farther than the threshold from where the group that is believed about it has it, or a leader be
-/// wrong about which that is: longer than until that is heard and made up for.
+/// Longest time that a body may be farther than the threshold from its place in the group that is authoritative for it, or a leader
+/// be wrong about which group that is: longer than the time until that is heard and corrected.
 const APART: Duration = Duration::from_secs(3);
-/// How far groups may be apart when all is calm: the way from one to another, and what the main one is ahead.
+/// Largest time that groups may be apart when all is calm: the delay from one to another, and the lead of the main one.
 const OUT_OF_STEP: Duration = Duration::from_millis(200);
 
 impl Trial<'_> {
-    /// Nodes that there are to be.
+    /// Returns how many nodes there are to be.
     pub(super) fn wanted_nodes(&self) -> u32 {
         match self.sites {
             1 => self.config.nodes,
@@ -23,7 +23,7 @@ impl Trial<'_> {
         }
     }
 
-    /// A node begins where one is missing, in one process with a client that is missing.
+    /// Begins a node where one is missing, in one process with a client that is missing.
     pub(super) fn begin_node(&mut self) -> NodeId {
         let site = |peer| self.sim.network.conditions.site(peer);
         let is_missing = |client: &&ClientId| self.sites > 1 && !self.sim.clients.contains_key(client);
@@ -38,7 +38,7 @@ impl Trial<'_> {
         node
     }
 
-    /// A node begins with a client in its process.
+    /// Begins a node with a client in its process.
     pub(super) fn begin_participant(&mut self, again: Option<ClientId>, site: u32) -> (NodeId, ClientId) {
         let (node, client) = self.sim.start_participant(again);
         self.spawned.remove(&client);
@@ -49,7 +49,7 @@ impl Trial<'_> {
         (node, client)
     }
 
-    /// Which bodies are near enough to where the group has them that is believed, and who knows which that is.
+    /// Notes which bodies are near enough to their places in the authoritative group, and which leaders know which group that is.
     pub(super) fn compare_groups(&mut self) {
         let Some(server) = self.sim.server.as_ref().filter(|_| self.sites > 1) else { return };
         let leader = |node: NodeId| self.sim.nodes.get(&node).and_then(|process| process.machine.leader());
@@ -68,7 +68,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Whether there is one group at each site.
+    /// Returns why there is not one group at each site.
     pub(super) fn lacks_groups(&self, server: &Server) -> Option<String> {
         let site = |node| self.sim.network.conditions.site(Peer::Node(node));
         for (group, view) in server.views() {
@@ -82,7 +82,7 @@ impl Trial<'_> {
         (groups as u32 != self.sites).then(|| format!("there are {groups} groups at {} sites", self.sites))
     }
 
-    /// Whether groups are in step, have the same bodies in the same places, and know which of them is believed.
+    /// Returns why groups are not in step, have not the same bodies in the same places, or do not know which group is authoritative.
     pub(super) fn lacks_agreement(&self, server: &Server) -> Option<String> {
         let main = server.main_group();
         let tick = |group| self.sim.checker.progress(group).map_or(0, |(_, tick)| tick.0);
@@ -103,12 +103,12 @@ impl Trial<'_> {
     }
 }
 
-/// When something was last true of a body in a group.
+/// The times at which something was last true of each body in a group.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lately(BTreeMap<(GroupId, BodyId), Duration>);
 
 impl Lately {
-    /// Of which bodies it is true now; of a new one it has been so far, and those not named are forgotten.
+    /// Notes for which bodies it is true now; of a new one it has been so far, and those not named are forgotten.
     fn note(&mut self, now: Duration, all: impl Iterator<Item = ((GroupId, BodyId), bool)>) {
         let before = std::mem::take(&mut self.0);
         let last =
@@ -116,7 +116,7 @@ impl Lately {
         self.0 = all.map(last).collect();
     }
 
-    /// A body of which it has not been true for too long, and since when.
+    /// Returns a body of which it has not been true for too long, and since when.
     fn lost(&self, now: Duration) -> Option<(GroupId, BodyId, Duration)> {
         let lost = self.0.iter().find(|(_, at)| **at + APART < now);
         lost.map(|(&(group, body), &at)| (group, body, at))

@@ -1,4 +1,4 @@
-//! What a trial looks at while it runs, beside what the checker sees at every tick.
+//! Checks conditions of a trial while it runs, beside those that the checker checks at every tick.
 
 use std::time::Duration;
 
@@ -8,15 +8,15 @@ use crate::protocol::{Velocity, View};
 use crate::sim::Violation;
 use crate::space::{BodyId, ClientId, GroupId};
 
-/// For how long members of a group may be cut off from one another: until their links end, they have complained, and the
+/// Longest time that members of a group may be cut off from one another: until their links end, they have complained, and the
 /// server has done something about it.
 const APART: Duration = Duration::from_secs(6);
-/// How long it may take until a client sees its avatar do what it inputs, when all is calm.
+/// Longest time until a client sees its avatar follow an input, when all is calm.
 const OBEYED: Duration = Duration::from_millis(500);
-/// Clocks are known once there were some pings.
+/// Time after which clocks are known: once there were some pings.
 const CLOCKS_KNOWN: Duration = Duration::from_secs(10);
 
-/// How old things were, in bins of a millisecond; the last is for all that was older.
+/// A histogram of ages, in bins of a millisecond; the last is for all that was older.
 #[derive(Clone, Debug)]
 pub struct Staleness {
     bins: Vec<u32>,
@@ -34,12 +34,12 @@ impl Staleness {
         self.bins[bin] += 1;
     }
 
-    /// Adds those of another run.
+    /// Adds the ages of another run.
     pub fn merge(&mut self, other: &Self) {
         self.bins.iter_mut().zip(&other.bins).for_each(|(bin, other)| *bin += other);
     }
 
-    /// The age that this share is not older than, milliseconds; `None` when nothing was looked at.
+    /// Returns the age that this share is not older than, milliseconds; `None` when nothing was looked at.
     pub fn quantile_ms(&self, share: f64) -> Option<u32> {
         let total: u64 = self.bins.iter().map(|&bin| u64::from(bin)).sum();
         let mut left = (total as f64 * share).ceil() as u64;
@@ -80,15 +80,15 @@ impl Trial<'_> {
                 Some(lack) if since + calm < now => {
                     return Err(Violation::Unhealed { after: now - since, lack });
                 }
-                // What went wrong before the calm may yet be noticed.
+                // Faults before the calm may yet be noticed.
                 Some(_) => self.healed_at = None,
             }
         }
         Ok(())
     }
 
-    /// What keeps the main group, or with several sites any that has a live member, from computing on, all members live, since a
-    /// time. A group of none but the dead keeps nobody waiting.
+    /// Returns what has kept the main group, or with several sites any that has a live member, from computing on, all members live,
+    /// since a time. A group of none but the dead keeps nobody waiting.
     pub(super) fn lacks_steadiness(&self, since: Duration) -> Option<String> {
         let Some(server) = &self.sim.server else { return Some("the server is dead".into()) };
         if server.view().is_none() {
@@ -115,7 +115,7 @@ impl Trial<'_> {
         None
     }
 
-    /// What is not as it should be once all is calm.
+    /// Returns the condition that does not hold once all is calm.
     fn lack(&self, since: Duration) -> Option<String> {
         let Some(server) = &self.sim.server else { return Some("the server is dead".into()) };
         let recently = since.max(self.sim.now.saturating_sub(Duration::from_millis(500)));
@@ -172,7 +172,7 @@ impl Trial<'_> {
         }
     }
 
-    /// How long ago the world was as clients see their avatars; what was computed without the others does not count.
+    /// Notes the ages of clients' states of their avatars; speculative ticks do not count.
     fn note_staleness(&mut self) {
         // Ticks of several groups do not compare.
         for &client in self.clients.iter().filter(|_| self.sites == 1) {
@@ -196,7 +196,7 @@ impl Trial<'_> {
         self.worst_pause = self.worst_pause.max(self.sim.now - self.progressed_at);
     }
 
-    /// A node that has ended is followed by another, as a supervisor would have it.
+    /// Replaces a node that has ended by another, as a supervisor would.
     fn replace_nodes(&mut self) {
         let missing = self.wanted_nodes().saturating_sub(self.sim.nodes.len() as u32 + self.expected_nodes);
         for _ in 0..missing {
@@ -206,7 +206,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Groups are cliques, as far as the server can know; nobody was expelled who need not go.
+    /// Checks that groups are cliques, as far as the server can know, and that nobody was expelled who need not go.
     fn check_members(&mut self) -> Result<(), Violation> {
         if self.promise.no_eviction {
             let mut expelled = self.sim.expelled.iter().copied();
@@ -240,7 +240,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// What nodes take for others' clocks is no farther off than they think; the server's clock is known well.
+    /// Checks that nodes' estimates of others' clocks are within their bounds; the server's clock is known well.
     fn check_clocks(&self) -> Result<(), Violation> {
         let now = self.sim.now;
         let is_known = |peer| peer == Peer::Server && CLOCKS_KNOWN < now;

@@ -1,3 +1,5 @@
+//! Tests the proxy: order, loss, delay, doubling, cuts, and ports that are given back.
+
 use super::*;
 
 /// A sender and a receiver of numbered packets.

@@ -1,4 +1,4 @@
-//! The features of MJCF.
+//! Lists the features of MJCF, and what becomes of each.
 
 use dcd::scene::Scene;
 use rapier3d::prelude::*;

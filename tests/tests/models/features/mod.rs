@@ -1,4 +1,4 @@
-//! Every feature of the formats in a file of its own: it is carried, warned of, refused, or has no effect, as the tables in
+//! Tests every feature of the formats in a file of its own: it is carried, warned of, refused, or has no effect, as the tables in
 //! `dcd/scenes/models/README.md` say.
 
 mod mjcf;

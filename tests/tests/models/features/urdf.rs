@@ -1,4 +1,4 @@
-//! The features of URDF.
+//! Lists the features of URDF, and what becomes of each.
 
 use rapier3d::prelude::*;
 

@@ -1,4 +1,5 @@
-//! View changes of a group: who is a member, who computes what, and how no body is lost or doubled on the way.
+//! Runs the view changes of a group: decides who is a member and who computes which region, so that no body is lost or doubled
+//! on the way.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -10,7 +11,7 @@ use crate::cluster::server::common::Common;
 use crate::protocol::{BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks};
 use crate::space::{Allocation, BodyId, Epoch, NodeId, RegionId, Tick, allocate};
 
-/// Who keeps a view change waiting for so long is not waited for.
+/// How long a member may keep a view change waiting before it is given up.
 const MUTE: Duration = Duration::from_secs(5);
 
 /// A view change under way. A death begins it anew with the next number.
@@ -27,13 +28,13 @@ pub(in crate::cluster::server) struct ViewChange {
     plan: Option<Plan>,
 }
 
-/// What the surveys lead to.
+/// The plan of the next view, made from the surveys.
 #[derive(Clone, Debug)]
 struct Plan {
     members: Vec<Member>,
     allocation: Allocation,
     owners: BTreeMap<BodyId, Owner>,
-    /// Who still owes bodies that were fetched.
+    /// Members that still owe bodies that were fetched.
     fetching: BTreeSet<NodeId>,
 }
 
@@ -59,12 +60,12 @@ impl Group {
         self.finish(common);
     }
 
-    /// When members that owe an answer are given up.
+    /// Returns when members that owe an answer are given up.
     pub(in crate::cluster::server) fn mute_at(&self) -> Option<Duration> {
         self.change.as_ref().filter(|change| !change.survivors.is_empty()).map(|change| change.at + MUTE)
     }
 
-    /// Members that owe an answer for too long.
+    /// Returns the members that owe an answer for too long.
     pub(in crate::cluster::server) fn mute(&mut self, now: Duration) -> Vec<NodeId> {
         if self.mute_at().is_none_or(|at| now < at) {
             return Vec::new();
@@ -96,7 +97,7 @@ impl Group {
         }
     }
 
-    /// All have stopped: the newest dispatch is completed by everybody.
+    /// Makes everybody complete the newest dispatch, once all have stopped.
     fn finish(&mut self, common: &mut Common) {
         let Some(change) = &self.change else { return };
         if change.settled.len() < change.survivors.len() {
@@ -137,7 +138,7 @@ impl Group {
         }
     }
 
-    /// All owned bodies are known: who is to compute what, and which bodies must be seen whole for that?
+    /// Plans the view once all owned bodies are known: who computes which region, and which bodies must be fetched for that.
     fn plan(&mut self, common: &mut Common) {
         let Some(change) = &self.change else { return };
         if change.surveys.len() < change.survivors.len() {
@@ -189,8 +190,8 @@ impl Group {
         self.conclude(common);
     }
 
-    /// Whether a body goes on where it is: its region is still its owner's, and nothing later was said of it, as in a view that
-    /// nobody came to compute.
+    /// Returns whether a body goes on where it is: its region is still its owner's, and nothing later was said of it, as in a
+    /// view that nobody came to compute.
     fn stays(&self, id: BodyId, owner: &Owner, allocation: &Allocation) -> bool {
         let known = self.record.body(id).map(|body| body.epoch);
         allocation.get(&owner.region) == Some(&owner.node) && known <= Some(owner.epoch)
@@ -233,7 +234,7 @@ impl Group {
         true
     }
 
-    /// Everything is known: the view begins.
+    /// Begins the view once everything is known.
     fn conclude(&mut self, common: &mut Common) {
         let is_complete =
             |change: &mut ViewChange| change.plan.as_ref().is_some_and(|plan| plan.fetching.is_empty());
@@ -334,7 +335,7 @@ impl Group {
             for chunk in parts {
                 common.send_node(node, ToNode::Chunk(chunk));
             }
-            // Who claims a body that another owns at a higher epoch lets go of it.
+            // A node that claims a body that another owns at a higher epoch lets go of it.
             let beaten =
                 surveys.get(&node).into_iter().flatten().filter(|claim| owners[&claim.id].node != node);
             let drop: BTreeSet<_> = drop.iter().copied().chain(beaten.map(|claim| claim.id)).collect();

@@ -1,4 +1,4 @@
-//! What may touch what, by MuJoCo's rules.
+//! Decides which geoms may touch, by MuJoCo's rules.
 
 use std::collections::BTreeSet;
 
@@ -22,14 +22,14 @@ pub(super) fn touch(collider: ColliderBuilder, geom: &Geom, contact: bool) -> Co
     collider.collision_groups(groups).friction(friction).friction_combine_rule(CoefficientCombineRule::Max)
 }
 
-/// Pairs of the loader's bodies that never touch: those welded together, those tied by a joint (but not to the world), and those
-/// excluded.
+/// Returns the pairs of the loader's bodies that never touch: those welded together, those tied by a joint (but not to the world),
+/// and those excluded.
 pub(super) fn apart(
     robot: &MjcfRobot,
     file: &mjcf::Model,
     filter_parent: bool,
 ) -> Result<BTreeSet<(usize, usize)>, Fault> {
-    // The body that each is welded to, at last, and that one's parent, welded likewise; the world is 0.
+    // The body that each is finally welded to, and that one's parent, welded likewise; the world is 0.
     let mut weld = vec![0; file.bodies.len()];
     let mut parent = vec![0; file.bodies.len()];
     for (index, entry) in file.bodies.iter().enumerate().skip(1) {
@@ -68,7 +68,7 @@ pub(super) fn apart(
     Ok(pairs)
 }
 
-/// What contacts have in MuJoCo and not here.
+/// Warns of properties of contacts that MuJoCo has and dcd has not.
 pub(super) fn warn(file: &mjcf::Model, warnings: &mut Warnings) {
     for pair in &file.contact.pairs {
         let names = format!("{} with {}", pair.geom1, pair.geom2);

@@ -1,4 +1,4 @@
-//! What drives and brakes joints: springs, damping and dry friction of `<joint>`, and `<actuator>`s, as one motor an axis.
+//! Builds one motor per axis from what drives and brakes joints: springs, damping and dry friction of `<joint>`, and `<actuator>`s.
 //!
 //! MuJoCo adds forces: -k (q - r) - d v of the joint, and of each servo K (T - q) + D (V - v). Their sum is a motor of Rapier
 //! with stiffness k + ΣK, damping d + ΣD, and the targets at which it is at rest, by force and not by acceleration.
@@ -10,7 +10,7 @@ use rapier3d_mjcf::mjcf_rs::extras::{Actuator, ActuatorKind};
 use crate::physics::LinkSettings;
 use crate::scene::models::warnings::Warnings;
 
-/// What one actuator does to its joint, per unit of the joint.
+/// The servo that one actuator is to its joint, per unit of the joint.
 struct Servo {
     stiffness: f64,
     target: f64,
@@ -57,7 +57,7 @@ pub(super) fn drive(
     let [own_stiffness, own_damping, frictionloss] =
         [from.stiffness, from.damping, from.frictionloss].map(|own| if linked { 0.0 } else { own });
     if let Some([time, ratio]) = from.springdamper.filter(|[time, ratio]| *time > 0.0 && *ratio > 0.0) {
-        // By acceleration: so the file asks for a time, whatever the inertia.
+        // Acceleration-based: so the file asks for a time, whatever the inertia.
         if !servos.is_empty() {
             warnings.add("actuator on a joint with springdamper", name, "has no effect");
         }

@@ -1,12 +1,12 @@
-//! `<include>`: MuJoCo puts the children of the included file's root where the element stands, whatever it stands in. Rapier's
-//! reader knows it at the top of a file only.
+//! Expands `<include>`: MuJoCo puts the children of the included file's root where the element stands, whatever it stands in.
+//! Rapier's reader knows it at the top of a file only.
 
 use std::path::{Path, PathBuf};
 
 use crate::scene::SceneError;
 use crate::scene::models::source::{Fault, Source};
 
-/// The file with everything that it includes; its lines are its own if it includes nothing.
+/// Returns the file with everything that it includes; its lines are its own if it includes nothing.
 pub(super) fn flatten(source: &Source) -> Result<Source, SceneError> {
     let mut open = vec![source.path.clone()];
     let text = expanded(source, source.folder(), &mut open)?;
@@ -45,7 +45,7 @@ fn expanded(source: &Source, main: &Path, open: &mut Vec<PathBuf>) -> Result<Str
     Ok(text)
 }
 
-/// What stands between the root's tags.
+/// Returns the text between the root's tags.
 fn content(text: &str) -> String {
     let document = roxmltree::Document::parse(text).expect("it was parsed before it was expanded");
     let root = document.root_element();

@@ -1,4 +1,4 @@
-//! MJCF, through rapier3d-mjcf.
+//! Reads MJCF files through rapier3d-mjcf.
 
 mod contacts;
 mod drives;
@@ -21,7 +21,7 @@ use crate::scene::SceneError;
 use scan::Flags;
 use shapes::Placed;
 
-/// Reads a file.
+/// Reads an MJCF file into a model.
 pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, SceneError> {
     let source = &flatten::flatten(source)?;
     let document = source.document("mujoco")?;
@@ -74,7 +74,7 @@ fn convert(
     Ok(model)
 }
 
-/// Joints that the loader would leave out with a line in a log.
+/// Refuses joints that the loader would leave out with a line in a log.
 fn check_references(file: &mut mjcf::Model) -> Result<(), Fault> {
     let bodies: Vec<_> = file.bodies.iter().filter_map(|entry| entry.body.name.clone()).collect();
     let known = |name: &str| name == "world" || bodies.iter().any(|body| body == name);
@@ -120,7 +120,7 @@ fn check_references(file: &mut mjcf::Model) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Puts the robot in the keyframe that is asked for, and gives its actuators' controls.
+/// Puts the robot in the keyframe that is asked for, and returns its actuators' controls.
 fn start(robot: &mut MjcfRobot, key: usize) -> Result<Vec<f64>, Fault> {
     if key == 0 {
         return Ok(vec![0.0; robot.actuators.len()]);
@@ -143,7 +143,7 @@ fn start(robot: &mut MjcfRobot, key: usize) -> Result<Vec<f64>, Fault> {
     Ok((0..robot.actuators.len()).map(|index| frame.ctrl.get(index).copied().unwrap_or(0.0)).collect())
 }
 
-/// As the loader decides it.
+/// Returns whether the world has a body, as the loader decides it.
 fn world_is_used(robot: &MjcfRobot) -> bool {
     let ties = robot.joints.iter().map(|joint| (joint.link1, joint.link2));
     let loops = robot.equality_joints.iter().map(|joint| (joint.link1, joint.link2));
@@ -166,8 +166,8 @@ fn part(index: usize, body: &MjcfBody, file: &mjcf::Model, shapes: &[Vec<Placed>
     Part::of(name, &body.body, colliders.collect())
 }
 
-/// The joints of the file in the order in which the loader makes its own: none for a free joint, one that locks everything for
-/// a body without joints in another body.
+/// Returns the joints of the file in the order in which the loader makes its own: none for a free joint, one that locks
+/// everything for a body without joints in another body.
 fn joints_in_order(file: &mjcf::Model) -> impl Iterator<Item = Option<&Joint>> {
     file.bodies.iter().skip(1).flat_map(|entry| {
         let joints = &entry.body.joints;
@@ -220,7 +220,7 @@ fn add_joints(
     }
 }
 
-/// `<equality>`: what impulse joints can hold. Other than joints of the tree, these let their bodies touch.
+/// Adds the loops of `<equality>` that impulse joints can hold. Unlike joints of the tree, these let their bodies touch.
 fn add_loops(
     model: &mut Model,
     robot: &MjcfRobot,

@@ -1,4 +1,4 @@
-//! What of MJCF Rapier's reader would pass over in silence: each is refused, warned of, or known to have no effect here.
+//! Finds elements of MJCF that Rapier's reader would ignore silently: each is refused, warned of, or known to have no effect here.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -8,7 +8,7 @@ use roxmltree::{Document, Node};
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
 
-/// What is followed and the reader passes over: switches of `<option><flag>`, and more.
+/// Settings that are applied here though the reader ignores them: switches of `<option><flag>`, and more.
 pub(super) struct Flags {
     /// Names of the meshes that are to weigh as their hulls.
     pub(super) convex: BTreeSet<String>,
@@ -36,7 +36,7 @@ const SECTIONS: [&str; 16] = [
     "keyframe",
     "extension",
 ];
-/// What may stand in a body.
+/// Elements that may stand in a body.
 const IN_BODIES: [&str; 10] =
     ["body", "frame", "geom", "joint", "freejoint", "inertial", "site", "camera", "light", "attach"];
 /// Switches of `<flag>` that change only how MuJoCo computes.
@@ -55,7 +55,7 @@ const HARMLESS_FLAGS: [&str; 13] = [
     "refsafe",
     "eulerdamp",
 ];
-/// Element, attribute, the value that means nothing, what becomes of another.
+/// Attributes that the reader ignores: element, attribute, the value without effect, the consequence of another.
 const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
     ("option", "density", "0", "fluid (option density)", "there is no fluid here"),
     ("option", "viscosity", "0", "fluid (option viscosity)", "there is no fluid here"),
@@ -83,7 +83,7 @@ const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
     ("compiler", "fitaabb", "false", "compiler fitaabb", "has no effect"),
 ];
 
-/// Refuses what would leave the scene without what the file describes; warns of what is different.
+/// Refuses what would leave the scene without something that the file describes; warns of differences.
 pub(super) fn check(document: &Document<'_>, warnings: &mut Warnings) -> Result<Flags, Fault> {
     for section in elements(document.root_element()) {
         let name = section.tag_name().name();
@@ -178,7 +178,7 @@ pub(super) fn elements<'a, 'd>(node: Node<'a, 'd>) -> impl Iterator<Item = Node<
     node.children().filter(Node::is_element)
 }
 
-/// The element's name, or what it is and where.
+/// Returns the element's name, or its kind and line.
 fn named(node: Node<'_, '_>) -> String {
     node.attribute("name").map_or_else(
         || {

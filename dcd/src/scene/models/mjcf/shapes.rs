@@ -1,5 +1,5 @@
-//! Shapes and masses of geoms that Rapier's loader makes otherwise than MuJoCo, or not at all: meshes of several parts, meshes in
-//! the file itself, ellipsoids, height fields. The loader is given a small ball in their place, which is then replaced.
+//! Builds shapes and masses of geoms that Rapier's loader makes otherwise than MuJoCo, or not at all: meshes of several parts, meshes
+//! in the file itself, ellipsoids, height fields. The loader is given a small ball in their place, which is then replaced.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -18,7 +18,7 @@ use crate::scene::models::warnings::Warnings;
 /// A geom's shape in the space of its body.
 pub(super) type Placed = (SharedShape, Pose);
 
-/// Readies the file for the loader, and gives the shapes of the geoms that touch, by body, in order.
+/// Prepares the file for the loader, and returns the shapes of the geoms that touch, by body, in order.
 pub(super) fn prepare(
     file: &mut mjcf::Model,
     folder: &Path,
@@ -26,7 +26,7 @@ pub(super) fn prepare(
     warnings: &mut Warnings,
 ) -> Result<Vec<Vec<Placed>>, Fault> {
     let mut maker = Maker { meshes: Meshes::default(), convex, folder };
-    // Looks are not loaded.
+    // Geoms that are only looks are not loaded.
     file.compiler.discard_visual = true;
     let mut all = Vec::new();
     for index in 0..file.bodies.len() {
@@ -77,7 +77,7 @@ pub(super) fn prepare(
     Ok(all)
 }
 
-/// `fromto` as size and pose.
+/// Converts `fromto` to size and pose.
 fn spread(geom: &mut Geom) {
     let Some([x1, y1, z1, x2, y2, z2]) = geom.fromto.take() else { return };
     let (from, to) = (DVec3::new(x1, y1, z1), DVec3::new(x2, y2, z2));
@@ -188,7 +188,7 @@ impl Maker<'_> {
         })
     }
 
-    /// All parts of the mesh together, scaled.
+    /// Returns all parts of the mesh together, scaled.
     fn vertices(&mut self, file: &mjcf::Model, geom: &Geom) -> Result<mesh::Triangles, Fault> {
         let asset = asset(file, geom)?;
         let scale = Vector::from(asset.scale.map(|v| v as f32));
@@ -221,7 +221,7 @@ fn asset<'a>(file: &'a mjcf::Model, geom: &Geom) -> Result<&'a mjcf::assets::Mes
     })
 }
 
-/// Fine enough to roll: the ball of Parry as triangles, stretched, out to where its volume is the ellipsoid's.
+/// Returns an ellipsoid fine enough to roll: Parry's ball as triangles, stretched, out to where its volume is the ellipsoid's.
 fn ellipsoid(half: [f32; 3]) -> SharedShape {
     let (points, _) = rapier3d::parry::shape::Ball::new(1.0).to_trimesh(16, 16);
     let sphere = 4.0 / 3.0 * std::f32::consts::PI;
@@ -231,8 +231,8 @@ fn ellipsoid(half: [f32; 3]) -> SharedShape {
     mesh::hull(&points).expect("a ball stretched along its axes has a volume")
 }
 
-/// MuJoCo's rows run along y, the first at the far end; Parry's along z, the first at the near end, which is the far end of y
-/// once the field stands upright.
+/// Builds a height field. MuJoCo's rows run along y, the first at the far end; Parry's along z, the first at the near end, which is
+/// the far end of y once the field stands upright.
 fn height_field(file: &mjcf::Model, geom: &Geom) -> Result<SharedShape, Fault> {
     let name = geom.hfield.as_deref().unwrap_or_default();
     let Some(asset) = file.assets.hfield(name) else {

@@ -1,4 +1,4 @@
-//! URDF, through rapier3d-urdf.
+//! Reads URDF files through rapier3d-urdf.
 
 mod parse;
 
@@ -17,7 +17,7 @@ use crate::physics::LinkSettings;
 use crate::scene::SceneError;
 use parse::Parsed;
 
-/// Reads a file.
+/// Reads a URDF file into a model.
 pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, SceneError> {
     let document = source.document("robot")?;
     parse::parse(&document)
@@ -26,8 +26,8 @@ pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, Scene
 }
 
 fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams) -> Result<Model, Fault> {
-    // The loader passes over meshes that it cannot read, and takes a URDF's moving meshes for shells. It is given boxes in their
-    // place, one a mesh, which are then replaced.
+    // The loader ignores meshes that it cannot read, and takes a URDF's moving meshes for shells. It is given boxes in their place,
+    // one per mesh, which are then replaced.
     let mut meshes = Meshes::default();
     let shapes = mesh_shapes(&mut parsed.robot, source.folder(), &mut meshes)?;
     for mesh in meshes.not_z_up {
@@ -74,7 +74,7 @@ struct MeshShape {
     file: String,
 }
 
-/// Replaces each `<mesh>` of a collision by one box a part of the mesh, and gives the parts by link.
+/// Replaces each `<mesh>` of a collision by one box per part of the mesh, and returns the parts by link.
 fn mesh_shapes(
     robot: &mut urdf_rs::Robot,
     folder: &Path,
@@ -105,7 +105,7 @@ fn mesh_shapes(
     Ok(shapes)
 }
 
-/// The file behind a mesh's name: `package://name/path` is looked for in the folders above, with and without `name`.
+/// Returns the file behind a mesh's name: `package://name/path` is looked for in the folders above, with and without `name`.
 fn resolve(name: &str, folder: &Path) -> Result<PathBuf, Fault> {
     let remedy = "put the mesh there, or correct the path in the file";
     let plain = name.strip_prefix("file://").unwrap_or(name);
@@ -144,7 +144,7 @@ fn replace_meshes(part: &mut Part, shapes: &[MeshShape], fixed: bool) -> Result<
     Ok(())
 }
 
-/// From the numbers of the file: the loader does not turn the inertia by its origin's `rpy`.
+/// Returns the mass from the numbers of the file: the loader does not turn the inertia by its origin's `rpy`.
 fn mass_of(inertial: &urdf_rs::Inertial) -> MassProperties {
     let urdf_rs::Inertial { origin, mass, inertia: i } = inertial;
     let [roll, pitch, yaw] = origin.rpy.0.map(|v| v as f32);
@@ -197,7 +197,7 @@ fn add_joints(
     }
 }
 
-/// `<dynamics>`: damping, or dry friction.
+/// Applies `<dynamics>`: damping, or dry friction.
 fn brake(
     joint: &mut GenericJoint,
     axis: JointAxis,
@@ -218,7 +218,7 @@ fn brake(
     }
 }
 
-/// A root without mass is the world, or stands in it.
+/// Fixes roots without mass: such a root is the world, or stands in it.
 fn fix_weightless_roots(model: &mut Model) {
     for index in 0..model.parts.len() {
         let root = model.joints.iter().all(|joint| joint.b != index);
@@ -230,7 +230,7 @@ fn fix_weightless_roots(model: &mut Model) {
     }
 }
 
-/// Which parts end up fixed, once what is welded to something fixed is.
+/// Returns which parts end up fixed, once those welded to something fixed are.
 fn fixed_at_last(model: &Model) -> Vec<bool> {
     let mut fixed: Vec<bool> = model.parts.iter().map(Part::is_fixed).collect();
     while let Some(joint) =
@@ -241,7 +241,7 @@ fn fixed_at_last(model: &Model) -> Vec<bool> {
     fixed
 }
 
-/// Links of one robot that overlap where it starts do so by its making, and never touch.
+/// Keeps links of one robot from touching that overlap where it starts: they do so by design.
 fn keep_overlapping_apart(model: &mut Model) {
     let overlap = |a: &Part, b: &Part| {
         a.colliders.iter().any(|x| {

@@ -1,5 +1,5 @@
-//! The file's elements, more leniently than urdf-rs reads them (files without `effort`, `velocity` or inertia are common), and with
-//! the line of what is wrong.
+//! Parses the elements of a URDF file, more leniently than urdf-rs (files without `effort`, `velocity` or inertia are common), and
+//! with the line of each error.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::str::FromStr;
@@ -10,7 +10,7 @@ use roxmltree::{Document, Node};
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
 
-/// What the loader is given, and what it has no place for.
+/// The parsed robot for the loader, and the properties that the loader has no place for.
 pub(super) struct Parsed {
     pub(super) robot: urdf_rs::Robot,
     /// By link.
@@ -236,7 +236,7 @@ impl Parsed {
         Ok(limit)
     }
 
-    /// Every joint ties two links that are there, and no link has two parents.
+    /// Checks that every joint ties two links that are there, and that no link has two parents.
     fn check(&self, root: Node<'_, '_>) -> Result<(), Fault> {
         let mut parents = BTreeMap::new();
         for joint in &self.robot.joints {
@@ -285,7 +285,7 @@ fn inertial(node: Node<'_, '_>) -> Result<urdf_rs::Inertial, Fault> {
     Ok(urdf_rs::Inertial { origin: pose(node)?, mass: urdf_rs::Mass { value: mass }, inertia })
 }
 
-/// None for an empty `<geometry>`, which some exporters write.
+/// Returns the geometry; none for an empty `<geometry>`, which some exporters write.
 fn geometry(collision: Node<'_, '_>, warnings: &mut Warnings, link: &str) -> Result<Option<Geometry>, Fault> {
     let Some(shape) = child(collision, "geometry").and_then(|geometry| elements(geometry).next()) else {
         warnings.add("collision without geometry", link, "touches nothing");

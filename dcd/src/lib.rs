@@ -108,7 +108,7 @@ pub mod query {
 #[cfg(feature = "net")]
 pub mod network {
     #[cfg(feature = "physics")]
-    pub use crate::cluster::Grouping;
+    pub use crate::cluster::{GroupPolicy, Grouping, Hint, HintUse, PollRules};
     pub use crate::net::{JoinRole, PeerName, PeerStats};
     #[cfg(feature = "physics")]
     pub use crate::protocol::{DelayThresholds, Pace, Thresholds};

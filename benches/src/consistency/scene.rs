@@ -87,7 +87,7 @@ impl Running {
         let inside = inside.map(|body| Bounds::around(body.state.pose.translation, [0.3; 3]));
         let bounds = inside.reduce(|a, b| a.union(&b)).expect("a gas has balls");
         let world = EnvironmentProperties {
-            gravity: scene.gravity,
+            step: dcd::protocol::StepRecord { gravity: scene.gravity, ..sim_world(1).step },
             tree: DistributionTree::halved(bounds, 8)?,
             ..sim_world(1)
         };

@@ -3,7 +3,7 @@
 
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, JointRecord,
-    Placed, RegionEvents, SharedState, TickStats, WorldOp,
+    Placed, RegionEvents, SharedState, WorldOp,
 };
 use crate::space::{BodyId, RegionId, Tick};
 
@@ -119,4 +119,23 @@ pub enum PhysicsEvent {
     Surveyed(Vec<Claim>),
     /// The fetched bodies that are held here, owned or replica, at the epoch of their owner, in id order.
     Found(Vec<BodyRecord>),
+}
+
+/// What a tick cost one member.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TickStats {
+    /// Bodies owned.
+    pub bodies: u32,
+    /// Replicas held.
+    pub replicas: u32,
+    /// Contact pairs.
+    pub contacts: u32,
+    /// Bodies that left for another region.
+    pub transfers: u32,
+    /// Microseconds of computing.
+    pub compute_us: u32,
+    /// Exchanges in it; 0 in a world of one region.
+    pub exchanges: u32,
+    /// How far copies of shared bodies were from agreement at the worst border, summed over its exchanges, m/s.
+    pub disagreement_m_s: f32,
 }

@@ -20,7 +20,7 @@ pub(super) use self::state_replication::TELL_TICK;
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
     Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Pace, Question, Refusal,
-    RegionEvents, Report, Thresholds, TickStats, ToClient, View, ViewNumber, WorldOp,
+    RegionEvents, Report, Thresholds, ToClient, View, ViewNumber, WorldOp,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 
@@ -39,8 +39,8 @@ pub struct Leader {
     /// The last dispatched tick; that of the view before the first.
     tick: Tick,
     last_tick: Option<Tick>,
-    /// The newest tick that each member has completed, and what it cost.
-    done: BTreeMap<NodeId, (Tick, TickStats)>,
+    /// Returns the newest tick that each member has completed, and what it cost.
+    done: BTreeMap<NodeId, Tick>,
     /// How many ticks members may be apart.
     lag: u64,
     /// The most rounds that a member wants for the next tick, of those that are done.
@@ -81,7 +81,7 @@ impl Leader {
             view: view.number,
             group: view.group,
             members: view.members.iter().map(|member| member.node).collect(),
-            dt: Duration::from_secs_f32(world.dt_s),
+            dt: Duration::from_secs_f32(world.step.dt_s),
             pace: world.pace,
             speed_limit: world.avatar_speed_limit,
             tick: view.tick,
@@ -221,12 +221,12 @@ impl Leader {
     /// Takes in that a member has completed a tick: it has reached the barrier.
     pub fn done(&mut self, from: NodeId, done: Done) {
         // A message may come again after a link broke.
-        let is_new = self.done.get(&from).is_none_or(|&(known, _)| known < done.tick);
+        let is_new = self.done.get(&from).is_none_or(|&known| known < done.tick);
         if done.tick > self.tick || !self.members.contains(&from) || !is_new {
             return;
         }
         let was_complete = self.completed();
-        self.done.insert(from, (done.tick, done.stats));
+        self.done.insert(from, done.tick);
         if let Some(holds) = done.holds {
             self.holders.now_holds(from, holds);
         }
@@ -320,14 +320,9 @@ impl Leader {
         std::mem::take(&mut self.messages)
     }
 
-    /// Returns what the last tick cost each member that is done with it.
-    pub fn stats(&self) -> impl Iterator<Item = (NodeId, TickStats)> {
-        self.done.iter().map(|(&node, &(_, stats))| (node, stats))
-    }
-
-    /// Returns the newest tick that all members have completed.
+    /// The newest tick that all members have completed.
     fn completed(&self) -> Option<Tick> {
-        let ticks = self.members.iter().map(|node| self.done.get(node).map(|&(tick, _)| tick));
+        let ticks = self.members.iter().map(|node| self.done.get(node).copied());
         ticks.min().flatten()
     }
 
@@ -382,7 +377,7 @@ impl Leader {
     /// Returns the members that have not completed the newest tick, but for the lag that they may have.
     pub fn missing(&self) -> impl Iterator<Item = NodeId> {
         let is_behind =
-            |node: &&NodeId| self.done.get(node).is_none_or(|&(tick, _)| tick.0 + self.lag < self.tick.0);
+            |node: &&NodeId| self.done.get(node).is_none_or(|&tick| tick.0 + self.lag < self.tick.0);
         self.members.iter().filter(is_behind).copied()
     }
 }
@@ -422,12 +417,11 @@ mod tests {
         for (id, touches) in [(1, one), (2, two)] {
             let events =
                 RegionEvents { region: RegionId(id), tick: Tick(tick), touches, ..RegionEvents::default() };
-            let (view, stats) = (ViewNumber(1), TickStats::default());
+            let view = ViewNumber(1);
             let done = Done {
                 view,
                 tick: Tick(tick),
                 rounds_wanted: id,
-                stats,
                 holds: None,
                 events: vec![events],
                 answers: vec![],
@@ -459,18 +453,10 @@ mod tests {
         let mut leader = leader();
         assert_eq!(leader.dispatch(Duration::ZERO).unwrap().rounds, 2, "the members want 1 and 2");
         for (id, rounds_wanted) in [(1, 3), (2, 1)] {
-            let (view, stats) = (ViewNumber(1), TickStats::default());
+            let view = ViewNumber(1);
             leader.done(
                 NodeId(id),
-                Done {
-                    view,
-                    tick: Tick(1),
-                    rounds_wanted,
-                    stats,
-                    holds: None,
-                    events: vec![],
-                    answers: vec![],
-                },
+                Done { view, tick: Tick(1), rounds_wanted, holds: None, events: vec![], answers: vec![] },
             );
         }
         assert_eq!(leader.dispatch(Duration::from_secs(1)).unwrap().rounds, 3);

@@ -30,7 +30,7 @@ use crate::space::{ClientId, NodeId};
 
 pub use client::{BodyView, Client, ClientEvent, ClientOutput};
 pub use correction::{correction, deviation_m};
-pub use device::{PhysicsCommand, PhysicsEvent, Sampling};
+pub use device::{PhysicsCommand, PhysicsEvent, Sampling, TickStats};
 pub use directory::{Batch, Key};
 pub use groups::{GroupError, GroupPolicy, GroupRules, Hint, HintUse, best_group, form_groups};
 pub use leader::{Deviations, Leader};

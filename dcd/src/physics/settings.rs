@@ -3,54 +3,11 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::protocol::BIG_ISLAND;
+use crate::protocol::{BIG_ISLAND, SettingFault, StepRecord};
 
-/// The coupling methods: how regions agree on bodies near their borders.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Coupling {
-    /// Replicas are kinematic ghosts that push and are not pushed. What most projects do; it gains energy and drops
-    /// stacks. The baseline that the other methods are compared with.
-    Proxy,
-    /// Replicas are dynamic copies, overwritten by their owner after each step. Cheap and tolerant of delay; it does not
-    /// conserve momentum across a border.
-    Owner,
-    /// Bodies within some contact hops of a border live in both regions, each copy with a part of the mass (mass splitting);
-    /// copies follow their consensus, the mean, and regions even out the forces at the edges of the overlap.
-    Overlap,
-    /// Bodies that meet across a border are solved by both regions with whole copies, and the region that sees most of the island
-    /// is authoritative; an island that stays in touch moves whole to one region, where it is computed exactly. Islands above the
-    /// limit as by `overlap`.
-    Island,
-    /// As `island`, with the exchanges of each border at which an island is split chosen by how far its copies disagree.
-    #[default]
-    Auto,
-}
+pub use crate::protocol::Coupling;
 
 impl Coupling {
-    /// All coupling methods.
-    pub const ALL: [Self; 5] = [Self::Proxy, Self::Owner, Self::Overlap, Self::Island, Self::Auto];
-
-    /// Returns its name on the command line and in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Proxy => "proxy",
-            Self::Owner => "owner",
-            Self::Overlap => "overlap",
-            Self::Island => "island",
-            Self::Auto => "auto",
-        }
-    }
-
-    /// Returns the exchanges per tick that suit it; for `auto`, the most that it may take.
-    pub const fn usual_exchanges(self) -> usize {
-        match self {
-            Self::Proxy | Self::Owner => 1,
-            Self::Overlap | Self::Island => 2,
-            Self::Auto => 4,
-        }
-    }
-
     /// Returns whether regions use mass splitting, with consensus on the means of a body's copies.
     pub(super) const fn shares_mass(self) -> bool {
         matches!(self, Self::Overlap | Self::Island | Self::Auto)
@@ -141,6 +98,69 @@ impl Preset {
 }
 
 impl StepSettings {
+    /// Returns the settings that nodes of a served world are sent: all but `integration`, which is Rapier's own there.
+    pub(crate) fn record(&self) -> StepRecord {
+        let Self {
+            gravity,
+            dt_s,
+            solver_iterations,
+            coupling,
+            exchanges,
+            depth,
+            island_limit,
+            tolerance_m_s,
+            integration: _,
+        } = *self;
+        // What is out of range stays so.
+        let narrowed = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
+        StepRecord {
+            gravity,
+            dt_s,
+            solver_iterations: narrowed(solver_iterations),
+            coupling,
+            exchanges: narrowed(exchanges),
+            depth: narrowed(depth),
+            island_limit: narrowed(island_limit),
+            tolerance_m_s,
+        }
+    }
+
+    /// Returns the first setting that is out of range.
+    pub(crate) fn fault(&self) -> Option<SettingFault> {
+        self.record().fault().or_else(|| {
+            let (what, value) = unfit(&self.integration)?;
+            Some((what, value.to_string(), "finite and not negative; length_unit above 0"))
+        })
+    }
+}
+
+impl From<StepRecord> for StepSettings {
+    fn from(record: StepRecord) -> Self {
+        let StepRecord {
+            gravity,
+            dt_s,
+            solver_iterations,
+            coupling,
+            exchanges,
+            depth,
+            island_limit,
+            tolerance_m_s,
+        } = record;
+        Self {
+            gravity,
+            dt_s,
+            solver_iterations: solver_iterations as usize,
+            coupling,
+            exchanges: exchanges as usize,
+            depth: depth as usize,
+            island_limit: island_limit as usize,
+            tolerance_m_s,
+            integration: IntegrationParameters::default(),
+        }
+    }
+}
+
+impl StepSettings {
     /// Returns the settings with another coupling and its usual exchanges.
     pub fn with_coupling(self, coupling: Coupling) -> Self {
         Self { coupling, exchanges: coupling.usual_exchanges(), ..self }
@@ -155,4 +175,25 @@ impl StepSettings {
         };
         Self { coupling: Coupling::Auto, exchanges, depth, island_limit, tolerance_m_s, ..self }
     }
+}
+
+/// The first of the solver's parameters that Rapier cannot use.
+fn unfit(parameters: &IntegrationParameters) -> Option<(&'static str, f32)> {
+    let (moving, fixed) = (parameters.contact_softness, parameters.static_contact_softness);
+    let numbers = [
+        ("integration.min_ccd_dt", parameters.min_ccd_dt),
+        ("integration.contact_softness", moving.natural_frequency),
+        ("integration.contact_softness", moving.damping_ratio),
+        ("integration.static_contact_softness", fixed.natural_frequency),
+        ("integration.static_contact_softness", fixed.damping_ratio),
+        ("integration.warmstart_coefficient", parameters.warmstart_coefficient),
+        ("integration.normalized_allowed_linear_error", parameters.normalized_allowed_linear_error),
+        ("integration.normalized_max_corrective_velocity", parameters.normalized_max_corrective_velocity),
+        ("integration.normalized_prediction_distance", parameters.normalized_prediction_distance),
+        ("integration.normalized_max_linear_velocity", parameters.normalized_max_linear_velocity),
+        ("integration.normalized_contact_recycle_distance", parameters.normalized_contact_recycle_distance),
+    ];
+    let is_unit = parameters.length_unit.is_finite() && parameters.length_unit > 0.0;
+    let mut unfit = numbers.into_iter().filter(|(_, value)| !(value.is_finite() && *value >= 0.0));
+    unfit.next().or((!is_unit).then_some(("integration.length_unit", parameters.length_unit)))
 }

@@ -19,7 +19,7 @@ use crate::protocol::SharedState;
 use crate::space::ClientId;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 7;
+pub const VERSION: u32 = 8;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -295,23 +295,24 @@ mod tests {
         fn changed_bytes_never_panic(at in 0_usize..4096, to in any::<u8>()) {
             let world = crate::protocol::EnvironmentProperties {
                 world: 1,
-                gravity: [0.0, -9.81, 0.0],
-                dt_s: 1.0 / 60.0,
-                solver_iterations: 4,
+                step: crate::protocol::StepRecord {
+                    gravity: [0.0, -9.81, 0.0],
+                    dt_s: 1.0 / 60.0,
+                    solver_iterations: 4,
+                    coupling: crate::protocol::Coupling::Owner,
+                    exchanges: 1,
+                    depth: 2,
+                    island_limit: 256,
+                    tolerance_m_s: 0.03,
+                },
                 tree: crate::space::DistributionTree::halved(
                     crate::space::Bounds::new([0.0; 3], [8.0; 3]), 4).unwrap(),
                 halo_m: None,
-                coupling: "owner".into(),
-                exchanges: 1,
-                depth: 2,
-                island_limit: 256,
-                tolerance_m_s: 0.03,
                 avatar_speed_limit: 10.0,
                 protocol: crate::protocol::SyncProtocol::Synchronised,
                 thresholds: Default::default(),
                 pace: crate::protocol::Pace::RealTime,
                 last_tick: None,
-                extension: vec![],
             };
             let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });
             for message in [sample(), welcome, Message::Ping(Ping { sent_us: 5 })] {

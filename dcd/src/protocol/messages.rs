@@ -10,13 +10,13 @@ use std::net::SocketAddr;
 
 use bincode::{Decode, Encode};
 
-use super::{BodyRecord, JointRecord, ShapeRecord};
+use super::{BodyRecord, JointRecord, ShapeRecord, StepRecord};
 use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
 pub use client::{Area, FromClient, Input, Refusal, Stamp, ToClient};
 pub use group::{
-    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, Motion, Report, Stance, TickStats,
-    ToNode, ToServer, WorldOp,
+    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, Motion, Report, Stance, ToNode, ToServer,
+    WorldOp,
 };
 pub use program::Program;
 pub use question::{
@@ -122,26 +122,12 @@ pub enum JoinAs {
 pub struct EnvironmentProperties {
     /// Names the world among those of a server.
     pub world: u64,
-    /// m/s².
-    pub gravity: [f32; 3],
-    /// Seconds per tick.
-    pub dt_s: f32,
-    /// Solver iterations per tick.
-    pub solver_iterations: u32,
+    /// How it is stepped.
+    pub step: StepRecord,
     /// How the world is cut into regions.
     pub tree: DistributionTree,
     /// How far beyond its box a region holds replicas, metres; `None`: by the size and speed of bodies.
     pub halo_m: Option<f64>,
-    /// Name of the coupling.
-    pub coupling: String,
-    /// Exchanges per tick, or the most that a border may take.
-    pub exchanges: u32,
-    /// Contact hops of an overlap.
-    pub depth: u32,
-    /// The most bodies of an island that moves whole.
-    pub island_limit: u32,
-    /// The disagreement of replicas that is tolerated, m/s.
-    pub tolerance_m_s: f32,
     /// The fastest that a client may ask its avatars to move, m/s.
     pub avatar_speed_limit: f32,
     /// How ticks are kept in step.
@@ -152,8 +138,6 @@ pub struct EnvironmentProperties {
     pub pace: Pace,
     /// The world ends after this tick; `None`: when it is told to.
     pub last_tick: Option<Tick>,
-    /// The application's own.
-    pub extension: Vec<u8>,
 }
 
 /// The protocol by which the members of a group keep in step (thesis 4.3.2.10).

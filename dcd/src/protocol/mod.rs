@@ -9,6 +9,7 @@ mod joint;
 pub mod link;
 mod messages;
 mod shape;
+mod step;
 mod validate;
 
 pub use body::{
@@ -34,11 +35,12 @@ pub use messages::{
     JoinAs, Lane, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN,
     MAX_TURNING_M, Meets, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace,
     Ping, Place, Placed, Pong, Program, Question, RayAnswer, RayQuestion, Refusal, Report, SHAPE_COST, Stamp,
-    Stance, SyncProtocol, Thresholds, TickStats, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
+    Stance, SyncProtocol, Thresholds, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;
 pub use shape::{ShapeHash, ShapeRecord};
+pub use step::{Coupling, SettingFault, StepRecord};
 pub use validate::{
     Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, PROGRAM_DATAGRAM_BYTES,
     PROGRAM_MESSAGE_BYTES, SHAPE_LEAST_M, SHAPE_REACH_M, WORLD_REACH_M,

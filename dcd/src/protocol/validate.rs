@@ -360,13 +360,9 @@ impl Check for ContactForce {
 
 impl Check for EnvironmentProperties {
     fn check(&self) -> Result<(), Invalid> {
-        finite(&self.gravity, "world.gravity")?;
-        must(self.dt_s.is_finite() && self.dt_s > 0.0, "world.dt_s", "finite and positive")?;
-        must(self.solver_iterations <= 1_000, "world.solver_iterations", "at most 1000")?;
-        must((1..=MAX_ROUNDS).contains(&self.exchanges), "world.exchanges", "1 to 64")?;
-        must((1..=MAX_DEPTH).contains(&self.depth), "world.depth", "1 to 16")?;
-        must(self.island_limit < u32::from(BIG_ISLAND), "world.island_limit", "below 65,535")?;
-        must(self.tolerance_m_s > 0.0, "world.tolerance_m_s", "positive")?;
+        if let Some((what, _, range)) = self.step.fault() {
+            must(false, what, range)?;
+        }
         must(self.halo_m.is_none_or(|v| v.is_finite() && v >= 0.0), "world.halo_m", "finite, not negative")?;
         not_negative(&[self.avatar_speed_limit], "world.avatar_speed_limit")?;
         self.thresholds.check()?;
@@ -542,7 +538,6 @@ impl Check for Dispatch {
 impl Check for Done {
     fn check(&self) -> Result<(), Invalid> {
         must((1..=MAX_ROUNDS).contains(&self.rounds_wanted), "done.rounds_wanted", "1 to 64")?;
-        not_negative(&[self.stats.disagreement_m_s], "done.disagreement_m_s")?;
         self.answers.iter().try_for_each(|answer| answer.found.check())?;
         all(&self.events)
     }

@@ -6,22 +6,17 @@ use std::time::Instant;
 use rapier3d::prelude::*;
 use tracing::warn;
 
-use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
-use crate::physics::{Coupling, HostError, Partition, RegionHost, StepSettings};
+use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correction, deviation_m};
+use crate::physics::{HostError, Partition, RegionHost};
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, Input,
-    Question, SharedState, StateHasher, TickStats, WorldOp,
+    Question, SharedState, WorldOp,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
 
 /// The error with which the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
-    /// The server uses a coupling that is not known here.
-    #[error(
-        "the server asks for coupling `{0}`, which this dcd does not know: install the same version on both"
-    )]
-    Coupling(String),
     /// Bodies, shapes or threads are refused.
     #[error(transparent)]
     Host(#[from] HostError),
@@ -219,7 +214,7 @@ impl PhysicsDevice {
 
     /// Accepts border messages; states of earlier ticks are extrapolated to this one.
     fn hear(&mut self, tick: Tick, incoming: Vec<BorderMessage>) {
-        let dt_s = self.world.as_ref().map_or(0.0, |world| f64::from(world.dt_s));
+        let dt_s = self.world.as_ref().map_or(0.0, |world| f64::from(world.step.dt_s));
         for message in &incoming {
             let bodies = message.replicas.iter().map(|body| body.id);
             let transfers = message.transfers.iter().map(|transfer| transfer.body.id);
@@ -270,7 +265,6 @@ impl PhysicsDevice {
             .into_iter()
             .filter_map(|id| host.owned(id).map(|(region, handle)| region.shared_state(handle)))
             .collect();
-        let full = checkpoint == Sampling::All;
         let checkpoint: Vec<BodyCheckpoint> = self
             .checkpoint
             .sample(host, checkpoint)
@@ -289,7 +283,6 @@ impl PhysicsDevice {
             compute_us: self.compute_us,
             exchanges: exchanges as u32,
             disagreement_m_s: host.disagreement_m_s(),
-            state_hash: full.then(|| hash_of(host)),
         };
         self.transfers_told = transfers;
         let rounds_wanted = host.rounds_wanted() as u32;
@@ -318,23 +311,8 @@ fn host_of(
     threads: usize,
     regions: &[RegionId],
 ) -> Result<RegionHost, DeviceError> {
-    let coupling = Coupling::ALL
-        .into_iter()
-        .find(|coupling| coupling.name() == world.coupling)
-        .ok_or_else(|| DeviceError::Coupling(world.coupling.clone()))?;
-    let settings = StepSettings {
-        gravity: world.gravity,
-        dt_s: world.dt_s,
-        solver_iterations: world.solver_iterations as usize,
-        coupling,
-        exchanges: world.exchanges as usize,
-        depth: world.depth as usize,
-        island_limit: world.island_limit as usize,
-        tolerance_m_s: world.tolerance_m_s,
-        integration: IntegrationParameters::default(),
-    };
     let partition = Partition::new(world.tree.clone(), world.halo_m);
-    Ok(RegionHost::new(partition, settings, threads, regions)?)
+    Ok(RegionHost::new(partition, world.step.into(), threads, regions)?)
 }
 
 /// Applies world operations (insertions, removals, inputs, inter-group corrections) before a tick; every member does so with the
@@ -404,14 +382,6 @@ fn steer(host: &mut RegionHost, input: &Input) {
 /// Counts pairs near enough to touch; counting those that do touch would visit every pair.
 fn contact_pairs(world: &PhysicsWorld) -> u32 {
     world.narrow_phase.contact_graph().interactions().count() as u32
-}
-
-fn hash_of(host: &RegionHost) -> u64 {
-    let mut hasher = StateHasher::default();
-    for (id, _, pose, velocity) in host.states() {
-        hasher.add(id, &pose, &velocity);
-    }
-    hasher.finish()
 }
 
 /// The bodies that were awake at the last sample, so that falling asleep is reported once.

@@ -10,8 +10,7 @@ use crate::physics::{
     StepSettings, joint_record,
 };
 use crate::protocol::{
-    BIG_ISLAND, ContactLedger, JointRecord, LinkMotion, MAX_DEPTH, MAX_ROUNDS, StateHasher, Velocity,
-    WorldEvents, WorldPose,
+    ContactLedger, JointRecord, LinkMotion, StateHasher, Velocity, WorldEvents, WorldPose,
 };
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
@@ -74,12 +73,7 @@ impl WorldConfig {
             threads: 1,
             halo_m: None,
             balance: scene.balance,
-            step: scene.coupling.applied_to(StepSettings {
-                gravity: scene.gravity,
-                dt_s: scene.dt_s,
-                solver_iterations: scene.solver_iterations,
-                ..StepSettings::default()
-            }),
+            step: scene.step_settings(),
         }
     }
 
@@ -610,64 +604,17 @@ impl LocalWorld {
 
 fn check(config: &WorldConfig) -> Result<(), WorldError> {
     let wrong = |what, value: String, range| Err(WorldError::Setting { what, value, range });
-    let step = &config.step;
-    if !(step.dt_s.is_finite() && step.dt_s > 0.0) {
-        return wrong("dt_s", step.dt_s.to_string(), "a tick lasts a positive number of seconds, as 1/60");
-    }
-    if !step.gravity.iter().all(|v| v.is_finite()) {
-        return wrong("gravity", format!("{:?}", step.gravity), "three finite numbers, m/s²");
-    }
-    if step.solver_iterations == 0 || step.solver_iterations > 1000 {
-        return wrong("solver_iterations", step.solver_iterations.to_string(), "1 to 1000 iterations a tick");
+    if let Some((what, value, range)) = config.step.fault() {
+        return wrong(what, value, range);
     }
     if let Some((what, value, range)) = config.balance.as_ref().and_then(Balance::fault) {
         return wrong(what, value, range);
-    }
-    if step.exchanges == 0 || step.exchanges > MAX_ROUNDS as usize {
-        return wrong("exchanges", step.exchanges.to_string(), "1 to 64 exchanges a tick");
-    }
-    if step.depth == 0 || step.depth > MAX_DEPTH as usize {
-        return wrong("depth", step.depth.to_string(), "1 to 16 contact hops");
-    }
-    if step.island_limit >= usize::from(BIG_ISLAND) {
-        return wrong("island_limit", step.island_limit.to_string(), "fewer than 65,535 bodies");
-    }
-    if !(step.tolerance_m_s.is_finite() && step.tolerance_m_s > 0.0) {
-        return wrong(
-            "tolerance_m_s",
-            step.tolerance_m_s.to_string(),
-            "a positive number of metres per second",
-        );
-    }
-    if let Some((what, value)) = unfit(&step.integration) {
-        return wrong(what, value.to_string(), "finite and not negative; length_unit above 0");
     }
     check_threads(config.threads)?;
     if config.halo_m.is_some_and(|halo| !halo.is_finite() || halo < 0.0) {
         return wrong("halo_m", format!("{:?}", config.halo_m), "a number of metres, 0 or more");
     }
     Ok(())
-}
-
-/// Returns the first of the solver's parameters that Rapier cannot use.
-fn unfit(parameters: &IntegrationParameters) -> Option<(&'static str, f32)> {
-    let (moving, fixed) = (parameters.contact_softness, parameters.static_contact_softness);
-    let numbers = [
-        ("integration.min_ccd_dt", parameters.min_ccd_dt),
-        ("integration.contact_softness", moving.natural_frequency),
-        ("integration.contact_softness", moving.damping_ratio),
-        ("integration.static_contact_softness", fixed.natural_frequency),
-        ("integration.static_contact_softness", fixed.damping_ratio),
-        ("integration.warmstart_coefficient", parameters.warmstart_coefficient),
-        ("integration.normalized_allowed_linear_error", parameters.normalized_allowed_linear_error),
-        ("integration.normalized_max_corrective_velocity", parameters.normalized_max_corrective_velocity),
-        ("integration.normalized_prediction_distance", parameters.normalized_prediction_distance),
-        ("integration.normalized_max_linear_velocity", parameters.normalized_max_linear_velocity),
-        ("integration.normalized_contact_recycle_distance", parameters.normalized_contact_recycle_distance),
-    ];
-    let is_unit = parameters.length_unit.is_finite() && parameters.length_unit > 0.0;
-    let mut unfit = numbers.into_iter().filter(|(_, value)| !(value.is_finite() && *value >= 0.0));
-    unfit.next().or((!is_unit).then_some(("integration.length_unit", parameters.length_unit)))
 }
 
 pub(super) fn check_threads(threads: usize) -> Result<(), WorldError> {

@@ -394,22 +394,14 @@ fn world_of(
     let ahead_m = f64::from(config.avatar_speed_limit * step.dt_s) * f64::from(lag_ticks);
     let environment = EnvironmentProperties {
         world: record.fingerprint(),
-        gravity: step.gravity,
-        dt_s: step.dt_s,
-        solver_iterations: step.solver_iterations as u32,
+        step: step.record(),
         tree,
         halo_m: Some(host.partition().halo_m() + ahead_m),
-        coupling: step.coupling.name().to_owned(),
-        exchanges: step.exchanges as u32,
-        depth: step.depth as u32,
-        island_limit: step.island_limit as u32,
-        tolerance_m_s: step.tolerance_m_s,
         avatar_speed_limit: config.avatar_speed_limit,
         protocol,
         thresholds: config.groups.thresholds,
         pace: config.pace,
         last_tick: config.last_tick,
-        extension: Vec::new(),
     };
     Ok((environment, record))
 }

@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use crate::physics::{CouplingChoice, LinkSettings, equip_link, insert_link, motion_between};
+use crate::physics::{CouplingChoice, LinkSettings, StepSettings, equip_link, insert_link, motion_between};
 use crate::protocol::{LinkRecord, WorldPose};
 use crate::space::{Axis, Balance, Bounds};
 
@@ -76,6 +76,16 @@ pub struct AvatarHint {
 }
 
 impl Scene {
+    /// Returns how the scene asks to be stepped; what it does not say is the default.
+    pub fn step_settings(&self) -> StepSettings {
+        self.coupling.applied_to(StepSettings {
+            gravity: self.gravity,
+            dt_s: self.dt_s,
+            solver_iterations: self.solver_iterations,
+            ..StepSettings::default()
+        })
+    }
+
     /// Builds one plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a
     /// partitioned run is compared with. Positions are rounded to f32. It has one thread: with the feature `parallel` a pool of its
     /// own, without which Rapier would spread over rayon's global pool; `set_thread_pool` gives it another.

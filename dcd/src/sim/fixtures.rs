@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::Random;
 use crate::protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Pace, SyncProtocol, Thresholds,
-    Velocity, WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, Coupling, EnvironmentProperties, Pace, StepRecord,
+    SyncProtocol, Thresholds, Velocity, WorldPose,
 };
 use crate::space::{BodyId, Bounds, DistributionTree, Epoch};
 
@@ -14,22 +14,23 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
     let bounds = Bounds::new([0.0; 3], [16.0, 8.0, 8.0]);
     EnvironmentProperties {
         world: 1,
-        gravity: [0.0; 3],
-        dt_s: 1.0 / 60.0,
-        solver_iterations: 4,
+        step: StepRecord {
+            gravity: [0.0; 3],
+            dt_s: 1.0 / 60.0,
+            solver_iterations: 4,
+            coupling: Coupling::Owner,
+            exchanges: 1,
+            depth: 2,
+            island_limit: 256,
+            tolerance_m_s: 0.03,
+        },
         tree: DistributionTree::halved(bounds, regions).expect("a small number of regions"),
         halo_m: Some(1.0),
-        coupling: "owner".into(),
-        exchanges: 1,
-        depth: 2,
-        island_limit: 256,
-        tolerance_m_s: 0.03,
         avatar_speed_limit: 20.0,
         protocol: SyncProtocol::Synchronised,
         thresholds: Thresholds::default(),
         pace: Pace::RealTime,
         last_tick: None,
-        extension: Vec::new(),
     }
 }
 

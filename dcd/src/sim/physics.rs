@@ -4,11 +4,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Engine;
-use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, correction, deviation_m};
+use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correction, deviation_m};
 use crate::protocol::{
     Answer, Asked, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, CastAnswer, CastQuestion,
     Claim, ContactKey, EnvironmentProperties, Found, Overlap, OverlapQuestion, Place, Placed, Question,
-    RayAnswer, RayQuestion, RegionEvents, SharedState, TickStats, Touch, Transfer, WorldOp, WorldPose,
+    RayAnswer, RayQuestion, RegionEvents, SharedState, Touch, Transfer, WorldOp, WorldPose,
 };
 use crate::space::{BodyId, Bounds, ClientId, Epoch, RegionId, RegionSet, Tick};
 
@@ -95,7 +95,7 @@ impl Copy {
             }
         }
         let movable = self.bodies.values_mut().filter(|body| body.traits.kind != BodyKind::Fixed);
-        movable.for_each(|body| fly(&mut body.state, &world.tree.bounds(), f64::from(world.dt_s)));
+        movable.for_each(|body| fly(&mut body.state, &world.tree.bounds(), f64::from(world.step.dt_s)));
     }
 
     fn states(&self) -> Vec<SharedState> {
@@ -247,7 +247,7 @@ impl StandIn {
             WorldOp::Correct { tick: told, states } => {
                 let (dt_s, band_m) = {
                     let world = self.world();
-                    (f64::from(world.dt_s), f64::from(world.thresholds.between_groups_m) / 2.0)
+                    (f64::from(world.step.dt_s), f64::from(world.thresholds.between_groups_m) / 2.0)
                 };
                 // Where bodies are here is where they were after the last tick.
                 let lag_s = (tick.0 as f64 - 1.0 - told.0 as f64) * dt_s;
@@ -269,7 +269,7 @@ impl StandIn {
     }
 
     fn fly(&mut self) {
-        let dt_s = f64::from(self.world().dt_s) / f64::from(self.rounds);
+        let dt_s = f64::from(self.world().step.dt_s) / f64::from(self.rounds);
         let bounds = self.world().tree.bounds();
         for owned in self.regions.values_mut().flat_map(|region| region.owned.values_mut()) {
             fly(&mut owned.body.state, &bounds, dt_s);
@@ -331,7 +331,7 @@ impl StandIn {
 
     fn hear(&mut self, tick: Tick, mut message: BorderMessage) {
         if message.tick < tick {
-            message.extrapolate((tick.0 - message.tick.0) as f64 * f64::from(self.world().dt_s));
+            message.extrapolate((tick.0 - message.tick.0) as f64 * f64::from(self.world().step.dt_s));
         }
         let tree = self.world().tree.clone();
         let region = self.regions.get_mut(&message.to).expect("messages go to regions of this node");

@@ -165,7 +165,7 @@ impl Sim {
             .map(|i| drifting(BodyId::persistent(i), config.speed_m_s, &mut random))
             .collect();
         let mut world = sim_world(config.regions);
-        world.dt_s = config.dt_s;
+        world.step.dt_s = config.dt_s;
         let record = Record::new(bodies, Vec::new(), Vec::new());
         Self::start(config, world, record, || Box::<StandIn>::default(), random)
     }

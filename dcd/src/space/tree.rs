@@ -210,29 +210,6 @@ impl DistributionTree {
         Ok(())
     }
 
-    /// Splits and merges leaves by load with hysteresis (thesis 3.2, 4.3.2.2): a leaf with more than `split` objects is cut, two
-    /// sibling leaves with fewer than `merge` together are merged; `merge < split`, so that nothing flaps. `load_of` counts the
-    /// objects in a cell. Returns whether anything changed.
-    pub fn adapt(&mut self, split: usize, merge: usize, load_of: impl Fn(&Cell) -> usize) -> bool {
-        assert!(merge < split, "merge {merge} must lie below split {split}, or regions flap");
-        let before = self.cuts.clone();
-        let mut open: Vec<_> = self.leaves().collect();
-        while let Some(leaf) = open.pop() {
-            if load_of(&self.cell(leaf)) > split
-                && let Ok((left, right)) = self.split(leaf)
-            {
-                open.extend([left, right]);
-            }
-        }
-        while let Some(vertex) = self.cuts.keys().rev().copied().find(|&vertex| {
-            let (left, right) = children(vertex);
-            self.is_leaf(left) && self.is_leaf(right) && load_of(&self.cell(vertex)) < merge
-        }) {
-            self.cuts.remove(&vertex);
-        }
-        before != self.cuts
-    }
-
     /// Returns whether the vertex is a region.
     pub fn is_leaf(&self, vertex: RegionId) -> bool {
         let has_parent = vertex.0 == 0 || self.cuts.contains_key(&parent(vertex));
@@ -454,41 +431,6 @@ mod tests {
             prop_assert_eq!(&one, &other);
             prop_assert!(one.is_sound());
         }
-
-        #[test]
-        fn adapting_again_to_the_same_load_changes_nothing(
-            points in prop::collection::vec(point(), 0..200),
-        ) {
-            let mut tree = DistributionTree::new(WORLD, Limits::default()).unwrap();
-            let load = |cell: &Cell| points.iter().filter(|&&point| cell.contains(point)).count();
-            tree.adapt(6, 4, load);
-            prop_assert!(!tree.adapt(6, 4, load), "hysteresis keeps a tree that fits");
-            for leaf in tree.leaves().collect::<Vec<_>>() {
-                let part = tree.part(leaf);
-                let divisible = part.size()[part.longest_axis().index()] >= 2.0;
-                let room = tree.leaf_count() < MAX_REGIONS && depth(leaf) < 30;
-                prop_assert!(load(&tree.cell(leaf)) <= 6 || !divisible || !room);
-            }
-        }
-    }
-
-    /// The thesis's thresholds: merge below 4, split above 6.
-    #[test]
-    fn a_region_is_cut_above_six_objects_and_merged_below_four() {
-        let mut tree = DistributionTree::new(WORLD, Limits::default()).unwrap();
-        let spread = |count: usize| {
-            move |cell: &Cell| {
-                (0..count).filter(|&i| cell.contains([-7.5 + 15.0 * i as f64 / 6.0, 4.0, 0.0])).count()
-            }
-        };
-        assert!(!tree.adapt(6, 4, spread(6)), "six objects stay in one region");
-        assert!(tree.adapt(6, 4, spread(7)), "the seventh cuts it");
-        assert_eq!(tree.leaf_count(), 2);
-        for count in [6, 5, 4] {
-            assert!(!tree.adapt(6, 4, spread(count)), "{count} objects do not merge it yet");
-        }
-        assert!(tree.adapt(6, 4, spread(3)));
-        assert_eq!(tree.leaf_count(), 1);
     }
 
     #[test]

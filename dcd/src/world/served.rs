@@ -196,11 +196,11 @@ impl Remote for Served {
     }
 
     fn dt_s(&self) -> f32 {
-        self.environment.dt_s
+        self.environment.step.dt_s
     }
 
     fn gravity(&self) -> [f32; 3] {
-        self.environment.gravity
+        self.environment.step.gravity
     }
 
     fn sees(&self, _what: &'static str) -> Result<(), Error> {

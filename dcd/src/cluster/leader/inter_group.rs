@@ -279,7 +279,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::protocol::{Dispatch, Done, Member, Report, TickStats, Velocity, View, ViewNumber, WorldPose};
+    use crate::protocol::{Dispatch, Done, Member, Report, Velocity, View, ViewNumber, WorldPose};
     use crate::sim::sim_world;
     use crate::space::{Epoch, GroupId, NodeId, RegionId};
 
@@ -317,15 +317,7 @@ mod tests {
     fn tick(leader: &mut Leader, state: SharedState) -> Dispatch {
         let (view, tick) = (leader.view, leader.tick);
         leader.report(Report { view, tick, states: vec![state] });
-        let done = Done {
-            view,
-            tick,
-            rounds_wanted: 1,
-            stats: TickStats::default(),
-            holds: None,
-            events: Vec::new(),
-            answers: vec![],
-        };
+        let done = Done { view, tick, rounds_wanted: 1, holds: None, events: Vec::new(), answers: vec![] };
         leader.done(NodeId(1), done);
         leader.dispatch(Duration::from_secs(tick.0 + 1)).expect("it is alone")
     }

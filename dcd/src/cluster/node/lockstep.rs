@@ -191,7 +191,7 @@ impl Node {
         match event {
             PhysicsEvent::Speculated(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
             PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
-            PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint } => {
+            PhysicsEvent::Settled { rounds_wanted, holds, events, answers, report, checkpoint, .. } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
                 self.tick = tick;
@@ -216,7 +216,7 @@ impl Node {
                 let holds = (self.holds != holds)
                     .then(|| std::mem::replace(&mut self.holds, holds.clone()))
                     .map(|_| holds);
-                let done = Done { view, tick, rounds_wanted, stats, holds, events, answers };
+                let done = Done { view, tick, rounds_wanted, holds, events, answers };
                 self.done = Some(done.clone());
                 self.tell_leader(Message::Done(done));
                 self.outputs.push_back(NodeOutput::Settled(tick));

@@ -52,7 +52,7 @@ impl Node {
         if self.speculation_due().is_none_or(|at| now < at) {
             return;
         }
-        let dt = self.world.as_ref().map_or(0.0, |world| world.dt_s);
+        let dt = self.world.as_ref().map_or(0.0, |world| world.step.dt_s);
         let (count, at) = self.speculation.running.unwrap_or((0, now));
         self.speculation.running = Some((count + 1, (at + Duration::from_secs_f32(dt)).max(now)));
         self.counters.provisional += 1;

@@ -42,6 +42,14 @@ pub enum Inconsistency {
         /// The region that holds it.
         region: RegionId,
     },
+    /// The copies of a body that share its mass do not add up to it.
+    #[error("the parts of the mass of {body} do not add up to one: see the copy in {region}")]
+    Mass {
+        /// Which body.
+        body: BodyId,
+        /// The region whose part is not what the owner's copy says.
+        region: RegionId,
+    },
     /// A body's place or motion is not a number, or infinite.
     #[error("the state of {body} in {region} is not finite")]
     NotFinite {
@@ -54,11 +62,13 @@ pub enum Inconsistency {
 
 impl RegionHost {
     /// Returns the violated invariants of the regions computed here, in order; none as long as all is well. Call it between two
-    /// ticks. The holders of bodies are checked only where this process has all regions.
+    /// ticks. The holders of bodies are checked only where this process has all regions. Contacts of the same pair in two regions are not compared: copies may
+    /// differ by the error of the coupling.
     pub fn validate(&self) -> Vec<Inconsistency> {
         let mut found = Vec::new();
         let mut owners: BTreeMap<BodyId, Vec<(usize, RegionSet)>> = BTreeMap::new();
         let mut held: BTreeMap<BodyId, RegionSet> = BTreeMap::new();
+        let mut parts: BTreeMap<BodyId, Vec<(usize, RegionSet)>> = BTreeMap::new();
         let region_of = |rank: usize| self.partition.leaves()[rank];
         for region in self.regions() {
             for (body, role, handle, rigid_body) in region.bodies() {
@@ -74,6 +84,9 @@ impl RegionHost {
                         held.entry(body).or_insert(RegionSet::EMPTY).insert(region.rank());
                     }
                     Ownership::Immovable => {}
+                }
+                if let Some(split) = region.mass_split(handle) {
+                    parts.entry(body).or_default().push((region.rank(), split.among));
                 }
                 let is_finite = rigid_body.position().is_finite() && rigid_body.linvel().is_finite();
                 if !is_finite && !region.quarantined().contains(&body) {
@@ -92,6 +105,15 @@ impl RegionHost {
                 found.extend(missing.map(|region| Inconsistency::NoReplica { body, region }));
                 let unknown = here.without(holders).iter().map(region_of);
                 found.extend(unknown.map(|region| Inconsistency::UnknownReplica { body, region }));
+            }
+            for (&body, copies) in &parts {
+                // All that have a part know of each other, so that n copies have the n-th part each.
+                let among = |of: usize| copies.iter().find(|&&(rank, _)| rank == of).map(|&(_, among)| among);
+                for &(rank, all) in copies.iter().filter(|(rank, all)| all.contains(*rank)) {
+                    if all.iter().any(|other| other != rank && among(other) != Some(all)) {
+                        found.push(Inconsistency::Mass { body, region: region_of(rank) });
+                    }
+                }
             }
             let lost = held.keys().filter(|body| !owners.contains_key(body));
             found.extend(lost.map(|&body| Inconsistency::Owners { body, owners: 0 }));

@@ -303,35 +303,12 @@ pub struct Done {
     pub tick: Tick,
     /// Rounds that its regions want for the next tick; all take the most that any member wants.
     pub rounds_wanted: u32,
-    /// Cost of the tick.
-    pub stats: TickStats,
     /// Avatars of which it holds a copy, in id order, if that has changed since it last reported it in this view.
     pub holds: Option<Vec<BodyId>>,
     /// Contacts of avatars.
     pub events: Vec<RegionEvents>,
     /// Answers to the questions that came with the tick.
     pub answers: Vec<Answer>,
-}
-
-/// The cost of a tick for one member.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
-pub struct TickStats {
-    /// Bodies owned.
-    pub bodies: u32,
-    /// Replicas held.
-    pub replicas: u32,
-    /// Contact pairs.
-    pub contacts: u32,
-    /// Bodies that left for another region.
-    pub transfers: u32,
-    /// Microseconds of computing.
-    pub compute_us: u32,
-    /// Exchanges in it; 0 in a world of one region.
-    pub exchanges: u32,
-    /// How far copies of shared bodies were from consensus at the worst border, summed over its exchanges, m/s.
-    pub disagreement_m_s: f32,
-    /// Hash of the states of all owned bodies in id order, if asked for.
-    pub state_hash: Option<u64>,
 }
 
 /// A member's report of bodies that moved since its last report.

@@ -9,7 +9,6 @@ use serde::Deserialize;
 use super::numbers::{Finite, Place, Positive, Quaternion};
 use super::source::Fault;
 use crate::physics::{Coupling, CouplingChoice, Method, Preset};
-use crate::protocol::{BIG_ISLAND, MAX_DEPTH, MAX_ROUNDS};
 use crate::scene::model::world_pose;
 use crate::scene::{AvatarHint, Params, Scene, SceneBody};
 use crate::space::{Axis, Balance, Bounds, MAX_REGIONS};
@@ -82,16 +81,9 @@ impl WorldDef {
             scene.gravity = gravity.map(|v| v.0);
         }
         if let Some(dt) = self.dt {
-            if dt.0 > 1.0 {
-                return Err(Fault::new(
-                    format!("[world] dt = {} is more than a second a step", dt.0),
-                    "give seconds a step, for example dt = 0.0166667",
-                ));
-            }
             scene.dt_s = dt.0;
         }
-        scene.solver_iterations = within("solver_iterations", self.solver_iterations, 1..=1_000)?
-            .unwrap_or(scene.solver_iterations);
+        scene.solver_iterations = self.solver_iterations.unwrap_or(scene.solver_iterations);
         scene.regions = within("regions", self.regions, 1..=MAX_REGIONS)?.or(scene.regions);
         if !self.cuts.is_empty() {
             scene.cuts = self.cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();
@@ -106,6 +98,15 @@ impl WorldDef {
             scene.balance = Some(balance);
         }
         scene.coupling = self.choice()?;
+        if let Some((what, value, range)) = scene.step_settings().fault() {
+            // A file says `dt` and `tolerance`, without their units.
+            let what = what.strip_suffix("_s").unwrap_or(what);
+            let what = what.strip_suffix("_m").unwrap_or(what);
+            return Err(Fault::new(
+                format!("[world] {what} = {value} is out of range"),
+                format!("give {range}"),
+            ));
+        }
         scene.bounds = match (&self.bounds, inherited) {
             (Some(bounds), _) => bounds.build()?,
             (None, Some(inherited)) => grown(scene.bounds, &scene.bodies[inherited..]),
@@ -138,9 +139,9 @@ impl WorldDef {
         };
         Ok(CouplingChoice {
             method,
-            exchanges: within("exchanges", self.exchanges, 1..=MAX_ROUNDS as usize)?,
-            depth: within("depth", self.depth, 1..=MAX_DEPTH as usize)?,
-            island_limit: within("island_limit", self.island_limit, 0..=usize::from(BIG_ISLAND) - 1)?,
+            exchanges: self.exchanges,
+            depth: self.depth,
+            island_limit: self.island_limit,
             tolerance_m_s: self.tolerance.map(|tolerance| tolerance.0),
         })
     }

@@ -5,7 +5,7 @@ use rapier3d::prelude::*;
 
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
-use crate::pointer::{self, Out, Sized32, check_bits, check_collider, check_not_negative, check_reserved};
+use crate::pointer::{self, Out, Sized32, check_bits, check_fraction, check_not_negative, check_reserved};
 use crate::registry::{self, World, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
@@ -175,7 +175,7 @@ impl DcdColliderProperties {
         ] {
             check_not_negative(value, name)?;
         }
-        check_collider(self.restitution, "restitution")?;
+        check_fraction(self.restitution, "restitution")?;
         check_reserved(self.reserved)?;
         for (rule, name) in
             [(self.friction_rule, "friction_rule"), (self.restitution_rule, "restitution_rule")]
@@ -438,7 +438,7 @@ pub extern "C" fn dcd_body_set_material(
 ) -> DcdStatus {
     guard("dcd_body_set_material", || {
         check_not_negative(friction, "friction")?;
-        check_collider(restitution, "restitution")?;
+        check_fraction(restitution, "restitution")?;
         change(world, body, collider, |collider| {
             collider.set_friction(friction);
             collider.set_restitution(restitution);

@@ -175,7 +175,7 @@ pub(crate) fn check_not_negative(value: f32, name: &str) -> Result<(), Failure> 
 }
 
 /// Checks that a number is a fraction: from 0 to 1.
-pub(crate) fn check_collider(value: f32, name: &str) -> Result<(), Failure> {
+pub(crate) fn check_fraction(value: f32, name: &str) -> Result<(), Failure> {
     match (0.0..=1.0).contains(&value) {
         true => Ok(()),
         false => Err(Failure::argument(format!("{name} is {value}; give a number from 0 to 1"))),

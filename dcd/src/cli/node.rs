@@ -27,9 +27,9 @@ const LOOK: Duration = Duration::from_millis(50);
 #[command(
     verbatim_doc_comment,
     after_long_help = "--json prints the summary with the keys node tick bodies regions tick_ms{mean,p50,p99,max} transfers replicas_mean\n\
-        exchanges_mean disagreement_max_m_s provisional\n\
+        exchanges_mean disagreement_max_m_s speculative\n\
                        bytes bytes_per_s seconds; tick_ms is the time of computing, without waiting for others, from the 31st tick on;\n\
-                       provisional counts ticks that were computed for clients alone while other nodes were waited for."
+                       speculative counts ticks that were computed for clients alone while other nodes were waited for."
 )]
 pub(super) struct Node {
     /// Where the server is

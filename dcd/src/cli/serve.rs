@@ -79,7 +79,7 @@ pub(super) struct Serve {
     /// Groups of 2, 4, 8 … nodes, which share a world evenly, and nobody alone where that can be
     #[arg(long)]
     powers_of_two: bool,
-    /// How far a body may be from where the group that is believed about it has it, metres
+    /// How far a body may be from where the group that is authoritative for it has it, metres
     #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = positive)]
     agree: f32,
     /// Print the summary as one JSON object

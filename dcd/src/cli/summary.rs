@@ -86,7 +86,7 @@ pub(super) struct Computed {
     pub replicas_mean: f64,
     pub exchanges_mean: f64,
     pub disagreement_max_m_s: f32,
-    pub provisional: u64,
+    pub speculative: u64,
     pub bytes: u64,
     pub bytes_per_s: f64,
     pub seconds: f64,
@@ -106,7 +106,7 @@ impl From<&NodeSummary> for Computed {
             replicas_mean: summary.replicas_sum as f64 / ticks,
             exchanges_mean: summary.exchanges_sum as f64 / ticks,
             disagreement_max_m_s: summary.disagreement_max_m_s,
-            provisional: summary.provisional,
+            speculative: summary.speculative,
             bytes: summary.bytes,
             bytes_per_s: summary.bytes as f64 / summary.seconds.max(f64::MIN_POSITIVE),
             seconds: summary.seconds,
@@ -141,7 +141,7 @@ impl Summary for Computed {
                     self.exchanges_mean, self.disagreement_max_m_s
                 ),
             ),
-            ("provisional", format!("{} ticks, while others were waited for", self.provisional)),
+            ("speculative", format!("{} ticks, while others were waited for", self.speculative)),
             ("traffic", format!("{} bytes in and out, {:.0} a second", self.bytes, self.bytes_per_s)),
         ]
     }

@@ -114,7 +114,7 @@ pub struct BodyView {
     /// The tick of that state.
     pub tick: Tick,
     /// Whether its state is of a speculative tick: a guess, until one that is not comes.
-    pub provisional: bool,
+    pub speculative: bool,
     /// Whether it was outside the client's area of interest when it was last heard of, or is since: it may be elsewhere.
     pub outside: bool,
     /// The region that owned it when it was last heard of; `None` until its owner is heard of. Speculative states do not count.
@@ -126,7 +126,7 @@ pub struct BodyView {
 impl BodyView {
     fn new(body: BodyRecord) -> Self {
         let settled = (body.epoch, Tick(0));
-        Self { settled, body, tick: Tick(0), provisional: false, outside: false, owner: None }
+        Self { settled, body, tick: Tick(0), speculative: false, outside: false, owner: None }
     }
 
     /// Takes a state in, unless something newer is known. A speculative state never counts against one that is not.
@@ -134,22 +134,22 @@ impl BodyView {
         &mut self,
         state: &SharedState,
         tick: Tick,
-        provisional: bool,
+        speculative: bool,
         outside: bool,
     ) -> Option<Handover> {
-        let is_news = match provisional {
+        let is_news = match speculative {
             false => self.settled <= (state.epoch, tick),
             true => {
                 self.settled.0 <= state.epoch
                     && self.settled.1 < tick
-                    && !(self.provisional && tick < self.tick)
+                    && !(self.speculative && tick < self.tick)
             }
         };
         if is_news {
-            if !provisional {
+            if !speculative {
                 self.settled = (state.epoch, tick);
             }
-            (self.provisional, self.tick) = (provisional, tick);
+            (self.speculative, self.tick) = (speculative, tick);
             self.body.epoch = state.epoch;
             self.body.state.pose = state.pose;
             self.body.state.velocity = state.velocity;
@@ -157,7 +157,7 @@ impl BodyView {
             self.outside = outside;
         }
         // A node that computes speculatively owns nothing of the others.
-        let from = if is_news && !provisional { self.owner.replace(state.owner) } else { None };
+        let from = if is_news && !speculative { self.owner.replace(state.owner) } else { None };
         let from = from.filter(|from| *from != state.owner);
         from.map(|from| Handover { body: state.id, from, to: state.owner })
     }
@@ -593,11 +593,11 @@ impl Client {
                 for state in states {
                     let outside = !hearing.follows(state.id, &state.pose);
                     // Nobody would take a speculative state back there.
-                    if stamp.provisional && outside {
+                    if stamp.speculative && outside {
                         continue;
                     }
                     if let Some(view) = self.bodies.get_mut(&state.id) {
-                        let handover = view.learn(&state, stamp.tick, stamp.provisional, outside);
+                        let handover = view.learn(&state, stamp.tick, stamp.speculative, outside);
                         keep_newest(&mut self.handovers, handover);
                     }
                 }

@@ -465,7 +465,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_newest_wish_of_an_avatar_is_dispatched() {
+    fn only_the_newest_input_of_an_avatar_is_dispatched() {
         let mut leader = leader();
         leader.dispatch(Duration::ZERO);
         assert_eq!(leader.accept_input(CLIENT, input(5, 1.0)), Ok(()));
@@ -479,7 +479,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wish_that_waited_for_its_avatar_does_not_undo_a_later_one() {
+    fn an_input_that_waited_for_its_avatar_does_not_undo_a_later_one() {
         let mut leader = leader();
         assert_eq!(leader.accept_input(CLIENT, input(5, 1.0)), Ok(()), "the avatar has not appeared yet");
         let (id, epoch) = (AVATAR, crate::space::Epoch(0));
@@ -499,7 +499,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_wishes_for_an_avatar_not_heard_of_yet_the_newer_counts_whichever_came_first() {
+    fn of_two_inputs_for_an_avatar_not_heard_of_yet_the_newer_counts_whichever_came_first() {
         let mut leader = leader();
         let early = BodyId::avatar(CLIENT, 7);
         for time in [6, 5] {

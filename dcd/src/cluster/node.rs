@@ -106,7 +106,7 @@ pub struct NodeCounters {
     /// Clients' inputs that the leader refused.
     pub rejected: u64,
     /// Speculative ticks: computed without the others, for clients only.
-    pub provisional: u64,
+    pub speculative: u64,
 }
 
 /// The state machine of a node.

@@ -55,7 +55,7 @@ impl std::fmt::Debug for HookedPair<'_> {
 /// The hooks that a region hands to Rapier: they look up the ids and call the user's hooks.
 pub(super) struct Named<'a> {
     pub hooks: &'a dyn ContactHooks,
-    pub watch: &'a ContactListener,
+    pub listener: &'a ContactListener,
     pub anchor: [f64; 3],
 }
 
@@ -67,7 +67,7 @@ impl Named<'_> {
         handles: [ColliderHandle; 2],
     ) -> Option<HookedPair<'b>> {
         let [first, second] = handles.map(|handle| {
-            let (body, index) = self.watch.name_of(handle)?;
+            let (body, index) = self.listener.name_of(handle)?;
             let collider = colliders.get(handle)?;
             let index = usize::from(index);
             Some((ColliderId { body, index }, collider, bodies.get(collider.parent()?)?))

@@ -65,8 +65,8 @@ pub struct Region {
     joint_news: JointNews,
     /// Immovable bodies that touch this box are held here.
     covered: Bounds,
-    watch: ContactListener,
-    guide: KinematicTargets,
+    listener: ContactListener,
+    targets: KinematicTargets,
     quarantined: Vec<BodyId>,
     /// The user's hooks that are asked about contacts.
     #[serde(skip)]
@@ -115,8 +115,8 @@ impl Region {
             waiting: BTreeMap::new(),
             joint_news: JointNews::default(),
             covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
-            watch: ContactListener::default(),
-            guide: KinematicTargets::default(),
+            listener: ContactListener::default(),
+            targets: KinematicTargets::default(),
             quarantined: Vec::new(),
             hooks: None,
             events: RegionEvents { region: id, ..RegionEvents::default() },
@@ -330,7 +330,7 @@ impl Region {
 
     /// Returns whether any body here is kinematic.
     pub(super) fn has_kinematic(&self) -> bool {
-        self.guide.any_kinematic()
+        self.targets.any_kinematic()
     }
 
     /// Returns whether the body is part of a multibody, or tied to one.

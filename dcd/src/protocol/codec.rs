@@ -185,7 +185,7 @@ mod tests {
     }
 
     fn stamp(tick: u64) -> Stamp {
-        Stamp { group: crate::space::GroupId(u32::MAX), tick: Tick(tick), provisional: true }
+        Stamp { group: crate::space::GroupId(u32::MAX), tick: Tick(tick), speculative: true }
     }
 
     fn sample() -> Message {

@@ -89,7 +89,7 @@ pub struct NodeSummary {
     /// Exchanges between regions, summed over all ticks.
     pub exchanges_sum: u64,
     /// Speculative ticks: computed for clients alone, while others were waited for.
-    pub provisional: u64,
+    pub speculative: u64,
     /// Largest disagreement of copies of bodies held here in any tick, m/s.
     pub disagreement_max_m_s: f32,
     /// Microseconds of computing of each tick.
@@ -603,7 +603,7 @@ impl Loop {
                     }
                 }
                 if matches!(event, PhysicsEvent::Speculated(_)) {
-                    self.shared.lock().summary.provisional += 1;
+                    self.shared.lock().summary.speculative += 1;
                 }
                 if let Some(node) = &mut self.node {
                     node.handle(self.start.elapsed(), NodeEvent::Physics(event));

@@ -154,7 +154,7 @@ impl Checker {
         if std::mem::replace(group, client.group()) != client.group() {
             seen.values_mut().for_each(|seen| seen.elsewhere = true);
         }
-        for view in client.bodies().filter(|view| !view.provisional) {
+        for view in client.bodies().filter(|view| !view.speculative) {
             let (id, at) = (view.body.id, (view.body.epoch, view.tick));
             let now = Seen { at, elsewhere: false };
             match seen.insert(id, now) {

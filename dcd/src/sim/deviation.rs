@@ -82,7 +82,7 @@ impl Comparer {
         for tick in complete {
             let groups = self.ticks.remove(&tick).unwrap_or_default();
             self.ticks.retain(|&other, _| other > tick);
-            compared.push(deviating(&groups, |id| sim.server().believed(id)));
+            compared.push(deviating(&groups, |id| sim.server().authoritative(id)));
         }
         while self.ticks.len() > KEPT {
             self.ticks.pop_first();
@@ -91,7 +91,7 @@ impl Comparer {
     }
 }
 
-fn deviating(groups: &BTreeMap<GroupId, Group>, believed: impl Fn(BodyId) -> GroupId) -> Deviating {
+fn deviating(groups: &BTreeMap<GroupId, Group>, authoritative: impl Fn(BodyId) -> GroupId) -> Deviating {
     let times = || groups.values().map(|group| group.time);
     let apart = times().max().unwrap_or_default() - times().min().unwrap_or_default();
     let mut all = Deviating { apart, ..Deviating::default() };
@@ -100,7 +100,7 @@ fn deviating(groups: &BTreeMap<GroupId, Group>, believed: impl Fn(BodyId) -> Gro
             all.replicas.extend(group.owned.get(body).map(|owner| deviation_m(pose, owner)));
         }
         for (&body, pose) in &group.owned {
-            let authority = believed(body);
+            let authority = authoritative(body);
             let other = groups.get(&authority).filter(|_| authority != id);
             let Some(other) = other.and_then(|group| group.owned.get(&body)) else { continue };
             let apart = Apart { group: id, body, by_m: deviation_m(pose, other) };
@@ -110,8 +110,8 @@ fn deviating(groups: &BTreeMap<GroupId, Group>, believed: impl Fn(BodyId) -> Gro
             }
         }
     }
-    let main = believed(BodyId::persistent(u32::MAX));
+    let main = authoritative(BodyId::persistent(u32::MAX));
     let ids = groups.values().next().into_iter().flat_map(|group| group.owned.keys());
-    all.claimed = ids.filter(|id| id.client().is_none() && believed(**id) != main).count();
+    all.claimed = ids.filter(|id| id.client().is_none() && authoritative(**id) != main).count();
     all
 }

@@ -354,7 +354,7 @@ fn a_client_goes_on_with_the_new_leader_when_its_leader_is_killed() {
 }
 
 #[test]
-fn wishes_against_the_rules_are_refused_with_the_reason() {
+fn inputs_against_the_rules_are_refused_with_the_reason() {
     let (mut sim, client) = playing(8);
     let other = sim.start_client(None);
     sim.run_until(|sim| sim.client(other).is_joined() && sim.client(other).leader().is_some()).unwrap();

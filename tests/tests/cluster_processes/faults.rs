@@ -47,21 +47,21 @@ impl Demo {
     }
 
     /// The end: nothing lost, nothing doubled, and everybody who still lives ends well. How many ticks each of them computed
-    /// provisionally.
+    /// speculatively.
     fn end(self, dead: &[&str]) -> BTreeMap<String, u64> {
         self.witness.advance(60);
         let tick = self.witness.tick();
         drop(self.witness);
         let served = self.server.stop();
         assert_eq!(served["bodies"], 155);
-        let mut provisional = BTreeMap::new();
+        let mut speculative = BTreeMap::new();
         for (name, node) in self.nodes.into_iter().filter(|(name, _)| !dead.contains(&&**name)) {
             let ended = node.end();
             assert_eq!(ended.code(), Some(0), "{name}: {ended:?}");
             assert!(ended.json()["tick"].as_u64().unwrap() >= tick, "{name}: {ended:?}");
-            provisional.insert(name, ended.json()["provisional"].as_u64().unwrap());
+            speculative.insert(name, ended.json()["speculative"].as_u64().unwrap());
         }
-        provisional
+        speculative
     }
 }
 
@@ -159,14 +159,14 @@ fn stop_and_resume_a_node(stop: Duration) {
         let (view, back) = demo.both();
         println!(
             "{name} stopped for {stop:?}: the world stood still for {stood:.2?}, the picture for {frozen:.2?} ({guesses} \
-             provisional, {back_m:.2} m put back); back after {back:.2?}: {view}"
+             speculative, {back_m:.2} m put back); back after {back:.2?}: {view}"
         );
         assert!(back < RETURN, "{name}: {back:?}");
         // The leader shows its clients how things go on, while it waits for the other; nobody does if it is the leader.
         assert_eq!(guesses > 0, name == "n2", "{guesses}");
         assert!(name == "n1" || frozen < stood / 2, "{frozen:?} {stood:?}");
-        let provisional = demo.end(&[]);
-        assert!(provisional["n1"] >= guesses && provisional["n2"] == 0, "{provisional:?}");
+        let speculative = demo.end(&[]);
+        assert!(speculative["n1"] >= guesses && speculative["n2"] == 0, "{speculative:?}");
     }
 }
 

@@ -114,7 +114,7 @@ fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) {
     let ticks_per_s = (cluster.witness.tick() - tick) as f64 / time.as_secs_f64();
     println!(
         "{ticks_per_s:.1} ticks a second; the world stood still for {stood:.2?} at most, the picture for {frozen:.2?} ({guesses} \
-         provisional, {back_m:.2} m put back)"
+         speculative, {back_m:.2} m put back)"
     );
     assert!(ticks_per_s >= pace.least_ticks_per_s, "{ticks_per_s}");
     assert!(stood < pace.longest_stop, "{stood:?}");

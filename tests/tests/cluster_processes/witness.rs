@@ -79,7 +79,7 @@ impl Witness {
             if view.tick != shown.tick {
                 let way = |view: &BodyView| view.body.state.pose.translation[2];
                 back_m = back_m.max(way(&shown) - way(&view));
-                guesses += u64::from(view.provisional);
+                guesses += u64::from(view.speculative);
                 shown = view;
                 frozen.moved();
             }

@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn who_becomes_believed_about_a_body_does_not_keep_the_speed_at_which_it_was_led() {
+    fn who_becomes_authoritative_for_a_body_does_not_keep_the_speed_at_which_it_was_led() {
         let mut leader = leading();
         leader.authority(false, false, vec![Stance { body: BODY, number: 1, yours: true }]);
         assert_eq!(leader.latest[&BODY].0.velocity, moving(0.0, 0.5).velocity, "as the others are told");

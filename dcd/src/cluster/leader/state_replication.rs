@@ -89,23 +89,23 @@ impl Leader {
     }
 
     /// Sends states to all clients without an area of interest.
-    fn tell_all(&mut self, tick: Tick, provisional: bool, states: &[SharedState]) {
+    fn tell_all(&mut self, tick: Tick, speculative: bool, states: &[SharedState]) {
         let all = self.clients.keys().filter(|client| !self.audiences.contains_key(client));
         for client in all.copied().collect::<Vec<_>>() {
-            self.tell(client, tick, provisional, states.to_vec());
+            self.tell(client, tick, speculative, states.to_vec());
         }
     }
 
-    pub(super) fn tell(&mut self, client: ClientId, tick: Tick, provisional: bool, states: Vec<SharedState>) {
-        if !provisional {
+    pub(super) fn tell(&mut self, client: ClientId, tick: Tick, speculative: bool, states: Vec<SharedState>) {
+        if !speculative {
             self.told.insert(client, tick);
         }
-        let stamp = Stamp { group: self.group, tick, provisional };
+        let stamp = Stamp { group: self.group, tick, speculative };
         self.messages.push((client, ToClient::States { stamp, states }));
     }
 
     /// Sends clients the states of a speculative tick, computed without the other nodes.
-    pub fn tell_provisional(&mut self, tick: Tick, states: &[SharedState]) {
+    pub fn tell_speculative(&mut self, tick: Tick, states: &[SharedState]) {
         let of =
             |audience: &Audience| states.iter().filter(|state| audience.reaches(state)).copied().collect();
         let parts: Vec<(_, Vec<_>)> = self.audiences.iter().map(|(&client, all)| (client, of(all))).collect();

@@ -6,7 +6,7 @@ use crate::protocol::{FromClient, Message, ToClient, pack_states};
 use crate::space::ClientId;
 
 /// The most inputs kept from clients that hear of their new leader before it does.
-const EARLY_WISHES: usize = 1_024;
+const EARLY_INPUTS: usize = 1_024;
 
 impl Node {
     /// Passes on a message of the client in this process; none is sent while this node leads.
@@ -63,7 +63,7 @@ impl Node {
                 self.send(Peer::Server, Message::FromClient(client, message));
             }
             // The client may hear of its new leader before the leader does.
-            (None, message) if self.inputs.len() < EARLY_WISHES => self.inputs.push((client, message)),
+            (None, message) if self.inputs.len() < EARLY_INPUTS => self.inputs.push((client, message)),
             (None, _) => self.counters.overflow += 1,
         }
     }

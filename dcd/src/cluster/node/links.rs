@@ -22,7 +22,7 @@ const STALL: Duration = Duration::from_millis(2_500);
 /// The time between complaints, and between attempts to dial the server or another member.
 const AGAIN: Duration = Duration::from_millis(250);
 /// The time between attempts to dial a node of another group.
-const AGAIN_ABROAD: Duration = Duration::from_secs(1);
+const AGAIN_INTER_GROUP: Duration = Duration::from_secs(1);
 /// How often changed delays are reported to the server.
 const DELAYS: Duration = Duration::from_secs(1);
 
@@ -185,7 +185,7 @@ impl Node {
             link.complain_at = now + COMPLAIN_AFTER;
             link.dial_at = (me < node).then_some(now);
         } else {
-            let again = if is_member { AGAIN } else { AGAIN_ABROAD };
+            let again = if is_member { AGAIN } else { AGAIN_INTER_GROUP };
             link.dial_at = (me < node).then_some(now + again);
         }
     }

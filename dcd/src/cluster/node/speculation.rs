@@ -55,7 +55,7 @@ impl Node {
         let dt = self.world.as_ref().map_or(0.0, |world| world.step.dt_s);
         let (count, at) = self.speculation.running.unwrap_or((0, now));
         self.speculation.running = Some((count + 1, (at + Duration::from_secs_f32(dt)).max(now)));
-        self.counters.provisional += 1;
+        self.counters.speculative += 1;
         let mut inputs = std::mem::take(&mut self.speculation.inputs);
         inputs.extend(self.leader.iter().flat_map(|leader| leader.inputs()).map(|input| (input.body, input)));
         self.ask(PhysicsCommand::Speculate(inputs.into_values().map(WorldOp::Input).collect()));
@@ -70,10 +70,10 @@ impl Node {
         }
         let tick = Tick(self.tick.0 + count);
         match &mut self.leader {
-            Some(leader) => leader.tell_provisional(tick, &states),
+            Some(leader) => leader.tell_speculative(tick, &states),
             None if self.config.client.is_some() => {
                 let group = self.view.as_ref().map_or_else(Default::default, |view| view.group);
-                let stamp = Stamp { group, tick, provisional: true };
+                let stamp = Stamp { group, tick, speculative: true };
                 let message = ToClient::States { stamp, states };
                 self.outputs.push_back(NodeOutput::Client(message));
             }

@@ -60,7 +60,7 @@ fn adopted(
 }
 
 #[test]
-fn the_client_in_a_members_process_hears_of_the_leader_when_its_wishes_can_be_passed_on() {
+fn the_client_in_a_members_process_hears_of_the_leader_when_its_inputs_can_be_passed_on() {
     let (_, said) = adopted(Some(ClientId(7)), 1, sim_world(2));
     let leader = |output: &NodeOutput| match output {
         NodeOutput::Client(ToClient::LeaderIs { leader: Some(member), .. }) => Some(member.node),
@@ -164,7 +164,7 @@ fn guesses_are_told_as_often_as_ticks_that_count() {
         assert!(matches!(drain(&mut node).last(), Some(NodeOutput::Physics(PhysicsCommand::Speculate(_)))));
         node.handle(NOW, speculated);
         told.extend(drain(&mut node).into_iter().filter_map(|output| match output {
-            NodeOutput::Client(ToClient::States { stamp, .. }) => Some((stamp.tick.0, stamp.provisional)),
+            NodeOutput::Client(ToClient::States { stamp, .. }) => Some((stamp.tick.0, stamp.speculative)),
             _ => None,
         }));
     }

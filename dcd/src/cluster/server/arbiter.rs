@@ -19,7 +19,7 @@ pub(super) struct Arbiter {
 impl Server {
     /// Returns the group that is authoritative for a body: that of its client; or that whose avatar touched it last; or the
     /// main one.
-    pub fn believed(&self, body: BodyId) -> GroupId {
+    pub fn authoritative(&self, body: BodyId) -> GroupId {
         let group = match body.client() {
             Some(client) => self.common.clients.get(&client).map(|entry| entry.group),
             None => self.arbiter.touched.get(&body).map(|&(_, group)| group),
@@ -47,7 +47,8 @@ impl Server {
             return;
         };
         let told = states.len();
-        let states: Vec<_> = states.into_iter().filter(|state| self.believed(state.id) == from).collect();
+        let states: Vec<_> =
+            states.into_iter().filter(|state| self.authoritative(state.id) == from).collect();
         self.common.stale += (told - states.len()) as u64;
         let main = from == self.main;
         for group in self.groups.values().filter(|group| group.id != from && lives(group)) {

@@ -160,7 +160,7 @@ fn what_a_group_was_believed_about_that_is_no_more_the_main_one_is_told_of() {
     let body = BodyId::persistent(0);
     let touched = ToServer::Touched { view: views[2].1, bodies: vec![(body, 1)] };
     tell(&mut server, 3, Message::ToServer(touched));
-    assert_eq!(server.believed(body), views[2].0);
+    assert_eq!(server.authoritative(body), views[2].0);
     let outputs = tell(&mut server, 3, Message::ToServer(ToServer::Leave));
     let outputs = obey(&mut server, 3, outputs);
     let told = |output: &ServerOutput| match output {

@@ -61,7 +61,7 @@ pub enum HostError {
     },
     /// Rapier cannot have the joint in a multibody.
     #[error("multibody joint {joint} to {body}: {cause}")]
-    BodyRef {
+    MultibodyJoint {
         /// Which joint.
         joint: JointId,
         /// Its second body.

@@ -180,7 +180,7 @@ impl RegionHost {
     fn check_links(&self, joints: &[JointRecord], bodies: &[BodyRecord]) -> Result<(), HostError> {
         let mut parents = BTreeMap::new();
         for joint in joints.iter().filter(|joint| joint.link.is_some()) {
-            let fault = |cause| HostError::BodyRef { joint: joint.id, body: joint.b, cause };
+            let fault = |cause| HostError::MultibodyJoint { joint: joint.id, body: joint.b, cause };
             if let Some(cause) = articulation::link_fault(&joints::joint_of(joint)) {
                 return Err(fault(cause));
             }

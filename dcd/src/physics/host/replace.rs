@@ -31,7 +31,7 @@ impl RegionHost {
         if let Some(joint) = self.link_of(id) {
             self.update(id, |body| body.set_body_type(RigidBodyType::Dynamic, true));
             let cause = "it cannot become fixed while it is a link; remove the joint first";
-            return Err(HostError::BodyRef { joint, body: id, cause });
+            return Err(HostError::MultibodyJoint { joint, body: id, cause });
         }
         (record.state.sleeping, record.state.still_s) = (false, 0.0);
         self.replace(record)

@@ -46,7 +46,7 @@ impl Region {
         let old = &self.slot(handle).traits;
         let new = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
         if new != **old {
-            self.guide.note(handle, new.kind);
+            self.targets.note(handle, new.kind);
             self.slot_mut(handle).traits = Arc::new(new);
         }
     }
@@ -89,7 +89,7 @@ impl Region {
             if !body.is_enabled() && own.is_enabled() == was_enabled {
                 new.enabled = old.enabled;
             }
-            region.watch.name(own, collider, (slot.id, index as u16), &new);
+            region.listener.name(own, collider, (slot.id, index as u16), &new);
             if new != *old {
                 Arc::make_mut(&mut slot.traits).colliders[index] = new;
             }

@@ -30,13 +30,13 @@ impl Region {
             if role == Ownership::Immovable {
                 floating_origin::fetch_plane(inserted, &body.state.pose, self.anchor);
             }
-            self.watch.name(inserted, collider, (body.id, place as u16), record);
+            self.listener.name(inserted, collider, (body.id, place as u16), record);
         }
         if body.traits.colliders.iter().any(|collider| !collider.enabled) {
             // Rapier counts their mass until it steps.
             self.world.bodies[handle].recompute_mass_properties_from_colliders(&self.world.colliders);
         }
-        self.guide.note(handle, body.traits.kind);
+        self.targets.note(handle, body.traits.kind);
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
         let outline = Outline::of(&self.world.bodies[handle], &self.world.colliders);
         let index = handle.into_raw_parts().0 as usize;
@@ -87,8 +87,8 @@ impl Region {
         self.by_id.remove(&id);
         // Joints whose other end is still held here wait for it.
         joints.iter().for_each(|joint| self.insert_joint(joint));
-        self.watch.forget(id);
-        self.guide.forget(handle);
+        self.listener.forget(id);
+        self.targets.forget(handle);
         self.fresh.retain(|link| link.handle != handle);
         self.moved.take();
         self.remove_from_rapier(handle);
@@ -129,7 +129,7 @@ impl Region {
     /// still valid, must be announced again.
     pub(in crate::physics) fn forget_holders(&mut self) {
         self.fresh.clear();
-        self.guide.reset();
+        self.targets.reset();
         for BodyRef { id, handle } in self.links() {
             let holders = self.slot(handle).holders;
             let was_shared = self.mass_split(handle).is_some();

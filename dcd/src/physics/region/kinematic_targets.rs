@@ -63,25 +63,25 @@ impl KinematicTargets {
 }
 
 /// Sets the kinematic targets of the substep to come, in a tick of `steps` substeps.
-pub(super) fn guide(region: &mut Region, steps: usize) {
-    let mut guide = std::mem::take(&mut region.guide);
+pub(super) fn approach(region: &mut Region, steps: usize) {
+    let mut targets = std::mem::take(&mut region.targets);
     let bodies = &mut region.world_mut().bodies;
-    if guide.done == 0 {
-        guide.targets.clear();
-        let bodies = guide.bodies.iter().filter_map(|&handle| Some((handle, bodies.get(handle)?)));
+    if targets.done == 0 {
+        targets.targets.clear();
+        let bodies = targets.bodies.iter().filter_map(|&handle| Some((handle, bodies.get(handle)?)));
         let going = bodies.filter(|(_, body)| body.next_position() != body.position() && !body.is_sleeping());
-        guide.targets.extend(going.map(|(handle, body)| (handle, *body.next_position())));
+        targets.targets.extend(going.map(|(handle, body)| (handle, *body.next_position())));
     }
-    let left = steps.saturating_sub(guide.done).max(1);
+    let left = steps.saturating_sub(targets.done).max(1);
     if steps > 1 {
-        for (handle, target) in &guide.targets {
+        for (handle, target) in &targets.targets {
             if let Some(body) = bodies.get_mut(*handle) {
                 body.set_next_kinematic_position(part_of_way(body, target, left));
             }
         }
     }
-    guide.done = if left == 1 { 0 } else { guide.done + 1 };
-    region.guide = guide;
+    targets.done = if left == 1 { 0 } else { targets.done + 1 };
+    region.targets = targets;
 }
 
 /// Returns the pose after one of `parts` equal parts of the way: the centre of mass in a straight line, as Rapier takes it.

@@ -48,7 +48,7 @@ impl Region {
 
     /// Returns whether it has still to report that contacts ended.
     pub(in crate::physics) fn owes_word(&self) -> bool {
-        self.watch.owes_word()
+        self.listener.owes_word()
     }
 
     /// Wakes bodies that sleep far outside the cell, after a plane has passed over them, so that they move to their region. Those

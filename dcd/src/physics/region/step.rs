@@ -10,25 +10,25 @@ impl Region {
     /// Steps the Rapier world by one of `steps` substeps of a tick.
     pub(in crate::physics) fn step(&mut self, parameters: &IntegrationParameters, steps: usize) {
         let dt_before_s = std::mem::replace(&mut self.world.integration_parameters, *parameters).dt;
-        if self.guide.is_first() {
+        if self.targets.is_first() {
             self.quarantined.clear();
         }
-        kinematic_targets::guide(self, steps);
+        kinematic_targets::approach(self, steps);
         self.tell_joints();
         self.stirred = false;
         self.touched.clear();
         self.moved.take();
         match self.hooks.as_deref() {
             Some(hooks) => {
-                let named = Named { hooks, watch: &self.watch, anchor: self.anchor };
-                self.world.step_with_events(&named, &self.watch);
+                let named = Named { hooks, listener: &self.listener, anchor: self.anchor };
+                self.world.step_with_events(&named, &self.listener);
             }
-            None => self.world.step_with_events(&(), &self.watch),
+            None => self.world.step_with_events(&(), &self.listener),
         }
         self.note_solved(dt_before_s);
-        self.watch.remind(&mut self.world.colliders);
+        self.listener.remind(&mut self.world.colliders);
         let heard = self.events.forces.len();
-        self.watch.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
+        self.listener.drain(self.anchor, 1.0 / steps as f32, &mut self.events);
         self.events.make_tellable();
         self.answer_for_forces(heard);
         for handle in self.world.quarantine().bodies().to_vec() {

@@ -156,7 +156,7 @@ pub struct Stamp {
     /// After which tick.
     pub tick: Tick,
     /// Whether the tick was speculative: computed without the other members. A later one that is not counts whatever its tick.
-    pub provisional: bool,
+    pub speculative: bool,
 }
 
 /// The reason why a client's input, or a join, was refused.

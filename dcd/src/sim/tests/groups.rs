@@ -88,7 +88,7 @@ fn nodes_near_one_another_are_a_group() {
 }
 
 #[test]
-fn an_avatar_is_seen_in_its_group_within_two_ticks_of_a_wish() {
+fn an_avatar_is_seen_in_its_group_within_two_ticks_of_an_input() {
     let (mut sim, clients) = groups(1);
     let mut random = Random::new(2);
     for _ in 0..100 {

@@ -55,7 +55,7 @@ impl Trial<'_> {
         let leader = |node: NodeId| self.sim.nodes.get(&node).and_then(|process| process.machine.leader());
         let knows = |group: GroupId, node: NodeId, body: BodyId| {
             let is_authoritative = leader(node).is_some_and(|leader| leader.is_authoritative(body));
-            ((group, body), is_authoritative == (group == server.believed(body)))
+            ((group, body), is_authoritative == (group == server.authoritative(body)))
         };
         let bodies = || server.record().present().map(|body| body.id);
         let all =
@@ -96,7 +96,9 @@ impl Trial<'_> {
             }
         }
         if let Some((group, body, since)) = self.known_at.lost(self.sim.now) {
-            return Some(format!("since {since:.1?} {group} has not known who is believed about {body}"));
+            return Some(format!(
+                "since {since:.1?} {group} has not known which group is authoritative for {body}"
+            ));
         }
         let (group, body, since) = self.agreed_at.lost(self.sim.now)?;
         Some(format!("since {since:.1?} {group} has had {body} elsewhere"))

@@ -152,8 +152,8 @@ impl Trial<'_> {
         let Some(view) = machine.body(avatar) else {
             return Some(format!("{client} does not see its avatar"));
         };
-        if view.provisional {
-            return Some(format!("what {client} sees is provisional"));
+        if view.speculative {
+            return Some(format!("what {client} sees is speculative"));
         }
         let group = machine.group().unwrap_or_else(|| server.main_group());
         let tick = self.sim.checker.progress(group).map_or(0, |(_, tick)| tick.0);

@@ -117,8 +117,8 @@ impl World {
     }
 
     /// Checks what must hold between two ticks: exactly one owner per body, an owner index that leads to it, owners and regions
-    /// that agree on who holds what, finite numbers. Nothing is returned as long as all is well; it costs a look at every body. A
-    /// world that others compute has nothing to check here.
+    /// that agree on who holds what, parts of masses that add up, finite numbers. Nothing is returned as long as all is well; it costs a look at every body. A
+    /// world that others compute has nothing to check here. The feature `validate` does it after every tick, and panics.
     #[must_use]
     pub fn validate(&self) -> Vec<Inconsistency> {
         self.alone().map(|world| world.host().validate()).unwrap_or_default()

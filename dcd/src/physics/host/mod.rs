@@ -383,6 +383,8 @@ impl RegionHost {
     pub fn end_tick(&mut self) {
         self.tick = self.tick.next();
         self.rounds_done = std::mem::take(&mut self.round);
+        #[cfg(feature = "validate")]
+        assert_eq!(self.validate(), [], "after tick {}", self.tick.0);
     }
 
     /// Returns the contact events of the regions since [`RegionHost::clear_events`], in rank order.

@@ -108,7 +108,7 @@ DCD_STRUCT_(ServerDef, DCD_SERVER_DEF_INIT);
 DCD_STRUCT_(NodeDef, DCD_NODE_DEF_INIT);
 DCD_STRUCT_(BodyDef, DCD_BODY_DEF_INIT);
 DCD_STRUCT_(BodyProperties, DCD_BODY_PROPERTIES_INIT);
-DCD_STRUCT_(PartProperties, DCD_PART_PROPERTIES_INIT);
+DCD_STRUCT_(ColliderProperties, DCD_COLLIDER_PROPERTIES_INIT);
 DCD_STRUCT_(JointMotor, DCD_JOINT_MOTOR_INIT);
 DCD_STRUCT_(JointInfo, DCD_JOINT_INFO_INIT);
 DCD_STRUCT_(Filter, DCD_FILTER_INIT);
@@ -598,37 +598,37 @@ public:
     {
         return Status(dcd_body_add_force(world_, body, force.data(), point.data()));
     }
-    Status body_set_events(BodyId body, std::uint32_t events, float force_threshold, std::uint32_t part = DCD_ALL_PARTS)
+    Status body_set_events(BodyId body, std::uint32_t events, float force_threshold, std::uint32_t collider = DCD_ALL_COLLIDERS)
     {
-        return Status(dcd_body_set_events(world_, body, part, events, force_threshold));
+        return Status(dcd_body_set_events(world_, body, collider, events, force_threshold));
     }
-    Status body_set_material(BodyId body, float friction, float restitution, std::uint32_t part = DCD_ALL_PARTS)
+    Status body_set_material(BodyId body, float friction, float restitution, std::uint32_t collider = DCD_ALL_COLLIDERS)
     {
-        return Status(dcd_body_set_material(world_, body, part, friction, restitution));
+        return Status(dcd_body_set_material(world_, body, collider, friction, restitution));
     }
-    Status body_set_groups(BodyId body, std::uint32_t groups, std::uint32_t mask, std::uint32_t part = DCD_ALL_PARTS)
+    Status body_set_groups(BodyId body, std::uint32_t groups, std::uint32_t mask, std::uint32_t collider = DCD_ALL_COLLIDERS)
     {
-        return Status(dcd_body_set_groups(world_, body, part, groups, mask));
+        return Status(dcd_body_set_groups(world_, body, collider, groups, mask));
     }
 
-    Result<PartProperties> part_properties(BodyId body, std::uint32_t part) const
+    Result<ColliderProperties> collider_properties(BodyId body, std::uint32_t collider) const
     {
-        return got<PartProperties>([&](PartProperties *out) { return dcd_part_properties(world_, body, part, out); });
+        return got<ColliderProperties>([&](ColliderProperties *out) { return dcd_collider_properties(world_, body, collider, out); });
     }
-    Status part_set_properties(BodyId body, std::uint32_t part, const PartProperties &properties)
+    Status collider_set_properties(BodyId body, std::uint32_t collider, const ColliderProperties &properties)
     {
-        return Status(dcd_part_set_properties(world_, body, part, &properties));
+        return Status(dcd_collider_set_properties(world_, body, collider, &properties));
     }
-    Status part_set_shape(BodyId body, std::uint32_t part, ShapeId shape)
+    Status collider_set_shape(BodyId body, std::uint32_t collider, ShapeId shape)
     {
-        return Status(dcd_part_set_shape(world_, body, part, shape));
+        return Status(dcd_collider_set_shape(world_, body, collider, shape));
     }
-    Result<std::uint32_t> part_add(BodyId body, ShapeId shape, const PartProperties &properties = {})
+    Result<std::uint32_t> collider_add(BodyId body, ShapeId shape, const ColliderProperties &properties = {})
     {
         return got<std::uint32_t>(
-            [&](std::uint32_t *out) { return dcd_part_add(world_, body, shape, &properties, out); });
+            [&](std::uint32_t *out) { return dcd_collider_add(world_, body, shape, &properties, out); });
     }
-    Status part_remove(BodyId body, std::uint32_t part) { return Status(dcd_part_remove(world_, body, part)); }
+    Status collider_remove(BodyId body, std::uint32_t collider) { return Status(dcd_collider_remove(world_, body, collider)); }
 
     /* Joints. */
 

@@ -28,13 +28,13 @@ fn the_keys_of_a_run() {
 #[test]
 fn the_bytes_of_a_message() {
     let client = ClientId(7);
-    let drive = Input {
+    let input = Input {
         body: BodyId::avatar(client, 2),
         logical_time: 300,
         velocity: Velocity { linear: [1.0, 0.0, -2.0], angular: [0.0, 0.5, 0.0] },
         pose: Some(WorldPose::at([100_000.5, 0.0, -1.0])),
     };
-    let bytes = protocol::encode(&Message::FromClient(client, FromClient::Input(drive)));
+    let bytes = protocol::encode(&Message::FromClient(client, FromClient::Input(input)));
     let hex: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     insta::assert_snapshot!(format!("version {}: {}", protocol::VERSION, hex.join("")));
 }

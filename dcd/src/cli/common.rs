@@ -1,4 +1,4 @@
-//! Defines the arguments that all subcommands share: how much is printed, and where.
+//! Defines the arguments of every subcommand (`--verbose`, `--quiet`), and prints by them: log, messages, progress bars, results.
 
 use std::io::{IsTerminal, Write};
 

@@ -81,7 +81,6 @@ pub enum ServerEvent {
 
 /// An action that a server wants done; to be done in order.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "an output lives until it is done")]
 pub enum ServerOutput {
     /// Write this to the directory, durably if it says so, before anything that follows is done.
     Store(Batch),

@@ -129,7 +129,6 @@ pub(super) struct State {
     pub end: Option<Result<(), ProcessError>>,
 }
 
-#[expect(clippy::large_enum_variant, reason = "an input lives until it is taken")]
 pub(super) enum Input {
     Net(NetEvent),
     Client(ClientEvent),

@@ -1,4 +1,4 @@
-//! Runs Rapier's character, vehicle and PID controllers and a user's contact hooks, in local worlds.
+//! Runs Rapier's character and vehicle controllers in local worlds, converts poses for PID controllers, and sets contact hooks.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Defines what every role can report of bodies and regions: poses, velocities, owners, changes.
+//! Defines the types in which a `World` reports bodies, their owners, regions, and, in served worlds, changes of bodies.
 
 use crate::protocol::{BodyKind, Refusal, Velocity, WorldPose};
 use crate::space::{BodyId, Cell, NodeId, RegionId};

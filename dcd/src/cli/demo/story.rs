@@ -1,4 +1,5 @@
-//! Reports the events of the demo, for people and for programs.
+//! Combines the summaries of the demo's processes into its result: a text for people, and the object that `dcd demo --json`
+//! prints.
 
 use serde::Serialize;
 use serde_json::Value;

@@ -16,9 +16,9 @@ mod consensus;
 mod ghosts;
 mod halo;
 mod island;
-mod membership;
 mod overlap;
 mod owner;
+mod ownership;
 mod predicted_contacts;
 mod proxy;
 mod reach;
@@ -86,7 +86,7 @@ impl Coupling {
     /// Fills the outbox with those bodies inserted since the last step that neighbours must hold.
     pub(super) fn announce(self, side: &mut Side, moment: Moment<'_>) {
         if self.shares_mass() {
-            membership::announce(side, moment);
+            ownership::announce(side, moment);
         } else {
             halo::announce(side, moment.partition, moment.tick, moment.dt_s);
         }
@@ -136,7 +136,7 @@ pub(super) struct Border {
     predicted: predicted_contacts::PredictedContacts,
     reach: reach::Reach,
     islands: island::Islands,
-    decisions: Vec<membership::Decision>,
+    decisions: Vec<ownership::Decision>,
     /// By assembly: whether all of it may move to where its island moves.
     #[serde(skip)]
     ready_assemblies: Vec<bool>,

@@ -6,7 +6,7 @@
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Border, Ground, Moment, Side, consensus, ghosts, membership, predicted_contacts, shared};
+use super::{Border, Ground, Moment, Side, consensus, ghosts, ownership, predicted_contacts, shared};
 use crate::physics::ShapeError;
 use crate::physics::partition::Partition;
 use crate::physics::region::{BodyRef, Ownership, Region};
@@ -17,7 +17,7 @@ use crate::space::RegionSet;
 pub(super) fn gather(side: &mut Side, moment: Moment<'_>) {
     side.outbox.clear(moment.tick);
     if moment.last {
-        membership::survey(side, moment);
+        ownership::survey(side, moment);
     }
     for place in 0..side.region.held_elsewhere_count() {
         tell_copy(side, side.region.held_elsewhere_at(place), moment);
@@ -28,7 +28,7 @@ pub(super) fn gather(side: &mut Side, moment: Moment<'_>) {
     }
     if moment.last {
         side.border.islands.tell(&side.region, &mut side.outbox);
-        membership::decide(side, moment);
+        ownership::decide(side, moment);
         let steps = side.border.pace.tell(side.region.rank());
         if steps > 0 {
             side.outbox.tell_all(|message| message.steps = steps);
@@ -66,7 +66,7 @@ pub(super) fn apply<'a>(
         consensus::agree(region, border, moment);
         border.pace.judge(&border.disagreement, moment);
     }
-    membership::commit(region, border, inbox.flat_map(|message| &message.members));
+    ownership::commit(region, border, inbox.flat_map(|message| &message.members));
     if moment.last {
         border.predicted.meet();
         border.pace.turn();

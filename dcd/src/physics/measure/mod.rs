@@ -46,8 +46,8 @@ pub trait Measured {
     /// Returns the Rapier worlds that make it up.
     fn views(&self) -> Vec<View<'_>>;
 
-    /// Returns the kinetic (of translation and rotation) and potential energy of all enabled dynamic bodies, in joules: Σ ½ m v²
-    /// + ½ ω·Iω − s m g·x, with the gravity scale s and the centre of mass x; the potential is zero at the world's origin, for
+    /// Returns the kinetic (of translation and rotation) and potential energy of all enabled dynamic bodies, in joules:
+    /// Σ ½ m v² + ½ ω·Iω − s m g·x, with the gravity scale s and the centre of mass x; the potential is zero at the world's origin, for
     /// Earth's gravity at y = 0.
     fn energy_j(&self) -> f64 {
         self.views().into_iter().map(motion::energy_j).sum()

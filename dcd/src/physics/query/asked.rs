@@ -1,4 +1,4 @@
-//! Answers queries that arrive as messages, from the bodies of one process.
+//! Answers questions (queries in wire form, as clients and the C API ask them) by the bodies that this process holds.
 
 use parry3d::query::{ShapeCastOptions, ShapeCastStatus};
 use rapier3d::prelude::*;

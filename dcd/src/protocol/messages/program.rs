@@ -1,4 +1,5 @@
-//! Defines the application messages between the programs at both ends of a link. The world ignores them.
+//! Defines the application messages between the programs at both ends of a link. The world ignores them;
+//! their queues and flow control are in `runtime/connections/mail.rs`.
 
 use bincode::{Decode, Encode};
 

@@ -1,4 +1,5 @@
-//! Defines one connection: two ends that may see it unlike each other, and the frames under way between them.
+//! Defines one simulated connection: the state of each of its ends (opening, open, closed), and the frames not yet given to their
+//! reader.
 
 use std::collections::VecDeque;
 use std::time::Duration;

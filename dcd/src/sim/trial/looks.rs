@@ -1,4 +1,5 @@
-//! Checks conditions of a trial while it runs, beside those that the checker checks at every tick.
+//! Looks at a trial at intervals: checks memberships, clocks, queues and timely recovery, measures staleness and pauses, and
+//! replaces nodes that ended.
 
 use std::time::Duration;
 

@@ -120,11 +120,11 @@
 // Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
 #define DCD_MIN_SIZE 1.0e-4
 
-// In place of a part's number: all shapes of the body.
-#define DCD_ALL_PARTS UINT32_MAX
+// Names all colliders of a body, in place of a collider's number.
+#define DCD_ALL_COLLIDERS UINT32_MAX
 
-// Most shapes of one body.
-#define DCD_MAX_PARTS 4096
+// The most colliders of one body.
+#define DCD_MAX_COLLIDERS 4096
 
 // In DcdBodyDef.pairs: it meets dynamic bodies if it is dynamic.
 #define DCD_PAIR_DYNAMIC_DYNAMIC 1
@@ -144,14 +144,14 @@
 // In DcdBodyDef.pairs: fixed if fixed.
 #define DCD_PAIR_FIXED_FIXED 32
 
-// In DcdPartProperties.flags: detects and does not push.
-#define DCD_PART_SENSOR 1
+// In DcdColliderProperties.flags: detects and does not push.
+#define DCD_COLLIDER_SENSOR 1
 
-// In DcdPartProperties.flags: is not there until this is taken away.
-#define DCD_PART_DISABLED 2
+// In DcdColliderProperties.flags: is not there until this is taken away.
+#define DCD_COLLIDER_DISABLED 2
 
-// In DcdPartProperties.flags: one match of groups and mask is enough for two shapes that both say so; else both must match.
-#define DCD_PART_ANY_GROUP 4
+// In DcdColliderProperties.flags: one match of groups and mask is enough for two colliders that both say so; else both must match.
+#define DCD_COLLIDER_ANY_GROUP 4
 
 // In DcdJointDef.flags: `limit` counts. In DcdJointInfo.flags: it has some limit.
 #define DCD_JOINT_LIMIT 1
@@ -220,7 +220,7 @@
 // In DcdBodyChange.reason: the velocity is above the limit that the server sets.
 #define DCD_REFUSED_TOO_FAST 5
 
-// In DcdBodyChange.reason: a newer wish was there before.
+// In DcdBodyChange.reason: a newer input had arrived before.
 #define DCD_REFUSED_LATE 6
 
 // In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's.
@@ -262,16 +262,16 @@
 // DCD_SHAPE_COST, a point or a box 1; overlaps that are submitted together cost DCD_OVERLAPS_COST at least.
 #define DCD_MAX_SUBMITTED_COST 1024
 
-// What a submitted shape costs.
+// The cost of a submitted shape.
 #define DCD_SHAPE_COST 8
 
-// What submitted overlaps cost at least.
+// The least cost of overlaps that are submitted together.
 #define DCD_OVERLAPS_COST 64
 
 // The most queries that a world may have open: submitted, and neither fetched nor cancelled.
 #define DCD_MAX_OPEN_QUERIES 64
 
-// The most that all of them may cost.
+// The most that all open queries of a world may cost.
 #define DCD_MAX_OPEN_COST 4096
 
 // The most that the overlaps of one submission may find.
@@ -296,10 +296,10 @@
 // In DcdOwner.flags: what this world shows of the body was heard from others, and is some milliseconds old.
 #define DCD_OWNER_HEARD 2
 
-// What a call says: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
+// The result of a call: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 typedef int32_t DcdStatus;
 
-// How grave a log line is; DCD_LOG_OFF to DCD_LOG_TRACE.
+// The severity of a log line; DCD_LOG_OFF to DCD_LOG_TRACE.
 typedef uint32_t DcdLogLevel;
 
 // Receives log lines: `user` as given, the level, `length` bytes of UTF-8 that end without NUL and are valid during the
@@ -307,13 +307,13 @@ typedef uint32_t DcdLogLevel;
 // worlds from within it give DCD_ERR_BUSY.
 typedef void (*DcdLogFn)(void *user, DcdLogLevel level, const char *message, size_t length);
 
-// How regions agree on the bodies that they share.
+// The coupling: how regions come to consensus on the bodies that they share.
 typedef uint32_t DcdCoupling;
 
-// How much accuracy DCD_COUPLING_AUTO is asked for.
+// The accuracy that DCD_COUPLING_AUTO is asked for.
 typedef uint32_t DcdPreset;
 
-// How a local world is made. Start from DCD_WORLD_DEF_INIT.
+// The definition of a local world. Start from DCD_WORLD_DEF_INIT.
 typedef struct DcdWorldDef {
     // sizeof(DcdWorldDef).
     uint32_t struct_size;
@@ -335,7 +335,7 @@ typedef struct DcdWorldDef {
     double max[3];
     // Your own; dcd_world_info gives it back.
     uint64_t user_data;
-    // DCD_COUPLING_...: how regions agree. It says nothing in a world of one region.
+    // DCD_COUPLING_...: how regions come to consensus. It says nothing in a world of one region.
     DcdCoupling coupling;
     // DCD_PRESET_...: what stands for DCD_COUPLING_AUTO and the four numbers below; with another coupling it must be 0.
     DcdPreset preset;
@@ -356,10 +356,10 @@ typedef struct DcdWorld {
     uint64_t v;
 } DcdWorld;
 
-// What a process is to a world.
+// The role of a process in a world.
 typedef uint32_t DcdRole;
 
-// What a world is. Start from DCD_WORLD_INFO_INIT.
+// The role, tick and settings of a world. Start from DCD_WORLD_INFO_INIT.
 typedef struct DcdWorldInfo {
     // sizeof(DcdWorldInfo).
     uint32_t struct_size;
@@ -380,7 +380,7 @@ typedef struct DcdWorldInfo {
     uint32_t client;
 } DcdWorldInfo;
 
-// How a client joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
+// The definition of a client that joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
 typedef struct DcdClientDef {
     // sizeof(DcdClientDef).
     uint32_t struct_size;
@@ -397,7 +397,7 @@ typedef struct DcdClientDef {
     uint64_t user_data;
 } DcdClientDef;
 
-// How a participant joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
+// The definition of a participant that joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
 typedef struct DcdParticipantDef {
     // sizeof(DcdParticipantDef).
     uint32_t struct_size;
@@ -425,24 +425,24 @@ typedef struct DcdBodyId {
     uint64_t v;
 } DcdBodyId;
 
-// How nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
+// The settings by which nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
 typedef struct DcdGroupDef {
     // sizeof(DcdGroupDef).
     uint32_t struct_size;
-    // Nodes run ahead of one another by at most so many ticks, and extrapolate, 0 to 60; 0: they keep in step. Else the
+    // Nodes run ahead of one another by at most so many ticks, and extrapolate, 0 to 60; 0: lockstep. Else the
     // coupling must be DCD_COUPLING_OWNER.
     uint32_t lag_ticks;
     // Nodes share a group whose round trips are below this, milliseconds; 0: all that reach each other share one.
     float near_ms;
     // Members above this round trip are voted out of their group, milliseconds; above near_ms, and 0 where that is 0.
     float far_ms;
-    // How far a body may be from where the group that is believed about it has it, metres, above 0.
+    // How far a body may be from its place in the group that is authoritative for it, metres, above 0.
     float agree;
     // Nodes in a group at most, 1 to 1024.
     uint32_t size;
 } DcdGroupDef;
 
-// How a server is made. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
+// The definition of a server. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
 typedef struct DcdServerDef {
     // sizeof(DcdServerDef).
     uint32_t struct_size;
@@ -476,7 +476,7 @@ typedef struct DcdServerDef {
     uint64_t user_data;
 } DcdServerDef;
 
-// How a node joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
+// The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
 typedef struct DcdNodeDef {
     // sizeof(DcdNodeDef).
     uint32_t struct_size;
@@ -504,7 +504,7 @@ typedef struct DcdShapeId {
     uint64_t v;
 } DcdShapeId;
 
-// A place and a turn relative to a body or a shape.
+// A pose relative to a body or a shape: position and rotation.
 typedef struct DcdFrame {
     // Metres.
     float p[3];
@@ -512,10 +512,10 @@ typedef struct DcdFrame {
     float q[4];
 } DcdFrame;
 
-// How a body moves.
+// The type of a body: how it moves.
 typedef uint32_t DcdBodyType;
 
-// A place and a turn in world space.
+// A pose in world space: position and rotation.
 typedef struct DcdPose {
     // Position of the body's origin, metres.
     double p[3];
@@ -523,7 +523,7 @@ typedef struct DcdPose {
     float q[4];
 } DcdPose;
 
-// How a body moves, in world axes.
+// The velocity of a body, in world axes.
 typedef struct DcdVelocity {
     // Of the centre of mass, m/s.
     float linear[3];
@@ -531,11 +531,11 @@ typedef struct DcdVelocity {
     float angular[3];
 } DcdVelocity;
 
-// How the coefficients of two shapes in contact become one; of two rules the one with the higher number counts.
+// The rule by which the coefficients of two colliders in contact become one; of two rules the one with the higher number counts.
 typedef uint32_t DcdCombineRule;
 
-// How a body is made. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
-// dcd_part_set_properties change it later.
+// The definition of a body. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
+// dcd_collider_set_properties change it later.
 typedef struct DcdBodyDef {
     // sizeof(DcdBodyDef).
     uint32_t struct_size;
@@ -545,7 +545,7 @@ typedef struct DcdBodyDef {
     DcdPose pose;
     // How it moves at first.
     DcdVelocity velocity;
-    // Of the same world. Two bodies may share one. dcd_part_add gives a body more.
+    // Of the same world. Two bodies may share one. dcd_collider_add gives a body more.
     DcdShapeId shape;
     // kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`.
     float density;
@@ -612,7 +612,7 @@ typedef struct DcdBodyDef {
     uint64_t user_data;
 } DcdBodyDef;
 
-// What a body is now. Start from DCD_BODY_INFO_INIT.
+// The state of a body besides pose and velocity. Start from DCD_BODY_INFO_INIT.
 typedef struct DcdBodyInfo {
     // sizeof(DcdBodyInfo).
     uint32_t struct_size;
@@ -627,12 +627,12 @@ typedef struct DcdBodyInfo {
     // The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
     // not appeared yet. In a served world as DcdOwner.region.
     uint32_t region;
-    // What dcd_body_set_force and dcd_body_add_force made of the force on it, newtons.
+    // The force that dcd_body_set_force and dcd_body_add_force put on it, newtons.
     float force[3];
-    // And of the torque, newton metres.
+    // The torque, newton metres.
     float torque[3];
-    // How many shapes it has.
-    uint32_t parts;
+    // How many colliders it has.
+    uint32_t colliders;
     // Whether it sleeps: it costs nothing until something wakes it.
     bool sleeping;
     // Whether your interest does not reach it (dcd_interest_set): what is told here is what was last heard of it.
@@ -641,7 +641,7 @@ typedef struct DcdBodyInfo {
     uint8_t reserved[2];
 } DcdBodyInfo;
 
-// What a body is like, but for its shapes: the members of DcdBodyDef, to be read and changed later. Start from
+// The properties of a body, but for those of its colliders: the members of DcdBodyDef, to be read and changed later. Start from
 // DCD_BODY_PROPERTIES_INIT and dcd_body_properties.
 typedef struct DcdBodyProperties {
     // sizeof(DcdBodyProperties).
@@ -684,11 +684,11 @@ typedef struct DcdBodyProperties {
     uint64_t user_data;
 } DcdBodyProperties;
 
-// What one shape of a body is like. Start from DCD_PART_PROPERTIES_INIT, or from dcd_part_properties.
-typedef struct DcdPartProperties {
-    // sizeof(DcdPartProperties).
+// The properties of one collider of a body. Start from DCD_COLLIDER_PROPERTIES_INIT, or from dcd_collider_properties.
+typedef struct DcdColliderProperties {
+    // sizeof(DcdColliderProperties).
     uint32_t struct_size;
-    // DCD_PART_… bits.
+    // DCD_COLLIDER_… bits.
     uint32_t flags;
     // Where it sits on the body.
     DcdFrame frame;
@@ -722,17 +722,17 @@ typedef struct DcdPartProperties {
     uint32_t pairs;
     // 0.
     uint32_t reserved;
-    // Your own of this shape; nothing else carries it.
+    // Your own of this collider; nothing else carries it.
     uint64_t user_data;
-} DcdPartProperties;
+} DcdColliderProperties;
 
-// What a joint lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
+// The type of a joint: what it lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
 typedef uint32_t DcdJointType;
 
-// What stiffness and damping of a motor are per.
+// The model of a motor: whether stiffness and damping are per unit of mass.
 typedef uint32_t DcdMotorModel;
 
-// What drives an axis: stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force. Start
+// A motor of an axis: stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force. Start
 // from DCD_JOINT_MOTOR_INIT, which holds the axis still by any force. For a speed give `velocity`; for a servo `position`,
 // `stiffness` and `damping`.
 typedef struct DcdJointMotor {
@@ -750,7 +750,7 @@ typedef struct DcdJointMotor {
     DcdMotorModel model;
 } DcdJointMotor;
 
-// How a joint is made. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
+// The definition of a joint. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
 typedef struct DcdJointDef {
     // sizeof(DcdJointDef).
     uint32_t struct_size;
@@ -793,7 +793,7 @@ typedef struct DcdJointId {
     uint64_t v;
 } DcdJointId;
 
-// What a joint is now. Start from DCD_JOINT_INFO_INIT.
+// The state of a joint. Start from DCD_JOINT_INFO_INIT.
 typedef struct DcdJointInfo {
     // sizeof(DcdJointInfo).
     uint32_t struct_size;
@@ -813,7 +813,7 @@ typedef struct DcdJointInfo {
     DcdFrame offset;
     // Angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
     float position;
-    // What held the axes along x, y and z of frame_a that it locks, in the last step, newtons. Rapier mixes what it solves, so
+    // Force that held the axes along x, y and z of frame_a that it locks, in the last step, newtons. Rapier mixes what it solves, so
     // take it for an estimate, as of what should break the joint.
     float force[3];
     // As in DcdJointDef.
@@ -835,7 +835,7 @@ typedef struct DcdJointInfo {
 // An axis of a joint's frame on body `a`: along it, or about it. As a bit it is 1 << axis, which DCD_LOCK_… are.
 typedef uint32_t DcdJointAxis;
 
-// Every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
+// The state of every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
 // made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
 typedef struct DcdStateView {
     // sizeof(DcdStateView).
@@ -860,7 +860,7 @@ typedef struct DcdStateView {
     const uint32_t *regions;
 } DcdStateView;
 
-// What dcd_state_read and dcd_state_write copy.
+// The field of a body that dcd_state_read and dcd_state_write copy.
 typedef uint32_t DcdField;
 
 // A connection of one world with another process; 0 is null. It outlives a link that breaks and is made anew.
@@ -869,7 +869,7 @@ typedef struct DcdConnectionId {
     uint64_t v;
 } DcdConnectionId;
 
-// What became of a connection, or how it is.
+// The state of a connection.
 typedef uint32_t DcdConnectionState;
 
 // A connection as it is now. Start from DCD_CONNECTION_INFO_INIT.
@@ -904,7 +904,7 @@ typedef struct DcdConnectionInfo {
     uint64_t bytes_waiting;
 } DcdConnectionInfo;
 
-// Two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
+// A contact event: two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
 // a served world, of avatars of this process.
 typedef struct DcdContact {
     // The body made first. It is stale when it was destroyed since.
@@ -925,13 +925,13 @@ typedef struct DcdContact {
     uint32_t kind;
     // DCD_CONTACT_… bits.
     uint32_t flags;
-    // Which shape of `a`, from 0: bodies of scenes may have several.
-    uint32_t part_a;
-    // Which shape of `b`.
-    uint32_t part_b;
+    // Which collider of `a`, from 0: bodies of scenes may have several.
+    uint32_t collider_a;
+    // Which collider of `b`.
+    uint32_t collider_b;
 } DcdContact;
 
-// A contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
+// A contact force event: a contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
 typedef struct DcdContactForce {
     // The body made first.
     DcdBodyId a;
@@ -945,14 +945,14 @@ typedef struct DcdContactForce {
     float force[3];
     // Sum of their magnitudes, newtons.
     float magnitude;
-    // Which shape of `a`, from 0.
-    uint32_t part_a;
-    // Which shape of `b`.
-    uint32_t part_b;
+    // Which collider of `a`, from 0.
+    uint32_t collider_a;
+    // Which collider of `b`.
+    uint32_t collider_b;
 } DcdContactForce;
 
-// A body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of in the step,
-// and another region owned it than when it was heard of before. That is exact for both times, and leaves out what it went
+// A transfer: a body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of
+// in the step, and another region owned it than when it was heard of before. That is exact for both times, and leaves out what it went
 // through between them; nothing is told of bodies whose owner was not known before (DCD_OWNER_BY_PLACE), of bodies outside the
 // interest, and of regions that another node computes now.
 typedef struct DcdTransfer {
@@ -966,8 +966,8 @@ typedef struct DcdTransfer {
     uint32_t to;
 } DcdTransfer;
 
-// A body of a served world appeared or is gone, or a wish was refused. Bodies that were there on joining are not told of, and
-// nothing is in a local world.
+// A change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
+// told of, and nothing is in a local world.
 typedef struct DcdBodyChange {
     // Which body; null when a refusal concerns none.
     DcdBodyId body;
@@ -979,10 +979,10 @@ typedef struct DcdBodyChange {
     uint32_t reason;
 } DcdBodyChange;
 
-// Why a connection is lost or gone.
+// The cause of a connection being lost or gone.
 typedef uint32_t DcdCause;
 
-// Something became of a connection.
+// A change of the state of a connection.
 typedef struct DcdConnectionEvent {
     // Which.
     DcdConnectionId connection;
@@ -1002,7 +1002,7 @@ typedef struct DcdConnectionEvent {
     char reason[DCD_MAX_REASON];
 } DcdConnectionEvent;
 
-// What the program at the other end of a connection sent by dcd_send.
+// A message that the program at the other end of a connection sent by dcd_send.
 typedef struct DcdMessage {
     // Over which connection; to answer by.
     DcdConnectionId connection;
@@ -1020,7 +1020,7 @@ typedef struct DcdMessage {
     uint32_t flags;
 } DcdMessage;
 
-// What happened in the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
+// The events of the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 typedef struct DcdEventView {
     // sizeof(DcdEventView).
     uint32_t struct_size;
@@ -1071,13 +1071,13 @@ typedef struct DcdRay {
     uint32_t flags;
 } DcdRay;
 
-// What all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
+// A filter: what all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
 typedef struct DcdFilter {
     // sizeof(DcdFilter).
     uint32_t struct_size;
     // DCD_FILTER_… bits.
     uint32_t flags;
-    // Groups that the queries belong to: shapes whose mask meets none of them are overlooked. 0 asks no shape's mask.
+    // Groups that the queries belong to: colliders whose mask meets none of them are overlooked. 0 asks no collider's mask.
     uint32_t groups;
     // Groups that the queries meet; 0xFFFFFFFF for all.
     uint32_t mask;
@@ -1099,8 +1099,8 @@ typedef struct DcdRayHit {
     float normal[3];
     // From the origin, metres.
     float distance;
-    // Which shape of the body, from 0.
-    uint32_t part;
+    // Which collider of the body, from 0.
+    uint32_t collider;
     // Which triangle of a mesh or terrain, which part of a compound; else 0.
     uint32_t subshape;
 } DcdRayHit;
@@ -1143,8 +1143,8 @@ typedef struct DcdShapeHit {
     float point_on_shape[3];
     // Outward of the shape there, in its own space.
     float normal_on_shape[3];
-    // Which shape of the body, from 0.
-    uint32_t part;
+    // Which collider of the body, from 0.
+    uint32_t collider;
     // As in DcdRayHit.
     uint32_t subshape;
     // DCD_HIT_INSIDE or 0.
@@ -1179,15 +1179,15 @@ typedef struct DcdPointHit {
     double point[3];
     // From the point that was asked about, metres.
     float distance;
-    // Which shape of the body, from 0.
-    uint32_t part;
+    // Which collider of the body, from 0.
+    uint32_t collider;
     // DCD_HIT_INSIDE or 0.
     uint32_t flags;
     // 0.
     uint32_t reserved;
 } DcdPointHit;
 
-// A shape somewhere. Start from DCD_SHAPE_QUERY_INIT and give a shape.
+// A shape at a pose, to find what overlaps it. Start from DCD_SHAPE_QUERY_INIT and give a shape.
 typedef struct DcdShapeQuery {
     // Of the same world. It cannot be a mesh or terrain.
     DcdShapeId shape;
@@ -1207,13 +1207,13 @@ typedef struct DcdOverlap {
     DcdBodyId body;
     // Its user data.
     uint64_t user_data;
-    // Which shape of it, from 0.
-    uint32_t part;
+    // Which collider of it, from 0.
+    uint32_t collider;
     // 0.
     uint32_t reserved;
 } DcdOverlap;
 
-// A box along the axes of the world. Corners may be infinite. Start from DCD_BOX_QUERY_INIT and give them.
+// A box along the axes of the world (AABB). Corners may be infinite. Start from DCD_BOX_QUERY_INIT and give them.
 typedef struct DcdBoxQuery {
     // Lowest corner, metres.
     double min[3];
@@ -1239,7 +1239,7 @@ typedef struct DcdRegionInfo {
     uint32_t region;
     // Bodies that it owns; in a served world, of those that are known, by what dcd_body_owner says.
     uint32_t bodies;
-    // Bodies of its neighbours that it computes along, since they are near; 0 in a served world.
+    // Ghosts that it holds: copies of bodies that its neighbours own; 0 in a served world.
     uint32_t replicas;
     // The node that computes it, as the server numbers nodes from 1, as last told: it may have changed hands some milliseconds
     // ago. DCD_NO_NODE in a local world, and while nobody computes.
@@ -1250,7 +1250,7 @@ typedef struct DcdRegionInfo {
     double max[3];
 } DcdRegionInfo;
 
-// Where two regions meet.
+// A border between two regions.
 typedef struct DcdBorderInfo {
     // The region of the lower number, as in DcdRegionInfo.
     uint32_t a;
@@ -1258,7 +1258,7 @@ typedef struct DcdBorderInfo {
     uint32_t b;
     // Movable bodies that both hold, whoever owns them.
     uint32_t bodies;
-    // How often the two agree in the next step; with DCD_COUPLING_AUTO as often as the border came to need.
+    // How often the two come to consensus in the next step; with DCD_COUPLING_AUTO as often as the border came to need.
     uint32_t exchanges;
     // Contact hops across the border within which bodies live in both regions, at the side where it is more; 0 with
     // DCD_COUPLING_OWNER and _PROXY.
@@ -1268,7 +1268,7 @@ typedef struct DcdBorderInfo {
     float disagreement;
 } DcdBorderInfo;
 
-// Who has authority over a body. Start from DCD_OWNER_INIT.
+// The owner of a body: the region with authority over it. Start from DCD_OWNER_INIT.
 typedef struct DcdOwner {
     // sizeof(DcdOwner).
     uint32_t struct_size;
@@ -1294,7 +1294,7 @@ typedef struct DcdStats {
     uint64_t ticks;
     // Movable bodies.
     uint64_t bodies;
-    // Copies of bodies held by regions that do not own them; 0 in a served world, as the next two.
+    // Ghosts: copies of bodies in regions that do not own them; 0 in a served world, as the next two.
     uint64_t replicas;
     // Bodies that changed owner in a step, ever.
     uint64_t transfers;
@@ -1318,7 +1318,7 @@ typedef struct DcdStats {
     uint32_t exchanges;
 } DcdStats;
 
-// What pushes a body in every step, in world axes.
+// The force and torque on a body in every step, in world axes.
 typedef struct DcdForce {
     // At the centre of mass, newtons.
     float force[3];
@@ -1423,7 +1423,8 @@ typedef struct DcdForce {
 // Copies are overwritten by their owner after each step. The cheapest; momentum is not conserved across a border.
 #define DCD_COUPLING_OWNER 2
 
-// Bodies near a border live in both regions, each copy with its share of the mass, and regions agree on means.
+// Bodies near a border live in both regions, each copy with a part of the mass (mass splitting), and take the mean velocity of all
+// copies (consensus).
 #define DCD_COUPLING_OVERLAP 3
 
 // As DCD_COUPLING_OVERLAP, and a small group of bodies that touch one another moves whole to one region.
@@ -1502,10 +1503,10 @@ typedef struct DcdForce {
 // About z.
 #define DCD_AXIS_TURN_Z 5
 
-// Unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
+// Per unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
 #define DCD_MOTOR_ACCELERATION 0
 
-// Nothing: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
+// Not per unit of mass: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
 #define DCD_MOTOR_FORCE 1
 
 // A DcdPose.
@@ -1538,7 +1539,7 @@ typedef struct DcdForce {
 // It is not: it came, or is back.
 #define DCD_CAUSE_NONE 0
 
-// It went by its own wish, or this process did.
+// It left by itself, or this process did.
 #define DCD_CAUSE_LEFT 1
 
 // The server's program sent it away (dcd_disconnect), or this process.
@@ -1569,14 +1570,14 @@ typedef struct DcdForce {
 extern "C" {
 #endif // __cplusplus
 
-// The version of the library that runs: major * 1000000 + minor * 1000 + patch. The header's own is DCD_VERSION;
+// Returns the version of the library that runs: major * 1000000 + minor * 1000 + patch. The header's own is DCD_VERSION;
 // dcd_version_check() compares them.
 DCD_API uint32_t dcd_version(void);
 
-// The same as text, as "0.1.0". Lives as long as the program.
+// Returns the version as text, as "0.1.0". Lives as long as the program.
 DCD_API const char *dcd_version_string(void);
 
-// The name of a status, as "DCD_ERR_NULL"; "(no DCD status)" for other numbers. Lives as long as the program.
+// Returns the name of a status, as "DCD_ERR_NULL"; "(no DCD status)" for other numbers. Lives as long as the program.
 DCD_API const char *dcd_status_string(DcdStatus status);
 
 // Copies the message of the calling thread's last failed call: the function, the cause, the remedy. At most `cap` bytes
@@ -1592,13 +1593,13 @@ DCD_API size_t dcd_last_error(char *buf, size_t cap);
 // callback.
 DCD_API DcdStatus dcd_log_set(DcdLogFn function, void *user, DcdLogLevel most);
 
-// Makes an empty world that this process computes alone. Destroy it with dcd_world_destroy.
+// Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
 //
 // `def` is read during the call. `out` receives the handle.
 // Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, DCD_ERR_LIMIT without threads.
 DCD_API DcdStatus dcd_world_create(const DcdWorldDef *def, DcdWorld *out);
 
-// Makes a local world that holds what a scene says: a scene of the library ("tower", "pile", "chain" …) or a file, whose
+// Creates a local world from a scene: a scene of the library ("tower", "pile", "chain" …) or a file, whose
 // name ends in .toml, .xml, .mjcf or .urdf. Body i of the scene is dcd_body_at(world, i).
 //
 // `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
@@ -1620,10 +1621,10 @@ DcdStatus dcd_world_open_scene(const char *name_or_path,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
 DCD_API DcdStatus dcd_world_destroy(DcdWorld world);
 
-// Whether the handle names a world. Never waits.
+// Returns whether the handle names a world. Never waits.
 DCD_API bool dcd_world_is_valid(DcdWorld world);
 
-// Says what a world is.
+// Reads the role, tick and settings of a world.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
@@ -1636,11 +1637,11 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 // - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands
 //   where you put it; DCD_BODY_APPEARED tells that it is in the world, DCD_BODY_REFUSED that it is not to be, and then its
 //   id is stale.
-// - dcd_body_set_velocity drives an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends what was set. The
+// - dcd_body_set_velocity sets the speed of an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends this input. The
 //   server may set a limit to speed and refuse by DCD_BODY_REFUSED.
 // - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. A server that is out of
 //   reach is dialled again for half a minute: meanwhile the world goes on as long as nodes compute it, avatars can be
-//   driven, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
+//   moved, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
 //   it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
 // - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
 //   your own avatars, if they ask for them.
@@ -1668,12 +1669,12 @@ DCD_API DcdStatus dcd_participant_join(const DcdParticipantDef *def, DcdWorld *o
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, size_t *count);
 
-// Makes a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
+// Creates a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 // world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 //
 // It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
-// for your program: of dcd_events, connections and messages. Of the handle count besides dcd_world_info, dcd_stats,
-// dcd_address, dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
+// for your program: of dcd_events, connections and messages. The handle also serves dcd_world_info, dcd_stats, dcd_address,
+// dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
 // from the same process. dcd_world_destroy ends the world for all. The folder keeps its keys (authority.pem), the list of
 // used tokens (joins.log), locks, and world.redb, which has no world to go on with; after a process that ends without, it has.
 //
@@ -1697,8 +1698,8 @@ DcdStatus dcd_token_create(DcdWorld world,
                            size_t cap,
                            size_t *needed);
 
-// Says where a server or a node listens, as "127.0.0.1:7420": into `buf` of `cap` bytes with a NUL; `needed` receives the size
-// with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+// Writes the address at which a server or a node listens, as "127.0.0.1:7420": into `buf` of `cap` bytes with a NUL; `needed`
+// receives the size with NUL. With `cap` 0 `buf` may be null, to ask for the size.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
 // DCD_ERR_UNSUPPORTED for a world of another role.
@@ -1707,7 +1708,7 @@ DCD_API DcdStatus dcd_address(DcdWorld world, char *buf, size_t cap, size_t *nee
 // Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
 // which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
 //
-// Of the handle count what counts of a server's, but for tokens and dcd_disconnect; dcd_participant_join is for who wants to see the world too.
+// The handle serves the calls that a server's does, but for tokens and dcd_disconnect; to see the world too, use dcd_participant_join.
 // dcd_world_destroy first hands the share to other nodes, which may take some seconds.
 // Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
 DCD_API
@@ -1779,26 +1780,23 @@ DcdStatus dcd_shape_compound(DcdWorld world,
                              size_t count,
                              DcdShapeId *out);
 
-// Gives a shape's handle back. Bodies made with it keep their shape.
+// Destroys a shape's handle. Bodies made with it keep their shape.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
 DCD_API DcdStatus dcd_shape_destroy(DcdWorld world, DcdShapeId shape);
 
-// Makes a body. As dcd_bodies_create with one.
+// Creates one body, as dcd_bodies_create.
 DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBodyId *out);
 
-// Makes `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
+// Creates `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
 // moves them. In a served world they are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
 //
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
 // than DCD_MAX_ITEMS bodies, and in a served world for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
-// ids, DCD_ERR_UNSUPPORTED in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when its link is gone.
-DCD_API
-DcdStatus dcd_bodies_create(DcdWorld world,
-                            const DcdBodyDef *defs,
-                            size_t count,
-                            DcdBodyId *out);
+// ids, DCD_ERR_UNSUPPORTED in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when
+// its link is gone.
+DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
 
 // Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
 //
@@ -1809,7 +1807,7 @@ DCD_API DcdStatus dcd_bodies_destroy(DcdWorld world, const DcdBodyId *bodies, si
 // Destroys one body. As dcd_bodies_destroy.
 DCD_API DcdStatus dcd_body_destroy(DcdWorld world, DcdBodyId body);
 
-// Whether the id names a body of this world.
+// Returns whether the id names a body of this world.
 DCD_API bool dcd_body_is_valid(DcdWorld world, DcdBodyId body);
 
 // Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th that was created.
@@ -1817,43 +1815,43 @@ DCD_API bool dcd_body_is_valid(DcdWorld world, DcdBodyId body);
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID when that body is destroyed or there is none yet.
 DCD_API DcdStatus dcd_body_at(DcdWorld world, uint32_t index, DcdBodyId *out);
 
-// Says what a body is now: type, mass, owner, sleep.
+// Reads the type, mass, owner, forces and sleep of a body.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_body_info(DcdWorld world, DcdBodyId body, DcdBodyInfo *out);
 
-// Reads where a body is and how it moves. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
+// Reads the pose and velocity of a body. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
 // dcd_state_read.
 //
 // Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
 DCD_API DcdStatus dcd_body_get(DcdWorld world, DcdBodyId body, DcdPose *pose, DcdVelocity *velocity);
 
-// The pose between two, for drawing between steps: `t` = 0 is `from`, 1 is `to`. Positions go straight, rotations by SLERP
+// Interpolates between two poses, for drawing between steps: `t` = 0 is `from`, 1 is `to`. Positions go straight, rotations by SLERP
 // the shorter way. `from`, `to` and `out` may be the same. Needs no world; may run beside any other call.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_ARGUMENT for a `t` that is not finite, a pose out of range or a q that is not of length 1.
-DCD_API DcdStatus dcd_pose_interpolate(const DcdPose *from, const DcdPose *to, double t, DcdPose *out);
+DCD_API
+DcdStatus dcd_pose_interpolate(const DcdPose *from,
+                               const DcdPose *to,
+                               double t,
+                               DcdPose *out);
 
-// Puts a body elsewhere at once, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
+// Teleports a body to a pose, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
 // avatars of this process, and the next dcd_step asks for it.
 //
-// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a pose out of range or whose q is not of length 1.
-DCD_API
-DcdStatus dcd_body_set_pose(DcdWorld world,
-                            DcdBodyId body,
-                            const DcdPose *pose);
+// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
+// pose out of range or whose q is not of length 1.
+DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPose *pose);
 
-// Sets how a dynamic or kinematic body moves, and wakes it. In a served world only avatars of this process, and the next
+// Sets the velocity of a dynamic or kinematic body, and wakes it. In a served world only avatars of this process, and the next
 // dcd_step asks for it.
 //
-// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a fixed body or one that follows poses.
-DCD_API
-DcdStatus dcd_body_set_velocity(DcdWorld world,
-                                DcdBodyId body,
-                                const DcdVelocity *velocity);
+// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
+// numbers out of range, a fixed body or one that follows poses.
+DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
 
-// Sends a body of type DCD_KINEMATIC_POSE to a pose, where it is after the next step: what it touches feels the speed that this
-// takes. It stays there until it is sent on. For many bodies see dcd_state_write.
+// Sets the kinematic target of a body of type DCD_KINEMATIC_POSE: the pose that it has after the next step. What it touches feels the
+// speed that this takes. It stays there until it gets another. For many bodies see dcd_state_write.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another type, a pose out of range or whose q is not of length 1, or
 // so far off that it would be faster than DCD_MAX_NUMBER; DCD_ERR_UNSUPPORTED in a served world.
@@ -1872,35 +1870,47 @@ DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
 
-// Pushes a dynamic body once, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
+// Applies an impulse to a dynamic body, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 // is the centre of mass.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
 // faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger. DCD_ERR_UNSUPPORTED in a served world.
-DCD_API DcdStatus dcd_body_apply_impulse(DcdWorld world, DcdBodyId body, const float *impulse, const double *point);
+DCD_API
+DcdStatus dcd_body_apply_impulse(DcdWorld world,
+                                 DcdBodyId body,
+                                 const float *impulse,
+                                 const double *point);
 
-// Turns a dynamic body once, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
+// Applies an angular impulse to a dynamic body, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
 DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, const float *impulse);
 
-// Sets what pushes a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
+// Sets the force and torque on a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
 // in N m, world axes; null is none. Set both to none to stop. A later call replaces what an earlier one set.
 //
 // Errors: as dcd_body_apply_impulse.
-DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
+DCD_API
+DcdStatus dcd_body_set_force(DcdWorld world,
+                             DcdBodyId body,
+                             const float *force,
+                             const float *torque);
 
-// Adds to what dcd_body_set_force set: `force` in N, world axes, at `point` in world space, metres; a null `point` is the centre
-// of mass. What it turns by is reckoned now and stays when the body moves on: for a thruster, set no force and add those of all
+// Adds a force to that of dcd_body_set_force: `force` in N, world axes, at `point` in world space, metres; a null `point` is the centre
+// of mass. Its torque is computed now and stays when the body moves on: for a thruster, set no force and add those of all
 // thrusters before each step.
 //
 // Errors: as dcd_body_apply_impulse.
-DCD_API DcdStatus dcd_body_add_force(DcdWorld world, DcdBodyId body, const float *force, const double *point);
+DCD_API
+DcdStatus dcd_body_add_force(DcdWorld world,
+                             DcdBodyId body,
+                             const float *force,
+                             const double *point);
 
-// Reads what a body is like.
+// Reads the properties of a body.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_body_properties(DcdWorld world, DcdBodyId body, DcdBodyProperties *out);
 
-// Changes what a body is like: read it by dcd_body_properties, change members, and give it back. What is as it was stays
+// Changes the properties of a body: read them by dcd_body_properties, change members, and give them back. What is as it was stays
 // as it is; if anything but user_data was changed, the body wakes. A body that becomes fixed, or movable, loses the memory
 // of its contacts.
 //
@@ -1912,103 +1922,114 @@ DcdStatus dcd_body_set_properties(DcdWorld world,
                                   DcdBodyId body,
                                   const DcdBodyProperties *properties);
 
-// Reads what one shape of a body is like. `part` is its number, from 0.
+// Reads the properties of one collider of a body. `collider` is its number, from 0.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there.
-DCD_API DcdStatus dcd_part_properties(DcdWorld world, DcdBodyId body, uint32_t part, DcdPartProperties *out);
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there.
+DCD_API
+DcdStatus dcd_collider_properties(DcdWorld world,
+                                  DcdBodyId body,
+                                  uint32_t collider,
+                                  DcdColliderProperties *out);
 
-// Changes what one shape of a body is like: read it by dcd_part_properties, change members, and give it back. What is as it was
-// stays as it is.
+// Changes the properties of one collider of a body: read them by dcd_collider_properties, change members, and give them back. What is
+// as it was stays as it is.
 //
 // `properties` is read during the call.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a part that is not there or a member out of
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there or a member out of
 // range, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API
-DcdStatus dcd_part_set_properties(DcdWorld world,
-                                  DcdBodyId body,
-                                  uint32_t part,
-                                  const DcdPartProperties *properties);
+DcdStatus dcd_collider_set_properties(DcdWorld world,
+                                      DcdBodyId body,
+                                      uint32_t collider,
+                                      const DcdColliderProperties *properties);
 
-// Gives a body one more shape, the last of its parts; its number goes to `out`, which may be null. The contacts of the body
+// Adds a collider to a body, as the last of its colliders; its number goes to `out`, which may be null. The contacts of the body
 // begin anew, without memory.
 //
-// `properties` is read during the call; null is DCD_PART_PROPERTIES_INIT.
+// `properties` is read during the call; null is DCD_COLLIDER_PROPERTIES_INIT.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
-// more than DCD_MAX_PARTS, DCD_ERR_UNSUPPORTED in a served world.
+// more than DCD_MAX_COLLIDERS, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API
-DcdStatus dcd_part_add(DcdWorld world,
-                       DcdBodyId body,
-                       DcdShapeId shape,
-                       const DcdPartProperties *properties,
-                       uint32_t *out);
+DcdStatus dcd_collider_add(DcdWorld world,
+                           DcdBodyId body,
+                           DcdShapeId shape,
+                           const DcdColliderProperties *properties,
+                           uint32_t *out);
 
-// Takes a shape from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
+// Removes a collider from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
 // memory.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or is the only one,
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or is the only one,
 // DCD_ERR_UNSUPPORTED in a served world.
-DCD_API DcdStatus dcd_part_remove(DcdWorld world, DcdBodyId body, uint32_t part);
+DCD_API DcdStatus dcd_collider_remove(DcdWorld world, DcdBodyId body, uint32_t collider);
 
-// Gives a part of a body another shape. The contacts of the body begin anew, without memory.
+// Gives a collider of a body another shape. The contacts of the body begin anew, without memory.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a part that is not there,
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a collider that is not there,
 // DCD_ERR_UNSUPPORTED in a served world.
-DCD_API DcdStatus dcd_part_set_shape(DcdWorld world, DcdBodyId body, uint32_t part, DcdShapeId shape);
+DCD_API
+DcdStatus dcd_collider_set_shape(DcdWorld world,
+                                 DcdBodyId body,
+                                 uint32_t collider,
+                                 DcdShapeId shape);
 
 // Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
-// newtons. `part` is the number of one of its shapes, from 0, or DCD_ALL_PARTS.
+// newtons. `collider` is the number of one of its colliders, from 0, or DCD_ALL_COLLIDERS.
 //
 // Of a contact that is there already, the end is told only if the beginning was.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, unknown bits or a threshold below 0,
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
 // DCD_ERR_UNSUPPORTED in a served world.
 DCD_API
 DcdStatus dcd_body_set_events(DcdWorld world,
                               DcdBodyId body,
-                              uint32_t part,
+                              uint32_t collider,
                               uint32_t events,
                               float force_threshold);
 
-// Sets how a body slides and bounces: Coulomb coefficient, 0 or more, and restitution, 0 to 1. `part` as in
+// Sets how a body slides and bounces: Coulomb coefficient, 0 or more, and restitution, 0 to 1. `collider` as in
 // dcd_body_set_events.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there or a coefficient out of range,
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or a coefficient out of range,
 // DCD_ERR_UNSUPPORTED in a served world.
 DCD_API
 DcdStatus dcd_body_set_material(DcdWorld world,
                                 DcdBodyId body,
-                                uint32_t part,
+                                uint32_t collider,
                                 float friction,
                                 float restitution);
 
-// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `part` as in
+// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `collider` as in
 // dcd_body_set_events.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a part that is not there, DCD_ERR_UNSUPPORTED in a served
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED in a served
 // world.
 DCD_API
 DcdStatus dcd_body_set_groups(DcdWorld world,
                               DcdBodyId body,
-                              uint32_t part,
+                              uint32_t collider,
                               uint32_t groups,
                               uint32_t mask);
 
-// Ties two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
+// Creates a joint between two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
 // together is owned and moved whole by one region, so keep it small against a region.
 //
 // `def` is read during the call. The joint is gone when either body is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
 // limit or motor of a joint without an axis of its own, or twice the same body.
-DCD_API DcdStatus dcd_joint_create(DcdWorld world, const DcdJointDef *def, DcdJointId *out);
+DCD_API
+DcdStatus dcd_joint_create(DcdWorld world,
+                           const DcdJointDef *def,
+                           DcdJointId *out);
 
-// Unties two bodies and wakes them.
+// Destroys a joint and wakes its bodies.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
 DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
 
-// Whether the id names a joint of this world.
+// Returns whether the id names a joint of this world.
 DCD_API bool dcd_joint_is_valid(DcdWorld world, DcdJointId joint);
 
-// Says what a joint is now: what it ties, where it stands, what it bears.
+// Reads the state of a joint: what it ties, where it stands, what it bears.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_joint_info(DcdWorld world, DcdJointId joint, DcdJointInfo *out);
@@ -2021,8 +2042,8 @@ DCD_API DcdStatus dcd_joint_info(DcdWorld world, DcdJointId joint, DcdJointInfo 
 // is locked or none.
 DCD_API DcdStatus dcd_joint_set_limit(DcdWorld world, DcdJointId joint, DcdJointAxis axis, const float *limit);
 
-// Drives one axis of a joint, and wakes its bodies. Null stops the motor: the axis is free again. Coupled axes have one motor, a
-// spring's is DCD_AXIS_X.
+// Sets the motor of one axis of a joint, and wakes its bodies. Null stops the motor: the axis is free again. Coupled axes have
+// one motor, a spring's is DCD_AXIS_X.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, an unknown model, an axis that is locked or
 // none, or coupled axes about which it would turn.
@@ -2157,19 +2178,22 @@ DcdStatus dcd_state_write(DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 DCD_API DcdStatus dcd_connections(DcdWorld world, DcdConnectionId *out, size_t cap, size_t *count);
 
-// Says how a connection is.
+// Reads the state and figures of a connection.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, also once it is gone, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_connection_info(DcdWorld world, DcdConnectionId connection, DcdConnectionInfo *out);
 
-// Sends a process away from a server's world. It is told `reason`, a text shorter than DCD_MAX_REASON, or null for none; a node's
+// Disconnects a process from a server's world. It is told `reason`, a text shorter than DCD_MAX_REASON, or null for none; a node's
 // regions are handed over first, a client's avatars wait for its return, which takes a new token. Returns at once;
 // DCD_CONNECTION_GONE tells when it is gone, and there its dcd_step says DCD_ERR_NETWORK with the reason.
 //
-// Who wants to leave a world calls dcd_world_destroy.
+// To leave a world, call dcd_world_destroy.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a reason that is too long, DCD_ERR_UNSUPPORTED for a world that
 // is not a server.
-DCD_API DcdStatus dcd_disconnect(DcdWorld world, DcdConnectionId connection, const char *reason);
+DCD_API
+DcdStatus dcd_disconnect(DcdWorld world,
+                         DcdConnectionId connection,
+                         const char *reason);
 
 // Waits until something has come that the next dcd_step would take in: states and events of a client's world, messages,
 // changes of connections, the end of the world; not longer than `timeout_ms` milliseconds, and not at all in a local world.
@@ -2201,7 +2225,7 @@ DcdStatus dcd_send(DcdWorld world,
                    size_t size,
                    uint32_t flags);
 
-// Lends what happened in the last step; nothing before the first. Poll it once a step: a step without a look loses its
+// Lends the events of the last step; nothing before the first. Poll it once a step: a step without a look loses its
 // events, and the messages that came.
 //
 // The arrays are the library's, and live as those of dcd_state_view do.
@@ -2226,7 +2250,7 @@ DcdStatus dcd_cast_rays(DcdWorld world,
                         const DcdFilter *filter,
                         DcdRayHit *hits);
 
-// Finds every body that each of `count` rays meets, a shape of it once, the nearest first. The hits of all rays go to `hits`, which
+// Finds every body that each of `count` rays meets, a collider of it once, the nearest first. The hits of all rays go to `hits`, which
 // has `cap` entries, and their number to `total`; those of rays[i] end before hits[ends[i]] and begin where those of the ray
 // before end. `ends` has `count` entries. With `cap` 0 `hits` may be null, to ask for the number.
 //
@@ -2289,7 +2313,7 @@ DcdStatus dcd_overlap_points(DcdWorld world,
                              size_t *ends,
                              size_t *total);
 
-// Finds every body whose own box along the axes of the world touches each of `count` boxes, by age: what may overlap it, at
+// Finds every body whose AABB, its own box along the axes of the world, touches each of `count` boxes, by age: what may overlap it, at
 // little cost. Outputs as of dcd_cast_rays_all.
 //
 // Errors: as dcd_cast_rays_all; DCD_ERR_ARGUMENT also for a box whose min is above its max.
@@ -2303,7 +2327,7 @@ DcdStatus dcd_overlap_boxes(DcdWorld world,
                             size_t *ends,
                             size_t *total);
 
-// Asks what each of `count` rays meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
+// Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
 // client or participant asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
 // the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
 //
@@ -2318,7 +2342,7 @@ DcdStatus dcd_rays_submit(DcdWorld world,
                           const DcdFilter *filter,
                           DcdQueryId *out);
 
-// Asks what each of `count` moving shapes meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
+// Submits `count` shape casts, to find what each meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
 // dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 //
 // Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain, a turn longer than
@@ -2330,7 +2354,7 @@ DcdStatus dcd_shape_casts_submit(DcdWorld world,
                                  const DcdFilter *filter,
                                  DcdQueryId *out);
 
-// Asks for every body that each of `count` shapes overlaps; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_shapes,
+// Submits `count` shapes, to find every body that each overlaps; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_shapes,
 // where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 //
 // Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
@@ -2341,7 +2365,7 @@ DcdStatus dcd_overlap_shapes_submit(DcdWorld world,
                                     const DcdFilter *filter,
                                     DcdQueryId *out);
 
-// Asks for every body that each of `count` points lies in; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_points,
+// Submits `count` points, to find every body that each lies in; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_points,
 // where and when dcd_rays_submit answers.
 //
 // Errors: as dcd_rays_submit.
@@ -2352,7 +2376,7 @@ DcdStatus dcd_overlap_points_submit(DcdWorld world,
                                     const DcdFilter *filter,
                                     DcdQueryId *out);
 
-// Asks for every body whose own box touches each of `count` boxes; dcd_query_poll_overlaps fetches the answer. As
+// Submits `count` boxes, to find every body whose AABB touches each; dcd_query_poll_overlaps fetches the answer. As
 // dcd_overlap_boxes, where and when dcd_rays_submit answers.
 //
 // Errors: as dcd_rays_submit; DCD_ERR_ARGUMENT also for a box whose min is above its max.
@@ -2415,17 +2439,17 @@ DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, si
 // DCD_ERR_UNSUPPORTED in a served world, whatever the role: ask a local one of the same cut and coupling.
 DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, size_t *count);
 
-// Says who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
+// Reads who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
 DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 
-// Sets what a client or participant wants to hear of from now on: bodies whose origin is within `radius` metres of `centre`
-// (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is farther off may touch
-// an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such bodies in it. It saves
-// bytes and time where the world is large. A radius of 0 or less, or of infinity, is everything, as at first; `centre` may be
-// null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius of where it was said
-// last, nothing is sent.
+// Sets the area of interest of a client or participant, what it hears of from now on: bodies whose origin is within `radius`
+// metres of `centre` (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is
+// farther off may touch an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such
+// bodies in it. It saves bytes and time where the world is large. A radius of 0 or less, or of infinity, is everything, as at
+// first; `centre` may be null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius
+// of where it was said last, nothing is sent.
 //
 // Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
 // DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What
@@ -2436,10 +2460,7 @@ DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 // A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,
 // DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
-DCD_API
-DcdStatus dcd_interest_set(DcdWorld world,
-                           const double *centre,
-                           double radius);
+DCD_API DcdStatus dcd_interest_set(DcdWorld world, const double *centre, double radius);
 
 // Reads the counters of a world.
 //
@@ -2452,13 +2473,13 @@ DCD_API DcdStatus dcd_stats(DcdWorld world, DcdStats *out);
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
 DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *needed);
 
-// Computes one number from the pose and velocity of every movable body: equal worlds, equal numbers, whatever the number of
+// Hashes the pose and velocity of every movable body to one number: equal worlds, equal numbers, whatever the number of
 // threads.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
-// Saves a local world whole: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
+// Saves a snapshot of a local world: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
 // or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
 //
 // The bytes go to `buf` of `cap` bytes, and their number to `needed`. `buf` may be null with `cap` 0, to ask for the number, which
@@ -2479,7 +2500,7 @@ DCD_API
 DcdStatus dcd_snapshot_save_file(DcdWorld world,
                                  const char *path);
 
-// Makes a local world the one that was saved to these `size` bytes: into the world that it was saved from, to go back, or into
+// Restores a snapshot of `size` bytes into a local world: into the one that it was saved from, to go back, or into
 // any other, which loses what it held. Threads and shapes stay those of this world; all else is as saved, gravity and
 // regions too.
 //
@@ -2492,7 +2513,7 @@ DcdStatus dcd_snapshot_save_file(DcdWorld world,
 // another build of the library, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_snapshot_load(DcdWorld world, const void *data, size_t size);
 
-// Makes a local world the one that was saved to a file, as dcd_snapshot_load.
+// Restores a snapshot from a file into a local world, as dcd_snapshot_load.
 //
 // Errors: as dcd_snapshot_load, and DCD_ERR_IO when the file cannot be read.
 DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
@@ -2517,8 +2538,8 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
       0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
 
 /* A shape as dense as water at the body's origin. */
-#define DCD_PART_PROPERTIES_INIT \
-    { (uint32_t)sizeof(DcdPartProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
+#define DCD_COLLIDER_PROPERTIES_INIT \
+    { (uint32_t)sizeof(DcdColliderProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
       1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0 }
 
 /* A motor that holds still by any force. */
@@ -2745,26 +2766,26 @@ DCD_ASSERT_(offsetof(DcdBodyProperties, extra_solver_iterations) == 76);
 DCD_ASSERT_(offsetof(DcdBodyProperties, extra_pgs_iterations) == 80);
 DCD_ASSERT_(offsetof(DcdBodyProperties, reserved) == 84);
 DCD_ASSERT_(offsetof(DcdBodyProperties, user_data) == 88);
-DCD_ASSERT_(sizeof(DcdPartProperties) == 104);
-DCD_ASSERT_(offsetof(DcdPartProperties, struct_size) == 0);
-DCD_ASSERT_(offsetof(DcdPartProperties, flags) == 4);
-DCD_ASSERT_(offsetof(DcdPartProperties, frame) == 8);
-DCD_ASSERT_(offsetof(DcdPartProperties, density) == 36);
-DCD_ASSERT_(offsetof(DcdPartProperties, mass) == 40);
-DCD_ASSERT_(offsetof(DcdPartProperties, friction) == 44);
-DCD_ASSERT_(offsetof(DcdPartProperties, restitution) == 48);
-DCD_ASSERT_(offsetof(DcdPartProperties, friction_rule) == 52);
-DCD_ASSERT_(offsetof(DcdPartProperties, restitution_rule) == 56);
-DCD_ASSERT_(offsetof(DcdPartProperties, contact_skin) == 60);
-DCD_ASSERT_(offsetof(DcdPartProperties, events) == 64);
-DCD_ASSERT_(offsetof(DcdPartProperties, force_threshold) == 68);
-DCD_ASSERT_(offsetof(DcdPartProperties, groups) == 72);
-DCD_ASSERT_(offsetof(DcdPartProperties, mask) == 76);
-DCD_ASSERT_(offsetof(DcdPartProperties, solver_groups) == 80);
-DCD_ASSERT_(offsetof(DcdPartProperties, solver_mask) == 84);
-DCD_ASSERT_(offsetof(DcdPartProperties, pairs) == 88);
-DCD_ASSERT_(offsetof(DcdPartProperties, reserved) == 92);
-DCD_ASSERT_(offsetof(DcdPartProperties, user_data) == 96);
+DCD_ASSERT_(sizeof(DcdColliderProperties) == 104);
+DCD_ASSERT_(offsetof(DcdColliderProperties, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdColliderProperties, flags) == 4);
+DCD_ASSERT_(offsetof(DcdColliderProperties, frame) == 8);
+DCD_ASSERT_(offsetof(DcdColliderProperties, density) == 36);
+DCD_ASSERT_(offsetof(DcdColliderProperties, mass) == 40);
+DCD_ASSERT_(offsetof(DcdColliderProperties, friction) == 44);
+DCD_ASSERT_(offsetof(DcdColliderProperties, restitution) == 48);
+DCD_ASSERT_(offsetof(DcdColliderProperties, friction_rule) == 52);
+DCD_ASSERT_(offsetof(DcdColliderProperties, restitution_rule) == 56);
+DCD_ASSERT_(offsetof(DcdColliderProperties, contact_skin) == 60);
+DCD_ASSERT_(offsetof(DcdColliderProperties, events) == 64);
+DCD_ASSERT_(offsetof(DcdColliderProperties, force_threshold) == 68);
+DCD_ASSERT_(offsetof(DcdColliderProperties, groups) == 72);
+DCD_ASSERT_(offsetof(DcdColliderProperties, mask) == 76);
+DCD_ASSERT_(offsetof(DcdColliderProperties, solver_groups) == 80);
+DCD_ASSERT_(offsetof(DcdColliderProperties, solver_mask) == 84);
+DCD_ASSERT_(offsetof(DcdColliderProperties, pairs) == 88);
+DCD_ASSERT_(offsetof(DcdColliderProperties, reserved) == 92);
+DCD_ASSERT_(offsetof(DcdColliderProperties, user_data) == 96);
 DCD_ASSERT_(sizeof(DcdBodyInfo) == 80);
 DCD_ASSERT_(offsetof(DcdBodyInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyInfo, body_type) == 4);
@@ -2774,7 +2795,7 @@ DCD_ASSERT_(offsetof(DcdBodyInfo, mass) == 40);
 DCD_ASSERT_(offsetof(DcdBodyInfo, region) == 44);
 DCD_ASSERT_(offsetof(DcdBodyInfo, force) == 48);
 DCD_ASSERT_(offsetof(DcdBodyInfo, torque) == 60);
-DCD_ASSERT_(offsetof(DcdBodyInfo, parts) == 72);
+DCD_ASSERT_(offsetof(DcdBodyInfo, colliders) == 72);
 DCD_ASSERT_(offsetof(DcdBodyInfo, sleeping) == 76);
 DCD_ASSERT_(offsetof(DcdBodyInfo, outside) == 77);
 DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 78);
@@ -2875,8 +2896,8 @@ DCD_ASSERT_(offsetof(DcdContact, normal) == 56);
 DCD_ASSERT_(offsetof(DcdContact, speed) == 68);
 DCD_ASSERT_(offsetof(DcdContact, kind) == 72);
 DCD_ASSERT_(offsetof(DcdContact, flags) == 76);
-DCD_ASSERT_(offsetof(DcdContact, part_a) == 80);
-DCD_ASSERT_(offsetof(DcdContact, part_b) == 84);
+DCD_ASSERT_(offsetof(DcdContact, collider_a) == 80);
+DCD_ASSERT_(offsetof(DcdContact, collider_b) == 84);
 DCD_ASSERT_(sizeof(DcdContactForce) == 56);
 DCD_ASSERT_(offsetof(DcdContactForce, a) == 0);
 DCD_ASSERT_(offsetof(DcdContactForce, b) == 8);
@@ -2884,8 +2905,8 @@ DCD_ASSERT_(offsetof(DcdContactForce, user_a) == 16);
 DCD_ASSERT_(offsetof(DcdContactForce, user_b) == 24);
 DCD_ASSERT_(offsetof(DcdContactForce, force) == 32);
 DCD_ASSERT_(offsetof(DcdContactForce, magnitude) == 44);
-DCD_ASSERT_(offsetof(DcdContactForce, part_a) == 48);
-DCD_ASSERT_(offsetof(DcdContactForce, part_b) == 52);
+DCD_ASSERT_(offsetof(DcdContactForce, collider_a) == 48);
+DCD_ASSERT_(offsetof(DcdContactForce, collider_b) == 52);
 DCD_ASSERT_(sizeof(DcdTransfer) == 24);
 DCD_ASSERT_(offsetof(DcdTransfer, body) == 0);
 DCD_ASSERT_(offsetof(DcdTransfer, user_data) == 8);
@@ -2932,7 +2953,7 @@ DCD_ASSERT_(offsetof(DcdRayHit, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdRayHit, point) == 16);
 DCD_ASSERT_(offsetof(DcdRayHit, normal) == 40);
 DCD_ASSERT_(offsetof(DcdRayHit, distance) == 52);
-DCD_ASSERT_(offsetof(DcdRayHit, part) == 56);
+DCD_ASSERT_(offsetof(DcdRayHit, collider) == 56);
 DCD_ASSERT_(offsetof(DcdRayHit, subshape) == 60);
 DCD_ASSERT_(sizeof(DcdShapeCast) == 96);
 DCD_ASSERT_(offsetof(DcdShapeCast, shape) == 0);
@@ -2952,7 +2973,7 @@ DCD_ASSERT_(offsetof(DcdShapeHit, normal) == 40);
 DCD_ASSERT_(offsetof(DcdShapeHit, fraction) == 52);
 DCD_ASSERT_(offsetof(DcdShapeHit, point_on_shape) == 56);
 DCD_ASSERT_(offsetof(DcdShapeHit, normal_on_shape) == 68);
-DCD_ASSERT_(offsetof(DcdShapeHit, part) == 80);
+DCD_ASSERT_(offsetof(DcdShapeHit, collider) == 80);
 DCD_ASSERT_(offsetof(DcdShapeHit, subshape) == 84);
 DCD_ASSERT_(offsetof(DcdShapeHit, flags) == 88);
 DCD_ASSERT_(offsetof(DcdShapeHit, reserved) == 92);
@@ -2968,7 +2989,7 @@ DCD_ASSERT_(offsetof(DcdPointHit, body) == 0);
 DCD_ASSERT_(offsetof(DcdPointHit, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdPointHit, point) == 16);
 DCD_ASSERT_(offsetof(DcdPointHit, distance) == 40);
-DCD_ASSERT_(offsetof(DcdPointHit, part) == 44);
+DCD_ASSERT_(offsetof(DcdPointHit, collider) == 44);
 DCD_ASSERT_(offsetof(DcdPointHit, flags) == 48);
 DCD_ASSERT_(offsetof(DcdPointHit, reserved) == 52);
 DCD_ASSERT_(sizeof(DcdShapeQuery) == 64);
@@ -2986,7 +3007,7 @@ DCD_ASSERT_(offsetof(DcdBoxQuery, reserved) == 60);
 DCD_ASSERT_(sizeof(DcdOverlap) == 24);
 DCD_ASSERT_(offsetof(DcdOverlap, body) == 0);
 DCD_ASSERT_(offsetof(DcdOverlap, user_data) == 8);
-DCD_ASSERT_(offsetof(DcdOverlap, part) == 16);
+DCD_ASSERT_(offsetof(DcdOverlap, collider) == 16);
 DCD_ASSERT_(offsetof(DcdOverlap, reserved) == 20);
 DCD_ASSERT_(sizeof(DcdQueryId) == 8);
 DCD_ASSERT_(offsetof(DcdQueryId, v) == 0);

@@ -308,7 +308,7 @@ pub unsafe extern "C" fn dcd_collider_set_properties(
             after.check()?;
             world
                 .dcd
-                .update_collider(id, collider as usize, |collider| after.apply(&before, collider))
+                .update_collider((id, collider as usize), |collider| after.apply(&before, collider))
                 .map_err(Failure::from)
         })
     })
@@ -371,7 +371,7 @@ pub extern "C" fn dcd_collider_remove(world: DcdWorld, body: DcdBodyId, collider
                     "the body has no other collider; destroy it, or disable the collider",
                 ));
             }
-            world.dcd.remove_collider(id, collider as usize).map_err(Failure::from)
+            world.dcd.remove_collider((id, collider as usize)).map_err(Failure::from)
         })
     })
 }
@@ -393,7 +393,7 @@ pub extern "C" fn dcd_collider_set_shape(
             let (id, shape) = (registry::find(world, body)?, shape::find(world, shape)?.clone());
             world
                 .dcd
-                .update_collider(id, collider as usize, |collider| collider.set_shape(shape.clone()))
+                .update_collider((id, collider as usize), |collider| collider.set_shape(shape.clone()))
                 .map_err(Failure::from)
         })
     })
@@ -526,7 +526,7 @@ fn change(
             collider => collider as usize..collider as usize + 1,
         };
         for collider in colliders {
-            world.dcd.update_collider(id, collider, &mut change)?;
+            world.dcd.update_collider((id, collider), &mut change)?;
         }
         Ok(())
     })

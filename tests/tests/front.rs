@@ -150,3 +150,29 @@ fn what_is_submitted_to_a_local_world_is_answered_at_once_and_once() {
     world.forget(second);
     assert_eq!(world.answer(second).unwrap(), None);
 }
+
+#[test]
+fn what_a_ray_hits_and_what_touches_have_ids_that_changes_take() {
+    let mut world = World::new(WorldConfig::default()).unwrap();
+    let ground = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(5.0, 0.5, 5.0)).unwrap();
+    let lid = ColliderBuilder::cuboid(1.0, 0.1, 1.0).translation(Vector::Y * 2.0);
+    let lid = world.insert_collider(ground, lid).unwrap();
+    assert_eq!(lid, (ground, 1).into());
+    let down = WorldRay::new([0.0, 9.0, 0.0], [0.0, -1.0, 0.0]);
+    let hit = |world: &World| {
+        let hit = world.queries().unwrap().cast_ray(&down, &BodyFilter::default()).unwrap().unwrap();
+        hit.collider_id()
+    };
+    assert_eq!(hit(&world), lid);
+    world.update_collider(hit(&world), |collider| collider.set_enabled(false)).unwrap();
+    assert_eq!(hit(&world), ground.into());
+
+    let events = ColliderBuilder::ball(0.5).active_events(ActiveEvents::COLLISION_EVENTS);
+    let at = RigidBodyBuilder::dynamic().translation(Vector::new(3.0, 0.9, 0.0));
+    let ball = world.insert(at, events).unwrap();
+    world.step().unwrap();
+    let key = world.events().touches[0].key;
+    assert_eq!(key.colliders(), [ground.into(), ball.into()]);
+    world.remove_collider(lid).unwrap();
+    assert_eq!(world.collider_count(ground), 1);
+}

@@ -10,3 +10,17 @@ pub struct ColliderId {
     /// Which of its colliders.
     pub index: usize,
 }
+
+/// The first collider of a body, as most bodies have but one.
+impl From<BodyId> for ColliderId {
+    fn from(body: BodyId) -> Self {
+        Self { body, index: 0 }
+    }
+}
+
+/// A body and the index of one of its colliders.
+impl From<(BodyId, usize)> for ColliderId {
+    fn from((body, index): (BodyId, usize)) -> Self {
+        Self { body, index }
+    }
+}

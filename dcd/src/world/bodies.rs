@@ -5,7 +5,7 @@ use rapier3d::prelude::*;
 use super::role::Instead;
 use super::view::{Body, MovableBody};
 use super::{Error, Inner, World};
-use crate::physics::Region;
+use crate::physics::{ColliderId, Region};
 use crate::protocol::{BodyKind, BodyRecord, Velocity, WorldPose};
 use crate::space::BodyId;
 
@@ -263,38 +263,42 @@ impl World {
     /// # use dcd::prelude::*;
     /// # let mut world = World::new(WorldConfig::default())?;
     /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
-    /// world.insert_collider(ball, ColliderBuilder::ball(0.2).mass(3.0).translation(Vector::Y))?;
+    /// let hat = world.insert_collider(ball, ColliderBuilder::ball(0.2).mass(3.0).translation(Vector::Y))?;
     /// assert!(world.body(ball).unwrap().mass_kg > Some(3.0));
-    /// world.remove_collider(ball, 1)?;
+    /// world.remove_collider(hat)?;
     /// # Ok::<(), dcd::Error>(())
     /// ```
-    pub fn insert_collider(&mut self, body: BodyId, collider: ColliderBuilder) -> Result<(), Error> {
-        Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.insert_collider(body, collider)?)
+    pub fn insert_collider(&mut self, body: BodyId, collider: ColliderBuilder) -> Result<ColliderId, Error> {
+        let world = self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?;
+        world.insert_collider(body, collider)?;
+        let count = world.body(body).map_or(0, |body| body.colliders().len());
+        Ok(ColliderId { body, index: count.saturating_sub(1) })
     }
 
-    /// Removes a collider from a body, with the effects of [`World::insert_collider`] on contacts; those after it move up. Local
-    /// worlds only.
-    pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), Error> {
+    /// Removes a collider from a body, with the effects of [`World::insert_collider`] on contacts; those after it move up, and so do
+    /// their ids. Local worlds only.
+    pub fn remove_collider(&mut self, collider: impl Into<ColliderId>) -> Result<(), Error> {
+        let ColliderId { body, index } = collider.into();
         Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.remove_collider(body, index)?)
     }
 
     /// Changes a collider of a body in place, in every copy, by Rapier's own setters: what it touches and how, what it reports, its
-    /// mass, its shape (which must be one that can travel), its place on the body. `index` counts the body's colliders in order of
-    /// insertion. Local worlds only.
+    /// mass, its shape (which must be one that can travel), its place on the body. A [`BodyId`] stands for the body's first
+    /// collider, `(body, index)` for a later one, and what a query or a contact names has its own id. Local worlds only.
     ///
     /// ```
     /// # use dcd::prelude::*;
     /// # let mut world = World::new(WorldConfig::default())?;
     /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
-    /// world.update_collider(ball, 0, |collider| collider.set_active_events(ActiveEvents::COLLISION_EVENTS))?;
+    /// world.update_collider(ball, |collider| collider.set_active_events(ActiveEvents::COLLISION_EVENTS))?;
     /// # Ok::<(), dcd::Error>(())
     /// ```
     pub fn update_collider<R>(
         &mut self,
-        body: BodyId,
-        index: usize,
+        collider: impl Into<ColliderId>,
         change: impl FnMut(&mut Collider) -> R,
     ) -> Result<R, Error> {
+        let ColliderId { body, index } = collider.into();
         Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.update_collider(body, index, change)?)
     }
 

@@ -83,6 +83,13 @@ impl From<LocalWorld> for World {
     }
 }
 
+/// A world may be moved to another thread, and read from several at once.
+const _: fn() = || {
+    fn shared<T: Send + Sync>() {}
+    shared::<World>();
+    shared::<Error>();
+};
+
 impl World {
     /// Makes an empty local world.
     pub fn new(config: WorldConfig) -> Result<Self, Error> {

@@ -15,7 +15,7 @@ use crate::space::{BodyId, ClientId, Tick};
 use rapier3d::prelude::*;
 
 /// A role other than [`Role::Local`]. The default methods answer as a server or node does, which shows nothing of its world.
-pub(super) trait Remote: Send {
+pub(super) trait Remote: Send + Sync {
     fn role(&self) -> Role;
     /// Returns the newest tick received.
     fn tick(&self) -> Tick;

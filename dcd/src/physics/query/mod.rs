@@ -8,6 +8,7 @@ mod asked;
 mod cast;
 mod check;
 mod filter;
+mod found;
 mod overlap;
 mod point;
 mod ray;

@@ -105,6 +105,18 @@ fn snapshots_that_are_none_or_cannot_be_are_named_before_the_run() {
     std::fs::write(&path, "[world]\n").unwrap();
     assert!(refusal(folder.path(), "run t.dcd").contains("not a snapshot of dcd"));
     assert!(refusal(folder.path(), "run nowhere.dcd").contains("cannot go on with nowhere.dcd"));
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("t.dcd", folder.path().join("link.dcd")).unwrap();
+        report(folder.path(), "run tower --seconds 0.1 --save link.dcd");
+        assert!(std::fs::symlink_metadata(folder.path().join("link.dcd")).unwrap().is_symlink());
+        assert!(
+            std::fs::read(&path).unwrap().starts_with(&bytes[..8]),
+            "the file that it leads to is written"
+        );
+        let said = refusal(folder.path(), "run tower --seconds 1e9 --save /dev/null");
+        assert!(said.contains("it is a device or a pipe"), "{said}");
+    }
     // A run this long would not come back.
     let said = refusal(folder.path(), "run tower --seconds 1e9 --save no/such.dcd");
     assert!(said.contains("no/such.dcd") && said.contains("give --save a file in a folder"), "{said}");

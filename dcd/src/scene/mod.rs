@@ -4,6 +4,7 @@
 //! `dcd/scenes/README.md`), or from an MJCF or URDF file (`dcd/scenes/models/README.md`). Body `i` of its list becomes
 //! [`BodyId::persistent(i)`](crate::space::BodyId::persistent).
 
+mod bounded;
 mod dice;
 mod error;
 mod file;

@@ -36,7 +36,8 @@ impl World {
         Ok(self.local(SAVE, Instead::ServerKeeps)?.save(to)?)
     }
 
-    /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one.
+    /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one. A symbolic link
+    /// stays, and the file that it leads to is replaced; devices, pipes and folders are refused.
     pub fn save_file(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         Ok(self.local(SAVE, Instead::ServerKeeps)?.save_file(path.as_ref())?)
     }

@@ -121,6 +121,42 @@ fn what_is_wrong_in_a_file_is_told_with_its_line() {
 }
 
 #[test]
+fn files_that_nest_or_include_without_end_and_files_that_are_none_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |name: &str, text: String| {
+        let path = folder.path().join(name);
+        fs::write(&path, text).unwrap();
+        Scene::load(&path, &Params::new()).unwrap_err().to_string()
+    };
+    for levels in [300, 3_000, 300_000] {
+        let nested = |tag: &str| format!("<{tag}>").repeat(levels) + &format!("</{tag}>").repeat(levels);
+        let model = format!("<mujoco>\n<worldbody>\n{}</worldbody></mujoco>", nested("body"));
+        let error = refused("deep.xml", model);
+        assert!(error.contains("deep.xml:3: more than 256 elements lie in one another"), "{error}");
+        let error = refused("deep.urdf", format!("<robot>{}</robot>", nested("link")));
+        assert!(error.contains("deep.urdf:1: more than 256 elements"), "{error}");
+    }
+    let robot = |file: &str| {
+        format!(
+            "<mujoco><worldbody><include file=\"{file}\"/><include file=\"{file}\"/></worldbody></mujoco>"
+        )
+    };
+    let error = refused("endless.xml", robot("/dev/zero"));
+    assert!(error.contains("/dev/zero: it is not a regular file"), "{error}");
+    // Each includes the next twice: thirty files of a hundred bytes are 2^30 geoms.
+    for level in 0..30 {
+        let inner = robot(&format!("{}.xml", level + 1));
+        fs::write(folder.path().join(format!("{level}.xml")), inner).unwrap();
+    }
+    for (geoms, cause) in [(0, "more than 4096 files are included"), (1_000, "have more than 16 MiB")] {
+        let last = format!("<mujoco>{}</mujoco>", "<geom size=\"1\"/>".repeat(geoms));
+        fs::write(folder.path().join("30.xml"), last).unwrap();
+        let error = Scene::load(&folder.path().join("0.xml"), &Params::new()).unwrap_err().to_string();
+        assert!(error.contains(cause) && error.contains("include less"), "{error}");
+    }
+}
+
+#[test]
 fn a_model_starts_as_it_is_asked_to() {
     let path = shipped().join("bullet/quadruped.urdf");
     let still = scene(&path, "fixed=1 sleep=0 dt=0.002 iterations=12");

@@ -22,6 +22,9 @@ impl Target {
         if target.path.is_dir() {
             return Err(Failure::usage(target.refused(&"it is a folder")));
         }
+        if target.path.exists() && !target.path.is_file() {
+            return Err(Failure::usage(target.refused(&"it is a device or a pipe")));
+        }
         File::create(&part)
             .and_then(|_| std::fs::remove_file(&part))
             .map_err(|error| Failure::usage(target.refused(&error)))?;

@@ -10,8 +10,8 @@ mod header;
 mod tests;
 
 use std::fs::{self, File};
-use std::io::{BufReader, BufWriter, Read, Write};
-use std::path::Path;
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -81,8 +81,10 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one.
+    /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one. A symbolic link stays,
+    /// and the file that it leads to is replaced; devices, pipes and folders are refused.
     pub fn save_file(&self, path: &Path) -> Result<(), SnapshotError> {
+        let path = &place_of(path)?;
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
         let written = File::create(&part)
@@ -103,6 +105,18 @@ impl LocalWorld {
     /// Returns whether these first bytes of a file are those of a snapshot; eight are enough.
     pub fn is_snapshot(beginning: &[u8]) -> bool {
         beginning.starts_with(&header::MAGIC)
+    }
+}
+
+/// Returns where a file of this path is written: where a symbolic link leads to, unless that is no regular file.
+fn place_of(path: &Path) -> Result<PathBuf, SnapshotError> {
+    match fs::metadata(path) {
+        Ok(found) if found.is_file() => Ok(fs::canonicalize(path)?),
+        Ok(_) => {
+            Err(io::Error::new(io::ErrorKind::InvalidInput, "there is something that is not a regular file")
+                .into())
+        }
+        Err(_) => Ok(path.to_owned()),
     }
 }
 

@@ -7,6 +7,7 @@ mod numbers;
 mod source;
 mod world;
 
+use crate::scene::bounded::read_text;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
@@ -37,7 +38,7 @@ struct SceneFile {
 
 /// Reads, checks and builds a scene file.
 pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
-    let text = std::fs::read_to_string(path).map_err(|source| unreadable(path, source))?;
+    let text = read_text(path).map_err(|source| unreadable(path, source))?;
     parse(&Source { path, text: &text }, params)
 }
 

@@ -8,6 +8,7 @@ use rapier3d::prelude::*;
 use rapier3d_meshloader::mesh_loader;
 
 use super::source::Fault;
+use crate::scene::bounded::read_bounded;
 
 /// Vertices of a mesh and its triangles.
 pub(super) type Triangles = (Vec<Vector>, Vec<[u32; 3]>);
@@ -49,7 +50,7 @@ fn read(path: &Path) -> Result<(Vec<u8>, Vec<Triangles>), Fault> {
         return Err(Fault::new(cause, format!("convert it to {FORMATS}")));
     }
     // The loader tells formats by lower-case extensions only.
-    let bytes = std::fs::read(path).map_err(|error| {
+    let bytes = read_bounded(path).map_err(|error| {
         Fault::new(named(error.to_string()), "put the mesh there, or correct the path in the file")
     })?;
     let loader = mesh_loader::Loader::default();

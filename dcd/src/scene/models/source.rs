@@ -3,6 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::scene::SceneError;
+use crate::scene::bounded::read_text;
+
+/// How deep elements may lie in one another: readers of models call themselves for each level, and a robot has some tens.
+const MAX_LEVELS: usize = 256;
 
 /// A model file as text.
 pub(super) struct Source {
@@ -37,8 +41,7 @@ impl Fault {
 
 impl Source {
     pub(super) fn read(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
+        let text = read_text(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
         Ok(Self { path: path.to_owned(), text: without_declaration(text) })
     }
 
@@ -56,13 +59,22 @@ impl Source {
         SceneError::File { path: self.path.clone(), line, cause, remedy }
     }
 
-    /// Returns the document, whose root must have this name.
-    pub(super) fn document(&self, root: &str) -> Result<roxmltree::Document<'_>, SceneError> {
-        let document = roxmltree::Document::parse(&self.text).map_err(|error| {
+    /// Returns the document, whatever its root.
+    pub(super) fn parsed(&self) -> Result<roxmltree::Document<'_>, SceneError> {
+        if let Some(line) = too_deep(&self.text) {
+            let cause = format!("more than {MAX_LEVELS} elements lie in one another");
+            return Err(self.fault(Fault { line: Some(line), cause, remedy: "nest them less".into() }));
+        }
+        roxmltree::Document::parse(&self.text).map_err(|error| {
             let line = Some(error.pos().row as usize);
             let cause = format!("this is not XML: {error}");
             self.fault(Fault { line, cause, remedy: "correct this line".into() })
-        })?;
+        })
+    }
+
+    /// Returns the document, whose root must have this name.
+    pub(super) fn document(&self, root: &str) -> Result<roxmltree::Document<'_>, SceneError> {
+        let document = self.parsed()?;
         let found = document.root_element().tag_name().name();
         if found != root {
             let cause = format!("the file's root is <{found}>, not <{root}>");
@@ -83,4 +95,28 @@ fn without_declaration(mut text: String) -> String {
         text.replace_range(start..start + length + 2, "");
     }
     text
+}
+
+/// Returns the line in which elements lie too deep in one another. It counts tags without parsing, as parsers call themselves too;
+/// what looks like a tag in comments, and so counts for one, is balanced as a rule.
+fn too_deep(text: &str) -> Option<usize> {
+    let (mut level, mut line) = (0_usize, 1);
+    let mut bytes = text.bytes().peekable();
+    let mut before = b' ';
+    while let Some(byte) = bytes.next() {
+        match (byte, bytes.peek()) {
+            (b'<', Some(b'/')) => level = level.saturating_sub(1),
+            (b'<', Some(next)) if next.is_ascii_alphabetic() => {
+                level += 1;
+                if level > MAX_LEVELS {
+                    return Some(line);
+                }
+            }
+            (b'>', _) if before == b'/' => level = level.saturating_sub(1),
+            (b'\n', _) => line += 1,
+            _ => {}
+        }
+        before = byte;
+    }
+    None
 }

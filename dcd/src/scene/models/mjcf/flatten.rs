@@ -6,19 +6,27 @@ use std::path::{Path, PathBuf};
 use crate::scene::SceneError;
 use crate::scene::models::source::{Fault, Source};
 
+/// The most bytes of a model's text with all that it includes, and the most files that it includes, counted as often as they are.
+const MAX_TEXT: usize = 16 << 20;
+const MAX_INCLUDED: usize = 4096;
+/// The most files of which each is included by the one before.
+const MAX_CHAIN: usize = 64;
+
+/// The files that are being expanded, each included by the one before, and how many have been included.
+struct Open {
+    paths: Vec<PathBuf>,
+    included: usize,
+}
+
 /// Returns the file with everything that it includes; its lines are its own if it includes nothing.
 pub(super) fn flatten(source: &Source) -> Result<Source, SceneError> {
-    let mut open = vec![source.path.clone()];
+    let mut open = Open { paths: vec![source.path.clone()], included: 0 };
     let text = expanded(source, source.folder(), &mut open)?;
     Ok(Source { path: source.path.clone(), text })
 }
 
-fn expanded(source: &Source, main: &Path, open: &mut Vec<PathBuf>) -> Result<String, SceneError> {
-    let document = roxmltree::Document::parse(&source.text).map_err(|error| {
-        let line = Some(error.pos().row as usize);
-        let cause = format!("this is not XML: {error}");
-        source.fault(Fault { line, cause, remedy: "correct this line".into() })
-    })?;
+fn expanded(source: &Source, main: &Path, open: &mut Open) -> Result<String, SceneError> {
+    let document = source.parsed()?;
     let mut text = String::with_capacity(source.text.len());
     let mut done = 0;
     for node in document.descendants().filter(|node| node.has_tag_name("include")) {
@@ -29,16 +37,29 @@ fn expanded(source: &Source, main: &Path, open: &mut Vec<PathBuf>) -> Result<Str
         // Relative to the main file as MuJoCo has it, or to the including file as many have it.
         let path = [main, source.folder()].map(|folder| folder.join(file));
         let path = path.iter().find(|path| path.is_file()).unwrap_or(&path[0]);
-        if open.contains(path) {
+        if open.paths.contains(path) {
             let fault = Fault::at(node, format!("{file} includes itself"), "drop one of the two <include>s");
             return Err(source.fault(fault));
         }
+        open.included += 1;
+        if open.paths.len() > MAX_CHAIN {
+            let cause = format!("more than {MAX_CHAIN} files include one another in a chain");
+            return Err(source.fault(Fault::at(node, cause, "include less deep")));
+        }
+        if open.included > MAX_INCLUDED {
+            let cause = format!("more than {MAX_INCLUDED} files are included");
+            return Err(source.fault(Fault::at(node, cause, "include less, or less often")));
+        }
         let inner = Source::read(path)?;
-        open.push(path.clone());
+        open.paths.push(path.clone());
         let inner = expanded(&inner, main, open)?;
-        open.pop();
+        open.paths.pop();
         text.push_str(&source.text[done..node.range().start]);
         text.push_str(&content(&inner));
+        if text.len() > MAX_TEXT {
+            let cause = "the file and what it includes have more than 16 MiB";
+            return Err(source.fault(Fault::at(node, cause, "include less, or less often")));
+        }
         done = node.range().end;
     }
     text.push_str(&source.text[done..]);

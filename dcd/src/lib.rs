@@ -100,7 +100,7 @@ pub mod query {
     pub use crate::physics::{BodyFilter, PointHit, Queries, RayHit, ShapeHit, WorldMotion, WorldRay};
     pub use crate::protocol::{
         Asked, CastAnswer, CastQuestion, Found, Meets, Overlap, OverlapQuestion, Overlooks, Place, Question,
-        RayAnswer, RayQuestion,
+        RayAnswer, RayQuestion, ShapeHash, ShapeRecord,
     };
 }
 

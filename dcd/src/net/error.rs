@@ -149,7 +149,7 @@ pub enum TokenError {
     Mistyped,
     /// A token for something else.
     #[error(
-        "the token is for a {found}, a {wanted} was to join; mint one with `dcd token --role {wanted}`, or dcd_token_create at \
+        "the token is for a {found}, a {wanted} was to join; mint one with `dcd token --role {wanted}`, or `World::token` (dcd_token_create) at \
          the server"
     )]
     WrongRole {
@@ -182,22 +182,24 @@ pub enum JoinRefusal {
     /// The token was minted elsewhere, or forged.
     #[error(
         "the token was not minted by this server's authority; mint one with `dcd token` on its data folder, or \
-         dcd_token_create at the server"
+         `World::token` (dcd_token_create) at the server"
     )]
     OtherAuthority,
     /// The token has expired.
-    #[error("the token has expired; mint a new one with `dcd token`, or dcd_token_create at the server")]
+    #[error(
+        "the token has expired; mint a new one with `dcd token`, or `World::token` (dcd_token_create) at the server"
+    )]
     Expired,
     /// The token was used before.
     #[error(
         "the token has been used already, and each lets one process in once; mint a new one with `dcd token`, or \
-         dcd_token_create at the server"
+         `World::token` (dcd_token_create) at the server"
     )]
     Used,
     /// The resume key is for another role than the token.
     #[error(
         "the token is for a {token}, the resume key is of a {resume}; mint a token with `dcd token --role {resume}`, or \
-         dcd_token_create at the server"
+         `World::token` (dcd_token_create) at the server"
     )]
     WrongRole {
         /// What the token is for.

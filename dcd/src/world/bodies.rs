@@ -18,7 +18,8 @@ impl World {
     ///
     /// In a served world it is an avatar, dynamic or kinematic by velocity. Its id is valid at once, and it stands where it was
     /// put; [`BodyChange`](super::BodyChange) reports that it is in the world, or refused. Its speed may be limited by the
-    /// server.
+    /// server (`ServeConfig::avatar_speed_limit`). A kinematic one notices fixed bodies and sensors only with
+    /// `active_collision_types(ActiveCollisionTypes::all())`, as in Rapier.
     pub fn insert(&mut self, body: impl Into<RigidBody>, collider: ColliderBuilder) -> Result<BodyId, Error> {
         let body = body.into();
         let pose = WorldPose {

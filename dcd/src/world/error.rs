@@ -1,5 +1,7 @@
 //! Defines the error of [`World`](super::World), for every role.
 
+use std::fmt;
+
 use super::role::Unsupported;
 use crate::physics::{QueryError, ShapeError};
 #[cfg(feature = "net")]
@@ -7,8 +9,8 @@ use crate::runtime::{ConnectionError, ProcessError};
 use crate::runtime::{SnapshotError, WorldError};
 use crate::scene::SceneError;
 
-/// The error of a world's methods. Each message names cause and remedy.
-#[derive(Debug, thiserror::Error)]
+/// The error of a world's methods. Each message names cause and remedy; `Debug` prints it too, as for a `main` that returns the error.
+#[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A body, joint, setting or number is refused.
@@ -41,4 +43,10 @@ pub enum Error {
     #[cfg(feature = "net")]
     #[error("{0}")]
     Lost(String),
+}
+
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
 }

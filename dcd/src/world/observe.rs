@@ -11,7 +11,25 @@ use crate::space::{Balance, BodyId, ClientId, RegionId};
 /// Events, statistics, regions.
 impl World {
     /// Returns the contacts that began, ceased or exceeded their force threshold in the last step, for colliders with Rapier's
-    /// `ActiveEvents`; in a served world those of avatars of this process.
+    /// `ActiveEvents` on either side; in a served world those of avatars of this process, while what bodies of the scene touch
+    /// is reported to nobody. A kinematic body notices fixed ones and their sensors only with
+    /// `active_collision_types(ActiveCollisionTypes::all())`, as in Rapier.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// let gate = ColliderBuilder::cuboid(1.0, 1.0, 1.0).sensor(true).active_events(ActiveEvents::COLLISION_EVENTS);
+    /// let gate = world.insert(RigidBodyBuilder::fixed(), gate)?;
+    /// let at = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 1.6, 0.0));
+    /// let ball = world.insert(at, ColliderBuilder::ball(0.5))?;
+    /// while world.events().touches.is_empty() {
+    ///     world.step()?;
+    /// }
+    /// let touch = world.events().touches[0];
+    /// assert!(touch.began && touch.sensor);
+    /// assert_eq!(touch.key.colliders(), [gate.into(), ball.into()]);
+    /// # Ok::<(), Error>(())
+    /// ```
     #[must_use]
     pub fn events(&self) -> &WorldEvents {
         match &self.inner {

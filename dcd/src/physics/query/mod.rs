@@ -28,28 +28,26 @@ use super::host::RegionHost;
 use super::region::{Moved, Ownership, Region};
 use crate::space::Bounds;
 
-/// All queries of a world, or of the regions that one node computes. Made by [`RegionHost::queries`] and
-/// `LocalWorld::queries`; the methods are named after Rapier's.
+/// All queries of a world, or of the regions that one node computes. Made by `World::queries`; the methods are
+/// named after Rapier's.
 ///
 /// Positions are in world space. Each region computes in f32 relative to its anchor, as in a step, so answers are as exact
 /// as bodies' positions are. Bodies are found where they are now, also when they were inserted or moved since the last
 /// step; bare Rapier finds those only after its next step. Nothing that is asked changes what the world does next.
 ///
 /// ```
-/// use dcd::physics::{BodyFilter, WorldRay};
-/// use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
-/// use rapier3d::prelude::*;
+/// use dcd::prelude::*;
 ///
-/// let mut world = LocalWorld::new(WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::default() })?;
+/// let mut world = World::new(WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::default() })?;
 /// let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
 /// let ball = world.insert(
 ///     RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 5.0, 0.0)),
 ///     ColliderBuilder::ball(0.5),
 /// )?;
 /// let down = WorldRay::new([0.0, 10.0, 0.0], [0.0, -1.0, 0.0]);
-/// let hit = world.queries().cast_ray(&down, &BodyFilter::default())?.unwrap();
+/// let hit = world.queries()?.cast_ray(&down, &BodyFilter::default())?.unwrap();
 /// assert_eq!((hit.body, hit.distance_m), (ball, 4.5));
-/// let all = world.queries().intersect_ray(&down, &BodyFilter::default())?;
+/// let all = world.queries()?.intersect_ray(&down, &BodyFilter::default())?;
 /// assert_eq!(all.iter().map(|hit| hit.body).collect::<Vec<_>>(), [ball, floor]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -631,7 +631,7 @@ typedef struct DcdBodyInfo {
     float force[3];
     // The torque, newton metres.
     float torque[3];
-    // How many colliders it has.
+    // Number of its colliders.
     uint32_t colliders;
     // Whether it sleeps: it costs nothing until something wakes it.
     bool sleeping;
@@ -1335,10 +1335,10 @@ typedef struct DcdForce {
 // Something is not as it should be.
 #define DCD_LOG_WARN 2
 
-// What happened at large.
+// Logs the milestones: who joins and leaves, views, failures of nodes.
 #define DCD_LOG_INFO 3
 
-// What happened in detail; every failed call.
+// Logs every step of joins and view changes, and every failed call.
 #define DCD_LOG_DEBUG 4
 
 // Everything.
@@ -2209,7 +2209,7 @@ DCD_API DcdStatus dcd_poll(DcdWorld world, uint32_t timeout_ms);
 //
 // A message, with `flags` 0, arrives once and in order, as long as the link lasts; it has DCD_MAX_MESSAGE bytes at most. With
 // DCD_SEND_UNRELIABLE it is a datagram of DCD_MAX_DATAGRAM bytes at most, which may be lost or overtaken, and never waits.
-// What is on its way when a link breaks (DCD_CONNECTION_LOST) is lost.
+// Messages on their way when a link breaks (DCD_CONNECTION_LOST) are lost.
 //
 // The world never waits for messages. A program that makes no steps takes none: then up to 128 KiB wait there and as much
 // here, counting 64 bytes more for each, and then the call is DCD_ERR_BUSY. Of datagrams the newest are dropped where 64 KiB

@@ -20,11 +20,11 @@ pub(crate) fn committed() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("results")
 }
 
-/// Where results go: as asked, else beside the committed ones; quick ones are not worth committing and go elsewhere.
+/// Where results go: as asked, else beside the committed ones; quick ones are not worth committing and go beside this program.
 pub(crate) fn folder(asked: Option<&Path>, quick: bool) -> Result<PathBuf, Box<dyn Error>> {
     let folder = match asked {
         Some(folder) => folder.to_owned(),
-        None if quick => std::env::temp_dir().join("dcd-benches"),
+        None if quick => std::env::current_exe()?.with_file_name("quick-results"),
         None => committed(),
     };
     std::fs::create_dir_all(&folder).map_err(|error| format!("cannot make {}: {error}", folder.display()))?;

@@ -22,9 +22,9 @@ pub const DCD_LOG_OFF: DcdLogLevel = 0;
 pub const DCD_LOG_ERROR: DcdLogLevel = 1;
 /// Something is not as it should be.
 pub const DCD_LOG_WARN: DcdLogLevel = 2;
-/// What happened at large.
+/// Logs the milestones: who joins and leaves, views, failures of nodes.
 pub const DCD_LOG_INFO: DcdLogLevel = 3;
-/// What happened in detail; every failed call.
+/// Logs every step of joins and view changes, and every failed call.
 pub const DCD_LOG_DEBUG: DcdLogLevel = 4;
 /// Everything.
 pub const DCD_LOG_TRACE: DcdLogLevel = 5;

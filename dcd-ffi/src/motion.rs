@@ -32,7 +32,7 @@ pub struct DcdBodyInfo {
     pub force: [f32; 3],
     /// The torque, newton metres.
     pub torque: [f32; 3],
-    /// How many colliders it has.
+    /// Number of its colliders.
     pub colliders: u32,
     /// Whether it sleeps: it costs nothing until something wakes it.
     pub sleeping: bool,

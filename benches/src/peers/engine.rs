@@ -15,7 +15,7 @@ use super::box3d::Box3d;
 use super::jolt::Jolt;
 use super::world::{World, timed};
 
-/// Who computes a scene.
+/// An engine that computes a scene, with its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Engine {
     /// One Rapier world on one thread.
@@ -24,7 +24,7 @@ pub(super) enum Engine {
     RapierParallel,
     Box3d,
     Jolt,
-    /// What dcd chooses itself for so many threads.
+    /// The regions that dcd chooses itself for so many threads.
     Dcd,
     /// Two regions, whatever dcd would choose.
     DcdTwoRegions,

@@ -9,7 +9,7 @@ use dcd::scene::Scene;
 pub(super) enum Setting {
     /// One Rapier world, none of our code in its step.
     Bare,
-    /// What dcd chooses itself for so many threads.
+    /// The regions that dcd chooses itself for so many threads.
     Default,
     /// So many regions, by the coupling that is the default.
     Auto(usize),

@@ -18,7 +18,7 @@ use crate::status::{DcdStatus, Failure};
 ///
 /// A message, with `flags` 0, arrives once and in order, as long as the link lasts; it has DCD_MAX_MESSAGE bytes at most. With
 /// DCD_SEND_UNRELIABLE it is a datagram of DCD_MAX_DATAGRAM bytes at most, which may be lost or overtaken, and never waits.
-/// What is on its way when a link breaks (DCD_CONNECTION_LOST) is lost.
+/// Messages on their way when a link breaks (DCD_CONNECTION_LOST) are lost.
 ///
 /// The world never waits for messages. A program that makes no steps takes none: then up to 128 KiB wait there and as much
 /// here, counting 64 bytes more for each, and then the call is DCD_ERR_BUSY. Of datagrams the newest are dropped where 64 KiB

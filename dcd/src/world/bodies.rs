@@ -270,10 +270,9 @@ impl World {
     /// # Ok::<(), dcd::Error>(())
     /// ```
     pub fn insert_collider(&mut self, body: BodyId, collider: ColliderBuilder) -> Result<ColliderId, Error> {
-        let world = self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?;
-        world.insert_collider(body, collider)?;
-        let count = world.body(body).map_or(0, |body| body.colliders().len());
-        Ok(ColliderId { body, index: count.saturating_sub(1) })
+        let id = ColliderId { body, index: self.collider_count(body) };
+        self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.insert_collider(body, collider)?;
+        Ok(id)
     }
 
     /// Removes a collider from a body, with the effects of [`World::insert_collider`] on contacts; those after it move up, and so do

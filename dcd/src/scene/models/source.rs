@@ -61,15 +61,16 @@ impl Source {
 
     /// Returns the document, whatever its root.
     pub(super) fn parsed(&self) -> Result<roxmltree::Document<'_>, SceneError> {
-        if let Some(line) = too_deep(&self.text) {
-            let cause = format!("more than {MAX_LEVELS} elements lie in one another");
-            return Err(self.fault(Fault { line: Some(line), cause, remedy: "nest them less".into() }));
-        }
-        roxmltree::Document::parse(&self.text).map_err(|error| {
+        let document = roxmltree::Document::parse(&self.text).map_err(|error| {
             let line = Some(error.pos().row as usize);
             let cause = format!("this is not XML: {error}");
             self.fault(Fault { line, cause, remedy: "correct this line".into() })
-        })
+        })?;
+        if let Some(node) = too_deep(&document) {
+            let cause = format!("more than {MAX_LEVELS} elements lie in one another");
+            return Err(self.fault(Fault::at(node, cause, "nest them less")));
+        }
+        Ok(document)
     }
 
     /// Returns the document, whose root must have this name.
@@ -97,26 +98,14 @@ fn without_declaration(mut text: String) -> String {
     text
 }
 
-/// Returns the line in which elements lie too deep in one another. It counts tags without parsing, as parsers call themselves too;
-/// what looks like a tag in comments, and so counts for one, is balanced as a rule.
-fn too_deep(text: &str) -> Option<usize> {
-    let (mut level, mut line) = (0_usize, 1);
-    let mut bytes = text.bytes().peekable();
-    let mut before = b' ';
-    while let Some(byte) = bytes.next() {
-        match (byte, bytes.peek()) {
-            (b'<', Some(b'/')) => level = level.saturating_sub(1),
-            (b'<', Some(next)) if next.is_ascii_alphabetic() => {
-                level += 1;
-                if level > MAX_LEVELS {
-                    return Some(line);
-                }
-            }
-            (b'>', _) if before == b'/' => level = level.saturating_sub(1),
-            (b'\n', _) => line += 1,
-            _ => {}
-        }
-        before = byte;
-    }
-    None
+/// Returns the first element that lies too deep in others.
+fn too_deep<'a, 'input>(document: &'a roxmltree::Document<'input>) -> Option<roxmltree::Node<'a, 'input>> {
+    // By node; a parent comes before its children.
+    let mut levels = Vec::new();
+    document.descendants().find(|node| {
+        let level =
+            node.parent().map_or(0, |parent: roxmltree::Node<'_, '_>| levels[parent.id().get_usize()] + 1);
+        levels.push(level);
+        level > MAX_LEVELS
+    })
 }

@@ -102,7 +102,7 @@ impl From<Unsupported> for Failure {
             Instead::CompareLocal => {
                 "it hears of bodies at different ticks; compare hashes of local worlds (dcd_world_create)"
             }
-            Instead::SubmitQuestion => {
+            Instead::SubmitQuery => {
                 "it hears where bodies are and computes nothing; submit what you ask (dcd_rays_submit and the like)"
             }
             Instead::AskServer => {

@@ -99,8 +99,8 @@ pub use world::{Body, BodyChange, Error, Instead, MovableBody, Owner, RegionInfo
 pub mod query {
     pub use crate::physics::{BodyFilter, PointHit, Queries, RayHit, ShapeHit, WorldMotion, WorldRay};
     pub use crate::protocol::{
-        Asked, CastAnswer, CastQuestion, Found, Meets, Overlap, OverlapQuestion, Overlooks, Place, Question,
-        RayAnswer, RayQuestion, ShapeHash, ShapeRecord,
+        CastAnswer, CastQuery, FilterRecord, Overlap, OverlapQuery, PartFilter, Place, Query, QueryParts,
+        QueryResult, RayAnswer, RayQuery, ShapeHash, ShapeRecord,
     };
 }
 

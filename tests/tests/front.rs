@@ -77,7 +77,7 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
         refused(client.insert_joint(id, id, FixedJointBuilder::new())).instead,
         Instead::JointsInScene
     );
-    assert_eq!(refused(client.queries().map(drop)).instead, Instead::SubmitQuestion);
+    assert_eq!(refused(client.queries().map(drop)).instead, Instead::SubmitQuery);
     assert_eq!(refused(client.save(Vec::new())).instead, Instead::ServerKeeps);
     assert_eq!(refused(client.state_hash()).instead, Instead::CompareLocal);
     assert_eq!(refused(client.token(JoinRole::Node, LIMIT)).instead, Instead::AskServer);
@@ -133,18 +133,12 @@ fn a_body_keeps_what_it_was_built_with() {
 
 #[test]
 fn what_is_submitted_to_a_local_world_is_answered_at_once_and_once() {
-    use dcd::protocol::{Asked, Found, Meets, OverlapQuestion, Overlooks, Place, Question};
+    use dcd::query::{Place, Query, QueryResult};
     let mut world = World::new(WorldConfig::default()).unwrap();
     let id = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.5)).unwrap();
-    let here = OverlapQuestion { place: Place::Point([0.1, 0.0, 0.0]), meets: Meets::default() };
-    let question = Question {
-        number: 0,
-        overlooks: Overlooks::default(),
-        shapes: Vec::new(),
-        asked: Asked::Overlaps(vec![here]),
-    };
+    let question = Query::overlaps([Place::Point([0.1, 0.0, 0.0])]);
     let (first, second) = (world.submit(question.clone()).unwrap(), world.submit(question).unwrap());
-    let Some(Found::Overlaps(lists)) = world.answer(first).unwrap() else { panic!("it is answered") };
+    let Some(QueryResult::Overlaps(lists)) = world.answer(first).unwrap() else { panic!("it is answered") };
     assert_eq!(lists[0].iter().map(|found| found.body).collect::<Vec<_>>(), [id]);
     assert_eq!(world.answer(first).unwrap(), None);
     world.forget(second);

@@ -1,9 +1,9 @@
 //! Casts shapes: finds the first body that each moving shape meets.
 
-use dcd::protocol::{CastAnswer, CastQuestion, ShapeHash};
+use dcd::protocol::{CastAnswer, CastQuery, ShapeHash};
 use rapier3d::prelude::SharedShape;
 
-use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_LEAVE, DcdFilter, NOBODY, meets, refused, user_data};
+use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_LEAVE, DcdFilter, NOBODY, part_filter, refused, user_data};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
 use crate::pointer::{check_bits, check_not_negative, check_numbers, check_reserved};
@@ -84,7 +84,7 @@ pub unsafe extern "C" fn dcd_cast_shapes(
             batch.each(world, hits, |asked, cast| {
                 let shape = solid(asked.world, cast.shape)?;
                 let cast = question(asked.world, asked.mask, cast)?;
-                let hit = asked.queries.ask_cast(&asked.overlooks, &*shape.0, &cast).map_err(refused)?;
+                let hit = asked.queries.ask_cast(&asked.filter, &*shape.0, &cast).map_err(refused)?;
                 Ok(shape_hit(asked.world, hit.as_ref().map(CastAnswer::from)))
             })
         }
@@ -115,7 +115,7 @@ pub(super) fn solid(world: &World, shape: DcdShapeId) -> Result<&SharedShape, Fa
 }
 
 /// The cast, of a call whose queries all meet these groups; its shape has no name yet.
-pub(super) fn question(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQuestion, Failure> {
+pub(super) fn question(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQuery, Failure> {
     check_pose(&cast.pose)?;
     check_numbers(&cast.motion, "motion")?;
     check_numbers(&cast.turn, "turn")?;
@@ -125,14 +125,14 @@ pub(super) fn question(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<
     if cast.turn != [0.0; 3] && cast.margin != 0.0 {
         return Err(Failure::argument(format!("margin is {}; give 0 where turn is given", cast.margin)));
     }
-    Ok(CastQuestion {
+    Ok(CastQuery {
         shape: ShapeHash::default(),
         pose: cast.pose.into(),
         motion: cast.motion,
         turn: cast.turn,
         margin_m: cast.margin,
         leaves: cast.flags & DCD_QUERY_LEAVE != 0,
-        meets: meets(world, mask, cast.mask, cast.exclude)?,
+        filter: part_filter(world, mask, cast.mask, cast.exclude)?,
     })
 }
 

@@ -5,7 +5,7 @@ use crate::pointer::{self, Room, Sized32, check_bits};
 use crate::registry::{self, World, with};
 use crate::status::Failure;
 use dcd::physics::{Queries, QueryError};
-use dcd::protocol::{Meets, Overlooks};
+use dcd::protocol::{FilterRecord, PartFilter};
 use dcd::space::BodyId;
 use rapier3d::prelude::QueryFilterFlags;
 
@@ -83,7 +83,7 @@ struct Batch<'a, Q> {
 struct Asked<'a> {
     world: &'a World,
     queries: Queries<'a>,
-    overlooks: Overlooks,
+    filter: FilterRecord,
     mask: u32,
 }
 
@@ -110,14 +110,14 @@ impl<'a, Q> Batch<'a, Q> {
 
     fn ask<'w>(&self, world: &'w World) -> Result<Asked<'w>, Failure> {
         let queries = world.dcd.queries()?;
-        Ok(Asked { world, queries, overlooks: self.overlooks(world)?, mask: self.mask() })
+        Ok(Asked { world, queries, filter: self.filter(world)?, mask: self.mask() })
     }
 
     /// Returns what all queries overlook.
-    fn overlooks(&self, world: &World) -> Result<Overlooks, Failure> {
+    fn filter(&self, world: &World) -> Result<FilterRecord, Failure> {
         let (flags, groups) = self.filter.map_or((0, 0), |filter| (filter.flags, filter.groups));
         check_bits(flags, QueryFilterFlags::all().bits(), "filter->flags")?;
-        Ok(Overlooks { flags, groups, exclude: self.excluded(world)? })
+        Ok(FilterRecord { flags, groups, exclude: self.excluded(world)? })
     }
 
     /// Groups that all queries meet.
@@ -212,10 +212,10 @@ unsafe fn write_ends(lengths: impl Iterator<Item = usize>, ends: *mut usize) {
     }
 }
 
-/// Returns whom a single query meets.
-fn meets(world: &World, all: u32, mask: u32, exclude: DcdBodyId) -> Result<Meets, Failure> {
-    let but = if exclude.v == 0 { None } else { Some(registry::find(world, exclude)?) };
-    Ok(Meets { mask: all & mask, but })
+/// Returns the filter of a single ray, cast or overlap.
+fn part_filter(world: &World, all: u32, mask: u32, exclude: DcdBodyId) -> Result<PartFilter, Failure> {
+    let exclude = if exclude.v == 0 { None } else { Some(registry::find(world, exclude)?) };
+    Ok(PartFilter { mask: all & mask, exclude })
 }
 
 fn refused(error: QueryError) -> Failure {

@@ -1,6 +1,6 @@
 //! Keeps the queries that are submitted and not fetched yet.
 
-use dcd::protocol::Found;
+use dcd::protocol::QueryResult;
 
 use crate::handle::Slots;
 
@@ -35,5 +35,5 @@ pub(crate) enum Kind {
 pub(crate) enum Answer {
     /// Under this number, by those who compute the world.
     Awaited(u64),
-    Here(Found),
+    Here(QueryResult),
 }

@@ -1,12 +1,12 @@
 //! Finds the bodies that overlap shapes, points and boxes.
 
 use dcd::physics::QueryError;
-use dcd::protocol::{Overlap, OverlapQuestion, Place, ShapeHash};
+use dcd::protocol::{Overlap, OverlapQuery, Place, ShapeHash};
 use dcd::space::Bounds;
 use rapier3d::prelude::SharedShape;
 
 use super::cast::solid;
-use super::{Batch, DcdFilter, DcdPointQuery, meets, refused, user_data};
+use super::{Batch, DcdFilter, DcdPointQuery, part_filter, refused, user_data};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
 use crate::pointer::{Room, check_bits, check_point, check_reserved};
@@ -194,9 +194,9 @@ impl Somewhere for DcdBoxQuery {
 }
 
 /// The place and whom to look for there, of a call whose queries all meet these groups.
-pub(super) fn question(world: &World, mask: u32, query: &impl Somewhere) -> Result<OverlapQuestion, Failure> {
+pub(super) fn question(world: &World, mask: u32, query: &impl Somewhere) -> Result<OverlapQuery, Failure> {
     let (place, (own, exclude)) = (query.place()?, query.whom());
-    Ok(OverlapQuestion { place, meets: meets(world, mask, own, exclude)? })
+    Ok(OverlapQuery { place, filter: part_filter(world, mask, own, exclude)? })
 }
 
 /// # Safety
@@ -216,7 +216,7 @@ unsafe fn overlaps<Q: Somewhere>(
         batch.lists(world, room, ends, |asked, query| {
             let shape = query.shape(asked.world)?;
             let question = question(asked.world, asked.mask, query)?;
-            let found = asked.queries.ask_overlap(&asked.overlooks, |_| shape.cloned(), &question);
+            let found = asked.queries.ask_overlap(&asked.filter, |_| shape.cloned(), &question);
             Ok(found.map_err(refused)?.iter().map(|id| overlap(asked.world, &id.into())).collect())
         })
     }

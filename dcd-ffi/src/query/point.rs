@@ -1,6 +1,6 @@
 //! Projects points onto bodies: finds the place of any body that is nearest to each point.
 
-use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, meets, refused, user_data};
+use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, part_filter, refused, user_data};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{check_bits, check_point, check_reserved};
@@ -66,8 +66,8 @@ pub unsafe extern "C" fn dcd_project_points(
                 check_bits(query.flags, DCD_QUERY_HOLLOW, "flags")?;
                 check_reserved(query.reserved)?;
                 let (max_m, solid) = (f64::from(query.max_distance), query.flags & DCD_QUERY_HOLLOW == 0);
-                let meets = meets(asked.world, asked.mask, query.mask, query.exclude)?;
-                let hit = asked.queries.ask_nearest(&asked.overlooks, query.point, max_m, solid, &meets);
+                let filter = part_filter(asked.world, asked.mask, query.mask, query.exclude)?;
+                let hit = asked.queries.ask_nearest(&asked.filter, query.point, max_m, solid, &filter);
                 Ok(hit.map_err(refused)?.map_or(NO_POINT_HIT, |hit| DcdPointHit {
                     body: asked.world.mark.body(hit.body),
                     user_data: user_data(asked.world, hit.body),

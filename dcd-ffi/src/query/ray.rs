@@ -1,9 +1,9 @@
 //! Casts rays: finds the first body that each meets, or all of them.
 
-use dcd::protocol::{RayAnswer, RayQuestion};
+use dcd::protocol::{RayAnswer, RayQuery};
 use rapier3d::prelude::Vector;
 
-use super::{Batch, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, meets, refused, user_data};
+use super::{Batch, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, part_filter, refused, user_data};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{Room, check_bits, check_numbers, check_point};
@@ -74,7 +74,7 @@ pub unsafe extern "C" fn dcd_cast_rays(
         unsafe {
             batch.each(world, hits, |asked, ray| {
                 let ray = question(asked.world, asked.mask, ray)?;
-                let hit = asked.queries.ask_ray(&asked.overlooks, &ray).map_err(refused)?;
+                let hit = asked.queries.ask_ray(&asked.filter, &ray).map_err(refused)?;
                 Ok(ray_hit(asked.world, hit.as_ref().map(RayAnswer::from)))
             })
         }
@@ -106,7 +106,7 @@ pub unsafe extern "C" fn dcd_cast_rays_all(
         unsafe {
             batch.lists(world, room, ends, |asked, ray| {
                 let ray = question(asked.world, asked.mask, ray)?;
-                let hits = asked.queries.ask_ray_through(&asked.overlooks, &ray).map_err(refused)?;
+                let hits = asked.queries.ask_ray_through(&asked.filter, &ray).map_err(refused)?;
                 Ok(hits.iter().map(|hit| ray_hit(asked.world, Some(hit.into()))).collect())
             })
         }
@@ -124,7 +124,7 @@ const NO_RAY_HIT: DcdRayHit = DcdRayHit {
 };
 
 /// The ray, of a call whose queries all meet these groups.
-pub(super) fn question(world: &World, mask: u32, ray: &DcdRay) -> Result<RayQuestion, Failure> {
+pub(super) fn question(world: &World, mask: u32, ray: &DcdRay) -> Result<RayQuery, Failure> {
     check_point(&ray.origin, "origin")?;
     check_numbers(&ray.direction, "direction")?;
     check_bits(ray.flags, DCD_QUERY_HOLLOW, "flags")?;
@@ -138,12 +138,12 @@ pub(super) fn question(world: &World, mask: u32, ray: &DcdRay) -> Result<RayQues
             ray.max_distance
         )));
     }
-    Ok(RayQuestion {
+    Ok(RayQuery {
         origin: ray.origin,
         direction: ray.direction,
         max_m: f64::from(ray.max_distance),
         solid: ray.flags & DCD_QUERY_HOLLOW == 0,
-        meets: meets(world, mask, ray.mask, ray.exclude)?,
+        filter: part_filter(world, mask, ray.mask, ray.exclude)?,
     })
 }
 

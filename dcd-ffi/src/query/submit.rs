@@ -2,8 +2,8 @@
 
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{
-    Asked, CastQuestion, Check, Found, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS,
-    MAX_QUESTION_BYTES, MAX_TURN, MAX_TURNING_M, OVERLAPS_COST, OverlapQuestion, Place, Question, SHAPE_COST,
+    CastQuery, Check, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES, MAX_TURN,
+    MAX_TURNING_M, OVERLAPS_COST, OverlapQuery, Place, Query, QueryParts, QueryResult, SHAPE_COST,
 };
 
 use super::cast::{self, shape_hit, solid};
@@ -44,7 +44,7 @@ const _: () = assert!(
     DCD_MAX_SUBMITTED_COST == MAX_COST
         && DCD_SHAPE_COST == SHAPE_COST
         && DCD_OVERLAPS_COST == OVERLAPS_COST
-        && DCD_MAX_OPEN_QUERIES == MAX_OPEN_QUESTIONS
+        && DCD_MAX_OPEN_QUERIES == MAX_OPEN_QUERIES
         && DCD_MAX_OPEN_COST == MAX_OPEN_COST
         && DCD_MAX_SUBMITTED_OVERLAPS == MAX_FOUND
         && DCD_MAX_SUBMITTED_TURN == MAX_TURN
@@ -71,7 +71,7 @@ pub unsafe extern "C" fn dcd_rays_submit(
         // SAFETY: the caller vouches for `count` rays, the filter and `out`.
         let (batch, out) = unsafe { (Batch::new(rays, count, "rays", filter)?, Out::new(out, "out")?) };
         submit(world, &batch, Kind::Rays, out, |world, _| {
-            Ok(Asked::Rays(batch.numbered(|ray| ray::question(world, batch.mask(), ray))?))
+            Ok(QueryParts::Rays(batch.numbered(|ray| ray::question(world, batch.mask(), ray))?))
         })
     })
 }
@@ -95,14 +95,14 @@ pub unsafe extern "C" fn dcd_shape_casts_submit(
         submit(world, &batch, Kind::Casts, out, |world, shapes| {
             let named = |cast: &DcdShapeCast| {
                 let shape = shapes.intern(solid(world, cast.shape)?)?;
-                Ok(CastQuestion { shape, ..submitted_cast(world, batch.mask(), cast)? })
+                Ok(CastQuery { shape, ..submitted_cast(world, batch.mask(), cast)? })
             };
-            Ok(Asked::Casts(batch.numbered(named)?))
+            Ok(QueryParts::Casts(batch.numbered(named)?))
         })
     })
 }
 
-fn submitted_cast(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQuestion, Failure> {
+fn submitted_cast(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQuery, Failure> {
     let [x, y, z] = cast.turn;
     if x * x + y * y + z * z > MAX_TURN * MAX_TURN {
         return Err(Failure::argument("turn is longer than DCD_MAX_SUBMITTED_TURN; submit it in parts"));
@@ -174,14 +174,14 @@ unsafe fn submit_overlaps<Q: Somewhere>(
     let (batch, out) = unsafe { (Batch::new(queries, count, Q::NAME, filter)?, Out::new(out, "out")?) };
     submit(world, &batch, Kind::Overlaps, out, |world, shapes| {
         let named = |query: &Q| {
-            let OverlapQuestion { place, meets } = overlap::question(world, batch.mask(), query)?;
+            let OverlapQuery { place, filter } = overlap::question(world, batch.mask(), query)?;
             let place = match (place, query.shape(world)?) {
                 (Place::Shape(_, pose), Some(shape)) => Place::Shape(shapes.intern(shape)?, pose),
                 (place, _) => place,
             };
-            Ok(OverlapQuestion { place, meets })
+            Ok(OverlapQuery { place, filter })
         };
-        Ok(Asked::Overlaps(batch.numbered(named)?))
+        Ok(QueryParts::Overlaps(batch.numbered(named)?))
     })
 }
 
@@ -204,7 +204,7 @@ pub unsafe extern "C" fn dcd_query_poll(
         // SAFETY: the caller vouches for `cap` hits and for `count`.
         let room = unsafe { Room::new(hits, cap, count, ["hits", "count"])? };
         fetch(world, query, Kind::Rays, |world, found| match found {
-            Found::Rays(hits) => room.fill(hits.iter().map(|&hit| ray_hit(world, hit))),
+            QueryResult::Rays(hits) => room.fill(hits.iter().map(|&hit| ray_hit(world, hit))),
             _ => Err(too_much()),
         })
     })
@@ -223,7 +223,7 @@ pub unsafe extern "C" fn dcd_query_poll_casts(
         // SAFETY: the caller vouches for `cap` hits and for `count`.
         let room = unsafe { Room::new(hits, cap, count, ["hits", "count"])? };
         fetch(world, query, Kind::Casts, |world, found| match found {
-            Found::Casts(hits) => room.fill(hits.iter().map(|&hit| shape_hit(world, hit))),
+            QueryResult::Casts(hits) => room.fill(hits.iter().map(|&hit| shape_hit(world, hit))),
             _ => Err(too_much()),
         })
     })
@@ -246,7 +246,7 @@ pub unsafe extern "C" fn dcd_query_poll_overlaps(
         // SAFETY: the caller vouches for `cap` overlaps and for `total`.
         let room = unsafe { Room::new(found, cap, total, ["found", "total"])? };
         fetch(world, query, Kind::Overlaps, |world, found| {
-            let Found::Overlaps(lists) = found else { return Err(too_much()) };
+            let QueryResult::Overlaps(lists) = found else { return Err(too_much()) };
             if !lists.is_empty() {
                 pointer::check(ends, "ends")?;
             }
@@ -281,7 +281,7 @@ fn submit<Q>(
     batch: &Batch<'_, Q>,
     kind: Kind,
     out: Out<DcdQueryId>,
-    ask: impl FnOnce(&World, &mut ShapeLibrary) -> Result<Asked, Failure>,
+    ask: impl FnOnce(&World, &mut ShapeLibrary) -> Result<QueryParts, Failure>,
 ) -> Result<(), Failure> {
     let (items, bodies) = (batch.queries.len(), batch.exclude.len());
     if items.max(bodies) > DCD_MAX_SUBMITTED_COST {
@@ -290,9 +290,9 @@ fn submit<Q>(
     with(world, |world| {
         world.dcd.sees("ask by rays, shapes and points")?;
         let mut shapes = ShapeLibrary::default();
-        let (overlooks, asked) = (batch.overlooks(world)?, ask(world, &mut shapes)?);
+        let (filter, asked) = (batch.filter(world)?, ask(world, &mut shapes)?);
         // Its number is the client's to give.
-        let question = Question { number: 0, overlooks, shapes: shapes.records(), asked };
+        let question = Query { number: 0, filter, shapes: shapes.records(), parts: asked };
         check(&question)?;
         let (cost, open) = (question.cost(), &world.queries);
         if open.count >= DCD_MAX_OPEN_QUERIES || open.cost + cost > DCD_MAX_OPEN_COST {
@@ -311,14 +311,14 @@ fn submit<Q>(
     })
 }
 
-fn check(question: &Question) -> Result<(), Failure> {
+fn check(question: &Query) -> Result<(), Failure> {
     let cost = question.cost();
     if cost > DCD_MAX_SUBMITTED_COST {
         return Err(too_dear(&format!("a cost of {cost}")));
     }
     if !question.fits() {
         return Err(Failure::argument(format!(
-            "what is submitted is longer than {MAX_QUESTION_BYTES} bytes on its way; submit it in parts, or \
+            "what is submitted is longer than {MAX_QUERY_BYTES} bytes on its way; submit it in parts, or \
              simpler shapes"
         )));
     }
@@ -346,7 +346,7 @@ fn fetch(
     world: DcdWorld,
     query: DcdQueryId,
     kind: Kind,
-    give: impl FnOnce(&World, &Found) -> Result<(), Failure>,
+    give: impl FnOnce(&World, &QueryResult) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     with(world, |world| {
         let slot = slot(world, query)?;
@@ -364,7 +364,7 @@ fn fetch(
         }
         let here = world.queries.slots.get(slot).expect("looked at above");
         let Answer::Here(found) = &here.answer else { unreachable!("it is here by now") };
-        let (is_lost, given) = (*found == Found::TooMuch, give(world, found));
+        let (is_lost, given) = (*found == QueryResult::TooMuch, give(world, found));
         if is_lost || given.is_ok() {
             close(world, slot);
         }

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use super::Peer;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, Chunk, ContactForce, EnvironmentProperties, Found, FromClient, Handover,
-    Hello, Input, JoinAs, JointRecord, Member, Message, Question, Refusal, ShapeHash, ShapeRecord,
+    Area, BodyKind, BodyRecord, Chunk, ContactForce, EnvironmentProperties, FromClient, Handover, Hello,
+    Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash, ShapeRecord,
     SharedState, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, Epoch, GroupId, NodeId, RegionId, Tick};
@@ -62,7 +62,7 @@ pub enum ClientEvent {
     /// An avatar is to go for good.
     Despawn(BodyId),
     /// The user asks about bodies; the question's number is unlike those of questions before.
-    Ask(Question),
+    Ask(Query),
     /// The user does not want the answer any more.
     Forget(u64),
     /// The user sets the area of interest, or wants to hear of all bodies.
@@ -200,8 +200,8 @@ pub struct Client {
     /// The newest input for each avatar and its time: sent again when a link is back, and to a new leader.
     newest: BTreeMap<BodyId, (Input, Duration)>,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
-    asked: BTreeMap<u64, (Question, Duration)>,
-    answers: BTreeMap<u64, Found>,
+    asked: BTreeMap<u64, (Query, Duration)>,
+    answers: BTreeMap<u64, QueryResult>,
     /// Its area of interest, as sent to the leader; `None` is everything.
     area: Option<Area>,
     now: Duration,
@@ -402,7 +402,7 @@ impl Client {
     }
 
     /// Returns the answer to a question, if it has come, and forgets it.
-    pub fn take_answer(&mut self, number: u64) -> Option<Found> {
+    pub fn take_answer(&mut self, number: u64) -> Option<QueryResult> {
         self.answers.remove(&number)
     }
 
@@ -610,7 +610,7 @@ impl Client {
             }
             ToClient::Answer { number, found } => {
                 let Some((question, _)) = self.asked.get(&number) else { return };
-                let mut answer = question.asked.nothing();
+                let mut answer = question.parts.nothing();
                 if answer.join(found) {
                     self.asked.remove(&number);
                     self.answers.insert(number, answer);

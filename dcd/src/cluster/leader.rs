@@ -19,7 +19,7 @@ pub(super) use self::state_replication::TELL_TICK;
 
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
-    Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Pace, Question, Refusal,
+    Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Pace, Query, Refusal,
     RegionEvents, Report, Thresholds, ToClient, View, ViewNumber, WorldOp,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
@@ -138,7 +138,7 @@ impl Leader {
     }
 
     /// Takes in a client's question about bodies, perhaps once more; the answer comes with the next tick, or a later one.
-    pub fn ask(&mut self, client: ClientId, question: Question) {
+    pub fn ask(&mut self, client: ClientId, question: Query) {
         if self.clients.contains_key(&client) {
             self.questions.ask(client, question);
         }

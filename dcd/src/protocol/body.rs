@@ -90,6 +90,16 @@ pub struct Velocity {
 }
 
 impl Velocity {
+    /// Moves without turning, m/s.
+    pub const fn linear(linear: [f32; 3]) -> Self {
+        Self { linear, angular: [0.0; 3] }
+    }
+
+    /// Turns in place: about this axis, by its length in rad/s.
+    pub const fn angular(angular: [f32; 3]) -> Self {
+        Self { linear: [0.0; 3], angular }
+    }
+
     /// Returns whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.linear.iter().chain(&self.angular).all(|v| v.is_finite())

@@ -267,6 +267,17 @@ pub struct ContactKey {
     pub collider_b: u16,
 }
 
+impl ContactKey {
+    /// Returns the body that `body` touches, if it is one of the two.
+    pub fn other(&self, body: BodyId) -> Option<BodyId> {
+        match body {
+            _ if body == self.a => Some(self.b),
+            _ if body == self.b => Some(self.a),
+            _ => None,
+        }
+    }
+}
+
 /// An event: two colliders began or ceased to touch in one region.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Touch {

@@ -4,7 +4,7 @@
 mod client;
 mod group;
 mod program;
-mod question;
+mod query;
 
 use std::net::SocketAddr;
 
@@ -19,10 +19,10 @@ pub use group::{
     WorldOp,
 };
 pub use program::Program;
-pub use question::{
-    Answer, Asked, CastAnswer, CastQuestion, Found, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS,
-    MAX_QUESTION_BYTES, MAX_TURN, MAX_TURNING_M, Meets, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks,
-    Place, Question, RayAnswer, RayQuestion, SHAPE_COST,
+pub use query::{
+    Answer, CastAnswer, CastQuery, FilterRecord, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUERIES,
+    MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, OVERLAPS_COST, Overlap, OverlapQuery, PartFilter, Place, Query,
+    QueryParts, QueryResult, RayAnswer, RayQuery, SHAPE_COST,
 };
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.

@@ -30,12 +30,12 @@ pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
-    Answer, Area, Asked, BodyCheckpoint, Border, CastAnswer, CastQuestion, Chunk, Claim, Delay,
-    DelayThresholds, Dispatch, Done, EnvironmentProperties, Farewell, Found, FromClient, Hello, Input,
-    JoinAs, Lane, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, MAX_QUESTION_BYTES, MAX_TURN,
-    MAX_TURNING_M, Meets, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuestion, Overlooks, Pace,
-    Ping, Place, Placed, Pong, Program, Question, RayAnswer, RayQuestion, Refusal, Report, SHAPE_COST, Stamp,
-    Stance, SyncProtocol, Thresholds, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
+    Answer, Area, BodyCheckpoint, Border, CastAnswer, CastQuery, Chunk, Claim, Delay, DelayThresholds,
+    Dispatch, Done, EnvironmentProperties, Farewell, FilterRecord, FromClient, Hello, Input, JoinAs, Lane,
+    MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, Member,
+    Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery, Pace, PartFilter, Ping, Place, Placed, Pong,
+    Program, Query, QueryParts, QueryResult, RayAnswer, RayQuery, Refusal, Report, SHAPE_COST, Stamp, Stance,
+    SyncProtocol, Thresholds, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

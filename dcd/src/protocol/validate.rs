@@ -429,32 +429,32 @@ impl Check for WorldOp {
     }
 }
 
-impl Check for Question {
+impl Check for Query {
     fn check(&self) -> Result<(), Invalid> {
-        must(self.cost() <= MAX_COST, "question", "of 1024 rays, or what costs as much")?;
-        must(self.fits(), "question", "short enough for a client's frame")?;
-        must(self.overlooks.exclude.len() <= MAX_COST, "question.exclude", "at most 1024")?;
-        ascending(&self.overlooks.exclude, |&body| body, "question.exclude")?;
+        must(self.cost() <= MAX_COST, "query", "of 1024 rays, or what costs as much")?;
+        must(self.fits(), "query", "short enough for a client's frame")?;
+        must(self.filter.exclude.len() <= MAX_COST, "query.exclude", "at most 1024")?;
+        ascending(&self.filter.exclude, |&body| body, "query.exclude")?;
         must(
             self.shapes.iter().all(ShapeRecord::suits_clients),
-            "question.shapes",
+            "query.shapes",
             "neither meshes, terrain, voxels nor half-spaces",
         )?;
         all(&self.shapes)?;
-        match &self.asked {
-            Asked::Rays(rays) => all(rays),
-            Asked::Casts(casts) => {
+        match &self.parts {
+            QueryParts::Rays(rays) => all(rays),
+            QueryParts::Casts(casts) => {
                 let turns = casts.iter().any(|cast| cast.turn != [0.0; 3]);
                 let small = self.shapes.iter().all(|shape| shape.largest_m() <= MAX_TURNING_M);
-                must(!turns || small, "question.shapes", "within 100 m of their origins where one turns")?;
+                must(!turns || small, "query.shapes", "within 100 m of their origins where one turns")?;
                 all(casts)
             }
-            Asked::Overlaps(overlaps) => all(overlaps),
+            QueryParts::Overlaps(overlaps) => all(overlaps),
         }
     }
 }
 
-impl Check for RayQuestion {
+impl Check for RayQuery {
     fn check(&self) -> Result<(), Invalid> {
         must(self.origin.iter().all(|v| v.is_finite()), "ray.origin", "finite")?;
         finite(&self.direction, "ray.direction")?;
@@ -463,7 +463,7 @@ impl Check for RayQuestion {
     }
 }
 
-impl Check for CastQuestion {
+impl Check for CastQuery {
     fn check(&self) -> Result<(), Invalid> {
         self.pose.check()?;
         within_reach(&self.motion, "cast.motion")?;
@@ -475,7 +475,7 @@ impl Check for CastQuestion {
     }
 }
 
-impl Check for OverlapQuestion {
+impl Check for OverlapQuery {
     fn check(&self) -> Result<(), Invalid> {
         match &self.place {
             Place::Shape(_, pose) => pose.check(),
@@ -506,7 +506,7 @@ impl Check for CastAnswer {
     }
 }
 
-impl Check for Found {
+impl Check for QueryResult {
     fn check(&self) -> Result<(), Invalid> {
         let few = |count| must(count <= MAX_COST, "answer", "to at most 1024");
         match self {

@@ -13,7 +13,8 @@ use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, JoinRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{
-    Area, ContactForce, EnvironmentProperties, Found, Handover, Question, Refusal, Touch, Velocity, WorldPose,
+    Area, ContactForce, EnvironmentProperties, Handover, Query, QueryResult, Refusal, Touch, Velocity,
+    WorldPose,
 };
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
@@ -225,7 +226,7 @@ impl ClientWorld {
 
     /// Sends a query for rays or shapes to the processes that compute the world; [`ClientWorld::take_answer`] has the answer once
     /// it has come, some ticks later. Its `number` must differ from those of other questions.
-    pub fn ask(&self, question: Question) -> Result<(), ProcessError> {
+    pub fn ask(&self, question: Query) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Ask(question))
     }
 
@@ -235,7 +236,7 @@ impl ClientWorld {
     }
 
     /// Takes the answer to a query, if it has come. It is given once.
-    pub fn take_answer(&self, number: u64) -> Option<Found> {
+    pub fn take_answer(&self, number: u64) -> Option<QueryResult> {
         self.member.shared.lock().client.as_mut()?.take_answer(number)
     }
 

@@ -10,7 +10,7 @@ use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correcti
 use crate::physics::{HostError, Partition, RegionHost};
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, Input,
-    Question, SharedState, WorldOp,
+    Query, SharedState, WorldOp,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
 
@@ -30,7 +30,7 @@ pub struct PhysicsDevice {
     /// Rounds of the tick that are not computed yet.
     rounds_left: u32,
     /// Questions that came with the tick.
-    questions: Vec<(ClientId, Question)>,
+    questions: Vec<(ClientId, Query)>,
     transfers_told: u64,
     compute_us: u32,
     report: Sampler,
@@ -289,7 +289,7 @@ impl PhysicsDevice {
         let holds = self.holds();
         let host = self.host.as_ref().expect("a world comes before commands");
         let questions = std::mem::take(&mut self.questions);
-        let answer = |(client, question): (ClientId, Question)| Answer {
+        let answer = |(client, question): (ClientId, Query)| Answer {
             client,
             number: question.number,
             found: host.queries().answer(&question),

@@ -6,9 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Engine;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correction, deviation_m};
 use crate::protocol::{
-    Answer, Asked, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, CastAnswer, CastQuestion,
-    Claim, ContactKey, EnvironmentProperties, Found, Overlap, OverlapQuestion, Place, Placed, Question,
-    RayAnswer, RayQuestion, RegionEvents, SharedState, Touch, Transfer, WorldOp, WorldPose,
+    Answer, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, CastAnswer, CastQuery, Claim,
+    ContactKey, EnvironmentProperties, Overlap, OverlapQuery, Place, Placed, Query, QueryParts, QueryResult,
+    RayAnswer, RayQuery, RegionEvents, SharedState, Touch, Transfer, WorldOp, WorldPose,
 };
 use crate::space::{BodyId, Bounds, ClientId, Epoch, RegionId, RegionSet, Tick};
 
@@ -61,7 +61,7 @@ pub struct StandIn {
     rounds: u32,
     rounds_left: u32,
     /// Questions that came with the tick.
-    questions: Vec<(ClientId, Question)>,
+    questions: Vec<(ClientId, Query)>,
     reported: BTreeMap<BodyId, BodyState>,
     checkpointed: BTreeMap<BodyId, BodyState>,
     copy: Option<Box<Copy>>,
@@ -393,8 +393,8 @@ impl StandIn {
 }
 
 /// Answers a question: bodies are balls of a metre, shapes are points, and nothing is overlooked.
-fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Question) -> Answer {
-    let mut found = question.asked.nothing();
+fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Query) -> Answer {
+    let mut found = question.parts.nothing();
     for body in owned.values() {
         let at = body.state.pose.translation;
         let near = |place: [f64; 3]| (0..3).map(|i| (at[i] - place[i]).powi(2)).sum::<f64>() < 1.0;
@@ -403,13 +403,17 @@ fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Qu
             Place::Point(point) => near(*point),
             Place::Box(bounds) => bounds.contains(&Bounds::new(at, at)),
         };
-        let met = match &question.asked {
-            Asked::Rays(rays) => Found::Rays(rays.iter().map(|ray| on_ray(body, ray)).collect()),
-            Asked::Casts(casts) => Found::Casts(casts.iter().map(|cast| on_way(body, cast)).collect()),
-            Asked::Overlaps(overlaps) => {
+        let met = match &question.parts {
+            QueryParts::Rays(rays) => QueryResult::Rays(rays.iter().map(|ray| on_ray(body, ray)).collect()),
+            QueryParts::Casts(casts) => {
+                QueryResult::Casts(casts.iter().map(|cast| on_way(body, cast)).collect())
+            }
+            QueryParts::Overlaps(overlaps) => {
                 let overlap = Overlap { body: body.id, collider: 0 };
-                let there = |asked: &OverlapQuestion| is_at(&asked.place).then_some(overlap);
-                Found::Overlaps(overlaps.iter().map(|asked| there(asked).into_iter().collect()).collect())
+                let there = |asked: &OverlapQuery| is_at(&asked.place).then_some(overlap);
+                QueryResult::Overlaps(
+                    overlaps.iter().map(|asked| there(asked).into_iter().collect()).collect(),
+                )
             }
         };
         found.join(met);
@@ -417,14 +421,14 @@ fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Qu
     Answer { client, number: question.number, found }
 }
 
-fn on_ray(body: &BodyRecord, ray: &RayQuestion) -> Option<RayAnswer> {
+fn on_ray(body: &BodyRecord, ray: &RayQuery) -> Option<RayAnswer> {
     let (body, point) = (body.id, body.state.pose.translation);
     let distance_m =
         passed(point, ray.origin, ray.direction).filter(|distance_m| *distance_m <= ray.max_m)?;
     Some(RayAnswer { body, collider: 0, point, normal: [0.0; 3], distance_m, subshape: 0 })
 }
 
-fn on_way(body: &BodyRecord, cast: &CastQuestion) -> Option<CastAnswer> {
+fn on_way(body: &BodyRecord, cast: &CastQuery) -> Option<CastAnswer> {
     let (body, point) = (body.id, body.state.pose.translation);
     let length = cast.motion.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
     let fraction = (passed(point, cast.pose.translation, cast.motion)? / length) as f32;

@@ -54,8 +54,10 @@ id!(
 );
 
 /// A body's id everywhere: the client that hosts it (0 for persistent bodies, thesis 4.3.2.5) and its number there.
+///
+/// It prints, by `{}` and `{:?}`, as `b7` for a persistent body and as `c2/b7` for one of client 2.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
+    Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
 )]
 pub struct BodyId(u64);
 
@@ -100,6 +102,12 @@ impl fmt::Display for BodyId {
             None => write!(f, "b{}", self.index()),
             Some(client) => write!(f, "{client}/b{}", self.index()),
         }
+    }
+}
+
+impl fmt::Debug for BodyId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
     }
 }
 

@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use super::role::Instead;
 use super::{Error, Inner, World};
 use crate::physics::Queries;
-use crate::protocol::{Found, Question};
+use crate::protocol::{Query, QueryResult};
 
 /// Answers of a local world to submitted queries, until they are taken.
 #[derive(Default)]
 pub(super) struct Answers {
     last: u64,
-    here: BTreeMap<u64, Found>,
+    here: BTreeMap<u64, QueryResult>,
 }
 
 /// Queries.
@@ -30,25 +30,49 @@ impl World {
     /// # Ok::<(), dcd::Error>(())
     /// ```
     pub fn queries(&self) -> Result<Queries<'_>, Error> {
-        Ok(self.local("ask by rays, shapes and points", Instead::SubmitQuestion)?.queries())
+        Ok(self.local("ask by rays, shapes and points", Instead::SubmitQuery)?.queries())
     }
 
     /// Submits a query to the processes that compute the world, and returns the number under which [`World::answer`] has the
-    /// answer: at once in a local world, some ticks later in a served one. `question.number` is ignored.
-    pub fn submit(&mut self, question: Question) -> Result<u64, Error> {
+    /// answer: at once in a local world, some ticks later in a served one. `query.number` is ignored.
+    ///
+    /// ```
+    /// use dcd::prelude::*;
+    /// use dcd::query::{Query, QueryResult, RayQuery};
+    ///
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// let wall = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(1.0, 1.0, 1.0))?;
+    /// // The same in a world that is served: there the loop takes some ticks.
+    /// let number = world.submit(Query::rays([RayQuery::new([9.0, 0.0, 0.0], [-1.0, 0.0, 0.0]).up_to(50.0)]))?;
+    /// let answer = loop {
+    ///     if let Some(answer) = world.answer(number)? {
+    ///         break answer;
+    ///     }
+    ///     world.step()?;
+    /// };
+    /// let QueryResult::Rays(hits) = answer else { unreachable!("rays were asked for") };
+    /// assert_eq!(hits[0].map(|hit| hit.body), Some(wall));
+    ///
+    /// let ball = Query::intersect_shape(&SharedShape::ball(2.0), WorldPose::at([2.5, 0.0, 0.0]))?;
+    /// let number = world.submit(ball)?;
+    /// let Some(QueryResult::Overlaps(found)) = world.answer(number)? else { unreachable!("a local world") };
+    /// assert_eq!(found[0][0].body, wall);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn submit(&mut self, query: Query) -> Result<u64, Error> {
         match &mut self.inner {
             Inner::Local(world) => {
-                let found = world.queries().answer(&question);
+                let found = world.queries().answer(&query);
                 self.answers.last += 1;
                 self.answers.here.insert(self.answers.last, found);
                 Ok(self.answers.last)
             }
-            Inner::Remote(world) => world.submit(question),
+            Inner::Remote(world) => world.submit(query),
         }
     }
 
     /// Takes the answer to a submitted query, once it has come. It is given once.
-    pub fn answer(&mut self, number: u64) -> Result<Option<Found>, Error> {
+    pub fn answer(&mut self, number: u64) -> Result<Option<QueryResult>, Error> {
         match &mut self.inner {
             Inner::Local(_) => Ok(self.answers.here.remove(&number)),
             Inner::Remote(world) => world.answer(number),

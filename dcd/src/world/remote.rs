@@ -9,7 +9,7 @@ use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
 use crate::net::PeerStats;
-use crate::protocol::{Area, BodyRecord, Found, Handover, Question, Velocity, WorldEvents, WorldPose};
+use crate::protocol::{Area, BodyRecord, Handover, Query, QueryResult, Velocity, WorldEvents, WorldPose};
 use crate::runtime::Stats;
 use crate::space::{BodyId, ClientId, Tick};
 use rapier3d::prelude::*;
@@ -77,11 +77,11 @@ pub(super) trait Remote: Send + Sync {
         Err(self.unsupported("have an interest", Instead::JoinAsClient))
     }
 
-    fn submit(&mut self, _question: Question) -> Result<u64, Error> {
-        Err(self.compute("ask by rays, shapes and points", Instead::SubmitQuestion))
+    fn submit(&mut self, _question: Query) -> Result<u64, Error> {
+        Err(self.compute("ask by rays, shapes and points", Instead::SubmitQuery))
     }
 
-    fn answer(&mut self, _number: u64) -> Result<Option<Found>, Error> {
+    fn answer(&mut self, _number: u64) -> Result<Option<QueryResult>, Error> {
         Ok(None)
     }
 

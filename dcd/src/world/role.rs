@@ -77,7 +77,7 @@ pub enum Instead {
     /// Look at a local world of the same cut and coupling.
     LookLocal,
     /// Submit the question.
-    SubmitQuestion,
+    SubmitQuery,
     /// Ask who runs the server for a token.
     AskServer,
     /// Ask a server or a node.
@@ -108,7 +108,7 @@ impl fmt::Display for Instead {
                 "it hears of bodies at different ticks; compare hashes of local worlds (World::new)"
             }
             Self::LookLocal => "ask a local world of the same cut and coupling",
-            Self::SubmitQuestion => {
+            Self::SubmitQuery => {
                 "it hears where bodies are and computes nothing; submit what you ask (World::submit)"
             }
             Self::AskServer => {

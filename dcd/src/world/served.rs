@@ -18,7 +18,7 @@ use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
 use crate::physics::ShapeLibrary;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, EnvironmentProperties, Found, Handover, Question, Velocity, WorldEvents,
+    Area, BodyKind, BodyRecord, EnvironmentProperties, Handover, Query, QueryResult, Velocity, WorldEvents,
     WorldPose,
 };
 use crate::runtime::{ClientWorld, ProcessError, Stats};
@@ -345,14 +345,14 @@ impl Remote for Served {
         }))
     }
 
-    fn submit(&mut self, question: Question) -> Result<u64, Error> {
+    fn submit(&mut self, question: Query) -> Result<u64, Error> {
         self.check_link()?;
         self.questions += 1;
-        self.world.ask(Question { number: self.questions, ..question })?;
+        self.world.ask(Query { number: self.questions, ..question })?;
         Ok(self.questions)
     }
 
-    fn answer(&mut self, number: u64) -> Result<Option<Found>, Error> {
+    fn answer(&mut self, number: u64) -> Result<Option<QueryResult>, Error> {
         match self.world.take_answer(number) {
             None => self.check_link().map(|()| None),
             answer => Ok(answer),

@@ -16,7 +16,7 @@ const CLOSE_M: f64 = 1e-3;
 
 /// Something to ask, in numbers that proptest can shrink.
 #[derive(Clone, Debug)]
-pub(crate) struct Question {
+pub(crate) struct Query {
     what: u8,
     at: [f32; 3],
     towards: [f32; 3],
@@ -29,16 +29,16 @@ pub(crate) struct Question {
     only_even: bool,
 }
 
-pub(crate) fn questions() -> impl Strategy<Value = Vec<Question>> {
+pub(crate) fn questions() -> impl Strategy<Value = Vec<Query>> {
     prop::collection::vec(question(), 1..24)
 }
 
-pub(crate) fn question() -> impl Strategy<Value = Question> {
+pub(crate) fn question() -> impl Strategy<Value = Query> {
     let flags = prop_oneof![3 => Just(0u32), 2 => 0u32..32];
     let groups = prop::option::weighted(0.4, (0u32..8, 0u32..8, any::<bool>()));
     let filter = (flags, groups, prop::option::of(0u32..24), prop::bool::weighted(0.2));
     (0u8..8, place(), place(), 0.1f32..3.0, 0.0f32..60.0, any::<bool>(), filter).prop_map(
-        |(what, at, towards, size, max, solid, (flags, groups, exclude, only_even))| Question {
+        |(what, at, towards, size, max, solid, (flags, groups, exclude, only_even))| Query {
             what,
             at,
             towards,
@@ -70,7 +70,7 @@ fn same_set(what: &str, ours: &[ColliderId], mut bare: Vec<ColliderId>) -> Resul
     Ok(())
 }
 
-impl Question {
+impl Query {
     pub(crate) fn check(&self, world: &LocalWorld, bare: &Bare) -> Result<(), TestCaseError> {
         let groups = self.groups.map(|(memberships, filter, or)| {
             let mode = if or { InteractionTestMode::Or } else { InteractionTestMode::And };

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use dcd::physics::{Coupling, ShapeLibrary};
 use dcd::protocol::{
-    Asked, CastQuestion, Check, FromClient, Meets, OverlapQuestion, Overlooks, Place, Pose, Question,
-    RayQuestion, ShapeRecord, WorldPose,
+    CastQuery, Check, FilterRecord, FromClient, OverlapQuery, PartFilter, Place, Pose, Query, QueryParts,
+    RayQuery, ShapeRecord, WorldPose,
 };
 use dcd::space::Bounds;
 use proptest::prelude::*;
@@ -90,33 +90,37 @@ fn shapes() -> impl Strategy<Value = Vec<ShapeRecord>> {
     })
 }
 
-fn asked() -> impl Strategy<Value = (Vec<ShapeRecord>, Asked)> {
+fn asked() -> impl Strategy<Value = (Vec<ShapeRecord>, QueryParts)> {
     let ray = (vector(), vector(), number(), any::<bool>()).prop_map(|(origin, direction, max, solid)| {
-        let (origin, max_m, meets) = (origin.map(f64::from), f64::from(max.abs()), Meets::default());
-        (Vec::new(), Asked::Rays(vec![RayQuestion { origin, direction, max_m, solid, meets }]))
+        let (origin, max_m, filter) = (origin.map(f64::from), f64::from(max.abs()), PartFilter::default());
+        (Vec::new(), QueryParts::Rays(vec![RayQuery { origin, direction, max_m, solid, filter }]))
     });
     let turn = prop_oneof![Just([0.0; 3]), vector()];
     let cast = (shapes(), pose(), vector(), turn, number(), any::<bool>()).prop_map(
         |(shapes, pose, motion, turn, margin, leaves)| {
             let shape = shapes.last().expect("there is one").hash();
-            let (margin_m, meets) = (if turn == [0.0; 3] { margin.abs() } else { 0.0 }, Meets::default());
+            let (margin_m, filter) =
+                (if turn == [0.0; 3] { margin.abs() } else { 0.0 }, PartFilter::default());
             let leaves = leaves && turn == [0.0; 3];
-            (shapes, Asked::Casts(vec![CastQuestion { shape, pose, motion, turn, margin_m, leaves, meets }]))
+            (
+                shapes,
+                QueryParts::Casts(vec![CastQuery { shape, pose, motion, turn, margin_m, leaves, filter }]),
+            )
         },
     );
     let inside = (shapes(), pose()).prop_map(|(shapes, pose)| {
         let place = Place::Shape(shapes.last().expect("there is one").hash(), pose);
-        (shapes, Asked::Overlaps(vec![OverlapQuestion { place, meets: Meets::default() }]))
+        (shapes, QueryParts::Overlaps(vec![OverlapQuery { place, filter: PartFilter::default() }]))
     });
     let point = vector().prop_map(|point| {
         let place = Place::Point(point.map(f64::from));
-        (Vec::new(), Asked::Overlaps(vec![OverlapQuestion { place, meets: Meets::default() }]))
+        (Vec::new(), QueryParts::Overlaps(vec![OverlapQuery { place, filter: PartFilter::default() }]))
     });
     let bounds = (vector(), vector()).prop_map(|(a, b)| {
         let min = std::array::from_fn(|i| f64::from(a[i].min(b[i])));
         let max = std::array::from_fn(|i| f64::from(a[i].max(b[i])));
         let place = Place::Box(Bounds { min, max });
-        (Vec::new(), Asked::Overlaps(vec![OverlapQuestion { place, meets: Meets::default() }]))
+        (Vec::new(), QueryParts::Overlaps(vec![OverlapQuery { place, filter: PartFilter::default() }]))
     });
     prop_oneof![2 => ray, 5 => cast, 3 => inside, 1 => point, 1 => bounds]
 }
@@ -131,7 +135,7 @@ proptest! {
     ) {
         let world = world(&scene(&things), 2, Coupling::Proxy);
         for (shapes, asked) in asked {
-            let question = Question { number: 1, overlooks: Overlooks::default(), shapes, asked };
+            let question = Query { number: 1, filter: FilterRecord::default(), shapes, parts: asked };
             if FromClient::Ask(question.clone()).check().is_ok() {
                 let found = world.queries().answer(&question);
                 let told = found.check();

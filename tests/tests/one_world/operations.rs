@@ -3,7 +3,7 @@
 use dcd::physics::Coupling;
 use proptest::prelude::*;
 
-use super::asking::{Question, question};
+use super::asking::{Query, question};
 use super::config;
 use super::scenery::{Thing, place, thing};
 use super::twin::Twin;
@@ -28,7 +28,7 @@ pub(crate) enum Operation {
     Groups(usize, u32, u32),
     Sensor(usize, bool),
     Collider(usize, bool),
-    Ask(Question),
+    Ask(Query),
     Step(usize),
 }
 

@@ -6,7 +6,7 @@ use dcd::scene::SceneBody;
 use dcd::space::BodyId;
 use proptest::prelude::*;
 
-use super::asking::{Question, questions};
+use super::asking::{Query, questions};
 use super::config;
 use super::scenery::{Bare, Thing, place, scene, things, world};
 
@@ -31,7 +31,7 @@ fn agrees(
     things: &[Thing],
     (regions, coupling, steps): (usize, Coupling, usize),
     changes: &[Change],
-    questions: &[Question],
+    questions: &[Query],
 ) -> Result<(), TestCaseError> {
     let scene = scene(things);
     let mut world = world(&scene, regions, coupling);

@@ -1,7 +1,7 @@
 //! Tests what a client sends to server and leader (interest, questions), and which states of bodies it takes in.
 
 use super::*;
-use crate::protocol::{Asked, Found, Stamp};
+use crate::protocol::{QueryParts, QueryResult, Stamp};
 use crate::sim::sim_body;
 
 #[test]
@@ -151,8 +151,8 @@ fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
 #[test]
 fn a_question_asked_before_there_is_a_leader_is_asked_as_soon_as_there_is_and_not_again_at_once() {
     let mut client = Client::new(ClientId(1), None);
-    let (overlooks, asked) = (Default::default(), Asked::Rays(Vec::new()));
-    let question = Question { number: 7, overlooks, shapes: Vec::new(), asked };
+    let (filter, asked) = (Default::default(), QueryParts::Rays(Vec::new()));
+    let question = Query { number: 7, filter, shapes: Vec::new(), parts: asked };
     client.handle(Duration::ZERO, ClientEvent::Ask(question.clone()));
     let asked = |client: &mut Client| {
         let asks = |output: &ClientOutput| match output {
@@ -168,7 +168,7 @@ fn a_question_asked_before_there_is_a_leader_is_asked_as_soon_as_there_is_and_no
     follow(&mut client, 2);
     assert_eq!(asked(&mut client), [Peer::Node(NodeId(2))], "what the last leader was asked is gone with it");
     let message =
-        Message::ToClient(ClientId(1), ToClient::Answer { number: 7, found: Found::Rays(Vec::new()) });
+        Message::ToClient(ClientId(1), ToClient::Answer { number: 7, found: QueryResult::Rays(Vec::new()) });
     client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Node(NodeId(2)), message });
     assert_eq!(client.poll_timeout(), None);
     follow(&mut client, 3);

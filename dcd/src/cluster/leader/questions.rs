@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::protocol::{
-    Answer, Found, MAX_COST, MAX_OPEN_COST, MAX_OPEN_QUESTIONS, Question, ToClient, WorldOp, encoded_len,
+    Answer, MAX_COST, MAX_OPEN_COST, MAX_OPEN_QUERIES, Query, QueryResult, ToClient, WorldOp, encoded_len,
 };
 use crate::space::{ClientId, NodeId};
 
@@ -15,7 +15,7 @@ const ANSWER_BYTES: usize = 8 << 10;
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Questions {
-    waiting: VecDeque<(ClientId, Question)>,
+    waiting: VecDeque<(ClientId, Query)>,
     open: BTreeMap<(ClientId, u64), Open>,
     /// Complete answers that are not sent yet.
     ready: VecDeque<Ready>,
@@ -28,7 +28,7 @@ pub(super) struct Questions {
 struct Open {
     missing: BTreeSet<NodeId>,
     cost: usize,
-    found: Found,
+    found: QueryResult,
 }
 
 #[derive(Clone, Debug)]
@@ -36,13 +36,13 @@ struct Ready {
     client: ClientId,
     number: u64,
     cost: usize,
-    found: Found,
+    found: QueryResult,
 }
 
 impl Questions {
     /// Takes in a client's question, perhaps asked once more. One beyond the client's bounds is dropped; the client asks it
     /// again later.
-    pub(super) fn ask(&mut self, client: ClientId, question: Question) {
+    pub(super) fn ask(&mut self, client: ClientId, question: Query) {
         let (mut count, mut cost) = (1, question.cost());
         for (number, more) in self.unanswered(client) {
             if number == question.number {
@@ -50,7 +50,7 @@ impl Questions {
             }
             (count, cost) = (count + 1, cost + more);
         }
-        if count <= MAX_OPEN_QUESTIONS && cost <= MAX_OPEN_COST {
+        if count <= MAX_OPEN_QUERIES && cost <= MAX_OPEN_COST {
             self.waiting.push_back((client, question));
         }
     }
@@ -75,7 +75,7 @@ impl Questions {
                 self.waiting.push_front((client, question));
                 break;
             }
-            let open = Open { missing: members.clone(), cost: own, found: question.asked.nothing() };
+            let open = Open { missing: members.clone(), cost: own, found: question.parts.nothing() };
             self.open.insert((client, question.number), open);
             ops.push(WorldOp::Ask { client, question });
         }
@@ -132,22 +132,22 @@ impl Questions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::{Asked, Meets, Overlooks, RayAnswer, RayQuestion};
+    use crate::protocol::{FilterRecord, PartFilter, QueryParts, RayAnswer, RayQuery};
     use crate::space::BodyId;
 
     const CLIENT: ClientId = ClientId(4);
     const MEMBERS: [NodeId; 2] = [NodeId(1), NodeId(2)];
 
-    fn question(number: u64, rays: usize) -> Question {
-        let ray = RayQuestion {
+    fn question(number: u64, rays: usize) -> Query {
+        let ray = RayQuery {
             origin: [0.0; 3],
             direction: [1.0, 0.0, 0.0],
             max_m: 9.0,
             solid: true,
-            meets: Meets::default(),
+            filter: PartFilter::default(),
         };
-        let (overlooks, shapes) = (Overlooks::default(), Vec::new());
-        Question { number, overlooks, shapes, asked: Asked::Rays(vec![ray; rays]) }
+        let (filter, shapes) = (FilterRecord::default(), Vec::new());
+        Query { number, filter, shapes, parts: QueryParts::Rays(vec![ray; rays]) }
     }
 
     fn hit(body: u32, distance_m: f64) -> Option<RayAnswer> {
@@ -156,7 +156,7 @@ mod tests {
     }
 
     fn answer(number: u64, hits: Vec<Option<RayAnswer>>) -> Vec<Answer> {
-        vec![Answer { client: CLIENT, number, found: Found::Rays(hits) }]
+        vec![Answer { client: CLIENT, number, found: QueryResult::Rays(hits) }]
     }
 
     #[test]
@@ -170,14 +170,14 @@ mod tests {
             // Sent again; to something else; of another kind; of no question.
             (one, answer(7, vec![None; 3])),
             (two, answer(7, vec![None; 2])),
-            (two, vec![Answer { client: CLIENT, number: 7, found: Found::TooMuch }]),
+            (two, vec![Answer { client: CLIENT, number: 7, found: QueryResult::TooMuch }]),
             (two, answer(8, vec![None; 3])),
         ] {
             questions.answered(node, answer);
             assert_eq!(questions.tell(), []);
         }
         questions.answered(two, answer(7, vec![hit(3, 4.0), hit(1, 2.0), None]));
-        let found = Found::Rays(vec![hit(3, 4.0), hit(1, 2.0), None]);
+        let found = QueryResult::Rays(vec![hit(3, 4.0), hit(1, 2.0), None]);
         assert_eq!(questions.tell(), [(CLIENT, ToClient::Answer { number: 7, found })]);
         questions.answered(two, answer(7, vec![None; 3]));
         assert_eq!(questions.tell(), []);
@@ -186,12 +186,12 @@ mod tests {
     #[test]
     fn a_question_said_again_is_asked_once_and_a_client_has_so_many_at_most() {
         let (mut questions, members) = (Questions::default(), MEMBERS.into());
-        for number in 0..2 * MAX_OPEN_QUESTIONS as u64 {
+        for number in 0..2 * MAX_OPEN_QUERIES as u64 {
             questions.ask(CLIENT, question(number, 1));
             questions.ask(CLIENT, question(number, 1));
         }
         questions.ask(ClientId(5), question(0, 1));
-        assert_eq!(questions.dispatch(&members).len(), MAX_OPEN_QUESTIONS + 1);
+        assert_eq!(questions.dispatch(&members).len(), MAX_OPEN_QUERIES + 1);
         questions.ask(CLIENT, question(0, 1));
         questions.ask(CLIENT, question(1_000, 1));
         assert_eq!(questions.dispatch(&members), [], "they are under way");

@@ -32,7 +32,7 @@ pub struct BodyFilter<'a> {
     pub exclude_bodies: &'a [BodyId],
     /// Colliders that are left out.
     pub exclude_colliders: &'a [ColliderId],
-    /// Asked last: whether this collider of the body may be found. Its position may be that of the last step, and is in
+    /// QueryParts last: whether this collider of the body may be found. Its position may be that of the last step, and is in
     /// region space.
     #[allow(clippy::type_complexity)]
     pub predicate: Option<&'a dyn Fn(BodyId, &Collider) -> bool>,

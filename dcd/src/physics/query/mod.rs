@@ -4,7 +4,7 @@
 //! to its owner, so that no body answers twice from two slightly different places, and an immovable body, which several
 //! regions hold, is answered for by a region near the answer.
 
-mod asked;
+mod answer;
 mod cast;
 mod check;
 mod filter;

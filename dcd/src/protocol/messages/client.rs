@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Chunk, EnvironmentProperties, Found, Member, Question, ViewNumber};
+use super::{Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
 use crate::protocol::{BodyRecord, ContactForce, ShapeRecord, SharedState, Touch, Velocity, WorldPose};
 use crate::space::{Allocation, BodyId, ClientId, GroupId, Tick};
 
@@ -25,7 +25,7 @@ pub enum FromClient {
     /// The client's area of interest from now on; `None` is everything. To the leader alone: sent again to each new one.
     Interest(Option<Area>),
     /// The client's query about bodies. To the leader alone, and sent again until it is answered.
-    Ask(Question),
+    Ask(Query),
 }
 
 /// A client's area of interest: a ball of world space. Thanks to the margins around it, it can move a little, and bodies can
@@ -137,7 +137,7 @@ pub enum ToClient {
         /// The question's.
         number: u64,
         /// What was found.
-        found: Found,
+        found: QueryResult,
     },
     /// An input was refused.
     Rejected {

@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Answer, Chunk, EnvironmentProperties, Input, Member, Question, View, ViewNumber};
+use super::{Answer, Chunk, EnvironmentProperties, Input, Member, Query, View, ViewNumber};
 use crate::protocol::{
     BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
 };
@@ -290,7 +290,7 @@ pub enum WorldOp {
         /// Whose question.
         client: ClientId,
         /// What it asks.
-        question: Question,
+        question: Query,
     },
 }
 

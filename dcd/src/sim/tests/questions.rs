@@ -2,30 +2,30 @@
 
 use super::*;
 use crate::protocol::{
-    Asked, CastQuestion, Found, Meets, OverlapQuestion, Overlooks, Place, Question, RayQuestion, ShapeRecord,
-    WorldPose,
+    CastQuery, FilterRecord, OverlapQuery, PartFilter, Place, Query, QueryParts, QueryResult, RayQuery,
+    ShapeRecord, WorldPose,
 };
 use crate::space::Bounds;
 
-fn asking_for(number: u64, asked: Asked) -> Question {
+fn asking_for(number: u64, parts: QueryParts) -> Query {
     let shapes = vec![ShapeRecord::Ball(0.5)];
-    Question { number, overlooks: Overlooks::default(), shapes, asked }
+    Query { number, filter: FilterRecord::default(), shapes, parts }
 }
 
 /// Through the middle of the world along x, across all its regions, and out of it.
-fn question(number: u64) -> Question {
-    let ray = |origin: [f64; 3], direction: [f32; 3]| RayQuestion {
+fn question(number: u64) -> Query {
+    let ray = |origin: [f64; 3], direction: [f32; 3]| RayQuery {
         origin,
         direction,
         max_m: f64::INFINITY,
         solid: true,
-        meets: Meets::default(),
+        filter: PartFilter::default(),
     };
     let rays = vec![ray([-1.0, 4.0, 4.0], [1.0, 0.0, 0.0]), ray([-5.0, 4.0, 4.0], [-1.0, 0.0, 0.0])];
-    asking_for(number, Asked::Rays(rays))
+    asking_for(number, QueryParts::Rays(rays))
 }
 
-fn answer(sim: &mut Sim, client: ClientId, number: u64) -> Found {
+fn answer(sim: &mut Sim, client: ClientId, number: u64) -> QueryResult {
     let mut answer = None;
     for _ in 0..1_000 {
         answer = sim.clients.get_mut(&client).unwrap().take_answer(number);
@@ -38,8 +38,8 @@ fn answer(sim: &mut Sim, client: ClientId, number: u64) -> Found {
 }
 
 /// Whom the first of two rays met, and how far away; the second meets nothing.
-fn met(found: Found) -> Option<(BodyId, f64)> {
-    let Found::Rays(hits) = found else { panic!("{found:?}") };
+fn met(found: QueryResult) -> Option<(BodyId, f64)> {
+    let QueryResult::Rays(hits) = found else { panic!("{found:?}") };
     assert_eq!((hits.len(), hits[1]), (2, None), "nothing is out there");
     hits[0].map(|hit| (hit.body, hit.distance_m))
 }
@@ -98,29 +98,29 @@ fn a_question_outlives_leaders_links_and_servers() {
 fn shapes_on_their_way_and_places_are_asked_about_in_all_regions() {
     for seed in 0..6 {
         let (mut sim, client, near) = asking(seed, seed % 2 == 1);
-        let (far, meets) = (BodyId::avatar(client, 0), Meets::default());
+        let (far, filter) = (BodyId::avatar(client, 0), PartFilter::default());
         let shape = ShapeRecord::Ball(0.5).hash();
-        let cast = |x: f64, motion: f32| CastQuestion {
+        let cast = |x: f64, motion: f32| CastQuery {
             shape,
             pose: WorldPose::at([x, 4.0, 4.0]),
             motion: [motion, 0.0, 0.0],
             turn: [0.0; 3],
             margin_m: 0.0,
             leaves: false,
-            meets,
+            filter,
         };
         let casts = vec![cast(2.5, 8.0), cast(10.5, 8.0), cast(2.5, 1.0)];
         let all = Bounds { min: [f64::NEG_INFINITY; 3], max: [f64::INFINITY; 3] };
         let places =
             [Place::Box(all), Place::Point([6.5, 4.0, 4.5]), Place::Shape(shape, WorldPose::default())];
-        let overlaps = places.map(|place| OverlapQuestion { place, meets }).to_vec();
-        sim.submit(client, ClientEvent::Ask(asking_for(1, Asked::Casts(casts))));
-        sim.submit(client, ClientEvent::Ask(asking_for(2, Asked::Overlaps(overlaps))));
+        let overlaps = places.map(|place| OverlapQuery { place, filter }).to_vec();
+        sim.submit(client, ClientEvent::Ask(asking_for(1, QueryParts::Casts(casts))));
+        sim.submit(client, ClientEvent::Ask(asking_for(2, QueryParts::Overlaps(overlaps))));
 
-        let Found::Casts(hits) = answer(&mut sim, client, 1) else { panic!() };
+        let QueryResult::Casts(hits) = answer(&mut sim, client, 1) else { panic!() };
         let hits: Vec<_> = hits.iter().map(|hit| hit.map(|hit| (hit.body, hit.fraction))).collect();
         assert_eq!(hits, [Some((near, 0.5)), Some((far, 0.25)), None], "seed {seed}");
-        let Found::Overlaps(lists) = answer(&mut sim, client, 2) else { panic!() };
+        let QueryResult::Overlaps(lists) = answer(&mut sim, client, 2) else { panic!() };
         let bodies =
             |list: &[crate::protocol::Overlap]| list.iter().map(|found| found.body).collect::<Vec<_>>();
         let lists: Vec<_> = lists.iter().map(|list| bodies(list)).collect();

@@ -1,72 +1,108 @@
-//! Answers questions (queries in wire form, as clients and the C API ask them) by the bodies that this process holds.
+//! Answers queries in wire form, as clients and the C API send them, by the bodies that this process holds.
 
 use parry3d::query::{ShapeCastOptions, ShapeCastStatus};
 use rapier3d::prelude::*;
 
 use super::{BodyFilter, ColliderId, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay};
-use crate::physics::ShapeLibrary;
+use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{
-    Asked, CastAnswer, CastQuestion, Found, MAX_FOUND, Meets, Overlap, OverlapQuestion, Overlooks, Place,
-    Question, RayAnswer, RayQuestion, ShapeHash, Velocity,
+    CastAnswer, CastQuery, FilterRecord, MAX_FOUND, Overlap, OverlapQuery, PartFilter, Place, Query,
+    QueryParts, QueryResult, RayAnswer, RayQuery, ShapeHash, ShapeRecord, Velocity, WorldPose,
 };
 use crate::space::BodyId;
 
+impl Query {
+    /// Asks for the first hit of one shape that moves straight by `motion`, metres, in world space.
+    ///
+    /// # Errors
+    /// [`ShapeError`] for a shape that no query may use.
+    pub fn cast_shape(shape: &SharedShape, pose: WorldPose, motion: [f32; 3]) -> Result<Self, ShapeError> {
+        let (shape, shapes) = recorded(shape)?;
+        let (turn, margin_m, leaves, filter) = ([0.0; 3], 0.0, false, PartFilter::default());
+        let cast = CastQuery { shape, pose, motion, turn, margin_m, leaves, filter };
+        Ok(Self { shapes, parts: QueryParts::Casts(vec![cast]), ..Self::rays([]) })
+    }
+
+    /// Asks for all colliders that overlap one shape.
+    ///
+    /// # Errors
+    /// [`ShapeError`] for a shape that no query may use.
+    pub fn intersect_shape(shape: &SharedShape, pose: WorldPose) -> Result<Self, ShapeError> {
+        let (shape, shapes) = recorded(shape)?;
+        Ok(Self { shapes, ..Self::overlaps([Place::Shape(shape, pose)]) })
+    }
+}
+
+/// Returns a shape in wire form: its name, and the records that it is made of.
+fn recorded(shape: &SharedShape) -> Result<(ShapeHash, Vec<ShapeRecord>), ShapeError> {
+    let mut library = ShapeLibrary::default();
+    let hash = library.intern(shape)?;
+    Ok((hash, library.records()))
+}
+
+impl From<QueryFilterFlags> for FilterRecord {
+    fn from(flags: QueryFilterFlags) -> Self {
+        Self { flags: flags.bits(), ..Self::default() }
+    }
+}
+
 impl Queries<'_> {
     /// Answers the queries of one message. An invalid query finds nothing.
-    pub fn answer(&self, question: &Question) -> Found {
+    pub fn answer(&self, query: &Query) -> QueryResult {
         let mut shapes = ShapeLibrary::default();
-        for record in &question.shapes {
+        for record in &query.shapes {
             // A query that names a refused shape finds nothing.
             let _ = shapes.add(record.clone());
         }
-        let (all, shape) = (&question.overlooks, |hash| shapes.shape(hash).ok());
-        match &question.asked {
-            Asked::Rays(rays) => {
+        let (all, shape) = (&query.filter, |hash| shapes.shape(hash).ok());
+        match &query.parts {
+            QueryParts::Rays(rays) => {
                 let hit = |ray| self.ask_ray(all, ray).ok().flatten();
-                Found::Rays(rays.iter().map(|ray| hit(ray).as_ref().map(RayAnswer::from)).collect())
+                QueryResult::Rays(rays.iter().map(|ray| hit(ray).as_ref().map(RayAnswer::from)).collect())
             }
-            Asked::Casts(casts) => {
-                let hit =
-                    |cast: &CastQuestion| self.ask_cast(all, &*shape(cast.shape)?.0, cast).ok().flatten();
-                Found::Casts(casts.iter().map(|cast| hit(cast).as_ref().map(CastAnswer::from)).collect())
+            QueryParts::Casts(casts) => {
+                let hit = |cast: &CastQuery| self.ask_cast(all, &*shape(cast.shape)?.0, cast).ok().flatten();
+                QueryResult::Casts(
+                    casts.iter().map(|cast| hit(cast).as_ref().map(CastAnswer::from)).collect(),
+                )
             }
-            Asked::Overlaps(overlaps) => {
+            QueryParts::Overlaps(overlaps) => {
                 let (mut lists, mut count) = (Vec::new(), 0);
                 for overlap in overlaps {
                     let found = self.ask_overlap(all, shape, overlap).unwrap_or_default();
                     count += found.len();
                     if count > MAX_FOUND {
-                        return Found::TooMuch;
+                        return QueryResult::TooMuch;
                     }
                     lists.push(found.iter().map(Overlap::from).collect());
                 }
-                Found::Overlaps(lists)
+                QueryResult::Overlaps(lists)
             }
         }
     }
 
     /// Returns the first hit of one ray.
-    pub fn ask_ray(&self, all: &Overlooks, ray: &RayQuestion) -> Result<Option<RayHit>, QueryError> {
-        self.asking(all, &ray.meets, |queries, filter| queries.cast_ray(&straight(ray), filter))
+    pub fn ask_ray(&self, all: &FilterRecord, ray: &RayQuery) -> Result<Option<RayHit>, QueryError> {
+        self.asking(all, &ray.filter, |queries, filter| queries.cast_ray(&straight(ray), filter))
     }
 
     /// Returns all hits of one ray, the nearest first.
-    pub fn ask_ray_through(&self, all: &Overlooks, ray: &RayQuestion) -> Result<Vec<RayHit>, QueryError> {
-        self.asking(all, &ray.meets, |queries, filter| queries.intersect_ray(&straight(ray), filter))
+    pub fn ask_ray_through(&self, all: &FilterRecord, ray: &RayQuery) -> Result<Vec<RayHit>, QueryError> {
+        self.asking(all, &ray.filter, |queries, filter| queries.intersect_ray(&straight(ray), filter))
     }
 
     /// Returns the first hit of one moving shape, within one unit of time.
     pub fn ask_cast(
         &self,
-        all: &Overlooks,
+        all: &FilterRecord,
         shape: &dyn Shape,
-        cast: &CastQuestion,
+        cast: &CastQuery,
     ) -> Result<Option<ShapeHit>, QueryError> {
-        let CastQuestion { pose, motion, turn, margin_m, leaves, meets, .. } = cast;
+        let CastQuery { pose, motion, turn, margin_m, leaves, filter, .. } = cast;
         if *turn != [0.0; 3] {
             let velocity = Velocity { linear: *motion, angular: *turn };
             let motion = WorldMotion { start: *pose, local_centre: [0.0; 3], velocity };
-            return self.asking(all, meets, |queries, filter| {
+            return self.asking(all, filter, |queries, filter| {
                 queries.cast_shape_nonlinear(shape, &motion, 0.0..1.0, !leaves, filter)
             });
         }
@@ -76,17 +112,17 @@ impl Queries<'_> {
             compute_impact_geometry_on_penetration: true,
             ..ShapeCastOptions::with_max_time_of_impact(1.0)
         };
-        self.asking(all, meets, |queries, filter| queries.cast_shape(shape, pose, *motion, options, filter))
+        self.asking(all, filter, |queries, filter| queries.cast_shape(shape, pose, *motion, options, filter))
     }
 
     /// Returns all colliders that overlap one shape, point or box, by id; none if its shape is not known.
     pub fn ask_overlap(
         &self,
-        all: &Overlooks,
+        all: &FilterRecord,
         shape: impl Fn(ShapeHash) -> Option<SharedShape>,
-        overlap: &OverlapQuestion,
+        overlap: &OverlapQuery,
     ) -> Result<Vec<ColliderId>, QueryError> {
-        self.asking(all, &overlap.meets, |queries, filter| match &overlap.place {
+        self.asking(all, &overlap.filter, |queries, filter| match &overlap.place {
             Place::Shape(hash, pose) => match shape(*hash) {
                 Some(shape) => queries.intersect_shape(&*shape.0, pose, filter),
                 None => Ok(Vec::new()),
@@ -99,28 +135,28 @@ impl Queries<'_> {
     /// Returns the point of any collider that is nearest to a given point, as [`Queries::project_point`].
     pub fn ask_nearest(
         &self,
-        all: &Overlooks,
+        all: &FilterRecord,
         point: [f64; 3],
         max_m: f64,
         solid: bool,
-        meets: &Meets,
+        filter: &PartFilter,
     ) -> Result<Option<PointHit>, QueryError> {
-        self.asking(all, meets, |queries, filter| queries.project_point(point, max_m, solid, filter))
+        self.asking(all, filter, |queries, filter| queries.project_point(point, max_m, solid, filter))
     }
 
     fn asking<R>(
         &self,
-        all: &Overlooks,
-        meets: &Meets,
+        all: &FilterRecord,
+        filter: &PartFilter,
         ask: impl FnOnce(&Self, &BodyFilter<'_>) -> Result<R, QueryError>,
     ) -> Result<R, QueryError> {
-        let [groups, mask] = [all.groups, meets.mask].map(Group::from_bits_retain);
+        let [groups, mask] = [all.groups, filter.mask].map(Group::from_bits_retain);
         // A question belongs to no group unless it says so, and then only memberships count.
         let lets = |id: BodyId, collider: &Collider| {
             let of = collider.collision_groups();
             of.memberships.intersects(mask)
                 && (groups.is_empty() || of.filter.intersects(groups))
-                && meets.but != Some(id)
+                && filter.exclude != Some(id)
                 && all.exclude.binary_search(&id).is_err()
         };
         let flags = QueryFilterFlags::from_bits_truncate(all.flags);
@@ -128,7 +164,7 @@ impl Queries<'_> {
     }
 }
 
-fn straight(ray: &RayQuestion) -> WorldRay {
+fn straight(ray: &RayQuery) -> WorldRay {
     WorldRay { solid: ray.solid, ..WorldRay::new(ray.origin, ray.direction).up_to(ray.max_m) }
 }
 

@@ -5,12 +5,12 @@ use bincode::{Decode, Encode};
 use crate::protocol::{ShapeHash, ShapeRecord, WorldPose, encoded_len, link};
 use crate::space::{BodyId, Bounds, ClientId};
 
-/// The most that one question may cost, see [`Question::cost`], and the most bodies that it may exclude.
+/// The most that one question may cost, see [`Query::cost`], and the most bodies that it may exclude.
 pub const MAX_COST: usize = 1_024;
 /// The most that all unanswered questions of one client may cost.
 pub const MAX_OPEN_COST: usize = 4 * MAX_COST;
 /// The most unanswered questions of one client.
-pub const MAX_OPEN_QUESTIONS: usize = 64;
+pub const MAX_OPEN_QUERIES: usize = 64;
 /// Cost of a shape that moves or overlaps; a ray, a point or a box costs 1.
 pub const SHAPE_COST: usize = 8;
 /// The least cost of a question for overlaps: its answer may be long.
@@ -18,7 +18,7 @@ pub const OVERLAPS_COST: usize = 64;
 /// The most colliders that one question for overlaps may find.
 pub const MAX_FOUND: usize = 4_096;
 /// The longest question: with its envelope it fits a client's frame.
-pub const MAX_QUESTION_BYTES: usize = link::CLIENT_FRAME_BYTES - 64;
+pub const MAX_QUERY_BYTES: usize = link::CLIENT_FRAME_BYTES - 64;
 /// The largest shape that may turn during a cast, metres: the farther out, the finer the steps in which it is looked at.
 pub const MAX_TURNING_M: f32 = 100.0;
 /// The largest turn of a shape during a cast, radians: each turn is looked at in many steps.
@@ -26,20 +26,20 @@ pub const MAX_TURN: f32 = 64.0;
 
 /// A scene query: rays, casts or overlaps, with one filter for all of them.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
-pub struct Question {
+pub struct Query {
     /// The client's own, unlike those of its other questions.
     pub number: u64,
-    /// The filter of all of it.
-    pub overlooks: Overlooks,
+    /// The filter of all of its parts.
+    pub filter: FilterRecord,
     /// The shapes that it names, parts before the compounds made of them. Each [suits clients](ShapeRecord::suits_clients).
     pub shapes: Vec<ShapeRecord>,
     /// The rays, casts or overlaps.
-    pub asked: Asked,
+    pub parts: QueryParts,
 }
 
-/// The filter of a query: bodies and colliders that it ignores.
+/// The filter of a whole query: bodies and colliders that it ignores.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
-pub struct Overlooks {
+pub struct FilterRecord {
     /// Kinds, as bits of Rapier's `QueryFilterFlags`.
     pub flags: u32,
     /// Groups that the questions belong to: colliders that meet none of them are left out. 0 filters nothing.
@@ -50,18 +50,18 @@ pub struct Overlooks {
 
 /// The parts of a query, all of them about the world after the same tick.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
-pub enum Asked {
+pub enum QueryParts {
     /// The first hit of each ray.
-    Rays(Vec<RayQuestion>),
+    Rays(Vec<RayQuery>),
     /// The first hit of each moving shape.
-    Casts(Vec<CastQuestion>),
+    Casts(Vec<CastQuery>),
     /// All colliders at each place.
-    Overlaps(Vec<OverlapQuestion>),
+    Overlaps(Vec<OverlapQuery>),
 }
 
 /// A ray of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
-pub struct RayQuestion {
+pub struct RayQuery {
     /// Where it starts, in world space, metres.
     pub origin: [f64; 3],
     /// Where it goes; of any length above 0.
@@ -70,13 +70,13 @@ pub struct RayQuestion {
     pub max_m: f64,
     /// Whether a body that it starts in is met there at once.
     pub solid: bool,
-    /// Groups that it meets, and one body that it ignores.
-    pub meets: Meets,
+    /// Groups that it may find, and one body that it ignores.
+    pub filter: PartFilter,
 }
 
 /// A shape cast: one shape that moves straight, and may turn on the way.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
-pub struct CastQuestion {
+pub struct CastQuery {
     /// Which.
     pub shape: ShapeHash,
     /// Where it starts.
@@ -89,17 +89,17 @@ pub struct CastQuestion {
     pub margin_m: f32,
     /// Whether what it overlaps at the start stops it only if it moves farther in; not if it turns, which may take for ever.
     pub leaves: bool,
-    /// Groups that it meets, and one body that it ignores.
-    pub meets: Meets,
+    /// Groups that it may find, and one body that it ignores.
+    pub filter: PartFilter,
 }
 
 /// An overlap query: one place.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
-pub struct OverlapQuestion {
+pub struct OverlapQuery {
     /// Where.
     pub place: Place,
-    /// Groups that it meets, and one body that it ignores.
-    pub meets: Meets,
+    /// Groups that it may find, and one body that it ignores.
+    pub filter: PartFilter,
 }
 
 /// The place of an overlap query.
@@ -113,29 +113,53 @@ pub enum Place {
     Box(Bounds),
 }
 
-/// The filter of a single ray, cast or overlap.
+/// The filter of a single ray, cast or overlap; the default lets everything be found.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
-pub struct Meets {
-    /// Of these groups.
+pub struct PartFilter {
+    /// Finds only colliders that are members of one of these groups.
     pub mask: u32,
-    /// But for this body.
-    pub but: Option<BodyId>,
+    /// A body that it ignores, for example the one that asks.
+    pub exclude: Option<BodyId>,
 }
 
-impl Default for Meets {
-    fn default() -> Self {
-        Self { mask: u32::MAX, but: None }
+impl PartFilter {
+    /// Ignores one body.
+    pub fn excluding(body: BodyId) -> Self {
+        Self { exclude: Some(body), ..Self::default() }
     }
 }
 
-impl Question {
+impl Default for PartFilter {
+    fn default() -> Self {
+        Self { mask: u32::MAX, exclude: None }
+    }
+}
+
+impl Query {
+    /// Makes a query without a filter.
+    fn of(parts: QueryParts) -> Self {
+        Self { number: 0, filter: FilterRecord::default(), shapes: Vec::new(), parts }
+    }
+
+    /// Asks for the first hit of each ray.
+    pub fn rays(rays: impl IntoIterator<Item = RayQuery>) -> Self {
+        Self::of(QueryParts::Rays(rays.into_iter().collect()))
+    }
+
+    /// Asks for the colliders at each place. A [`Place::Shape`] is one of `shapes`, which is filled in by the caller;
+    /// [`Query::intersect_shape`] asks about one shape.
+    pub fn overlaps(places: impl IntoIterator<Item = Place>) -> Self {
+        let overlap = |place| OverlapQuery { place, filter: PartFilter::default() };
+        Self::of(QueryParts::Overlaps(places.into_iter().map(overlap).collect()))
+    }
+
     /// Returns the cost of answering it, in rays.
     pub fn cost(&self) -> usize {
         let of = |place: &Place| if matches!(place, Place::Shape(..)) { SHAPE_COST } else { 1 };
-        match &self.asked {
-            Asked::Rays(rays) => rays.len(),
-            Asked::Casts(casts) => SHAPE_COST * casts.len(),
-            Asked::Overlaps(overlaps) => {
+        match &self.parts {
+            QueryParts::Rays(rays) => rays.len(),
+            QueryParts::Casts(casts) => SHAPE_COST * casts.len(),
+            QueryParts::Overlaps(overlaps) => {
                 overlaps.iter().map(|overlap| of(&overlap.place)).sum::<usize>().max(OVERLAPS_COST)
             }
         }
@@ -143,17 +167,36 @@ impl Question {
 
     /// Returns whether it is short enough to be sent.
     pub fn fits(&self) -> bool {
-        encoded_len(self) <= MAX_QUESTION_BYTES
+        encoded_len(self) <= MAX_QUERY_BYTES
     }
 }
 
-impl Asked {
+impl RayQuery {
+    /// Makes a ray without end that is solid and finds everything.
+    pub fn new(origin: [f64; 3], direction: [f32; 3]) -> Self {
+        Self { origin, direction, max_m: f64::INFINITY, solid: true, filter: PartFilter::default() }
+    }
+
+    /// Ends the ray after so many metres.
+    #[must_use]
+    pub fn up_to(self, max_m: f64) -> Self {
+        Self { max_m, ..self }
+    }
+
+    /// Ignores one body, for example the one that asks.
+    #[must_use]
+    pub fn excluding(self, body: BodyId) -> Self {
+        Self { filter: PartFilter { exclude: Some(body), ..self.filter }, ..self }
+    }
+}
+
+impl QueryParts {
     /// Returns the answer of a world without bodies.
-    pub fn nothing(&self) -> Found {
+    pub fn nothing(&self) -> QueryResult {
         match self {
-            Self::Rays(rays) => Found::Rays(vec![None; rays.len()]),
-            Self::Casts(casts) => Found::Casts(vec![None; casts.len()]),
-            Self::Overlaps(overlaps) => Found::Overlaps(vec![Vec::new(); overlaps.len()]),
+            Self::Rays(rays) => QueryResult::Rays(vec![None; rays.len()]),
+            Self::Casts(casts) => QueryResult::Casts(vec![None; casts.len()]),
+            Self::Overlaps(overlaps) => QueryResult::Overlaps(vec![Vec::new(); overlaps.len()]),
         }
     }
 }
@@ -209,7 +252,7 @@ pub struct Overlap {
 
 /// The result of a query, in the order of its parts.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
-pub enum Found {
+pub enum QueryResult {
     /// None where the ray met nothing.
     Rays(Vec<Option<RayAnswer>>),
     /// None where the shape met nothing.
@@ -220,7 +263,7 @@ pub enum Found {
     TooMuch,
 }
 
-impl Found {
+impl QueryResult {
     /// Merges what others found for the same question: the nearest hit counts, and of equally near ones that of the lowest id.
     /// Returns whether both answer the same question.
     pub fn join(&mut self, other: Self) -> bool {
@@ -272,7 +315,7 @@ pub struct Answer {
     /// Which.
     pub number: u64,
     /// What it found.
-    pub found: Found,
+    pub found: QueryResult,
 }
 
 #[cfg(test)]
@@ -280,44 +323,44 @@ mod tests {
     use super::*;
     use crate::protocol::{Check, FromClient, Message, encode};
 
-    const RAY: RayQuestion = RayQuestion {
+    const RAY: RayQuery = RayQuery {
         origin: [1.0, 2.0, 3.0],
         direction: [0.0, -1.0, 0.0],
         max_m: f64::INFINITY,
         solid: true,
-        meets: Meets { mask: u32::MAX, but: None },
+        filter: PartFilter { mask: u32::MAX, exclude: None },
     };
 
-    fn question(asked: Asked) -> Question {
-        Question { number: 1, overlooks: Overlooks::default(), shapes: Vec::new(), asked }
+    fn question(asked: QueryParts) -> Query {
+        Query { number: 1, ..Query::of(asked) }
     }
 
-    fn is_right(question: Question) -> bool {
+    fn is_right(question: Query) -> bool {
         FromClient::Ask(question).check().is_ok()
     }
 
-    fn cast() -> CastQuestion {
-        CastQuestion {
+    fn cast() -> CastQuery {
+        CastQuery {
             shape: ShapeRecord::Ball(0.5).hash(),
             pose: WorldPose::default(),
             motion: [1.0, 0.0, 0.0],
             turn: [0.0; 3],
             margin_m: 0.1,
             leaves: true,
-            meets: Meets::default(),
+            filter: PartFilter::default(),
         }
     }
 
     #[test]
     fn rays_are_finite_and_go_somewhere() {
-        let right = |ray: RayQuestion| is_right(question(Asked::Rays(vec![ray])));
+        let right = |ray: RayQuery| is_right(question(QueryParts::Rays(vec![ray])));
         assert!(right(RAY));
         for wrong in [
-            RayQuestion { origin: [f64::NAN; 3], ..RAY },
-            RayQuestion { direction: [0.0; 3], ..RAY },
-            RayQuestion { direction: [f32::INFINITY; 3], ..RAY },
-            RayQuestion { max_m: f64::NAN, ..RAY },
-            RayQuestion { max_m: -1.0, ..RAY },
+            RayQuery { origin: [f64::NAN; 3], ..RAY },
+            RayQuery { direction: [0.0; 3], ..RAY },
+            RayQuery { direction: [f32::INFINITY; 3], ..RAY },
+            RayQuery { max_m: f64::NAN, ..RAY },
+            RayQuery { max_m: -1.0, ..RAY },
         ] {
             assert!(!right(wrong), "{wrong:?}");
         }
@@ -325,17 +368,17 @@ mod tests {
 
     #[test]
     fn shapes_that_move_are_whole_and_do_not_turn_for_ever() {
-        let right = |cast: CastQuestion| is_right(question(Asked::Casts(vec![cast])));
-        let turns = CastQuestion { turn: [0.0, 60.0, 0.0], margin_m: 0.0, leaves: false, ..cast() };
+        let right = |cast: CastQuery| is_right(question(QueryParts::Casts(vec![cast])));
+        let turns = CastQuery { turn: [0.0, 60.0, 0.0], margin_m: 0.0, leaves: false, ..cast() };
         assert!(right(cast()) && right(turns));
         for wrong in [
-            CastQuestion { pose: WorldPose::at([f64::NAN; 3]), ..cast() },
-            CastQuestion { motion: [f32::INFINITY; 3], ..cast() },
-            CastQuestion { margin_m: -0.1, ..cast() },
-            CastQuestion { turn: [60.0; 3], ..turns },
-            CastQuestion { turn: [f32::NAN; 3], ..turns },
-            CastQuestion { margin_m: 0.1, ..turns },
-            CastQuestion { leaves: true, ..turns },
+            CastQuery { pose: WorldPose::at([f64::NAN; 3]), ..cast() },
+            CastQuery { motion: [f32::INFINITY; 3], ..cast() },
+            CastQuery { margin_m: -0.1, ..cast() },
+            CastQuery { turn: [60.0; 3], ..turns },
+            CastQuery { turn: [f32::NAN; 3], ..turns },
+            CastQuery { margin_m: 0.1, ..turns },
+            CastQuery { leaves: true, ..turns },
         ] {
             assert!(!right(wrong), "{wrong:?}");
         }
@@ -343,7 +386,7 @@ mod tests {
 
     #[test]
     fn what_is_asked_with_has_an_inside() {
-        let with = |shapes| is_right(Question { shapes, ..question(Asked::Casts(vec![cast()])) });
+        let with = |shapes| is_right(Query { shapes, ..question(QueryParts::Casts(vec![cast()])) });
         let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let faces = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
         assert!(with(vec![
@@ -357,7 +400,10 @@ mod tests {
     #[test]
     fn places_are_finite_and_boxes_have_their_corners_in_order() {
         let right = |place| {
-            is_right(question(Asked::Overlaps(vec![OverlapQuestion { place, meets: Meets::default() }])))
+            is_right(question(QueryParts::Overlaps(vec![OverlapQuery {
+                place,
+                filter: PartFilter::default(),
+            }])))
         };
         let corner = |min, max| Place::Box(Bounds { min: [min; 3], max: [max; 3] });
         assert!(right(Place::Point([1.0; 3])) && right(corner(f64::NEG_INFINITY, f64::INFINITY)));
@@ -370,26 +416,26 @@ mod tests {
 
     #[test]
     fn a_question_costs_so_much_at_most_and_fits_a_frame_of_a_client() {
-        let place = |place| OverlapQuestion { place, meets: Meets::default() };
+        let place = |place| OverlapQuery { place, filter: PartFilter::default() };
         let shape = Place::Shape(cast().shape, WorldPose::default());
         let cost = |asked| question(asked).cost();
-        assert_eq!(cost(Asked::Casts(vec![cast(); 3])), 3 * SHAPE_COST);
-        assert_eq!(cost(Asked::Overlaps(vec![place(Place::Point([0.0; 3]))])), OVERLAPS_COST);
-        assert_eq!(cost(Asked::Overlaps(vec![place(shape); 100])), 100 * SHAPE_COST);
-        let rays = |count| question(Asked::Rays(vec![RAY; count]));
+        assert_eq!(cost(QueryParts::Casts(vec![cast(); 3])), 3 * SHAPE_COST);
+        assert_eq!(cost(QueryParts::Overlaps(vec![place(Place::Point([0.0; 3]))])), OVERLAPS_COST);
+        assert_eq!(cost(QueryParts::Overlaps(vec![place(shape); 100])), 100 * SHAPE_COST);
+        let rays = |count| question(QueryParts::Rays(vec![RAY; count]));
         assert!(is_right(rays(MAX_COST)) && !is_right(rays(MAX_COST + 1)));
         let overlooking = |count: usize| {
             let exclude = (0..count as u32).map(BodyId::persistent).collect();
-            Question { overlooks: Overlooks { exclude, ..Overlooks::default() }, ..rays(1) }
+            Query { filter: FilterRecord { exclude, ..FilterRecord::default() }, ..rays(1) }
         };
         assert!(is_right(overlooking(MAX_COST)) && !is_right(overlooking(MAX_COST + 1)));
         // Those with most to overlook are too long for one.
         let body = |index| BodyId::avatar(ClientId(u32::MAX), index);
-        let ray = RayQuestion { meets: Meets { but: Some(body(0)), ..RAY.meets }, ..RAY };
+        let ray = RayQuery { filter: PartFilter { exclude: Some(body(0)), ..RAY.filter }, ..RAY };
         let long = |count: usize| {
             let exclude = (0..count as u32).map(body).collect();
-            let asked = Asked::Rays(vec![ray; MAX_COST]);
-            Question { overlooks: Overlooks { exclude, ..Overlooks::default() }, ..question(asked) }
+            let asked = QueryParts::Rays(vec![ray; MAX_COST]);
+            Query { filter: FilterRecord { exclude, ..FilterRecord::default() }, ..question(asked) }
         };
         let most = (0..=MAX_COST).rev().find(|&count| long(count).fits()).unwrap();
         assert!(most > 300 && most < MAX_COST && is_right(long(most)) && !is_right(long(most + 1)));
@@ -415,24 +461,31 @@ mod tests {
                 inside,
             })
         };
-        let mut found = Found::Casts(vec![hit(1, 0.5), hit(2, 0.25), None, hit(4, 0.5)]);
-        assert!(!found.join(Found::Casts(vec![None; 3])) && !found.join(Found::Rays(vec![None; 4])));
-        assert!(found.join(Found::Casts(vec![hit(9, 0.25), hit(9, 0.5), hit(9, 1.0), hit(3, 0.5)])));
-        assert_eq!(found, Found::Casts(vec![hit(9, 0.25), hit(2, 0.25), hit(9, 1.0), hit(3, 0.5)]));
+        let mut found = QueryResult::Casts(vec![hit(1, 0.5), hit(2, 0.25), None, hit(4, 0.5)]);
+        assert!(
+            !found.join(QueryResult::Casts(vec![None; 3])) && !found.join(QueryResult::Rays(vec![None; 4]))
+        );
+        assert!(found.join(QueryResult::Casts(vec![hit(9, 0.25), hit(9, 0.5), hit(9, 1.0), hit(3, 0.5)])));
+        assert_eq!(found, QueryResult::Casts(vec![hit(9, 0.25), hit(2, 0.25), hit(9, 1.0), hit(3, 0.5)]));
 
         let some = |bodies: std::ops::Range<u32>| {
             bodies.map(|i| Overlap { body: BodyId::persistent(i), collider: 0 }).collect::<Vec<_>>()
         };
-        let mut found = Found::Overlaps(vec![some(3..6), some(0..0)]);
-        assert!(found.join(Found::Overlaps(vec![some(0..4), some(7..8)])));
-        assert_eq!(found, Found::Overlaps(vec![some(0..6), some(7..8)]));
-        assert!(!found.join(Found::Overlaps(vec![some(0..4)])) && !found.join(Found::Casts(vec![None; 2])));
+        let mut found = QueryResult::Overlaps(vec![some(3..6), some(0..0)]);
+        assert!(found.join(QueryResult::Overlaps(vec![some(0..4), some(7..8)])));
+        assert_eq!(found, QueryResult::Overlaps(vec![some(0..6), some(7..8)]));
+        assert!(
+            !found.join(QueryResult::Overlaps(vec![some(0..4)]))
+                && !found.join(QueryResult::Casts(vec![None; 2]))
+        );
         let many = MAX_FOUND as u32;
-        assert!(found.join(Found::Overlaps(vec![some(0..many - 1), some(7..8)])));
-        assert!(matches!(found, Found::Overlaps(_)));
-        assert!(found.join(Found::Overlaps(vec![some(0..0), some(0..1)])));
-        assert_eq!(found, Found::TooMuch);
-        assert!(found.join(Found::Overlaps(vec![some(0..4)])) && !found.join(Found::Rays(vec![])));
-        assert_eq!(found, Found::TooMuch);
+        assert!(found.join(QueryResult::Overlaps(vec![some(0..many - 1), some(7..8)])));
+        assert!(matches!(found, QueryResult::Overlaps(_)));
+        assert!(found.join(QueryResult::Overlaps(vec![some(0..0), some(0..1)])));
+        assert_eq!(found, QueryResult::TooMuch);
+        assert!(
+            found.join(QueryResult::Overlaps(vec![some(0..4)])) && !found.join(QueryResult::Rays(vec![]))
+        );
+        assert_eq!(found, QueryResult::TooMuch);
     }
 }

@@ -122,8 +122,9 @@ unsafe impl Sized32 for DcdNodeDef {
 /// It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
 /// for your program: of dcd_events, connections and messages. The handle also serves dcd_world_info, dcd_stats, dcd_address,
 /// dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
-/// from the same process. dcd_world_destroy ends the world for all. The folder keeps its keys (authority.pem), the list of
-/// used tokens (joins.log), locks, and world.redb, which has no world to go on with; after a process that ends without, it has.
+/// from the same process. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
+/// that ends without, one that is made in the same way goes on with it. The folder keeps its keys (authority.pem), the list of
+/// used tokens (joins.log), locks, and the world (world.redb).
 ///
 /// `def` and what it points to are read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
@@ -188,6 +189,16 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         out.write(registry::add(server, def.user_data));
         Ok(())
     })
+}
+
+/// Stops a server without ending its world: what is known of it is written to the data folder, nodes compute on and, as clients
+/// do, dial a server that is made in the same way, for half a minute. From here on dcd_step fails with DCD_ERR_NETWORK;
+/// dcd_world_destroy frees the handle.
+///
+/// Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED for a world that is not a server.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_server_suspend(world: DcdWorld) -> DcdStatus {
+    guard("dcd_server_suspend", || with(world, |world| Ok(world.dcd.suspend()?)))
 }
 
 /// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It

@@ -28,7 +28,8 @@ impl Common {
         };
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
         // Fails only if there is a log already, which then serves.
-        let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+        let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+        let _ = log.log_internal_errors(false).try_init();
     }
 
     /// Returns whether people want to see nothing but the result.
@@ -41,10 +42,10 @@ impl Common {
         self.verbose > 0
     }
 
-    /// Prints a message for people on standard error, unless they want none.
+    /// Prints a message for people on standard error, unless they want none. A terminal that is gone stops nobody.
     pub(super) fn say(&self, text: &str) {
         if !self.quiet {
-            eprintln!("{text}");
+            let _ = writeln!(std::io::stderr(), "{text}");
         }
     }
 

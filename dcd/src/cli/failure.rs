@@ -1,5 +1,6 @@
 //! Defines how a subcommand fails: with a cause, a remedy and an exit code.
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use crate::cluster::directory::DirectoryError;
@@ -32,7 +33,7 @@ impl Failure {
 
     /// Prints it on standard error and returns the exit code.
     pub(super) fn report(self) -> ExitCode {
-        eprintln!("error: {}", self.message);
+        let _ = writeln!(std::io::stderr(), "error: {}", self.message);
         ExitCode::from(self.code)
     }
 }

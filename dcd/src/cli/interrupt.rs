@@ -1,9 +1,9 @@
-//! Handles Ctrl-C and SIGTERM: the first asks a command to end in order, a later one ends it at once.
+//! Handles Ctrl-C, SIGTERM and SIGHUP: the first asks a command to end in order, one that it does not expect ends it at once.
 
 use std::io::Read;
 use std::process::ExitCode;
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::failure::Failure;
@@ -14,8 +14,10 @@ const EXIT: u8 = 130;
 /// Time in which one press may be heard twice: from the terminal, and from a parent process that passes on what it hears.
 const ONE_PRESS: Duration = Duration::from_millis(200);
 
-static FIRST: OnceLock<Instant> = OnceLock::new();
-static SIGNALLED: AtomicBool = AtomicBool::new(false);
+static LAST: Mutex<Option<Instant>> = Mutex::new(None);
+static PRESSES: AtomicU32 = AtomicU32::new(0);
+/// Presses that the command obeys.
+static EXPECTED: AtomicU32 = AtomicU32::new(1);
 static ABANDONED: AtomicBool = AtomicBool::new(false);
 static INSTALLED: OnceLock<Result<(), String>> = OnceLock::new();
 
@@ -27,9 +29,12 @@ impl Interrupt {
     /// Takes over Ctrl-C for the rest of the process.
     pub(super) fn listen() -> Result<Self, Failure> {
         let handler = || {
-            let first = FIRST.get_or_init(Instant::now);
-            SIGNALLED.store(true, Ordering::SeqCst);
-            if first.elapsed() > ONE_PRESS {
+            let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+            if last.is_some_and(|last| last.elapsed() <= ONE_PRESS) {
+                return;
+            }
+            *last = Some(Instant::now());
+            if PRESSES.fetch_add(1, Ordering::SeqCst) >= EXPECTED.load(Ordering::SeqCst) {
                 std::process::exit(EXIT.into());
             }
         };
@@ -56,11 +61,26 @@ impl Interrupt {
 
     /// Returns whether the user asked for an end.
     pub(super) fn asked(self) -> bool {
-        SIGNALLED.load(Ordering::SeqCst) || ABANDONED.load(Ordering::SeqCst)
+        self.signalled() || ABANDONED.load(Ordering::SeqCst)
+    }
+
+    /// Returns whether a second press comes within this time, which means something else than the first.
+    pub(super) fn asked_again(self, within: Duration) -> bool {
+        const LOOK: Duration = Duration::from_millis(20);
+        EXPECTED.store(2, Ordering::SeqCst);
+        let deadline = Instant::now() + within;
+        while PRESSES.load(Ordering::SeqCst) < 2 && Instant::now() < deadline {
+            std::thread::sleep(LOOK);
+        }
+        PRESSES.load(Ordering::SeqCst) > 1
+    }
+
+    fn signalled(self) -> bool {
+        PRESSES.load(Ordering::SeqCst) > 0
     }
 
     /// Returns the exit code of a command that ended in order.
     pub(super) fn exit_code(self) -> ExitCode {
-        if SIGNALLED.load(Ordering::SeqCst) { ExitCode::from(EXIT) } else { ExitCode::SUCCESS }
+        if self.signalled() { ExitCode::from(EXIT) } else { ExitCode::SUCCESS }
     }
 }

@@ -7,6 +7,7 @@ mod client;
 mod common;
 mod completions;
 mod demo;
+mod end;
 mod failure;
 mod interrupt;
 mod man;
@@ -52,6 +53,7 @@ subcommands! {
     Node in node,
     Client in client,
     Token in token,
+    End in end,
     Demo in demo,
     Simulate in simulate,
     Completions in completions,
@@ -70,7 +72,7 @@ struct Cli {
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 failed while it ran; 2 what was given cannot be used (options, files, tokens), nothing was done; 130
-ended by Ctrl-C, with what there was to report. A second Ctrl-C ends at once. Results go to standard output, everything else to standard error.";
+ended by Ctrl-C, with what there was to report (a server keeps its world: 0). A second Ctrl-C ends at once. Results go to standard output, everything else to standard error.";
 
 /// Runs the command line with the process's arguments.
 pub fn main() -> ExitCode {

@@ -1,5 +1,6 @@
 //! Implements `dcd serve`: the server of a world that other processes compute and play in.
 
+use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -21,6 +22,8 @@ use crate::space::Tick;
 
 /// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
+/// How long a first Ctrl-C waits for a second one, which ends the world.
+const AGAIN: Duration = Duration::from_secs(2);
 
 /// Serves a world that nodes compute and clients play in
 ///
@@ -57,7 +60,7 @@ pub(super) struct Serve {
     /// Steps as fast as the nodes can, rather than in real time
     #[arg(long)]
     unpaced: bool,
-    /// Ends the world after so many ticks [default: when told to]
+    /// Ends the world after so many ticks [default: by `dcd end`]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     ticks: Option<u64>,
     /// The fastest that clients may move their avatars, m/s
@@ -137,9 +140,25 @@ impl Serve {
                 "the world waits for {waits_for}: dcd node --server {address} --token $(dcd token --data {data} --role node)"
             )
         });
-        self.watch(&server, interrupt, common)?;
-        if interrupt.asked() {
-            common.say("ending the world");
+        let watched = self.watch(&server, interrupt, common);
+        if watched.is_err() || interrupt.asked() && !self.ends(interrupt, common) {
+            server.suspend();
+            watched?;
+            if let Some(failure) = server.failure() {
+                return Err(failure.into());
+            }
+            let summary = server.summary();
+            let (tick, data) = (summary.tick.0, self.data.display());
+            common.say(&if summary.kept {
+                format!(
+                    "the world is kept at tick {tick}: the same command goes on with it, `dcd end --data {data}` ends it"
+                )
+            } else {
+                "the world had not begun, and nothing of it is kept".to_owned()
+            });
+            // A terminal that is gone does not read it.
+            let _ = Served::new(&summary, last_tick).show(self.json);
+            return Ok(ExitCode::SUCCESS);
         }
         if let Some(failure) = server.failure() {
             return Err(failure.into());
@@ -158,6 +177,20 @@ impl Serve {
             )));
         }
         Ok(interrupt.exit_code())
+    }
+
+    /// Returns whether the user who asked for an end means that of the world, and not of its server alone.
+    fn ends(&self, interrupt: Interrupt, common: &Common) -> bool {
+        // A parent process asks for it by the end of standard input, or passes on what the terminal says.
+        let ends = self.until_stdin_ends
+            || std::io::stdin().is_terminal() && {
+                common.say("stopping, and keeping the world; Ctrl-C again ends it for all");
+                interrupt.asked_again(AGAIN)
+            };
+        if ends {
+            common.say("ending the world");
+        }
+        ends
     }
 
     fn groups(&self) -> Result<GroupConfig, Failure> {
@@ -227,13 +260,13 @@ fn after_help() -> String {
     format!(
         "Prints `listening ADDR` first, then `going on with the world at tick N` if --data holds one that has not ended, a line\n\
          `view NUMBER at tick T: n1 r1, n2 r2; n1 leads` whenever the nodes or their shares change, and the summary last; with\n\
-         --json as an object with the keys tick bodies regions nodes views lost doubled state_hash bytes seconds (state_hash\n\
-         with --ticks only; views and seconds since this start). Exits with 1 when the last look at the world finds bodies\n\
+         --json as an object with the keys tick bodies regions nodes views lost doubled state_hash bytes seconds kept (state_hash\n\
+         with --ticks only; views and seconds since this start; kept: whether the world goes on). Exits with 1 when the last look at the world finds bodies\n\
          lost or doubled.\n\n\
          A server that dies is to be started again with the same options: nodes compute on meanwhile, and they and clients dial\n\
-         it again. Nodes may be some seconds ahead of tick N. Ctrl-C ends the world for all. --data keeps the keys\n\
-         (authority.pem), the list of used tokens (joins.log), locks, and world.redb, which has no world to go on with, unless nodes\n\
-         do not say what they own, or Ctrl-C is pressed again.\n\n{}",
+         it again. Nodes may be some seconds ahead of tick N. SIGTERM, SIGHUP and Ctrl-C stop the server in the same way, with exit\n\
+         code 0: the world goes on. `dcd end --data DIR` ends it for all, and so does a second Ctrl-C within two seconds of the\n\
+         first. --data keeps the keys (authority.pem), the list of used tokens (joins.log), locks, and the world (world.redb).\n\n{}",
         scenes::overview()
     )
 }

@@ -38,6 +38,7 @@ pub(super) struct Served {
     pub state_hash: Option<String>,
     pub bytes: u64,
     pub seconds: f64,
+    pub kept: bool,
 }
 
 impl Served {
@@ -55,6 +56,7 @@ impl Served {
             state_hash: summary.state_hash.filter(|_| is_whole).map(|hash| format!("{hash:016x}")),
             bytes: summary.bytes,
             seconds: summary.seconds,
+            kept: summary.kept,
         }
     }
 }

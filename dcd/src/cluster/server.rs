@@ -77,6 +77,8 @@ pub enum ServerEvent {
     },
     /// The world is to end: all are told.
     Stop,
+    /// The server is to stop, and its world to go on: what is known is written down, and nobody is told.
+    Suspend,
 }
 
 /// An action that a server wants done; to be done in order.
@@ -122,6 +124,8 @@ pub enum ServerOutput {
     },
     /// The world has ended and all have been told; what is stored of it is of no use any more.
     Ended,
+    /// All that is known has been stored: the server may stop.
+    Suspended,
 }
 
 /// The state machine of the server.
@@ -226,6 +230,12 @@ impl Server {
                 }
             }
             ServerEvent::Stop => self.common.stopping = true,
+            ServerEvent::Suspend => {
+                (self.common.world_changed, self.store_at) = (true, Some(Duration::ZERO));
+                self.finish(mark);
+                self.common.outputs.push_back(ServerOutput::Suspended);
+                return;
+            }
         }
         self.finish(mark);
     }
@@ -293,6 +303,11 @@ impl Server {
     /// Returns the newest tick that a member of the main group is known to have completed.
     pub fn tick(&self) -> Tick {
         self.main().tick
+    }
+
+    /// Returns whether any node has computed the world yet.
+    pub fn has_begun(&self) -> bool {
+        self.common.begun
     }
 
     /// Returns the record of the world: that of the main group.

@@ -11,6 +11,8 @@ mod device;
 #[cfg(feature = "net")]
 mod directory;
 #[cfg(feature = "net")]
+mod end_request;
+#[cfg(feature = "net")]
 mod ending;
 #[cfg(feature = "net")]
 mod error;
@@ -37,12 +39,16 @@ pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]
 pub use directory::RedbDirectory;
 #[cfg(feature = "net")]
+pub use end_request::{WorldEnd, end_world};
+#[cfg(feature = "net")]
 pub use ending::{Cause, Reason};
 #[cfg(feature = "net")]
 pub use error::ProcessError;
 pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary};
+#[cfg(feature = "net")]
+pub(crate) use server::SUSPENDED;
 #[cfg(feature = "net")]
 pub use server::{GroupConfig, Origin, ServeConfig, ServerProcess, ServerSummary};
 pub use snapshot::SnapshotError;

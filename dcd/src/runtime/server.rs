@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::IntegrationParameters;
 use tracing::{error, info, warn};
 
+use super::end_request::EndRequests;
 use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
@@ -37,6 +38,9 @@ const IDLE: Duration = Duration::from_millis(500);
 const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
+
+/// What a server that keeps its world says at its end.
+pub(crate) const SUSPENDED: &str = "the server has stopped, and its data folder keeps the world";
 
 /// The initial state of a served world: a scene, or a copy of a local world.
 pub enum Origin<'a> {
@@ -123,6 +127,8 @@ pub struct ServerSummary {
     pub bytes: u64,
     /// Seconds since the world first began, or went on.
     pub seconds: f64,
+    /// The server was suspended, and its data folder keeps the world. One that never began is not kept.
+    pub kept: bool,
 }
 
 /// A running server.
@@ -149,12 +155,14 @@ struct State {
     view: Option<View>,
     traffic: PeerStats,
     over: bool,
+    suspended: bool,
     failure: Option<ProcessError>,
 }
 
 enum Input {
     Net(NetEvent),
     Stop,
+    Suspend,
     /// Wakes the loop: there is work for its connections.
     Wake,
 }
@@ -220,6 +228,7 @@ impl ServerProcess {
             links: Some(Links::new(net, connections.clone())),
             connections: connections.clone(),
             directory,
+            end_requests: EndRequests::of(&config.data),
             stored,
             start: Instant::now(),
             server,
@@ -295,6 +304,19 @@ impl ServerProcess {
     /// Returns whether the world has ended.
     pub fn is_over(&self) -> bool {
         self.shared.lock().over
+    }
+
+    /// Returns whether the server has stopped by [`ServerProcess::suspend`].
+    pub fn is_suspended(&self) -> bool {
+        self.shared.lock().suspended
+    }
+
+    /// Writes down what is known of the world, stops the server, and waits for that. The world does not end: nodes compute on
+    /// and dial a server that is started again, for a while, and the data folder keeps it.
+    pub fn suspend(&self) {
+        let _ = self.inbox.send(Input::Suspend);
+        let state = self.shared.lock();
+        let _over = self.shared.changed.wait_while(state, |state| !state.over);
     }
 
     /// Audits the world, tells all processes that it ends, and waits for the end.
@@ -416,6 +438,7 @@ struct Loop {
     links: Option<Links>,
     connections: Connections,
     directory: RedbDirectory,
+    end_requests: EndRequests,
     /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
     start: Instant,
@@ -442,16 +465,18 @@ impl Loop {
                         self.hear(now, event);
                     }
                 }
-                Ok(Input::Stop) => {
-                    self.end_by.get_or_insert(Instant::now() + AUDIT);
-                    self.server.handle(now, ServerEvent::Stop);
-                }
+                Ok(Input::Stop) => self.stop(now),
+                Ok(Input::Suspend) => self.server.handle(now, ServerEvent::Suspend),
                 Ok(Input::Wake) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             let now = self.start.elapsed();
             if self.server.poll_timeout().is_some_and(|due| due <= now) {
                 self.server.handle_timeout(now);
+            }
+            if self.end_requests.take() {
+                info!("the world is to end: its data folder has a request");
+                self.stop(now);
             }
             self.send_away(now);
             self.pump();
@@ -469,6 +494,11 @@ impl Loop {
         }
         let totals = self.links.take().map(Links::shutdown);
         self.finish(totals);
+    }
+
+    fn stop(&mut self, now: Duration) {
+        self.end_by.get_or_insert(Instant::now() + AUDIT);
+        self.server.handle(now, ServerEvent::Stop);
     }
 
     fn hear(&mut self, now: Duration, event: LinkEvent) {
@@ -533,9 +563,16 @@ impl Loop {
                     self.audited = true;
                 }
                 ServerOutput::Ended => {
-                    if let Err(error) = self.clear() {
-                        warn!(%error, "what is stored of the world stays");
+                    self.forget();
+                    self.over = true;
+                }
+                ServerOutput::Suspended => {
+                    let kept = self.server.has_begun();
+                    if !kept {
+                        self.forget();
                     }
+                    let mut state = self.shared.lock();
+                    (state.suspended, state.summary.kept) = (true, kept);
                     self.over = true;
                 }
             }
@@ -550,10 +587,15 @@ impl Loop {
         Ok(())
     }
 
-    /// Clears the directory: a world that has ended leaves nothing to resume.
-    fn clear(&mut self) -> Result<(), DirectoryError> {
-        let writes = self.directory.load()?.into_iter().map(|entry| (entry.key, None)).collect();
-        self.store(&Batch { writes, durable: true })
+    /// Clears the directory: a world that has ended, or never began, leaves nothing to go on with.
+    fn forget(&mut self) {
+        let cleared = self.directory.load().and_then(|entries| {
+            let writes = entries.into_iter().map(|entry| (entry.key, None)).collect();
+            self.store(&Batch { writes, durable: true })
+        });
+        if let Err(error) = cleared {
+            warn!(%error, "what is stored of the world stays");
+        }
     }
 
     fn publish(&mut self) {
@@ -569,7 +611,9 @@ impl Loop {
         self.shared.changed.notify_all();
     }
 
-    fn finish(&mut self, totals: Option<NetTotals>) {
+    fn finish(self, totals: Option<NetTotals>) {
+        // Whoever hears of the end may start another server here.
+        drop(self.directory);
         let mut hasher = StateHasher::default();
         for body in movable(&self.server) {
             hasher.add(body.id, &body.state.pose, &body.state.velocity);
@@ -581,9 +625,13 @@ impl Loop {
             state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
         }
         state.over = true;
+        let reason = match state.suspended {
+            true => Reason::new(Cause::Left, SUSPENDED),
+            false => Reason::new(Cause::WorldEnded, WORLD_ENDED),
+        };
         drop(state);
         self.shared.changed.notify_all();
-        self.connections.end(Reason::new(Cause::WorldEnded, WORLD_ENDED));
+        self.connections.end(reason);
     }
 }
 

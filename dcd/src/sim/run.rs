@@ -278,7 +278,7 @@ impl Sim {
                     }
                     self.note(|| format!("{node} is expelled"));
                 }
-                ServerOutput::Audited { .. } | ServerOutput::Ended => {}
+                ServerOutput::Audited { .. } | ServerOutput::Ended | ServerOutput::Suspended => {}
             }
         }
         self.has_stored = false;

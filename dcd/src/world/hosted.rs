@@ -8,7 +8,7 @@ use super::network::Network;
 use super::remote::Remote;
 use super::role::Role;
 use crate::net::PeerStats;
-use crate::runtime::{Member, ServerProcess, Stats};
+use crate::runtime::{Member, SUSPENDED, ServerProcess, Stats};
 use crate::space::Tick;
 
 /// The process that runs behind the world, on threads of its own.
@@ -40,6 +40,7 @@ impl Hosted {
         match &self.process {
             Process::Server(server) => match server.failure() {
                 Some(failure) => Err(failure.into()),
+                None if server.is_suspended() => over(SUSPENDED.to_owned()),
                 None if server.is_over() => over("the world has ended".to_owned()),
                 None => Ok(()),
             },

@@ -43,7 +43,7 @@ impl World {
     }
 
     /// Serves a scene: the world begins with the nodes that join. Of `world` only the cut and the step settings count. Dropping
-    /// the server ends the world for all.
+    /// the server ends the world for all; [`World::suspend`] keeps it.
     pub fn serve(scene: &Scene, world: &WorldConfig, config: ServeConfig) -> Result<Self, Error> {
         let server = ServerProcess::start(Origin::Scene(scene, world), config)?;
         Ok(Self::of(Hosted::new(Process::Server(server), world.step.dt_s, world.step.gravity)))
@@ -55,6 +55,17 @@ impl World {
         let source = self.local("be a source", Instead::MakeSourceAnew)?;
         let server = ServerProcess::start(Origin::World(source), config)?;
         Ok(Self::of(Hosted::new(Process::Server(server), self.dt_s(), self.gravity())))
+    }
+
+    /// Stops this server without ending its world: what is known of it is written to the data folder, nodes compute on and dial
+    /// a server that is started again in the same way, for half a minute, and clients do. From here on every step is an
+    /// error. Dropping a server that was not suspended ends its world for all.
+    ///
+    /// # Errors
+    /// [`Unsupported`](super::Unsupported) in other roles.
+    pub fn suspend(&mut self) -> Result<(), Error> {
+        self.server("be suspended")?.suspend();
+        Ok(())
     }
 
     /// Mints a token that lets one process join this server in such a role, within `valid_for`.

@@ -148,7 +148,7 @@ fn a_hung_node_does_not_keep_a_server_that_is_to_end() {
 }
 
 #[test]
-fn one_press_that_all_hear_and_some_hear_twice_ends_all_in_order() {
+fn one_press_that_all_hear_and_some_hear_twice_stops_all_in_order() {
     let mut server = Server::playground("1");
     let (_, mut node) = server.node();
     server.view();
@@ -163,12 +163,14 @@ fn one_press_that_all_hear_and_some_hear_twice_ends_all_in_order() {
     let pressed = Instant::now();
     assert!(std::process::Command::new("sh").args(["-c", &press]).status().unwrap().success());
     let ended = server.process.end();
-    assert_eq!((ended.code(), &ended.json()["lost"]), (Some(130), &0.into()), "{ended:?}");
+    assert_eq!((ended.code(), &ended.json()["kept"]), (Some(0), &true.into()), "{ended:?}");
+    // Who is slower than the server finds nobody to hand its regions to, and says so.
     for process in [&mut node, &mut participant] {
         let ended = process.end_within(process::LIMIT);
-        assert_eq!(ended.code(), Some(130), "{ended:?}");
+        let unheard = ended.code() == Some(1) && ended.errors.contains("did not take this process's share");
+        assert!(ended.code() == Some(130) || unheard, "{ended:?}");
     }
-    assert!(pressed.elapsed() < Duration::from_secs(4), "{:?}", pressed.elapsed());
+    assert!(pressed.elapsed() < Duration::from_secs(10), "{:?}", pressed.elapsed());
 }
 
 #[test]

@@ -214,13 +214,20 @@ impl Server {
         self.process.line("view ")
     }
 
-    /// Ctrl-C, and the summary, in which nothing may be lost.
-    pub(crate) fn stop(self) -> Value {
-        self.process.interrupt();
-        let ended = self.process.end();
+    /// What `dcd end` does, and the summary, in which nothing may be lost.
+    pub(crate) fn stop(mut self) -> Value {
+        self.end_world()
+    }
+
+    /// The same for one whose folder is looked at then.
+    pub(crate) fn end_world(&mut self) -> Value {
+        let told = Process::start(dcd(&["end", "--data"]).arg(self.data())).end();
+        assert_eq!(told.code(), Some(0), "{told:?}");
+        assert!(told.lines[0].contains("its server has stopped"), "{told:?}");
+        let ended = self.process.end_within(LIMIT);
         let summary = ended.json();
         assert_eq!((&summary["lost"], &summary["doubled"]), (&0.into(), &0.into()), "{ended:?}");
-        assert_eq!(ended.code(), Some(130), "{ended:?}");
+        assert_eq!((ended.code(), &summary["kept"]), (Some(0), &false.into()), "{ended:?}");
         summary
     }
 }

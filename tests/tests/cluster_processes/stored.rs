@@ -1,5 +1,8 @@
 //! Tests what a server leaves in its data folder, and how the next one goes on with it.
 
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
 use crate::process::{Process, Server, dcd, playground};
 
 /// A server process with these options on the data folder of another, which has ended.
@@ -13,7 +16,7 @@ fn begins(mut process: Process) {
     process.line("listening ");
     process.interrupt();
     let ended = process.end();
-    assert_eq!(ended.code(), Some(130), "{ended:?}");
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
     assert!(!ended.lines.iter().any(|line| line.starts_with("going on")), "{ended:?}");
 }
 
@@ -48,11 +51,69 @@ fn a_server_says_from_which_tick_it_goes_on_and_an_ended_world_is_forgotten() {
     let (name, _node) = server.node();
     let view = server.view();
     assert!(view.contains(&format!("at tick {now}: {name} r1 r2")), "{view}");
-    server.process.interrupt();
-    let ended = server.process.end_within(crate::process::LIMIT);
-    assert_eq!(ended.code(), Some(130), "{ended:?}");
-    assert!(ended.json()["tick"].as_u64().unwrap() >= tick, "{ended:?}");
+    assert!(server.end_world()["tick"].as_u64().unwrap() >= tick);
     begins(serve(&server, &[playground().to_str().unwrap()]));
+}
+
+#[test]
+fn every_signal_stops_the_server_and_keeps_the_world() {
+    let mut server = Server::playground("1");
+    let (name, _node) = server.node();
+    server.view();
+    let mut last = 0;
+    for signal in ["-TERM", "-HUP", "-INT"] {
+        server.process.signal(signal);
+        let ended = server.process.end_within(crate::process::LIMIT);
+        assert_eq!((ended.code(), &ended.json()["kept"]), (Some(0), &true.into()), "{signal}: {ended:?}");
+        let now = server.restart();
+        assert!(now >= last, "{signal}: {now} after {last}");
+        last = now;
+        // The node has computed on, and is back in its view.
+        assert!(server.view().contains(&format!("{name} r1 r2")), "{signal}");
+    }
+    server.stop();
+}
+
+#[test]
+fn a_terminal_that_is_gone_ends_no_world() {
+    let mut server = Server::playground("1");
+    server.process.kill();
+    let mut serve = dcd(&["serve", "--listen", &server.address, "--json", "--data"]);
+    serve
+        .arg(server.data())
+        .arg(playground())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let mut deaf = serve.spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(deaf.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    assert!(line.starts_with("listening "), "{line}");
+    drop(deaf.stderr.take());
+    // It cannot print the membership, and what it says at its end.
+    let (_, mut node) = server.node();
+    node.line("listening ");
+    let hung_up = Command::new("kill").args(["-HUP", &deaf.id().to_string()]).status().unwrap();
+    assert!(hung_up.success());
+    assert_eq!(deaf.wait().unwrap().code(), Some(0));
+    server.restart();
+    server.stop();
+}
+
+#[test]
+fn a_world_without_a_server_is_ended_by_its_folder_and_nothing_is_no_world() {
+    let server = killed(0.0);
+    let end = || Process::start(dcd(&["end", "--data"]).arg(server.data())).end();
+    let first = end();
+    assert_eq!(first.code(), Some(0), "{first:?}");
+    assert!(first.lines[0].contains("no server ran"), "{first:?}");
+    let again = end();
+    assert_eq!(again.code(), Some(2), "{again:?}");
+    assert!(again.errors.contains("keeps no world") && again.errors.contains("--data"), "{again:?}");
+    begins(serve(&server, &[playground().to_str().unwrap()]));
+    let nowhere = Process::start(&mut dcd(&["end", "--data", "/nonexistent/dcd"])).end();
+    assert_eq!(nowhere.code(), Some(2), "{nowhere:?}");
+    assert!(!std::path::Path::new("/nonexistent").exists());
 }
 
 #[test]
@@ -60,8 +121,7 @@ fn the_files_that_stay_when_a_world_has_ended_are_those_that_help_names() {
     let mut server = Server::playground("1");
     let (_, _node) = server.node();
     server.view();
-    server.process.interrupt();
-    assert_eq!(server.process.end_within(crate::process::LIMIT).code(), Some(130));
+    server.end_world();
     let files = std::fs::read_dir(server.data()).unwrap();
     let mut files: Vec<_> = files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
     files.retain(|file| !file.ends_with(".lock"));

@@ -1,0 +1,50 @@
+//! Implements `dcd end`: ends a world that a data folder keeps, for all who compute it and play in it.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use crate::runtime::{ProcessError, WorldEnd, end_world};
+
+/// How long a server may take: it asks all nodes what they own, and waits for those that hang.
+const WAIT: Duration = Duration::from_secs(20);
+
+/// Ends the world of a data folder for all
+///
+/// A server that runs tells its nodes and clients, prints its summary and stops. Where none runs, the world is removed from the
+/// folder; nodes that still compute it give up after a while. Keys and used tokens stay.
+///
+/// Example:
+///   dcd end --data /var/lib/dcd
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct End {
+    /// The server's data folder
+    #[arg(long, value_name = "DIR", default_value = "dcd-data")]
+    data: PathBuf,
+}
+
+impl End {
+    pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
+        let data = self.data.display();
+        match end_world(&self.data, WAIT).map_err(ProcessError::from)? {
+            WorldEnd::ByServer => print("the world has ended, and its server has stopped")?,
+            WorldEnd::Removed => {
+                print("the world has ended: no server ran, and the folder keeps it no longer")?
+            }
+            WorldEnd::Nothing => {
+                return Err(Failure::usage(format!(
+                    "{data} keeps no world; name the folder that its server was started with (--data)"
+                )));
+            }
+            WorldEnd::Unheard => {
+                return Err(Failure::run(format!(
+                    "the server of {data} does not end its world; see its log, and whether it runs at all"
+                )));
+            }
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}

@@ -17,8 +17,9 @@ use super::identity::pem_section;
 use super::join::{Admission, JoinRequest};
 use super::key::Key;
 use super::ledger::Ledger;
+use super::renewal::RenewalRequest;
 use super::token::{NONCE_BYTES, Secret, unix_seconds};
-use super::verify::{fingerprint, random};
+use super::verify::{fingerprint, is_signed_by, owner_of, random};
 use super::{Identity, JoinRefusal, JoinRole, NetError, PeerName, ResumeKey, Token};
 
 /// The root of trust of one world, kept in the server's data folder: who holds its key decides who takes part.
@@ -152,18 +153,37 @@ impl Authority {
         // Only the key is taken from the request: names are ours to give.
         let certificate =
             self.issue(who, &request.key, now, self.certificate_life).map_err(|error| failed(&error))?;
-        Ok(Admission {
+        Ok(self.admission(who, &certificate, now))
+    }
+
+    /// Issues a new certificate for the name of another one, whose key has signed for it; also when that one has expired.
+    pub(super) fn renew(&self, request: &RenewalRequest, now: SystemTime) -> Result<Admission, JoinRefusal> {
+        let who =
+            owner_of(&request.certificate, &self.certificate, now).ok_or(JoinRefusal::BadCertificate)?;
+        if who == PeerName::Server
+            || !is_signed_by(&request.certificate, &request.key.renewal(), &request.proof)
+        {
+            return Err(JoinRefusal::BadCertificate);
+        }
+        let certificate = self
+            .issue(who, &request.key, now, self.certificate_life)
+            .map_err(|error| JoinRefusal::Server(error.to_string()))?;
+        Ok(self.admission(who, &certificate, now))
+    }
+
+    fn admission(&self, who: PeerName, certificate: &CertificateDer<'_>, now: SystemTime) -> Admission {
+        Admission {
             who,
             certificate: certificate.to_vec(),
             authority: self.certificate.to_vec(),
             expires_unix_s: unix_seconds(now + self.certificate_life),
             resume: ResumeKey::mint(&self.secret, who).to_string(),
-        })
+        }
     }
 
     /// Returns a certificate with the names and key of another one, as if issued `then`.
     #[cfg(test)]
-    pub(super) fn renewed(&self, identity: &Identity, then: SystemTime) -> CertificateDer<'static> {
+    pub(super) fn issued(&self, identity: &Identity, then: SystemTime) -> CertificateDer<'static> {
         let key = Key::from_der(&identity.key).unwrap();
         self.issue(identity.who, &key, then, self.certificate_life).unwrap()
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard, mpsc};
+use std::time::SystemTime;
 
 use quinn::{ClientConfig, Connection, Endpoint, Incoming};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -20,7 +21,10 @@ use super::{
 pub(super) struct Shared {
     pub(super) local_addr: SocketAddr,
     pub(super) endpoint: Endpoint,
-    pub(super) dial: ClientConfig,
+    /// Changes when the certificate is renewed.
+    pub(super) dial: RwLock<ClientConfig>,
+    /// Until when the certificate proves the name.
+    pub(super) expiry: Mutex<SystemTime>,
     pub(super) who: PeerName,
     pub(super) authority: Option<Arc<Authority>>,
     pub(super) limits: Limits,
@@ -38,6 +42,14 @@ pub(super) struct Shared {
 impl Shared {
     pub(super) fn new_key(&self) -> PeerKey {
         PeerKey(self.next_key.fetch_add(1, Ordering::Relaxed))
+    }
+
+    pub(super) fn set_dial(&self, config: ClientConfig) {
+        *self.dial.write().unwrap_or_else(PoisonError::into_inner) = config;
+    }
+
+    pub(super) fn set_expiry(&self, expiry: SystemTime) {
+        *self.expiry.lock().unwrap_or_else(PoisonError::into_inner) = expiry;
     }
 
     pub(super) fn peer(&self, key: PeerKey) -> Option<Arc<Peer>> {
@@ -145,9 +157,10 @@ async fn call(
 ) -> Result<(PeerName, Connection, Lanes), NetError> {
     let failed = |error| explain(addr, expected, shared.limits.idle_timeout, error);
     let name = &expected.dns_names()[0];
+    let config = shared.dial.read().unwrap_or_else(PoisonError::into_inner).clone();
     let connection = shared
         .endpoint
-        .connect_with(shared.dial.clone(), addr, name)
+        .connect_with(config, addr, name)
         .map_err(|error| NetError::Broken { addr, detail: error.to_string() })?
         .await
         .map_err(failed)?;

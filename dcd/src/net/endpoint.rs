@@ -4,7 +4,7 @@ use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
 use quinn::{ClientConfig, Endpoint, EndpointConfig, ServerConfig, TokioRuntime};
@@ -13,6 +13,7 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 
 use super::calls::{Shared, accept, dial};
+use super::renewal::renew_in_time;
 use super::verify::{answering, dialling};
 use super::{
     Authority, CloseCode, Identity, Lane, Limits, NetError, NetEvents, NetTotals, PeerKey, PeerName,
@@ -27,6 +28,8 @@ pub struct NetConfig {
     pub identity: Identity,
     /// The authority, on a server: with it, joins are answered.
     pub authority: Option<Arc<Authority>>,
+    /// The server that renews the certificate; none where it outlives the process.
+    pub renewed_by: Option<SocketAddr>,
     /// Time-outs and sizes.
     pub limits: Limits,
 }
@@ -44,7 +47,7 @@ pub struct Net {
 impl Net {
     /// Starts to listen, and on a server to answer joins.
     pub fn start(config: NetConfig) -> Result<(Self, NetEvents), NetError> {
-        let NetConfig { listen, identity, authority, limits } = config;
+        let NetConfig { listen, identity, authority, renewed_by, limits } = config;
         if let Some(authority) = &authority {
             authority.open_ledger()?;
         }
@@ -70,7 +73,8 @@ impl Net {
         let shared = Arc::new(Shared {
             local_addr,
             endpoint,
-            dial,
+            dial: RwLock::new(dial),
+            expiry: Mutex::new(identity.expires()),
             who: identity.who(),
             authority,
             connection_slots: Arc::new(Semaphore::new(limits.connections)),
@@ -82,12 +86,20 @@ impl Net {
             events: Mutex::new(Some(events)),
         });
         runtime.spawn(accept(shared.clone()));
+        if let Some(server) = renewed_by {
+            runtime.spawn(renew_in_time(shared.clone(), identity, server));
+        }
         Ok((Self { shared, runtime: Some(runtime), closing: Mutex::default() }, receiver))
     }
 
     /// Returns the address that this process listens on.
     pub fn local_addr(&self) -> SocketAddr {
         self.shared.local_addr
+    }
+
+    /// Returns the time until which the certificate proves the name in new links.
+    pub fn expires(&self) -> SystemTime {
+        *self.shared.expiry.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns the name of this process.
@@ -201,7 +213,7 @@ impl Drop for Net {
     }
 }
 
-fn server_config(
+pub(super) fn server_config(
     identity: &Identity,
     anonymous_may_join: bool,
     limits: &Limits,
@@ -216,7 +228,7 @@ fn server_config(
     Ok(config)
 }
 
-fn client_config(identity: &Identity, limits: &Limits) -> Result<ClientConfig, NetError> {
+pub(super) fn client_config(identity: &Identity, limits: &Limits) -> Result<ClientConfig, NetError> {
     let crypto =
         QuicClientConfig::try_from(dialling(identity)?).map_err(|error| NetError::Tls(error.to_string()))?;
     let mut config = ClientConfig::new(Arc::new(crypto));

@@ -210,6 +210,11 @@ pub enum JoinRefusal {
     /// A resume key of another authority, or forged.
     #[error("the resume key is not of this server's authority; join without it to be given new ids")]
     BadResumeKey,
+    /// A certificate to be renewed is not of this authority, or not the sender's.
+    #[error(
+        "the certificate is not one of this server's authority, or not the sender's; join anew with a fresh token"
+    )]
+    BadCertificate,
     /// The server failed to record the join.
     #[error("the server could not record the join ({0}); see its log and its disk")]
     Server(String),

@@ -10,6 +10,7 @@ use rustls::pki_types::CertificateDer;
 
 use super::fields::{Fields, put_counted};
 use super::key::{Key, PublicKey};
+use super::renewal::RenewalRequest;
 use super::verify::joining;
 use super::{
     Authority, CloseCode, Identity, JoinRefusal, JoinRole, Limits, NetError, PROTOCOL_VERSION, PeerName,
@@ -126,7 +127,7 @@ fn encode_reply(answer: &Result<Admission, JoinRefusal>) -> Vec<u8> {
     }
 }
 
-fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, String>> {
+pub(super) fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, String>> {
     let mut fields = Fields(bytes);
     match fields.take()? {
         [0] => Some(Err(String::from_utf8_lossy(fields.0).into_owned())),
@@ -155,17 +156,25 @@ pub(super) fn exchange(
 ) -> Result<Vec<u8>, NetError> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(NetError::Threads)?;
-    runtime.block_on(async {
-        let (_endpoint, dialling) = anonymous(server, fingerprint, timeout)?;
-        let deadline = tokio::time::Instant::now() + timeout;
-        let unreachable = |_| NetError::Unreachable { addr: server, waited: timeout };
-        let failed = |error| explain(server, PeerName::Server, timeout, error);
-        let connection =
-            tokio::time::timeout_at(deadline, dialling).await.map_err(unreachable)?.map_err(failed)?;
-        let answer = tokio::time::timeout_at(deadline, ask(&connection, request)).await;
-        say_goodbye(&connection).await;
-        answer.map_err(unreachable)?.map_err(failed)
-    })
+    runtime.block_on(exchange_here(server, fingerprint, request, timeout))
+}
+
+/// Does the same on the runtime of the caller.
+pub(super) async fn exchange_here(
+    server: SocketAddr,
+    fingerprint: [u8; 32],
+    request: &[u8],
+    timeout: Duration,
+) -> Result<Vec<u8>, NetError> {
+    let (_endpoint, dialling) = anonymous(server, fingerprint, timeout)?;
+    let deadline = tokio::time::Instant::now() + timeout;
+    let unreachable = |_| NetError::Unreachable { addr: server, waited: timeout };
+    let failed = |error| explain(server, PeerName::Server, timeout, error);
+    let connection =
+        tokio::time::timeout_at(deadline, dialling).await.map_err(unreachable)?.map_err(failed)?;
+    let answer = tokio::time::timeout_at(deadline, ask(&connection, request)).await;
+    say_goodbye(&connection).await;
+    answer.map_err(unreachable)?.map_err(failed)
 }
 
 /// Closes the connection and waits until that is on its way, not for the three time-outs after which nobody can be left
@@ -247,12 +256,17 @@ pub(super) async fn answer(
         return decided(false);
     };
     // Signing and writing to disk would hold up all connections.
-    let answer = tokio::task::spawn_blocking(move || {
-        authority.admit(&JoinRequest::decode(&request)?, SystemTime::now())
+    let renews = RenewalRequest::is_one(&request);
+    let answer = tokio::task::spawn_blocking(move || match renews {
+        true => authority.renew(&RenewalRequest::decode(&request)?, SystemTime::now()),
+        false => authority.admit(&JoinRequest::decode(&request)?, SystemTime::now()),
     });
     let answer = answer.await.unwrap_or_else(|error| Err(JoinRefusal::Server(error.to_string())));
     match &answer {
-        Ok(admission) => tracing::info!(who = %admission.who, addr = %connection.remote_address(), "joined"),
+        Ok(admission) => {
+            let done = if renews { "its certificate is renewed" } else { "joined" };
+            tracing::info!(who = %admission.who, addr = %connection.remote_address(), "{done}");
+        }
         Err(refusal) => tracing::warn!(addr = %connection.remote_address(), "join refused: {refusal}"),
     }
     decided(answer.is_ok());

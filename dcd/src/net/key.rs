@@ -16,6 +16,8 @@ use super::NetError;
 
 /// The prefix of what a proof of possession signs; the token that it is for follows.
 const PROOF: &[u8] = b"dcd joins with this key and the token ";
+/// The prefix of what a request for a new certificate signs; the key that it is for follows.
+const RENEWAL: &[u8] = b"dcd renews the certificate of the signer for this key ";
 
 /// A private key with its public half.
 pub(super) struct Key {
@@ -57,7 +59,19 @@ impl Key {
     }
 }
 
+impl Key {
+    /// Signs the public half: a proof that the owner of the certificate for this key wants it renewed.
+    pub(super) fn prove_renewal(&self) -> Vec<u8> {
+        self.pair.sign(&self.public().renewal()).as_ref().to_vec()
+    }
+}
+
 impl PublicKey {
+    /// Returns what the owner of a certificate signs to have it renewed for this key.
+    pub(super) fn renewal(&self) -> Vec<u8> {
+        [RENEWAL, &self.0].concat()
+    }
+
     /// Returns whether the proof for this token was made with the private half.
     pub(super) fn is_proved(&self, token: &str, proof: &[u8]) -> bool {
         let key = UnparsedPublicKey::new(&ED25519, self.0);

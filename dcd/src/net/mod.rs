@@ -20,6 +20,7 @@ mod lanes;
 mod ledger;
 mod limits;
 mod peer;
+mod renewal;
 mod role;
 mod stats;
 #[cfg(test)]

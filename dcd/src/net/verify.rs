@@ -2,6 +2,7 @@
 
 use std::any::Any;
 use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
 use rustls::client::{Resumption, WebPkiServerVerifier};
@@ -34,6 +35,34 @@ pub(super) fn random<const N: usize>() -> Result<[u8; N], NetError> {
 pub(super) fn names_of(certificate: &CertificateDer<'_>) -> Option<PeerName> {
     let certificate = webpki::EndEntityCert::try_from(certificate).ok()?;
     PeerName::from_dns_names(certificate.valid_dns_names())
+}
+
+/// Returns whom a certificate of this authority names, also one that has expired.
+pub(super) fn owner_of(
+    certificate: &CertificateDer<'_>,
+    authority: &CertificateDer<'_>,
+    now: SystemTime,
+) -> Option<PeerName> {
+    let parsed = webpki::EndEntityCert::try_from(certificate).ok()?;
+    let anchor = webpki::anchor_from_trusted_cert(authority).ok()?;
+    let verified = |time| {
+        let usage = webpki::KeyUsage::client_auth();
+        parsed
+            .verify_for_usage(SIGNATURES.all, std::slice::from_ref(&anchor), &[], time, usage, None, None)
+            .map(drop)
+    };
+    let now = UnixTime::since_unix_epoch(now.duration_since(UNIX_EPOCH).ok()?);
+    match verified(now) {
+        Err(webpki::Error::CertExpired { not_after, .. }) => verified(not_after).ok()?,
+        verified => verified.ok()?,
+    }
+    names_of(certificate)
+}
+
+/// Returns whether a signature is by the key of this certificate.
+pub(super) fn is_signed_by(certificate: &CertificateDer<'_>, message: &[u8], signature: &[u8]) -> bool {
+    webpki::EndEntityCert::try_from(certificate)
+        .is_ok_and(|parsed| parsed.verify_signature(webpki::ring::ED25519, message, signature).is_ok())
 }
 
 /// Returns the name that the other side of a connection has proved; `None` for an anonymous one.

@@ -160,6 +160,7 @@ impl Member {
             listen: config.listen,
             identity: config.identity,
             authority: None,
+            renewed_by: Some(config.server),
             limits: Limits::default(),
         };
         let (net, events) = Net::start(net)?;
@@ -672,6 +673,7 @@ mod tests {
             listen: "127.0.0.1:0".parse().unwrap(),
             identity: authority.server_identity().unwrap(),
             authority: Some(authority.clone()),
+            renewed_by: None,
             limits: Limits::default(),
         };
         let (net, _events) = Net::start(net).unwrap();

@@ -190,6 +190,7 @@ impl ServerProcess {
             listen: config.listen,
             identity: authority.server_identity()?,
             authority: Some(authority.clone()),
+            renewed_by: None,
             limits: Limits::default(),
         };
         let (net, events) = Net::start(net)?;

@@ -228,7 +228,13 @@ fn a_port_that_is_taken_is_named() {
     let server = Server::start();
     let node = server.join(JoinRole::Node);
     let taken = server.addr();
-    let config = NetConfig { listen: taken, identity: node, authority: None, limits: Limits::default() };
+    let config = NetConfig {
+        listen: taken,
+        identity: node,
+        authority: None,
+        renewed_by: None,
+        limits: Limits::default(),
+    };
     let Err(error @ NetError::PortTaken { .. }) = Net::start(config) else { panic!("it is taken") };
     assert!(error.to_string().contains(&taken.to_string()), "{error}");
 }
@@ -241,6 +247,7 @@ fn a_second_server_on_the_same_folder_is_refused() {
         listen: anywhere(),
         identity: authority.server_identity().unwrap(),
         authority: Some(authority),
+        renewed_by: None,
         limits: Limits::default(),
     };
     assert!(matches!(Net::start(config), Err(NetError::FolderTaken { .. })));

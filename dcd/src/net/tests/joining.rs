@@ -1,8 +1,14 @@
 //! Tests tokens, joins and identities.
 
+use std::time::Instant;
+
+use rustls::pki_types::CertificateDer;
+
 use super::*;
 use crate::net::join::{JoinRequest, exchange};
 use crate::net::key::Key;
+use crate::net::renewal::RenewalRequest;
+use crate::net::token::unix_seconds;
 use crate::space::{ClientId, NodeId};
 
 fn refusal(result: Result<Identity, NetError>) -> String {
@@ -194,9 +200,67 @@ fn an_expired_certificate_proves_nothing() {
     let server = Process::start(identity, Some(authority.clone()), Limits::default());
     let mut node = join(server.net.local_addr(), &token, None, PATIENCE).unwrap();
     // The same name and key, but of the day before yesterday.
-    node.certificate = authority.renewed(&node, SystemTime::now() - 48 * HOUR);
+    node.certificate = authority.issued(&node, SystemTime::now() - 48 * HOUR);
     let node = Process::start(node, None, Limits::default());
     node.net.connect(server.net.local_addr(), PeerName::Server);
     let error = node.refused();
     assert!(error.to_string().contains("does not accept our certificate"), "{error}");
+}
+
+#[test]
+fn a_process_whose_certificate_expired_a_month_ago_has_it_renewed_and_is_let_in() {
+    let server = Server::start();
+    let mut node = server.join(JoinRole::Node);
+    // As if the machine had slept for thirty days.
+    let then = SystemTime::now() - 30 * 24 * HOUR;
+    node.certificate = server.authority.issued(&node, then);
+    node.expires_unix_s = unix_seconds(then + 24 * HOUR);
+    let config = NetConfig {
+        listen: anywhere(),
+        identity: node,
+        authority: None,
+        renewed_by: Some(server.addr()),
+        limits: Limits::default(),
+    };
+    let (net, events) = Net::start(config).unwrap();
+    let deadline = Instant::now() + PATIENCE;
+    while net.expires() < SystemTime::now() + 23 * HOUR {
+        assert!(Instant::now() < deadline, "its certificate is not renewed");
+        std::thread::yield_now();
+    }
+    // Both ways: as the one that dials, and as the one that is dialled.
+    let renewed = Process { net, events };
+    renewed.connect_to(&server.process);
+    let other = Process::start(server.join(JoinRole::Node), None, Limits::default());
+    other.connect_to(&renewed);
+}
+
+#[test]
+fn a_certificate_is_renewed_by_its_own_key_and_authority_alone() {
+    let server = Server::start();
+    let (node, other) = (server.join(JoinRole::Node), server.join(JoinRole::Node));
+    let [key, other_key] = [&node, &other].map(|identity| Key::from_der(&identity.key).unwrap());
+    let request = |certificate: &CertificateDer<'static>, key: &Key| RenewalRequest {
+        certificate: certificate.clone(),
+        key: key.public(),
+        proof: key.prove_renewal(),
+    };
+    let now = SystemTime::now();
+    let renewed = server.authority.renew(&request(&node.certificate, &key), now).unwrap();
+    assert_eq!(renewed.who, node.who());
+    assert_eq!(renewed.resume, node.resume().unwrap().to_string());
+    let is_refused = |request| {
+        let refusal = server.authority.renew(&request, now).err().map(|refusal| refusal.to_string());
+        refusal.is_some_and(|text| text.contains("join anew with a fresh token"))
+    };
+    assert!(is_refused(request(&node.certificate, &other_key)), "the key of another process");
+    let mut forged = request(&node.certificate, &other_key);
+    forged.key = key.public();
+    assert!(is_refused(forged), "another process signs");
+    let folder = tempfile::tempdir().unwrap();
+    let foreign = Authority::load_or_create(folder.path()).unwrap();
+    assert!(is_refused(request(&foreign.issued(&node, now), &key)), "another authority");
+    let own = server.authority.server_identity().unwrap();
+    assert!(is_refused(request(&own.certificate, &Key::from_der(&own.key).unwrap())), "the server itself");
+    assert!(is_refused(request(&CertificateDer::from(vec![0x30; 9]), &key)), "no certificate");
 }

@@ -31,7 +31,7 @@ struct Server {
 
 impl Process {
     fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) -> Self {
-        let config = NetConfig { listen: anywhere(), identity, authority, limits };
+        let config = NetConfig { listen: anywhere(), identity, authority, renewed_by: None, limits };
         let (net, events) = Net::start(config).unwrap();
         Self { net, events }
     }

@@ -24,7 +24,7 @@ struct Pair {
 
 fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) -> (Net, NetEvents) {
     let listen = ([127, 0, 0, 1], 0).into();
-    Net::start(NetConfig { listen, identity, authority, limits }).unwrap()
+    Net::start(NetConfig { listen, identity, authority, renewed_by: None, limits }).unwrap()
 }
 
 impl Pair {

@@ -117,6 +117,9 @@ pub const DCD_REFUSED_SHAPE: u32 = 7;
 /// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes:
 /// use the shapes that you have.
 pub const DCD_REFUSED_TOO_MANY: u32 = 8;
+/// In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
+/// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners.
+pub const DCD_REFUSED_COSTLY: u32 = 9;
 
 /// A change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
 /// told of, and nothing is in a local world.
@@ -307,5 +310,6 @@ fn code_of(refusal: Refusal) -> u32 {
         Refusal::Late => DCD_REFUSED_LATE,
         Refusal::Shape => DCD_REFUSED_SHAPE,
         Refusal::TooMany => DCD_REFUSED_TOO_MANY,
+        Refusal::Costly(_) => DCD_REFUSED_COSTLY,
     }
 }

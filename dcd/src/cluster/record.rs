@@ -200,6 +200,15 @@ impl Record {
         new.map(|shape| encode_value(shape).len()).sum()
     }
 
+    /// Returns a shape that is on record, or brought by a new avatar.
+    pub(super) fn shape_or<'a>(
+        &'a self,
+        hash: ShapeHash,
+        brought: &'a [ShapeRecord],
+    ) -> Option<&'a ShapeRecord> {
+        self.shapes.get(&hash).or_else(|| brought.iter().find(|shape| shape.hash() == hash))
+    }
+
     /// Returns whether a body can be an avatar with its shapes, some of which it brought, and whether those can be built.
     pub(super) fn admits(&self, avatar: &BodyRecord, brought: &[ShapeRecord], can_build: CanBuild) -> bool {
         let with: BTreeMap<_, _> = brought.iter().map(|shape| (shape.hash(), shape)).collect();

@@ -3,6 +3,7 @@
 
 mod arbiter;
 mod avatars;
+mod budget;
 mod common;
 mod group;
 mod nodes;

@@ -13,7 +13,7 @@ use bincode::{Decode, Encode};
 use super::{BodyRecord, JointRecord, ShapeRecord, StepRecord};
 use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
-pub use client::{Area, FromClient, Input, Refusal, Stamp, ToClient};
+pub use client::{Area, Costs, FromClient, Input, Refusal, Stamp, ToClient};
 pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, Motion, Report, Stance, ToNode, ToServer,
     WorldOp,

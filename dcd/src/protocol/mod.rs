@@ -30,7 +30,7 @@ pub use contacts::{ContactLedger, WorldEvents};
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
-    Answer, Area, BodyCheckpoint, Border, CastAnswer, CastQuery, Chunk, Claim, Delay, DelayThresholds,
+    Answer, Area, BodyCheckpoint, Border, CastAnswer, CastQuery, Chunk, Claim, Costs, Delay, DelayThresholds,
     Dispatch, Done, EnvironmentProperties, Farewell, FilterRecord, FromClient, Hello, Input, JoinAs, Lane,
     MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, Member,
     Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery, Pace, PartFilter, Ping, Place, Placed, Pong,

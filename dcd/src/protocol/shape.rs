@@ -138,6 +138,18 @@ impl ShapeRecord {
         }
     }
 
+    /// Returns how many corners it has, 1 for what is round or made of other shapes: what a contact with it costs.
+    pub fn corner_count(&self) -> usize {
+        match self {
+            Self::ConvexPolyhedron(vertices, _)
+            | Self::RoundConvexPolyhedron(vertices, ..)
+            | Self::TriMesh(vertices, ..)
+            | Self::Polyline(vertices, ..) => vertices.len(),
+            Self::Cuboid(_) | Self::RoundCuboid(..) => 8,
+            _ => 1,
+        }
+    }
+
     /// Returns the shapes that this one is made of.
     pub fn parts(&self) -> impl Iterator<Item = ShapeHash> {
         let parts: &[(Pose, ShapeHash)] = match self {

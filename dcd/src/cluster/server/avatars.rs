@@ -3,7 +3,7 @@
 
 use super::common::Common;
 use super::group::Group;
-use super::{Server, ServerOutput};
+use super::{Server, ServerOutput, budget};
 use crate::cluster::{Life, Peer};
 use crate::protocol::{
     BodyRecord, BodyState, FromClient, Input, Message, Refusal, ShapeRecord, ToClient, WorldOp,
@@ -42,7 +42,7 @@ impl Server {
                 } else if !record.admits(&body, &shapes, self.common.config.can_build) {
                     Some(Refusal::Shape)
                 } else {
-                    None
+                    budget::refusal(record, client, &body, &shapes)
                 };
                 if refusal.is_none() {
                     self.common.brought.insert(client, brought);

@@ -566,3 +566,53 @@ fn an_avatar_comes_no_faster_than_the_world_allows_and_nothing_pushes_it() {
     assert_eq!((state.velocity.linear[2], state.force, state.torque), (-0.99 * limit, [0.0; 3], [0.0; 3]));
     assert!(server.record().body(BodyId::avatar(client, 1)).is_none());
 }
+
+#[test]
+fn an_avatar_that_costs_too_much_is_refused_with_what_there_is_too_much_of() {
+    use crate::protocol::Costs;
+    let mut server = server();
+    let mut next = 0;
+    let mut spawned = |client: u32, at: [f64; 3], shapes: Vec<ShapeRecord>, iterations: u32| {
+        let client = ClientId(client);
+        let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
+        let mut body = sim_body(BodyId::avatar(client, next), at);
+        next += 1;
+        let traits = Arc::make_mut(&mut body.traits);
+        traits.colliders.extend(shapes.last().map(collider));
+        traits.extra_pgs_iterations = iterations;
+        let message = Message::FromClient(client, FromClient::Spawn { body, shapes });
+        while server.poll_output().is_some() {}
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message });
+        std::iter::from_fn(|| server.poll_output()).find_map(|output| match output {
+            ServerOutput::Send {
+                message: Message::ToClient(_, ToClient::Rejected { reason: Refusal::Costly(what), .. }),
+                ..
+            } => Some(what),
+            _ => None,
+        })
+    };
+    let ball = |radius| vec![ShapeRecord::Ball(radius)];
+    assert_eq!(spawned(1, [0.0; 3], ball(0.5), 8), None);
+    assert_eq!(spawned(1, [0.0; 3], ball(0.5), 9), Some(Costs::Iterations));
+    assert_eq!(spawned(1, [0.0; 3], ball(101.0), 0), Some(Costs::Size));
+    // One of them hangs far out on the body.
+    let far = Pose { translation: [99.0, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
+    let compound = ShapeRecord::Compound(vec![(far, ball(2.0)[0].hash())]);
+    assert_eq!(spawned(1, [0.0; 3], vec![ball(2.0)[0].clone(), compound], 0), Some(Costs::Size));
+
+    let hull = |n: usize| {
+        let point = |i: usize| [n as f32 + 1.0 / (i + 1) as f32, (i % 47) as f32, (i % 43) as f32];
+        vec![ShapeRecord::ConvexPolyhedron((0..2_000).map(point).collect(), Vec::new())]
+    };
+    let came =
+        (0..20).take_while(|&n| spawned(2, [n as f64 * 500.0, 0.0, 0.0], hull(0), 0).is_none()).count();
+    assert_eq!(came, 10);
+    assert_eq!(spawned(2, [1e4; 3], hull(0), 0), Some(Costs::Corners));
+    assert_eq!(spawned(3, [1e4; 3], hull(0), 0), None, "others are not its judge");
+
+    let came = (0..100).take_while(|_| spawned(4, [0.0; 3], ball(0.5), 0).is_none()).count();
+    assert_eq!(came, 65);
+    assert_eq!(spawned(4, [0.0; 3], ball(0.5), 0), Some(Costs::Overlaps));
+    assert_eq!(spawned(4, [2.0, 0.0, 0.0], ball(0.5), 0), None, "beside them there is room");
+}

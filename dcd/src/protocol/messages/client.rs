@@ -193,6 +193,26 @@ pub enum Refusal {
     /// Too many bodies or updates at once, or too many shapes brought (`cluster::MAX_SHAPE_BYTES`).
     #[error("too many avatars, new shapes or updates: fewer, or less often; use shapes again")]
     TooMany,
+    /// The avatar would cost those who compute it too much.
+    #[error("the avatar costs too much: {0}")]
+    Costly(Costs),
+}
+
+/// What an avatar has too much of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, thiserror::Error)]
+pub enum Costs {
+    /// Solver or PGS iterations beyond the world's own.
+    #[error("at most 8 extra solver and PGS iterations")]
+    Iterations,
+    /// Corners of hulls and boxes, with the client's other avatars.
+    #[error("at most 20,000 corners of all avatars of a client together: use simpler hulls, or fewer")]
+    Corners,
+    /// Reach from its origin.
+    #[error("it may reach at most 100 m from its origin")]
+    Size,
+    /// Avatars of the same client where it would begin.
+    #[error("it begins where 64 others of this client are: spread them out")]
+    Overlaps,
 }
 
 /// An avatar input: the velocity or pose that its user asks for.

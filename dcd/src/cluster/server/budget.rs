@@ -1,0 +1,79 @@
+//! Bounds what the avatars of one client may cost those who compute them: iterations, corners, size, and how many share a place.
+
+use crate::cluster::Record;
+use crate::protocol::{BodyRecord, Costs, Refusal, ShapeRecord};
+use crate::space::ClientId;
+
+/// The most iterations of either kind that an avatar may ask for, for itself and all that it touches.
+const MAX_EXTRA_ITERATIONS: u32 = 8;
+/// The most corners that the colliders of all avatars of one client have together; what is round counts as one.
+const MAX_CORNERS: usize = 20_000;
+/// How far an avatar may reach from its origin, metres.
+const MAX_REACH_M: f32 = 100.0;
+/// The most avatars of one client that a new one may overlap, by bounding spheres.
+const MAX_OVERLAPS: usize = 64;
+
+/// Returns why this avatar may not come beside those that its client has, if its cost is too high. Its shapes are on record or in
+/// `brought`, and suit clients.
+pub(super) fn refusal(
+    record: &Record,
+    client: ClientId,
+    avatar: &BodyRecord,
+    brought: &[ShapeRecord],
+) -> Option<Refusal> {
+    let traits = &avatar.traits;
+    if traits.extra_solver_iterations.max(traits.extra_pgs_iterations) > MAX_EXTRA_ITERATIONS {
+        return Some(Refusal::Costly(Costs::Iterations));
+    }
+    let size = |avatar: &BodyRecord| Size::of(avatar, |hash| record.shape_or(hash, brought));
+    let new = size(avatar);
+    if new.reach_m > MAX_REACH_M {
+        return Some(Refusal::Costly(Costs::Size));
+    }
+    let (mut corners, mut overlaps) = (new.corners, 0);
+    for (id, _) in record.avatars(client) {
+        let Some(other) = record.body(id) else { continue };
+        let of = size(other);
+        corners += of.corners;
+        let apart = (0..3).map(|k| avatar.state.pose.translation[k] - other.state.pose.translation[k]);
+        let apart_m = apart.map(|v| v * v).sum::<f64>().sqrt();
+        overlaps += usize::from(apart_m < f64::from(new.reach_m + of.reach_m));
+    }
+    if corners > MAX_CORNERS {
+        return Some(Refusal::Costly(Costs::Corners));
+    }
+    (overlaps > MAX_OVERLAPS).then_some(Refusal::Costly(Costs::Overlaps))
+}
+
+/// The size of an avatar in both senses.
+struct Size {
+    corners: usize,
+    /// From the body's origin.
+    reach_m: f32,
+}
+
+impl Size {
+    fn of<'a>(
+        avatar: &BodyRecord,
+        find: impl Fn(crate::protocol::ShapeHash) -> Option<&'a ShapeRecord>,
+    ) -> Self {
+        let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let (mut corners, mut reach_m) = (0, 0.0f32);
+        for collider in &avatar.traits.colliders {
+            let Some(shape) = find(collider.shape) else { continue };
+            let offset_m = length(collider.pose.translation);
+            let parts = match shape {
+                ShapeRecord::Compound(parts) => parts.as_slice(),
+                _ => &[(collider.pose, collider.shape)],
+            };
+            for (pose, hash) in parts {
+                let Some(part) = find(*hash) else { continue };
+                let way_m = if shape.is_compound() { length(pose.translation) } else { 0.0 };
+                corners += part.corner_count();
+                // A corner is farther off than along its largest axis.
+                reach_m = reach_m.max(offset_m + way_m + 3f32.sqrt() * part.largest_m());
+            }
+        }
+        Self { corners, reach_m }
+    }
+}

@@ -172,6 +172,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
             | ProcessError::GivenUp { .. }
+            | ProcessError::LeaderUnreachable { .. }
             | ProcessError::Superseded { .. }
             | ProcessError::Evicted { .. }
             | ProcessError::SentAway { .. }

@@ -345,6 +345,11 @@ impl Client {
         self.joined
     }
 
+    /// Returns the leader that this process should hear from and has no link to; none where its own node tells it.
+    pub fn unheard_leader(&self) -> Option<&Member> {
+        self.leader.as_ref().filter(|_| self.node.is_none() && !self.linked)
+    }
+
     /// Returns the leader, as far as known.
     pub fn leader(&self) -> Option<NodeId> {
         self.leader.as_ref().map(|member| member.node)

@@ -143,7 +143,7 @@ impl Reason {
         let cause = match end {
             Ok(()) => return Self::new(Cause::Left, "this process has left"),
             Err(ProcessError::ServerGone { .. }) => Cause::Refused,
-            Err(ProcessError::GivenUp { .. }) => Cause::Broken,
+            Err(ProcessError::GivenUp { .. } | ProcessError::LeaderUnreachable { .. }) => Cause::Broken,
             Err(ProcessError::Superseded { .. }) => Cause::Replaced,
             Err(ProcessError::Evicted { .. } | ProcessError::SentAway { .. }) => Cause::SentAway,
             Err(ProcessError::NotReleased { .. }) => Cause::Left,

@@ -69,6 +69,20 @@ pub enum ProcessError {
         /// As the network put it last.
         reason: String,
     },
+    /// The server is there, and the node that leads the client's group is out of reach.
+    #[error(
+        "the node at {leader}, which tells this client of the world, has been out of reach for {} s ({reason}); let UDP through to \
+         it, or start it with --advertise and an address that is reached from here; --give-up lets this process wait longer",
+        waited.as_secs_f64()
+    )]
+    LeaderUnreachable {
+        /// Where it is, as its server says.
+        leader: SocketAddr,
+        /// How long we waited.
+        waited: Duration,
+        /// As the network put it last.
+        reason: String,
+    },
     /// Another process with the same identity took its place.
     #[error(
         "another process has joined the server at {server} with this one's identity, and took its place; give each process \

@@ -207,6 +207,7 @@ impl Member {
             release_by: None,
             give_up: config.give_up,
             lost: None,
+            unheard: None,
             joined: false,
             count_at: Duration::ZERO,
             end: None,
@@ -351,6 +352,8 @@ struct Loop {
     give_up: Duration,
     /// Since when the server is out of reach, and why.
     lost: Option<(Duration, String)>,
+    /// Since when a client hears no leader, and why.
+    unheard: Option<(Duration, String)>,
     /// Whether it was ever reached: one that never was is not waited for.
     joined: bool,
     /// When the network's counters are read next.
@@ -397,6 +400,7 @@ impl Loop {
                 let (reason, waited) = (reason.clone(), self.give_up);
                 self.end = Some(Err(ProcessError::GivenUp { server: self.server, waited, reason }));
             }
+            self.look_for_leader(now);
             if self.count_at <= now {
                 self.count_at = now + COUNT;
                 self.shared.lock().traffic = self.links.totals().traffic;
@@ -415,10 +419,27 @@ impl Loop {
         self.connections.end(reason);
     }
 
+    /// Ends a client to which its server names a leader that it cannot reach.
+    fn look_for_leader(&mut self, now: Duration) {
+        let leader =
+            self.shared.lock().client.as_ref().and_then(Client::unheard_leader).map(|leader| leader.address);
+        let Some(leader) = leader else {
+            self.unheard = None;
+            return;
+        };
+        let (since, reason) =
+            self.unheard.get_or_insert_with(|| (now, "nothing is heard from it".to_owned()));
+        if self.end.is_none() && since.saturating_add(self.give_up) <= now {
+            let (reason, waited) = (reason.clone(), self.give_up);
+            self.end = Some(Err(ProcessError::LeaderUnreachable { leader, waited, reason }));
+        }
+    }
+
     fn poll_timeout(&self) -> Option<Duration> {
         let node = self.node.as_ref().and_then(Node::poll_timeout);
         let client = self.shared.lock().client.as_ref().and_then(Client::poll_timeout);
-        let end = self.lost.as_ref().map(|(since, _)| since.saturating_add(self.give_up));
+        let waits = [&self.lost, &self.unheard].into_iter().flatten();
+        let end = waits.map(|(since, _)| since.saturating_add(self.give_up)).min();
         node.into_iter().chain(client).chain(end).min()
     }
 
@@ -491,6 +512,14 @@ impl Loop {
                         warn!(%server, reason, "the server is out of reach; going on without it, and dialling it again");
                     }
                     self.lost = Some((since.unwrap_or(now), reason));
+                } else if let Some((_, why)) = self.unheard.as_mut().filter(|_| self.node.is_none()) {
+                    if *why != reason {
+                        warn!(
+                            ?peer,
+                            reason, "the node that tells of the world is out of reach; dialling it again"
+                        );
+                    }
+                    *why = reason;
                 } else {
                     debug!(?peer, reason, "a link is gone");
                 }

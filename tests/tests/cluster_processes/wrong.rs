@@ -143,3 +143,16 @@ fn a_hung_server_does_not_keep_a_node_that_wants_to_go() {
     assert_eq!(ended.code(), Some(1), "{ended:?}");
     has(&ended.errors, &[&server.address, "did not take this process's share over", "it is gone without"]);
 }
+
+#[test]
+fn a_client_that_cannot_reach_the_node_that_leads_is_told_so() {
+    let mut server = Server::playground("1");
+    let (_, _node) = server.node_with(&["--advertise", "127.0.0.1:9"]);
+    server.view();
+    let token = server.token("client");
+    let args = ["client", "--server", &server.address, "--token", &token, "--give-up", "1"];
+    let ended = Process::start(&mut dcd(&args)).end();
+    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    has(&ended.errors, &["127.0.0.1:9", "out of reach for 1 s", "--advertise", "--give-up"]);
+    server.stop();
+}

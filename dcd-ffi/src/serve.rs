@@ -181,6 +181,7 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             last_tick: (def.last_tick > 0).then_some(Tick(def.last_tick)),
             avatar_speed_limit: def.avatar_speed,
             groups,
+            ..ServeConfig::new("")
         };
         let server = match opened {
             Some(Opened { scene, config: world, .. }) => Dcd::serve(&scene, &world, config)?,

@@ -47,14 +47,11 @@ fn serve_origin(
     let server = ServerProcess::start(
         origin,
         ServeConfig {
-            listen: "127.0.0.1:0".parse().unwrap(),
-            data: data.path().to_owned(),
-            fresh: false,
             nodes,
             pace,
             last_tick: last_tick.map(Tick),
-            avatar_speed_limit: 20.0,
             groups,
+            ..ServeConfig::new(data.path().to_owned())
         },
     )
     .unwrap();
@@ -336,16 +333,7 @@ fn members_that_are_not_in_step_lose_and_double_nothing() {
     // Means cannot be agreed on by those who are not in step.
     world.step = world.step.with_coupling(Coupling::Overlap);
     let data = tempfile::tempdir().unwrap();
-    let config = ServeConfig {
-        listen: "127.0.0.1:0".parse().unwrap(),
-        data: data.path().to_owned(),
-        fresh: false,
-        nodes: 1,
-        pace: Pace::Unpaced,
-        last_tick: None,
-        avatar_speed_limit: 20.0,
-        groups,
-    };
+    let config = ServeConfig { pace: Pace::Unpaced, groups, ..ServeConfig::new(data.path().to_owned()) };
     let error = ServerProcess::start(Origin::Scene(&scene, &world), config).err().unwrap().to_string();
     assert!(error.contains("overlap") && error.contains("--coupling owner"), "{error}");
 }
@@ -385,16 +373,7 @@ fn what_is_wrong_on_entering_is_said() {
     assert!(error.contains("used"), "{error}");
     let error = JoinConfig::new(server.address, "no token").join(JoinRole::Node).err().unwrap().to_string();
     assert!(error.contains("token"), "{error}");
-    let twice = ServeConfig {
-        listen: server.address,
-        data: data.path().join("other"),
-        fresh: false,
-        nodes: 1,
-        pace: Pace::RealTime,
-        last_tick: None,
-        avatar_speed_limit: 20.0,
-        groups: Default::default(),
-    };
+    let twice = ServeConfig { listen: server.address, ..ServeConfig::new(data.path().join("other")) };
     let world = WorldConfig::for_scene(&scene);
     let error = ServerProcess::start(Origin::Scene(&scene, &world), twice).err().unwrap().to_string();
     assert!(error.contains("port") || error.contains("in use"), "{error}");

@@ -8,7 +8,6 @@ use std::time::Duration;
 
 use clap::Args;
 use dcd::net::JoinRole;
-use dcd::protocol::Pace;
 use dcd::runtime::measure::Plan;
 use dcd::runtime::{
     JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
@@ -200,16 +199,7 @@ fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Erro
     let world = WorldConfig { partitioning: Partitioning::Regions(1), ..WorldConfig::for_scene(&scene) };
     let server = ServerProcess::start(
         Origin::Scene(&scene, &world),
-        ServeConfig {
-            listen: "127.0.0.1:0".parse()?,
-            data: work.join("server"),
-            fresh: false,
-            nodes: 1,
-            pace: Pace::RealTime,
-            last_tick: None,
-            avatar_speed_limit: 20.0,
-            groups: Default::default(),
-        },
+        ServeConfig { ..ServeConfig::new(work.join("server")) },
     )?;
     let identity =
         JoinConfig::new(server.address, server.token(JoinRole::Node, LIMIT)?).join(JoinRole::Node)?;

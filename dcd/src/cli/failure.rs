@@ -73,7 +73,11 @@ impl From<ProcessError> for Failure {
             | ProcessError::Role { .. }
             | ProcessError::Lag { .. }
             | ProcessError::Net(
-                NetError::Token(_) | NetError::File { .. } | NetError::Damaged { .. } | NetError::Bind { .. },
+                NetError::Token(_)
+                | NetError::TokenRefused { .. }
+                | NetError::File { .. }
+                | NetError::Damaged { .. }
+                | NetError::Bind { .. },
             ) => Self::usage(message),
             _ => Self::run(message),
         }

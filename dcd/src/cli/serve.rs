@@ -11,7 +11,7 @@ use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::scenes;
 use super::summary::{Served, Summary};
-use super::values::{SERVER, address, positive, speed};
+use super::values::{SERVER, address, duration, positive, speed};
 use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds, View, ViewNumber};
@@ -66,6 +66,9 @@ pub(super) struct Serve {
     /// The fastest that clients may move their avatars, m/s
     #[arg(long, value_name = "M_S", default_value_t = 20.0, value_parser = speed)]
     avatar_speed: f32,
+    /// How long avatars wait for a client that left, before they are removed: 90s, 10m, 2h, 1d
+    #[arg(long, value_name = "TIME", default_value = "1h", value_parser = duration)]
+    keep_avatars: Duration,
     /// Nodes run ahead of one another by at most so many ticks, and extrapolate: for links slower than a tick. Needs
     /// --coupling owner
     #[arg(long, value_name = "TICKS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=MAX_LAG as i64))]
@@ -116,6 +119,7 @@ impl Serve {
             pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
             last_tick,
             avatar_speed_limit: self.avatar_speed,
+            avatar_expiry: self.keep_avatars,
             groups: self.groups()?,
         };
         let server = ServerProcess::start(Origin::Scene(&scene, &world), config)?;

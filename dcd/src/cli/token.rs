@@ -11,7 +11,7 @@ use crate::net::{Authority, JoinRole};
 
 /// Prints tokens, one a line, each of which lets one process join the server of a data folder
 ///
-/// Works while the server runs, and before. Whoever may read the folder may mint tokens.
+/// Works while the server runs, and while it does not. Whoever may read the folder may mint tokens.
 ///
 /// Example:
 ///   dcd node --server 192.0.2.7:7420 --token $(dcd token --role node)
@@ -30,13 +30,20 @@ pub(super) struct Token {
     /// How many
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=10_000))]
     count: u16,
+    /// Makes the folder, for a server that is still to be started
+    #[arg(long)]
+    new: bool,
 }
 
 impl Token {
-    pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
-        let Self { data, role, valid, count } = self;
-        if !data.join("authority.pem").exists() {
-            common.say(&format!("no server has used {} yet; it is made for one", data.display()));
+    pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
+        let Self { data, role, valid, count, new } = self;
+        if !new && !data.join("authority.pem").exists() {
+            return Err(Failure::usage(format!(
+                "no server has used {}; name the folder that its server was started with (--data), or give --new to make \
+                 one for a server to come",
+                data.display()
+            )));
         }
         let authority = Authority::load_or_create(&data)?;
         for _ in 0..count {

@@ -47,6 +47,8 @@ pub struct ServerConfig {
     pub min_nodes: usize,
     /// The rules of who may share a group, beside the delay thresholds of the world.
     pub grouping: Grouping,
+    /// How long the avatars of a client that left wait for its return.
+    pub avatar_expiry: Duration,
     /// Whether nodes can build the shapes of an avatar: one that they cannot, once on record, would stop all that join later.
     pub can_build: CanBuild,
 }
@@ -146,6 +148,8 @@ pub struct Server {
     looked_at: Duration,
     store_at: Option<Duration>,
     welcomes: u64,
+    /// Clients that left, in order, and when their avatars are forgotten.
+    gone: VecDeque<(Duration, ClientId)>,
     ended: bool,
 }
 
@@ -185,6 +189,7 @@ impl Server {
             arbiter,
             store_at: None,
             welcomes: 0,
+            gone: VecDeque::new(),
             ended: false,
         }
     }
@@ -368,6 +373,7 @@ impl Server {
         if self.ended {
             return;
         }
+        self.forget_avatars();
         self.take_over();
         self.release();
         self.welcome_moved();

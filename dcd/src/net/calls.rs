@@ -12,6 +12,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use super::events::Delivery;
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
+use super::seldom::Seldom;
 use super::verify::names_of_peer;
 use super::{
     Authority, CloseCause, CloseCode, Limits, NetError, NetEvent, NetTotals, PeerKey, PeerName, PeerStats,
@@ -28,6 +29,8 @@ pub(super) struct Shared {
     pub(super) who: PeerName,
     pub(super) authority: Option<Arc<Authority>>,
     pub(super) limits: Limits,
+    /// Refused joins, for the log.
+    pub(super) refusals: Seldom,
     /// Taken by each proven peer that dialled us, until its `Closed` event is read.
     pub(super) connection_slots: Arc<Semaphore>,
     /// Taken by each handshake or join under way.
@@ -113,7 +116,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
             if let_in { totals.joins_granted += 1 } else { totals.joins_refused += 1 }
         };
         match shared.authority.clone() {
-            Some(authority) => answer(&connection, authority, &shared.limits, count).await,
+            Some(authority) => answer(&connection, authority, &shared.limits, &shared.refusals, count).await,
             None => count(false),
         }
         return;

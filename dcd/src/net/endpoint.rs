@@ -14,6 +14,7 @@ use tokio::task::JoinHandle;
 
 use super::calls::{Shared, accept, dial};
 use super::renewal::renew_in_time;
+use super::seldom::Seldom;
 use super::verify::{answering, dialling};
 use super::{
     Authority, CloseCode, Identity, Lane, Limits, NetError, NetEvents, NetTotals, PeerKey, PeerName,
@@ -80,6 +81,7 @@ impl Net {
             connection_slots: Arc::new(Semaphore::new(limits.connections)),
             handshake_slots: Arc::new(Semaphore::new(limits.handshakes)),
             limits,
+            refusals: Seldom::default(),
             peers: RwLock::default(),
             next_key: AtomicU64::new(1),
             totals: Mutex::default(),

@@ -79,6 +79,14 @@ pub enum NetError {
         /// The server's text, with cause and remedy.
         reason: String,
     },
+    /// The server cannot let a process in by this token.
+    #[error("{addr} refuses the token: {reason}")]
+    TokenRefused {
+        /// The address that was dialled.
+        addr: SocketAddr,
+        /// The server's text, with cause and remedy.
+        reason: String,
+    },
     /// The connection broke before it was of use.
     #[error("the connection to {addr} failed: {detail}; try again, and see the log of the other side")]
     Broken {
@@ -218,4 +226,14 @@ pub enum JoinRefusal {
     /// The server failed to record the join.
     #[error("the server could not record the join ({0}); see its log and its disk")]
     Server(String),
+}
+
+impl JoinRefusal {
+    /// Returns whether it is the token that cannot be used.
+    pub(super) fn is_of_token(&self) -> bool {
+        matches!(
+            self,
+            Self::BadToken(_) | Self::OtherAuthority | Self::Expired | Self::Used | Self::WrongRole { .. }
+        )
+    }
 }

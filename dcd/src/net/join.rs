@@ -11,6 +11,7 @@ use rustls::pki_types::CertificateDer;
 use super::fields::{Fields, put_counted};
 use super::key::{Key, PublicKey};
 use super::renewal::RenewalRequest;
+use super::seldom::Seldom;
 use super::verify::joining;
 use super::{
     Authority, CloseCode, Identity, JoinRefusal, JoinRole, Limits, NetError, PROTOCOL_VERSION, PeerName,
@@ -42,7 +43,7 @@ pub fn join(
     let broken = |detail: &str| NetError::Broken { addr: server, detail: detail.to_owned() };
     let admission = match decode_reply(&reply).ok_or_else(|| broken("its answer cannot be read"))? {
         Ok(admission) => admission,
-        Err(reason) => return Err(NetError::Refused { addr: server, code: CloseCode::REFUSED, reason }),
+        Err(refused) => return Err(refused.by(server)),
     };
     Ok(Identity {
         who: admission.who,
@@ -72,6 +73,31 @@ pub(super) struct Admission {
     pub(super) expires_unix_s: u64,
     pub(super) resume: String,
 }
+
+/// The answer to a request that is not granted.
+pub(super) struct Refused {
+    /// The token cannot be used, and another one may be.
+    is_of_token: bool,
+    reason: String,
+}
+
+impl Refused {
+    /// Returns the error of the process that asked this server.
+    pub(super) fn by(self, addr: SocketAddr) -> NetError {
+        let Self { is_of_token, reason } = self;
+        match is_of_token {
+            true => NetError::TokenRefused { addr, reason },
+            false => NetError::Refused { addr, code: CloseCode::REFUSED, reason },
+        }
+    }
+}
+
+/// The first byte of an answer.
+const REFUSED: u8 = 0;
+/// The same where the request is granted.
+const ADMITTED: u8 = 1;
+/// The same where the token cannot be used.
+const TOKEN_REFUSED: u8 = 2;
 
 /// Requests and answers are short; longer ones are cut off.
 const MESSAGE_LIMIT_BYTES: usize = 16 << 10;
@@ -113,9 +139,12 @@ impl JoinRequest {
 
 fn encode_reply(answer: &Result<Admission, JoinRefusal>) -> Vec<u8> {
     match answer {
-        Err(refusal) => [&[0], refusal.to_string().as_bytes()].concat(),
+        Err(refusal) => {
+            let kind = if refusal.is_of_token() { TOKEN_REFUSED } else { REFUSED };
+            [&[kind], refusal.to_string().as_bytes()].concat()
+        }
         Ok(admission) => {
-            let mut bytes = vec![1, admission.who.role().code()];
+            let mut bytes = vec![ADMITTED, admission.who.role().code()];
             bytes.extend(admission.who.node().unwrap_or_default().0.to_be_bytes());
             bytes.extend(admission.who.client().unwrap_or_default().0.to_be_bytes());
             bytes.extend(admission.expires_unix_s.to_be_bytes());
@@ -127,11 +156,14 @@ fn encode_reply(answer: &Result<Admission, JoinRefusal>) -> Vec<u8> {
     }
 }
 
-pub(super) fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, String>> {
+pub(super) fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, Refused>> {
     let mut fields = Fields(bytes);
     match fields.take()? {
-        [0] => Some(Err(String::from_utf8_lossy(fields.0).into_owned())),
-        [1] => {
+        [kind @ (REFUSED | TOKEN_REFUSED)] => {
+            let reason = String::from_utf8_lossy(fields.0).into_owned();
+            Some(Err(Refused { is_of_token: kind == TOKEN_REFUSED, reason }))
+        }
+        [ADMITTED] => {
             let role = JoinRole::from_code(fields.take::<1>()?[0])?;
             let node = Some(u32::from_be_bytes(fields.take()?)).filter(|id| *id > 0).map(NodeId);
             let client = Some(u32::from_be_bytes(fields.take()?)).filter(|id| *id > 0).map(ClientId);
@@ -234,6 +266,7 @@ pub(super) async fn answer(
     connection: &Connection,
     authority: Arc<Authority>,
     limits: &Limits,
+    refusals: &Seldom,
     decided: impl FnOnce(bool),
 ) {
     let deadline = tokio::time::Instant::now() + limits.handshake_timeout;
@@ -267,7 +300,11 @@ pub(super) async fn answer(
             let done = if renews { "its certificate is renewed" } else { "joined" };
             tracing::info!(who = %admission.who, addr = %connection.remote_address(), "{done}");
         }
-        Err(refusal) => tracing::warn!(addr = %connection.remote_address(), "join refused: {refusal}"),
+        Err(refusal) => {
+            if let Some(left_out) = refusals.tell(std::time::Instant::now()) {
+                tracing::warn!(addr = %connection.remote_address(), left_out, "join refused: {refusal}");
+            }
+        }
     }
     decided(answer.is_ok());
     if send.write_all(&encode_reply(&answer)).await.is_ok() && send.finish().is_ok() {

@@ -22,6 +22,7 @@ mod limits;
 mod peer;
 mod renewal;
 mod role;
+mod seldom;
 mod stats;
 #[cfg(test)]
 mod tests;

@@ -15,7 +15,7 @@ use super::fields::{Fields, put_counted};
 use super::join::{decode_reply, exchange_here};
 use super::key::{Key, PublicKey};
 use super::verify::fingerprint;
-use super::{CloseCode, Identity, JoinRefusal, NetError, PROTOCOL_VERSION};
+use super::{Identity, JoinRefusal, NetError, PROTOCOL_VERSION};
 
 /// How often the wall clock is looked at, which may be set, or stand still in a machine that sleeps.
 const LOOK: Duration = Duration::from_secs(10);
@@ -118,7 +118,7 @@ async fn renewed(shared: &Shared, identity: &Identity, server: SocketAddr) -> Re
     let broken = |detail: &str| NetError::Broken { addr: server, detail: detail.to_owned() };
     let admission = match decode_reply(&reply).ok_or_else(|| broken("its answer cannot be read"))? {
         Ok(admission) => admission,
-        Err(reason) => return Err(NetError::Refused { addr: server, code: CloseCode::REFUSED, reason }),
+        Err(refused) => return Err(refused.by(server)),
     };
     if admission.who != identity.who {
         return Err(broken("its answer names another process"));

@@ -34,6 +34,8 @@ use crate::space::{DistributionTree, Epoch, Tick};
 const RETRY: Duration = Duration::from_millis(2);
 /// How long the loop sleeps when nothing is due.
 const IDLE: Duration = Duration::from_millis(500);
+/// How long avatars wait for their client.
+pub(crate) const AVATAR_EXPIRY: Duration = Duration::from_secs(3_600);
 /// Time-out of the last audit: dead members are found much sooner.
 const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
@@ -69,13 +71,15 @@ pub struct ServeConfig {
     pub last_tick: Option<Tick>,
     /// The fastest that avatars may be asked to move, m/s.
     pub avatar_speed_limit: f32,
+    /// How long the avatars of a client that left wait for its return; then they are removed.
+    pub avatar_expiry: Duration,
     /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
     pub groups: GroupConfig,
 }
 
 impl ServeConfig {
     /// Returns the usual settings: any free port of this machine alone, one node to wait for, in real time, until it is stopped,
-    /// avatars of up to 20 m/s.
+    /// avatars of up to 20 m/s that wait an hour for their client.
     pub fn new(data: impl Into<PathBuf>) -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),
@@ -85,6 +89,7 @@ impl ServeConfig {
             pace: Pace::RealTime,
             last_tick: None,
             avatar_speed_limit: 20.0,
+            avatar_expiry: AVATAR_EXPIRY,
             groups: GroupConfig::default(),
         }
     }
@@ -211,6 +216,7 @@ impl ServerProcess {
             world: environment,
             min_nodes: config.nodes.max(1),
             grouping: config.groups.grouping,
+            avatar_expiry: config.avatar_expiry,
             can_build,
         };
         let (mut stored, mut resumed) = (None, None);

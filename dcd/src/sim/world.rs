@@ -196,6 +196,7 @@ impl Sim {
             world,
             min_nodes: config.nodes.max(1) as usize,
             grouping: config.grouping.clone(),
+            avatar_expiry: Duration::from_secs(3_600),
             can_build: |_, _| true,
         };
         let server = Server::new(server_config.clone(), record);

@@ -6,7 +6,6 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use dcd::net::JoinRole;
-use dcd::protocol::Pace;
 use dcd::runtime::{
     Delivery, JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
 };
@@ -31,16 +30,7 @@ impl Cluster {
         let world = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
         let server = ServerProcess::start(
             Origin::Scene(&scene, &world),
-            ServeConfig {
-                listen: "127.0.0.1:0".parse().unwrap(),
-                data: folder.path().join("server"),
-                fresh: false,
-                nodes,
-                pace: Pace::RealTime,
-                last_tick: None,
-                avatar_speed_limit: 20.0,
-                groups: Default::default(),
-            },
+            ServeConfig { nodes, ..ServeConfig::new(folder.path().join("server")) },
         )
         .unwrap();
         let nodes = (0..nodes)

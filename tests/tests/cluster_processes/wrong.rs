@@ -40,7 +40,12 @@ fn a_server_that_cannot_start_says_why() {
     has(&said, &["another server is running with the data folder", "choose another folder"]);
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
-    has(&error(&["token", "--role", "node", "--data", file.to_str().unwrap()], 2), &["cannot use", "file"]);
+    let new = ["token", "--role", "node", "--new", "--data", file.to_str().unwrap()];
+    has(&error(&new, 2), &["cannot use", "file"]);
+    let typo = folder.path().join("typo");
+    let said = error(&["token", "--role", "node", "--data", typo.to_str().unwrap()], 2);
+    has(&said, &["no server has used", "typo", "--data", "--new"]);
+    assert!(!typo.exists(), "and none is made for it");
     for wrong in
         [&["--role", "server"][..], &["--role", "node", "--valid", "10"], &["--role", "node", "--count", "0"]]
     {
@@ -60,17 +65,18 @@ fn a_process_that_is_not_let_in_says_why() {
     let mistyped = format!("{}{other}", &good[..good.len() - 1]);
     has(&join("node", &mistyped, 2), &["mistyped or cut off", "copy the whole line"]);
     has(&join("node", "hello", 2), &["no dcd token", "dcd1-"]);
-    let foreign = token(&server.folder.path().join("other"), "node");
+    let mut elsewhere = dcd(&["token", "--new", "--role", "node", "--data"]);
+    let foreign = Process::start(elsewhere.arg(server.folder.path().join("other"))).end().lines[0].clone();
     has(&join("node", &foreign, 1), &["check the address", "token"]);
     // It can be used once.
     let mut node = Process::start(&mut dcd(&["node", "--server", &server.address, "--token", &good]));
     node.line("joined as ");
-    has(&join("node", &good, 1), &["has been used already", "dcd token"]);
+    has(&join("node", &good, 2), &["has been used already", "dcd token"]);
     let mut short = dcd(&["token", "--role", "client", "--valid", "1s", "--data"]);
     let short = Process::start(short.arg(server.data())).end().lines[0].clone();
     // Whole seconds are compared: one that is valid for a second may last for two.
     std::thread::sleep(Duration::from_millis(2_100));
-    has(&join("client", &short, 1), &["has expired", "dcd token"]);
+    has(&join("client", &short, 2), &["has expired", "dcd token"]);
     let fast = ["client", "--server", &server.address, "--token", &server.token("client"), "--speed", "99"];
     has(&error(&fast, 2), &["20 m/s at most", "--speed"]);
 }

@@ -96,8 +96,18 @@ impl Run {
         }
         written?;
         saved?;
-        if report.lost + report.doubled + report.quarantined > 0 {
-            tracing::warn!(report.lost, report.doubled, report.quarantined, "bodies went wrong in this run");
+        if report.lost + report.doubled > 0 {
+            return Err(Failure::run(format!(
+                "{} bodies are lost and {} doubled: this is a fault of dcd; please report it with the scene",
+                report.lost, report.doubled
+            )));
+        }
+        if report.quarantined > 0 {
+            return Err(Failure::run(format!(
+                "{} bodies were set aside as their poses or velocities became infinite or NaN; look for forces, masses or \
+                 joints of the scene that are out of all proportion, or take a smaller dt",
+                report.quarantined
+            )));
         }
         Ok(interrupt.exit_code())
     }
@@ -170,7 +180,8 @@ fn after_help() -> String {
         "The time of a step counts only the step: what is measured is measured between steps. --json prints the keys\n\
          scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s{{mean,max}} imbalance{{mean,max}} ticks dt_s\n\
          wall_s rtf step_ms{{mean,p50,p99,max}} contacts replicas_mean transfers energy_j{{start,end}} momentum_kgms{{start,end}} max_penetration_m ground_force_ratio\n\
-         lost doubled quarantined state_hash chosen{{regions,threads,coupling,why}}; step_ms leaves the first 30 steps out.\n\n{}",
+         lost doubled quarantined state_hash chosen{{regions,threads,coupling,why}}; step_ms leaves the first 30 steps out. Exits\n\
+         with 1 when bodies were lost, doubled or quarantined.\n\n{}",
         scenes::overview()
     )
 }

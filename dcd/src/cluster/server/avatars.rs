@@ -101,9 +101,27 @@ impl Server {
     /// Removes a client that is gone; its avatars are parked.
     pub(super) fn part(&mut self, client: ClientId) {
         if self.common.clients.remove(&client).is_some() {
+            self.gone.push_back((self.common.now + self.common.config.avatar_expiry, client));
             for group in self.groups.values_mut() {
                 for (id, _) in group.record.avatars(client) {
                     group.retire(&mut self.common, id, true);
+                }
+            }
+        }
+    }
+
+    /// Forgets the avatars of clients that have been gone for too long. It is looked at with every event: nobody waits for it.
+    pub(super) fn forget_avatars(&mut self) {
+        while let Some(&(_, client)) = self.gone.front().filter(|(at, _)| *at <= self.common.now) {
+            self.gone.pop_front();
+            let is_back = self.common.clients.contains_key(&client);
+            // It may have been here once more meanwhile.
+            if is_back || self.gone.iter().any(|(_, later)| *later == client) {
+                continue;
+            }
+            for group in self.groups.values_mut() {
+                for (id, _) in group.record.avatars(client) {
+                    group.retire(&mut self.common, id, false);
                 }
             }
         }

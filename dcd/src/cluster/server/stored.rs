@@ -124,7 +124,11 @@ impl Server {
             let record = if id == stored.main { main.record.clone() } else { main.record.copied(true) };
             server.expect_back(id, record, tick, group.view, group.former);
         }
-        server.groups.entry(stored.main).or_insert_with(|| main.renamed(stored.main, tick));
+        let group = server.groups.entry(stored.main).or_insert_with(|| main.renamed(stored.main, tick));
+        let absent: BTreeSet<_> = group.record.lives().filter_map(|(id, _)| id.client()).collect();
+        for client in absent.into_iter().filter(|client| !server.common.clients.contains_key(client)) {
+            server.gone.push_back((server.common.config.avatar_expiry, client));
+        }
         Ok(server)
     }
 

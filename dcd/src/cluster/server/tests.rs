@@ -16,7 +16,13 @@ const NOW: Duration = Duration::ZERO;
 /// For worlds in which cones cannot be built.
 fn config(min_nodes: usize) -> ServerConfig {
     let can_build = |_: &_, shapes: &[_]| !shapes.iter().any(|shape| matches!(shape, ShapeRecord::Cone(..)));
-    ServerConfig { world: sim_world(2), min_nodes, grouping: Default::default(), can_build }
+    ServerConfig {
+        world: sim_world(2),
+        min_nodes,
+        grouping: Default::default(),
+        avatar_expiry: 10 * ABSENCE,
+        can_build,
+    }
 }
 
 fn server() -> Server {
@@ -615,4 +621,39 @@ fn an_avatar_that_costs_too_much_is_refused_with_what_there_is_too_much_of() {
     assert_eq!(came, 65);
     assert_eq!(spawned(4, [0.0; 3], ball(0.5), 0), Some(Costs::Overlaps));
     assert_eq!(spawned(4, [2.0, 0.0, 0.0], ball(0.5), 0), None, "beside them there is room");
+}
+
+#[test]
+fn avatars_wait_for_their_client_and_not_for_ever() {
+    let mut server = server();
+    let hello = || Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
+    let says = |server: &mut Server, now, client: u32, message| {
+        server.handle(now, ServerEvent::Message { from: Peer::Client(ClientId(client)), message });
+    };
+    let avatar = |client: u32| BodyId::avatar(ClientId(client), 0);
+    let comes = |server: &mut Server, client: u32| {
+        says(server, NOW, client, hello());
+        let spawn = FromClient::Spawn { body: sim_body(avatar(client), [1.0; 3]), shapes: Vec::new() };
+        says(server, NOW, client, Message::FromClient(ClientId(client), spawn));
+        says(server, NOW, client, Message::FromClient(ClientId(client), FromClient::Leave));
+    };
+    let (stays_away, returns, leaves_again) = (1, 2, 3);
+    [stays_away, returns, leaves_again].into_iter().for_each(|client| comes(&mut server, client));
+    let waits = |server: &Server, client| server.record().body(avatar(client)).is_some();
+    let expiry = config(1).avatar_expiry;
+    says(&mut server, expiry / 2, returns, hello());
+    says(&mut server, expiry / 2, leaves_again, hello());
+    says(
+        &mut server,
+        expiry / 2,
+        leaves_again,
+        Message::FromClient(ClientId(leaves_again), FromClient::Leave),
+    );
+    // Any event will do.
+    says(&mut server, expiry - Duration::from_millis(1), 9, hello());
+    assert!([stays_away, returns, leaves_again].into_iter().all(|client| waits(&server, client)));
+    says(&mut server, expiry, 9, hello());
+    assert!(!waits(&server, stays_away) && waits(&server, returns) && waits(&server, leaves_again));
+    says(&mut server, expiry + expiry / 2, 9, hello());
+    assert!(waits(&server, returns) && !waits(&server, leaves_again));
 }

@@ -91,10 +91,13 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
     assert_eq!(refused(client.insert(drowsy, ball())).instead, Instead::UsualSleep);
     client.insert(RigidBodyBuilder::dynamic().can_sleep(false), ball()).unwrap();
 
+    assert_eq!((node.movable_count(), node.body(id)), (0, None));
+    let refusal = refused(node.insert(RigidBodyBuilder::dynamic(), ball()));
+    assert_eq!((refusal.role, refusal.instead), (Role::Node, Instead::JoinAsClient));
+    assert_eq!(refused(node.suspend()).instead, Instead::ServerKeeps);
     for (world, role) in [(&mut server, Role::Server), (&mut node, Role::Node)] {
-        assert_eq!((world.role(), world.movable_count(), world.body(id)), (role, 0, None));
-        let refusal = refused(world.insert(RigidBodyBuilder::dynamic(), ball()));
-        assert_eq!((refusal.role, refusal.instead), (role, Instead::JoinAsClient));
+        assert_eq!(world.role(), role);
+        assert_eq!(refused(world.update(id, |body| body.wake_up(true))).instead, Instead::ComputeAlone);
         assert_eq!(refused(world.set_interest(None)).instead, Instead::JoinAsClient);
         assert_eq!(refused(world.state_hash()).instead, Instead::ComputeAlone);
     }

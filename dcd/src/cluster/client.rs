@@ -578,8 +578,9 @@ impl Client {
                     self.ask_again(now, now + ASK_AGAIN);
                 }
             }
-            ToClient::Inserted { body, shapes } => {
+            ToClient::Inserted { body, shapes, joints } => {
                 self.learn(shapes);
+                self.joints.extend(joints);
                 let id = body.id;
                 self.answered(id);
                 self.know(body);

@@ -278,8 +278,10 @@ impl Leader {
         let mut ops = std::mem::take(&mut self.ops);
         for op in &ops {
             match op {
-                WorldOp::Insert { body, .. } if body.id.client().is_some() => {
-                    self.avatars.entry(body.id).or_default();
+                WorldOp::Insert { bodies, .. } => {
+                    for body in bodies.iter().filter(|body| body.id.client().is_some()) {
+                        self.avatars.entry(body.id).or_default();
+                    }
                 }
                 WorldOp::Remove(id) => self.forget(*id),
                 _ => {}
@@ -405,7 +407,7 @@ mod tests {
         let mut leader = Leader::new(Duration::ZERO, &view, &sim_world(2));
         leader.admit(CLIENT);
         leader.apply(vec![WorldOp::Insert {
-            body: sim_body(AVATAR, [1.0; 3]),
+            bodies: vec![sim_body(AVATAR, [1.0; 3])],
             shapes: vec![],
             joints: vec![],
         }]);

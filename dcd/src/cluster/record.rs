@@ -181,6 +181,30 @@ impl Record {
         self.joints.retain(|_, joint| !is_of(joint));
     }
 
+    /// Adds a joint between bodies on record.
+    pub(super) fn tie(&mut self, joint: JointRecord) {
+        self.changes.joints.insert(joint.id);
+        self.joints.insert(joint.id, joint);
+    }
+
+    /// Forgets a joint; returns whether there was one.
+    pub(super) fn remove_joint(&mut self, id: JointId) -> bool {
+        self.changes.joints.insert(id);
+        self.joints.remove(&id).is_some()
+    }
+
+    /// Returns the joints, in id order.
+    pub fn joints(&self) -> impl Iterator<Item = &JointRecord> {
+        self.joints.values()
+    }
+
+    /// Returns the first ids that no persistent body and no joint has had so far.
+    pub(super) fn next_ids(&self) -> (u32, u64) {
+        let body = self.bodies.keys().filter(|id| id.client().is_none()).map(|id| id.index()).max();
+        let joint = self.joints.keys().next_back().map(|id| id.0);
+        (body.map_or(0, |index| index.saturating_add(1)), joint.map_or(0, |id| id.saturating_add(1)))
+    }
+
     /// Records shapes and returns those that are new.
     pub(super) fn learn(&mut self, shapes: Vec<ShapeRecord>) -> Vec<ShapeRecord> {
         let mut new = Vec::new();

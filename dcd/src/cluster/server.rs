@@ -7,6 +7,7 @@ mod budget;
 mod common;
 mod group;
 mod nodes;
+mod program;
 mod regroup;
 mod stored;
 #[cfg(test)]
@@ -26,6 +27,7 @@ use crate::protocol::{
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
+pub use self::program::ProgramOp;
 pub use self::regroup::Grouping;
 pub use self::stored::RestoreError;
 
@@ -80,6 +82,8 @@ pub enum ServerEvent {
     },
     /// The world is to end: all are told.
     Stop,
+    /// The server's program changes the world, in this order.
+    Program(Vec<ProgramOp>),
     /// The server is to stop, and its world to go on: what is known is written down, and nobody is told.
     Suspend,
 }
@@ -169,6 +173,7 @@ impl Server {
             stopping: false,
             stale: 0,
             world_changed: true,
+            next_ids: record.next_ids(),
             groups_changed: BTreeSet::new(),
             outputs: VecDeque::new(),
         };
@@ -235,6 +240,7 @@ impl Server {
                     (None, None) => {}
                 }
             }
+            ServerEvent::Program(ops) => ops.into_iter().for_each(|op| self.obey(op)),
             ServerEvent::Stop => self.common.stopping = true,
             ServerEvent::Suspend => {
                 (self.common.world_changed, self.store_at) = (true, Some(Duration::ZERO));

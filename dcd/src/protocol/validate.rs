@@ -416,8 +416,8 @@ impl Check for Input {
 impl Check for WorldOp {
     fn check(&self) -> Result<(), Invalid> {
         match self {
-            Self::Insert { body, shapes, joints } => {
-                body.check()?;
+            Self::Insert { bodies, shapes, joints } => {
+                all(bodies)?;
                 all(shapes)?;
                 all(joints)
             }
@@ -611,9 +611,10 @@ impl Check for ToClient {
         match self {
             Self::Welcome { world, .. } => world.check(),
             Self::Chunk(chunk) => chunk.check(),
-            Self::Inserted { body, shapes } => {
+            Self::Inserted { body, shapes, joints } => {
                 body.check()?;
-                all(shapes)
+                all(shapes)?;
+                all(joints)
             }
             Self::States { states, .. } => all(states),
             Self::Answer { found, .. } => found.check(),

@@ -104,11 +104,11 @@ impl PhysicsDevice {
                 self.questions = questions.collect();
                 let host = self.world();
                 assert_eq!(tick, host.tick().next(), "ticks are computed in order");
-                let new = ops.iter().filter_map(|op| match op {
-                    WorldOp::Insert { body, .. } => Some(body.id),
-                    _ => None,
+                let new = ops.iter().flat_map(|op| match op {
+                    WorldOp::Insert { bodies, .. } => bodies.as_slice(),
+                    _ => &[],
                 });
-                let avatars: Vec<_> = new.filter(|id| id.client().is_some()).collect();
+                let avatars: Vec<_> = new.map(|body| body.id).filter(|id| id.client().is_some()).collect();
                 let removed = apply(host, ops, band_m);
                 host.set_rounds(rounds as usize);
                 host.compute();
@@ -322,12 +322,12 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
     let mut removed = Vec::new();
     for op in ops {
         match op {
-            WorldOp::Insert { body, shapes, joints } => {
-                let id = body.id;
+            WorldOp::Insert { bodies, shapes, joints } => {
+                let first = bodies.first().map(|body| body.id);
                 let known = shapes.into_iter().try_for_each(|shape| host.shapes_mut().add(shape).map(|_| ()));
-                let inserted = known.map_err(HostError::from).and_then(|()| host.insert(vec![body], &joints));
+                let inserted = known.map_err(HostError::from).and_then(|()| host.insert(bodies, &joints));
                 if let Err(error) = inserted {
-                    warn!(%id, %error, "a body is not inserted");
+                    warn!(?first, %error, "bodies are not inserted");
                 }
             }
             WorldOp::Remove(id) => {

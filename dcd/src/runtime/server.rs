@@ -18,7 +18,9 @@ use super::links::{LinkEvent, Links};
 use super::member::forward;
 use super::{Connections, LocalWorld, ProcessError, RedbDirectory, WorldConfig, WorldError};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{Grouping, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED};
+use crate::cluster::{
+    Grouping, ProgramOp, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED,
+};
 use crate::net::{
     Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
 };
@@ -140,6 +142,8 @@ pub struct ServerSummary {
 pub struct ServerProcess {
     inbox: SyncSender<Input>,
     shared: Arc<Shared>,
+    /// The loop's; others only read it.
+    server: Arc<Mutex<Server>>,
     thread: Option<JoinHandle<()>>,
     authority: Arc<Authority>,
     connections: Connections,
@@ -147,6 +151,10 @@ pub struct ServerProcess {
     pub address: SocketAddr,
     /// The tick from which it goes on with a world that was stored; the nodes may be farther already.
     pub resumed: Option<Tick>,
+    /// Of the first body and the first joint that its program may make.
+    pub next_ids: (u32, u64),
+    /// The regions of the world.
+    pub tree: DistributionTree,
 }
 
 struct Shared {
@@ -168,6 +176,7 @@ enum Input {
     Net(NetEvent),
     Stop,
     Suspend,
+    Program(Vec<ProgramOp>),
     /// Wakes the loop: there is work for its connections.
     Wake,
 }
@@ -206,7 +215,8 @@ impl ServerProcess {
         // A loop whose inbox is full is awake.
         let connections = Connections::new(PeerName::Server, move || drop(waker.try_send(Input::Wake)));
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
-        shared.lock().summary.regions = environment.tree.leaf_count();
+        let tree = environment.tree.clone();
+        shared.lock().summary.regions = tree.leaf_count();
         let mut directory = match config.fresh {
             true => RedbDirectory::open_or_replace(&config.data)?,
             false => RedbDirectory::open(&config.data)?,
@@ -231,6 +241,8 @@ impl ServerProcess {
             resumed = Some(server.tick());
             server
         };
+        let next_ids = server.next_ids();
+        let server = Arc::new(Mutex::new(server));
         let running = Loop {
             links: Some(Links::new(net, connections.clone())),
             connections: connections.clone(),
@@ -238,7 +250,7 @@ impl ServerProcess {
             end_requests: EndRequests::of(&config.data),
             stored,
             start: Instant::now(),
-            server,
+            server: server.clone(),
             shared: shared.clone(),
             began: None,
             end_by: None,
@@ -258,7 +270,18 @@ impl ServerProcess {
                 }
             })
             .map_err(ProcessError::Thread)?;
-        Ok(Self { inbox, shared, thread: Some(thread), authority, connections, address, resumed })
+        Ok(Self {
+            inbox,
+            shared,
+            server,
+            thread: Some(thread),
+            authority,
+            connections,
+            address,
+            resumed,
+            next_ids,
+            tree,
+        })
     }
 
     /// Returns the connections with nodes and clients, also those whose links broke a moment ago.
@@ -311,6 +334,17 @@ impl ServerProcess {
     /// Returns whether the world has ended.
     pub fn is_over(&self) -> bool {
         self.shared.lock().over
+    }
+
+    /// Changes the world, in this order; it is on record some milliseconds later, and computed some ticks later. Bodies have been
+    /// checked: nodes refuse a server that sends what may not be.
+    pub fn change(&self, ops: Vec<ProgramOp>) {
+        let _ = self.inbox.send(Input::Program(ops));
+    }
+
+    /// Reads the record of the world: every body as the nodes last told, at most half a second ago.
+    pub fn read<R>(&self, read: impl FnOnce(&Record) -> R) -> R {
+        read(self.server.lock().unwrap_or_else(PoisonError::into_inner).record())
     }
 
     /// Returns whether the server has stopped by [`ServerProcess::suspend`].
@@ -449,7 +483,7 @@ struct Loop {
     /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
     start: Instant,
-    server: Server,
+    server: Arc<Mutex<Server>>,
     shared: Arc<Shared>,
     began: Option<Instant>,
     /// When the world ends even without an audit.
@@ -461,8 +495,8 @@ struct Loop {
 impl Loop {
     fn run(mut self, inputs: &mpsc::Receiver<Input>) {
         while !self.over {
+            let due = self.server().poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
             let Some(links) = &mut self.links else { break };
-            let due = self.server.poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
             let wait = due.unwrap_or(IDLE).min(if links.flush(Instant::now()) { RETRY } else { IDLE });
             let input = inputs.recv_timeout(wait);
             let now = self.start.elapsed();
@@ -473,13 +507,14 @@ impl Loop {
                     }
                 }
                 Ok(Input::Stop) => self.stop(now),
-                Ok(Input::Suspend) => self.server.handle(now, ServerEvent::Suspend),
+                Ok(Input::Suspend) => self.server().handle(now, ServerEvent::Suspend),
+                Ok(Input::Program(ops)) => self.server().handle(now, ServerEvent::Program(ops)),
                 Ok(Input::Wake) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             let now = self.start.elapsed();
-            if self.server.poll_timeout().is_some_and(|due| due <= now) {
-                self.server.handle_timeout(now);
+            if self.server().poll_timeout().is_some_and(|due| due <= now) {
+                self.server().handle_timeout(now);
             }
             if self.end_requests.take() {
                 info!("the world is to end: its data folder has a request");
@@ -503,9 +538,13 @@ impl Loop {
         self.finish(totals);
     }
 
+    fn server(&self) -> MutexGuard<'_, Server> {
+        self.server.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn stop(&mut self, now: Duration) {
         self.end_by.get_or_insert(Instant::now() + AUDIT);
-        self.server.handle(now, ServerEvent::Stop);
+        self.server().handle(now, ServerEvent::Stop);
     }
 
     fn hear(&mut self, now: Duration, event: LinkEvent) {
@@ -513,10 +552,10 @@ impl Loop {
             LinkEvent::Connected(_) => {}
             LinkEvent::Disconnected { peer, text, .. } => {
                 info!(?peer, text, "a link is gone");
-                self.server.handle(now, ServerEvent::Disconnected(peer));
+                self.server().handle(now, ServerEvent::Disconnected(peer));
             }
             LinkEvent::Message { from, message } => {
-                self.server.handle(now, ServerEvent::Message { from, message });
+                self.server().handle(now, ServerEvent::Message { from, message });
             }
         }
     }
@@ -526,12 +565,14 @@ impl Loop {
         for (who, reason) in self.connections.take_sent_away() {
             info!(%who, reason, "sent away");
             let (node, client) = (who.node(), who.client());
-            self.server.handle(now, ServerEvent::SendAway { node, client, reason });
+            self.server().handle(now, ServerEvent::SendAway { node, client, reason });
         }
     }
 
     fn pump(&mut self) {
-        while let Some(output) = self.server.poll_output() {
+        loop {
+            let output = self.server().poll_output();
+            let Some(output) = output else { return };
             let Some(links) = &mut self.links else { return };
             match output {
                 ServerOutput::Send { to, message } => links.send(to, &message),
@@ -546,7 +587,7 @@ impl Loop {
                 }
                 ServerOutput::Dissolved(group) => info!(%group, "a group is no more"),
                 ServerOutput::Expelled(node) => warn!(%node, "the world goes on without a node"),
-                ServerOutput::Began { group, view } if group != self.server.main_group() => {
+                ServerOutput::Began { group, view } if group != self.server().main_group() => {
                     info!(%group, view = view.number.0, members = view.members.len(), "a view begins");
                 }
                 ServerOutput::Began { view, .. } => {
@@ -554,7 +595,7 @@ impl Loop {
                     info!(view = view.number.0, members = view.members.len(), "a view begins");
                     let mut state = self.shared.lock();
                     state.summary.views += 1;
-                    state.summary.bodies = movable(&self.server).count();
+                    state.summary.bodies = movable(&self.server()).count();
                     state.summary.nodes = view.members.len();
                     state.view = Some(view);
                 }
@@ -574,7 +615,7 @@ impl Loop {
                     self.over = true;
                 }
                 ServerOutput::Suspended => {
-                    let kept = self.server.has_begun();
+                    let kept = self.server().has_begun();
                     if !kept {
                         self.forget();
                     }
@@ -607,7 +648,7 @@ impl Loop {
 
     fn publish(&mut self) {
         let mut state = self.shared.lock();
-        state.summary.tick = self.server.tick();
+        state.summary.tick = self.server().tick();
         state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
         if let Some(links) = &self.links {
             let traffic = links.totals().traffic;
@@ -620,13 +661,15 @@ impl Loop {
 
     fn finish(self, totals: Option<NetTotals>) {
         // Whoever hears of the end may start another server here.
-        drop(self.directory);
+        let Self { directory, server, shared, connections, .. } = self;
+        drop(directory);
+        let server = server.lock().unwrap_or_else(PoisonError::into_inner);
         let mut hasher = StateHasher::default();
-        for body in movable(&self.server) {
+        for body in movable(&server) {
             hasher.add(body.id, &body.state.pose, &body.state.velocity);
         }
-        let mut state = self.shared.lock();
-        state.summary.bodies = movable(&self.server).count();
+        let mut state = shared.lock();
+        state.summary.bodies = movable(&server).count();
         state.summary.state_hash = Some(hasher.finish());
         if let Some(totals) = totals {
             state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
@@ -637,8 +680,8 @@ impl Loop {
             false => Reason::new(Cause::WorldEnded, WORLD_ENDED),
         };
         drop(state);
-        self.shared.changed.notify_all();
-        self.connections.end(reason);
+        shared.changed.notify_all();
+        connections.end(reason);
     }
 }
 

@@ -229,11 +229,13 @@ impl StandIn {
 
     fn apply(&mut self, tick: Tick, op: WorldOp, removed: &mut Vec<BodyRecord>) {
         match op {
-            WorldOp::Insert { body, .. } => {
-                let region = self.world().tree.leaf_at(body.state.pose.translation);
-                if let Some(region) = self.regions.get_mut(&region) {
-                    let before = region.owned.insert(body.id, Owned { body, holders: BTreeSet::new() });
-                    assert!(before.is_none(), "a body is inserted once");
+            WorldOp::Insert { bodies, .. } => {
+                for body in bodies.into_iter().filter(|body| body.traits.kind != BodyKind::Fixed) {
+                    let region = self.world().tree.leaf_at(body.state.pose.translation);
+                    if let Some(region) = self.regions.get_mut(&region) {
+                        let before = region.owned.insert(body.id, Owned { body, holders: BTreeSet::new() });
+                        assert!(before.is_none(), "a body is inserted once");
+                    }
                 }
             }
             WorldOp::Remove(id) => {

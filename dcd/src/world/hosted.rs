@@ -1,15 +1,21 @@
-//! Implements [`World`](super::World) for servers and nodes, which serve or compute a world for others and show nothing of it.
+//! Implements [`World`](super::World) for servers and nodes, which serve or compute a world for others. A server's program may change
+//! the world; what it reads is the server's record, at most half a second old. A node shows nothing of it.
 
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use rapier3d::prelude::*;
+
+use super::author::Author;
 use super::error::Error;
 use super::network::Network;
 use super::remote::Remote;
-use super::role::Role;
+use super::role::{Instead, Role, Unsupported};
+use super::view::{Body, MovableBody};
 use crate::net::PeerStats;
+use crate::protocol::{BodyRecord, JointRecord, Velocity, WorldPose};
 use crate::runtime::{Member, SUSPENDED, ServerProcess, Stats};
-use crate::space::Tick;
+use crate::space::{BodyId, JointId, Tick};
 
 /// The process that runs behind the world, on threads of its own.
 pub(super) enum Process {
@@ -20,6 +26,8 @@ pub(super) enum Process {
 /// A server or a node, and what it knows of its world.
 pub(super) struct Hosted {
     process: Process,
+    /// What the program of a server does; nodes have none.
+    author: Option<Author>,
     network: Network,
     dt_s: f32,
     gravity: [f32; 3],
@@ -31,7 +39,27 @@ impl Hosted {
             Process::Server(server) => server.connections(),
             Process::Node(node) => node.connections(),
         };
-        Self { network: Network::new(connections.clone()), process, dt_s, gravity }
+        let author = match &process {
+            Process::Server(server) => Some(Author::new(server)),
+            Process::Node(_) => None,
+        };
+        Self { network: Network::new(connections.clone()), author, process, dt_s, gravity }
+    }
+
+    /// Returns the server with its program's changes, or why a node has none.
+    fn written(&mut self, what: &'static str) -> Result<(&ServerProcess, &mut Author), Error> {
+        self.look()?;
+        match (&self.process, &mut self.author) {
+            (Process::Server(server), Some(author)) => Ok((server, author)),
+            _ => Err(Unsupported { role: Role::Node, what, instead: Instead::JoinAsClient }.into()),
+        }
+    }
+
+    fn read(&self) -> Option<(&ServerProcess, &Author)> {
+        match (&self.process, &self.author) {
+            (Process::Server(server), Some(author)) => Some((server, author)),
+            _ => None,
+        }
     }
 
     /// Returns an error if the process has failed or ended.
@@ -71,7 +99,108 @@ impl Remote for Hosted {
 
     fn step(&mut self) -> Result<(), Error> {
         self.network.listen();
-        self.look()
+        self.look()?;
+        if let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) {
+            author.flush(server);
+        }
+        Ok(())
+    }
+
+    fn sees(&self, what: &'static str) -> Result<(), Error> {
+        match self.process {
+            Process::Server(_) => Ok(()),
+            Process::Node(_) => Err(self.unsupported(what, Instead::JoinAsClient)),
+        }
+    }
+
+    fn insert(
+        &mut self,
+        pose: WorldPose,
+        body: &RigidBody,
+        colliders: &[ColliderBuilder],
+    ) -> Result<BodyId, Error> {
+        self.written("make bodies")?.1.insert(pose, body, colliders)
+    }
+
+    fn remove(&mut self, id: BodyId) -> Result<(), Error> {
+        let (server, author) = self.written("destroy bodies")?;
+        author.remove(server, id)
+    }
+
+    fn set_pose(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Error> {
+        let (server, author) = self.written("move bodies")?;
+        author.set_pose(server, id, pose)
+    }
+
+    fn set_velocity(&mut self, id: BodyId, velocity: Velocity) -> Result<(), Error> {
+        let (server, author) = self.written("move bodies")?;
+        author.set_velocity(server, id, velocity)
+    }
+
+    fn suspend(&mut self) -> Result<(), Error> {
+        if self.author.is_none() {
+            return Err(self.unsupported("be suspended", Instead::ServerKeeps));
+        }
+        let (server, author) = self.written("be suspended")?;
+        author.flush(server);
+        server.suspend();
+        Ok(())
+    }
+
+    fn ties_bodies(&self) -> Result<(), Error> {
+        self.sees("make, see, drive or destroy joints")
+    }
+
+    fn insert_joint(&mut self, a: BodyId, b: BodyId, joint: &GenericJoint) -> Result<JointId, Error> {
+        let (server, author) = self.written("make joints")?;
+        author.insert_joint(server, [a, b], joint)
+    }
+
+    fn remove_joint(&mut self, id: JointId) -> Result<(), Error> {
+        let (server, author) = self.written("destroy joints")?;
+        author.remove_joint(server, id)
+    }
+
+    fn joint(&self, id: JointId) -> Option<JointRecord> {
+        let (server, author) = self.read()?;
+        author.joints(server).into_iter().find(|joint| joint.id == id)
+    }
+
+    fn joints_of(&self, body: BodyId) -> Vec<JointId> {
+        let Some((server, author)) = self.read() else { return Vec::new() };
+        let of = |joint: &JointRecord| joint.a == body || joint.b == body;
+        author.joints(server).into_iter().filter(of).map(|joint| joint.id).collect()
+    }
+
+    fn contains(&self, id: BodyId) -> bool {
+        self.record(id).is_some()
+    }
+
+    fn record(&self, id: BodyId) -> Option<BodyRecord> {
+        let (server, author) = self.read()?;
+        author.known(server, id)
+    }
+
+    fn motion(&self, id: BodyId) -> Option<(WorldPose, Velocity)> {
+        self.record(id).map(|body| (body.state.pose, body.state.velocity))
+    }
+
+    fn user_data(&self, id: BodyId) -> Option<u128> {
+        self.record(id).map(|body| body.traits.user_data)
+    }
+
+    fn body(&self, id: BodyId) -> Option<Body> {
+        let (server, author) = self.read()?;
+        author.body(server, id)
+    }
+
+    fn movable_bodies(&self) -> Box<dyn Iterator<Item = MovableBody> + '_> {
+        let bodies = self.read().map(|(server, author)| author.movable_bodies(server));
+        Box::new(bodies.unwrap_or_default().into_iter())
+    }
+
+    fn movable_count(&self) -> usize {
+        self.movable_bodies().count()
     }
 
     fn poll(&self, timeout: Duration) -> bool {

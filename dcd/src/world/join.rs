@@ -64,25 +64,27 @@ impl World {
     /// # Errors
     /// [`Unsupported`](super::Unsupported) in other roles.
     pub fn suspend(&mut self) -> Result<(), Error> {
-        self.server("be suspended", Instead::ServerKeeps)?.suspend();
-        Ok(())
+        match &mut self.inner {
+            Inner::Local(_) => Err(self.refuse("be suspended", Instead::Serve)),
+            Inner::Remote(world) => world.suspend(),
+        }
     }
 
     /// Mints a token that lets one process join this server in such a role, within `valid_for`.
     pub fn token(&self, role: JoinRole, valid_for: Duration) -> Result<String, Error> {
-        Ok(self.server(TOKENS, Instead::AskServer)?.token(role, valid_for)?)
+        Ok(self.server(TOKENS)?.token(role, valid_for)?)
     }
 
     /// Returns an error if this process mints no tokens.
     #[doc(hidden)]
     pub fn mints_tokens(&self) -> Result<(), Error> {
-        self.server(TOKENS, Instead::AskServer).map(drop)
+        self.server(TOKENS).map(drop)
     }
 
-    fn server(&self, what: &'static str, instead: Instead) -> Result<&ServerProcess, Error> {
+    fn server(&self, what: &'static str) -> Result<&ServerProcess, Error> {
         self.has_network(what)?;
         let server = self.remote().and_then(|world| world.server());
-        server.ok_or_else(|| self.refuse(what, instead))
+        server.ok_or_else(|| self.refuse(what, Instead::AskServer))
     }
 
     /// Returns the address at which a server or a node listens.

@@ -3,20 +3,21 @@
 use rapier3d::prelude::GenericJoint;
 
 use super::role::Instead;
-use super::{Error, World};
+use super::{Error, Inner, World};
 use crate::physics::LinkSettings;
 use crate::protocol::{JointRecord, LinkMotion};
 use crate::space::{BodyId, JointId};
 
-/// Joints of local worlds: a served world has those of its scene.
+/// Joints of local worlds, and of those that a server's program makes: clients see none.
 impl World {
     /// Returns an error if bodies cannot be joined here.
     #[doc(hidden)]
     pub fn ties_bodies(&self) -> Result<(), Error> {
-        self.local("make, see, drive or destroy joints", Instead::JointsInScene).map(drop)
+        self.remote().map_or(Ok(()), |world| world.ties_bodies())
     }
 
-    /// Inserts a joint between two bodies. The assemblies of both become one, which is owned and moved whole.
+    /// Inserts a joint between two bodies. The assemblies of both become one, which is owned and moved whole. A server ties bodies
+    /// that were inserted since its last step, to one another or to fixed ones.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -37,7 +38,10 @@ impl World {
         b: BodyId,
         joint: impl Into<GenericJoint>,
     ) -> Result<JointId, Error> {
-        Ok(self.local_mut("make joints", Instead::JointsInScene)?.insert_joint(a, b, joint)?)
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.insert_joint(a, b, joint)?),
+            Inner::Remote(world) => world.insert_joint(a, b, &joint.into()),
+        }
     }
 
     /// Makes body `b` a link of the multibody of `a` (Featherstone's reduced coordinates, as Rapier's multibody joints): the
@@ -70,7 +74,10 @@ impl World {
 
     /// Removes a joint.
     pub fn remove_joint(&mut self, joint: JointId) -> Result<(), Error> {
-        Ok(self.local_mut("destroy joints", Instead::JointsInScene)?.remove_joint(joint)?)
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.remove_joint(joint)?),
+            Inner::Remote(world) => world.remove_joint(joint),
+        }
     }
 
     /// Changes a joint in place: motors, limits, whether it acts.
@@ -86,13 +93,19 @@ impl World {
     /// joint.
     #[must_use]
     pub fn joint(&self, joint: JointId) -> Option<JointRecord> {
-        self.alone()?.joint(joint)
+        match &self.inner {
+            Inner::Local(world) => world.joint(joint),
+            Inner::Remote(world) => world.joint(joint),
+        }
     }
 
-    /// Returns the joints of a body, in order of insertion; none in a served world.
+    /// Returns the joints of a body, in order of insertion; none for clients and nodes.
     #[must_use]
     pub fn joints_of(&self, body: BodyId) -> Vec<JointId> {
-        self.alone().map(|world| world.joints_of(body)).unwrap_or_default()
+        match &self.inner {
+            Inner::Local(world) => world.joints_of(body),
+            Inner::Remote(world) => world.joints_of(body),
+        }
     }
 
     /// Returns the load on the locked axes of a joint in the last step: newtons along the three axes of its frame, newton metres

@@ -4,6 +4,8 @@
 //! A role is a variant of `Inner`: the world that this process computes alone ([`LocalWorld`]), or one that others compute
 //! (`remote::Remote`: `served` for clients and participants, `hosted` for servers and nodes).
 
+#[cfg(feature = "net")]
+mod author;
 mod bodies;
 mod control;
 mod error;

@@ -9,9 +9,11 @@ use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
 use crate::net::PeerStats;
-use crate::protocol::{Area, BodyRecord, Handover, Query, QueryResult, Velocity, WorldEvents, WorldPose};
+use crate::protocol::{
+    Area, BodyRecord, Handover, JointRecord, Query, QueryResult, Velocity, WorldEvents, WorldPose,
+};
 use crate::runtime::Stats;
-use crate::space::{BodyId, ClientId, Tick};
+use crate::space::{BodyId, ClientId, JointId, Tick};
 use rapier3d::prelude::*;
 
 /// A role other than [`Role::Local`]. The default methods answer as a server or node does, which shows nothing of its world.
@@ -71,6 +73,33 @@ pub(super) trait Remote: Send + Sync {
 
     fn set_velocity(&mut self, _id: BodyId, _velocity: Velocity) -> Result<(), Error> {
         Err(self.unsupported("move bodies", Instead::JoinAsClient))
+    }
+
+    /// Stops a server and keeps its world.
+    #[cfg(feature = "net")]
+    fn suspend(&mut self) -> Result<(), Error> {
+        Err(self.unsupported("be suspended", Instead::ServerKeeps))
+    }
+
+    /// Returns an error if bodies cannot be joined here.
+    fn ties_bodies(&self) -> Result<(), Error> {
+        Err(self.compute("make, see, drive or destroy joints", Instead::JointsInScene))
+    }
+
+    fn insert_joint(&mut self, _a: BodyId, _b: BodyId, _joint: &GenericJoint) -> Result<JointId, Error> {
+        Err(self.compute("make joints", Instead::JointsInScene))
+    }
+
+    fn remove_joint(&mut self, _id: JointId) -> Result<(), Error> {
+        Err(self.compute("destroy joints", Instead::JointsInScene))
+    }
+
+    fn joint(&self, _id: JointId) -> Option<JointRecord> {
+        None
+    }
+
+    fn joints_of(&self, _body: BodyId) -> Vec<JointId> {
+        Vec::new()
     }
 
     fn set_interest(&mut self, _area: Option<Area>) -> Result<(), Error> {

@@ -70,6 +70,10 @@ pub enum Instead {
     KinematicByVelocity,
     /// Give the scene the joints.
     JointsInScene,
+    /// Tie bodies in the step in which they are inserted.
+    TieAtBirth,
+    /// Insert a body anew where it is to be.
+    InsertAnew,
     /// Rely on the server's data folder.
     ServerKeeps,
     /// Compare local worlds.
@@ -103,6 +107,10 @@ impl fmt::Display for Instead {
             Self::FixedInScene => "give the scene the fixed body, or make a kinematic one",
             Self::KinematicByVelocity => "make a velocity-based kinematic one and give it velocities",
             Self::JointsInScene => "joints belong to the scene that the server was given",
+            Self::TieAtBirth => {
+                "insert both bodies, or one beside a fixed one, and tie them before the next step"
+            }
+            Self::InsertAnew => "remove it and insert it where it is to be",
             Self::ServerKeeps => "the server keeps the world in its data folder",
             Self::CompareLocal => {
                 "it hears of bodies at different ticks; compare hashes of local worlds (World::new)"

@@ -16,6 +16,7 @@ fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
     let returned = |epoch| ToClient::Inserted {
         body: BodyRecord { epoch: Epoch(epoch), ..body.clone() },
         shapes: Vec::new(),
+        joints: Vec::new(),
     };
     assert_eq!(tell(returned(1)), Some((Epoch(1), Tick(0))));
     let (pose, velocity) = (body.state.pose, body.state.velocity);
@@ -32,7 +33,7 @@ fn linked() -> Client {
     let mut client = Client::new(ClientId(1), None);
     for x in [0.0, 50.0] {
         let body = sim_body(BodyId::persistent(x as u32), [x, 0.0, 0.0]);
-        tell(&mut client, ToClient::Inserted { body, shapes: Vec::new() });
+        tell(&mut client, ToClient::Inserted { body, shapes: Vec::new(), joints: Vec::new() });
     }
     follow(&mut client, 1);
     client
@@ -87,7 +88,10 @@ fn what_is_near_an_avatar_of_ones_own_is_not_outside() {
     let id = BodyId::avatar(client.id, 0);
     let stone = client.bodies().find(|view| view.body.id == BodyId::persistent(50)).unwrap().body.clone();
     let at = |x: f64| WorldPose::at([x, 0.0, 0.0]);
-    tell(&mut client, ToClient::Inserted { body: sim_body(id, [44.0, 0.0, 0.0]), shapes: Vec::new() });
+    tell(
+        &mut client,
+        ToClient::Inserted { body: sim_body(id, [44.0, 0.0, 0.0]), shapes: Vec::new(), joints: Vec::new() },
+    );
     let area = Area { centre: [-20.0, 0.0, 0.0], radius_m: 5.0 };
     client.handle(Duration::ZERO, ClientEvent::Interest(Some(area)));
     let outside = |client: &Client| client.body(stone.id).unwrap().outside;

@@ -171,17 +171,17 @@ impl Group {
     /// Tells clients and nodes of a waiting body.
     fn introduce(&mut self, common: &mut Common, id: BodyId, shapes: Vec<ShapeRecord>) {
         let Some(body) = self.record.body(id).cloned() else { return };
-        let message = ToClient::Inserted { body: body.clone(), shapes: shapes.clone() };
+        let message = ToClient::Inserted { body: body.clone(), shapes: shapes.clone(), joints: Vec::new() };
         common.send_clients(self.id, &message);
         if self.view.is_some() && self.change.is_none() && !self.held {
             self.record.set_life(id, Life::Live);
             self.arriving.insert(id);
-            self.apply(common, vec![WorldOp::Insert { body, shapes, joints: Vec::new() }]);
+            self.apply(common, vec![WorldOp::Insert { bodies: vec![body], shapes, joints: Vec::new() }]);
         }
     }
 
     /// Takes a body out of the world, for good or until its client returns.
-    fn retire(&mut self, common: &mut Common, id: BodyId, park: bool) {
+    pub(super) fn retire(&mut self, common: &mut Common, id: BodyId, park: bool) {
         match self.record.life(id) {
             Some(Life::Live) if self.view.is_some() => {
                 self.record.set_life(id, Life::Removing { park, back: false });

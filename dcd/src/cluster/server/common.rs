@@ -34,6 +34,8 @@ pub(super) struct NodeEntry {
     pub serving: Option<ViewNumber>,
     pub shapes: BTreeSet<ShapeHash>,
     pub scenery: BTreeSet<BodyId>,
+    /// Immovable bodies that are gone and that it may hold; it is told with the next view.
+    pub stale_scenery: BTreeSet<BodyId>,
     /// Round trips to others as it measures them; `None`: unreachable.
     pub delays: BTreeMap<NodeId, Option<f32>>,
 }
@@ -75,6 +77,8 @@ pub(super) struct Common {
     pub stale: u64,
     /// To be written down.
     pub world_changed: bool,
+    /// Of the next body and the next joint that the program makes.
+    pub next_ids: (u32, u64),
     pub groups_changed: BTreeSet<GroupId>,
     pub outputs: VecDeque<ServerOutput>,
 }

@@ -32,6 +32,8 @@ pub(super) struct Group {
     pub at_last_tick: BTreeSet<NodeId>,
     /// Bodies that the leader was told to insert and that no node has spoken of yet.
     pub arriving: BTreeSet<BodyId>,
+    /// Changes by the server's program that came while membership changed.
+    pub postponed: Vec<WorldOp>,
     complaints: BTreeSet<Complaint>,
     /// When they are decided on.
     pub hearing: Option<Duration>,
@@ -58,6 +60,7 @@ impl Group {
             change: None,
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
+            postponed: Vec::new(),
             complaints: BTreeSet::new(),
             hearing: None,
             unsure: false,

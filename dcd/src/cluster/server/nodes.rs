@@ -140,6 +140,7 @@ impl Server {
             serving: None,
             shapes,
             scenery,
+            stale_scenery: BTreeSet::new(),
             delays: BTreeMap::new(),
         };
         self.common.nodes.insert(node, entry);

@@ -56,6 +56,7 @@ struct StoredWorld {
     last_group: GroupId,
     begun: bool,
     tick: Tick,
+    next_ids: (u32, u64),
 }
 
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -117,6 +118,8 @@ impl Server {
         server.main_mut().record.forget_changes();
         server.common.number = ahead_of(stored.number);
         server.common.begun = stored.begun;
+        let (body, joint) = server.common.next_ids;
+        server.common.next_ids = (body.max(stored.next_ids.0), joint.max(stored.next_ids.1));
         server.main = stored.main;
         server.last_group = stored.last_group;
         let main = server.groups.pop_first().map(|(_, group)| group).expect("a server has a group");
@@ -155,6 +158,7 @@ impl Server {
                 serving: Some(view.number),
                 shapes: BTreeSet::new(),
                 scenery: BTreeSet::new(),
+                stale_scenery: BTreeSet::new(),
                 delays: BTreeMap::new(),
             };
             self.common.nodes.insert(member.node, entry);
@@ -184,6 +188,7 @@ impl Server {
                 last_group: self.last_group,
                 begun: self.common.begun,
                 tick: self.tick(),
+                next_ids: self.common.next_ids,
             };
             writes.push((Key::World, Some(encode_value(&stored))));
             self.common.world_changed = false;

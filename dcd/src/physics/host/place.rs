@@ -78,6 +78,9 @@ impl RegionHost {
             }
             self.owner_index.remove(id);
         }
+        for &id in dropped {
+            self.statics.remove(id);
+        }
         let steps = self.settings.coupling.first_steps(self.settings.exchanges);
         self.rounds = steps;
         for side in &mut self.sides {

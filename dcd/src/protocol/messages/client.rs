@@ -3,7 +3,9 @@
 use bincode::{Decode, Encode};
 
 use super::{Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
-use crate::protocol::{BodyRecord, ContactForce, ShapeRecord, SharedState, Touch, Velocity, WorldPose};
+use crate::protocol::{
+    BodyRecord, ContactForce, JointRecord, ShapeRecord, SharedState, Touch, Velocity, WorldPose,
+};
 use crate::space::{Allocation, BodyId, ClientId, GroupId, Tick};
 
 /// A message of a client to its leader, or to the server when there is none.
@@ -113,6 +115,8 @@ pub enum ToClient {
         body: BodyRecord,
         /// Shapes new to the world.
         shapes: Vec<ShapeRecord>,
+        /// Joints between bodies that are in the world by now.
+        joints: Vec<JointRecord>,
     },
     /// A body disappeared.
     Removed(BodyId),

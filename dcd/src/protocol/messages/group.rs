@@ -263,20 +263,20 @@ pub struct Dispatch {
 /// A change of the world from outside, applied by every member at the start of a tick to what it holds.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum WorldOp {
-    /// A body appears; the region at its place owns it.
+    /// Bodies appear; the region at its place owns each, and that of an assembly's first body the whole assembly.
     Insert {
-        /// The body.
-        body: BodyRecord,
+        /// The bodies.
+        bodies: Vec<BodyRecord>,
         /// Shapes that are new to the group.
         shapes: Vec<ShapeRecord>,
-        /// Joints to bodies that exist by then.
+        /// Joints among them, and with fixed bodies.
         joints: Vec<JointRecord>,
     },
     /// A body disappears, with its joints.
     Remove(BodyId),
     /// A joint disappears.
     RemoveJoint(JointId),
-    /// An avatar's user moves it.
+    /// An avatar's user moves it, or the server's program a body.
     Input(Input),
     /// Bodies for which another group is authoritative: corrected gradually towards their states there, without a jump.
     Correct {

@@ -329,6 +329,7 @@ impl Group {
             let node = member.node;
             let Some(entry) = common.nodes.get_mut(&node) else { continue };
             entry.serving = Some(view.number);
+            let stale = std::mem::take(&mut entry.stale_scenery);
             let mut parts = self.record.shape_chunks(&mut entry.shapes);
             parts.extend(self.record.scenery_chunks(&mut entry.scenery));
             parts.extend(common_parts.iter().cloned());
@@ -338,7 +339,8 @@ impl Group {
             // A node that claims a body that another owns at a higher epoch lets go of it.
             let beaten =
                 surveys.get(&node).into_iter().flatten().filter(|claim| owners[&claim.id].node != node);
-            let drop: BTreeSet<_> = drop.iter().copied().chain(beaten.map(|claim| claim.id)).collect();
+            let drop: BTreeSet<_> =
+                drop.iter().copied().chain(beaten.map(|claim| claim.id)).chain(stale).collect();
             common.send_node(node, ToNode::Adopt { view: view.clone(), drop: drop.into_iter().collect() });
         }
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
@@ -346,5 +348,6 @@ impl Group {
         self.confirmed = false;
         common.outputs.push_back(ServerOutput::Began { group: self.id, view: view.clone() });
         self.view = Some(view);
+        self.catch_up(common);
     }
 }

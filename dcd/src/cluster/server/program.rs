@@ -1,0 +1,196 @@
+//! Obeys the program of the server: bodies and joints that it inserts, moves and removes while nodes compute the world. What it
+//! does is on record before anybody hears of it, so that it outlives every node, and the server.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::Server;
+use super::common::Common;
+use super::group::Group;
+use crate::cluster::Life;
+use crate::protocol::{
+    BodyKind, BodyRecord, Input, JointRecord, ShapeRecord, ToClient, WorldOp, encoded_len,
+};
+use crate::space::{BodyId, Epoch, Groups, JointId};
+
+/// The most bytes of bodies that nodes are told to insert by one message.
+const INSERT_BYTES: usize = 1 << 20;
+
+/// A change of the world by its server's program.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ProgramOp {
+    /// Bodies come, with joints among them and with fixed bodies.
+    Insert {
+        /// New ones, persistent.
+        bodies: Vec<BodyRecord>,
+        /// Their shapes, parts before compounds; known ones may be left out.
+        shapes: Vec<ShapeRecord>,
+        /// Each ties new bodies, or a new one to a fixed one.
+        joints: Vec<JointRecord>,
+    },
+    /// A body goes, with its joints.
+    Remove(BodyId),
+    /// A joint goes.
+    RemoveJoint(JointId),
+    /// A body gets a velocity, and perhaps a pose.
+    Move(Input),
+}
+
+impl Server {
+    /// Returns the ids of the next body and the next joint that the program makes: none that was ever given.
+    pub fn next_ids(&self) -> (u32, u64) {
+        self.common.next_ids
+    }
+
+    pub(super) fn obey(&mut self, op: ProgramOp) {
+        match op {
+            ProgramOp::Insert { bodies, shapes, joints } => {
+                let (next_body, next_joint) = &mut self.common.next_ids;
+                for body in &bodies {
+                    *next_body = (*next_body).max(body.id.index().saturating_add(1));
+                }
+                for joint in &joints {
+                    *next_joint = (*next_joint).max(joint.id.0.saturating_add(1));
+                }
+                self.common.world_changed = true;
+                for group in self.groups.values_mut() {
+                    group.insert_all(&mut self.common, &bodies, &shapes, &joints);
+                }
+            }
+            ProgramOp::Remove(id) => {
+                for group in self.groups.values_mut() {
+                    group.remove(&mut self.common, id);
+                }
+            }
+            ProgramOp::RemoveJoint(id) => {
+                for group in self.groups.values_mut() {
+                    if group.record.remove_joint(id) {
+                        group.apply_soon(&mut self.common, WorldOp::RemoveJoint(id));
+                    }
+                }
+            }
+            ProgramOp::Move(input) => {
+                for group in self.groups.values_mut() {
+                    group.steer(&mut self.common, input);
+                }
+            }
+        }
+    }
+}
+
+impl Group {
+    fn insert_all(
+        &mut self,
+        common: &mut Common,
+        bodies: &[BodyRecord],
+        shapes: &[ShapeRecord],
+        joints: &[JointRecord],
+    ) {
+        let mut new_shapes = self.record.learn(shapes.to_vec());
+        for body in bodies {
+            self.record.insert(BodyRecord { epoch: Epoch(0), ..body.clone() });
+            // Nobody owns it: it is where the nodes are.
+            if body.traits.kind == BodyKind::Fixed {
+                self.record.set_life(body.id, Life::Live);
+            }
+        }
+        joints.iter().for_each(|joint| self.record.tie(joint.clone()));
+        for (at, body) in bodies.iter().enumerate() {
+            // Shapes first; joints when both their bodies are there.
+            let shapes = if at == 0 { new_shapes.clone() } else { Vec::new() };
+            let joints = if at + 1 == bodies.len() { joints.to_vec() } else { Vec::new() };
+            common.send_clients(self.id, &ToClient::Inserted { body: body.clone(), shapes, joints });
+        }
+        if self.view.is_none() || self.change.is_some() || self.held {
+            return;
+        }
+        for body in bodies.iter().filter(|body| body.traits.kind != BodyKind::Fixed) {
+            self.record.set_life(body.id, Life::Live);
+            self.arriving.insert(body.id);
+        }
+        for (bodies, joints) in assemblies(bodies, joints) {
+            let shapes = std::mem::take(&mut new_shapes);
+            self.apply(common, vec![WorldOp::Insert { bodies, shapes, joints }]);
+        }
+    }
+
+    fn remove(&mut self, common: &mut Common, id: BodyId) {
+        let Some(body) = self.record.body(id) else { return };
+        if body.traits.kind != BodyKind::Fixed {
+            return self.retire(common, id, false);
+        }
+        self.record.remove(id);
+        // Who is loading the world, or computes it, may hold it.
+        for entry in common.nodes.values_mut() {
+            entry.scenery.remove(&id);
+            entry.stale_scenery.insert(id);
+        }
+        self.apply_soon(common, WorldOp::Remove(id));
+        common.send_clients(self.id, &ToClient::Removed(id));
+    }
+
+    fn steer(&mut self, common: &mut Common, input: Input) {
+        if self.view.is_none() {
+            // Nobody computes the world: the record is all there is to move.
+            if let Some(body) = self.record.body_mut(input.body) {
+                body.state.velocity = input.velocity;
+                body.state.pose = input.pose.unwrap_or(body.state.pose);
+                body.state.sleeping = false;
+            }
+            return;
+        }
+        self.apply_soon(common, WorldOp::Input(input));
+    }
+
+    /// Tells the leader, or, while membership changes, the leader to come.
+    fn apply_soon(&mut self, common: &mut Common, op: WorldOp) {
+        match (&self.view, &self.change) {
+            (Some(_), None) => self.apply(common, vec![op]),
+            (Some(_), Some(_)) => self.postponed.push(op),
+            (None, _) => {}
+        }
+    }
+
+    /// Tells the leader of a view that has begun what was to be done meanwhile.
+    pub(super) fn catch_up(&mut self, common: &mut Common) {
+        let ops = std::mem::take(&mut self.postponed);
+        if !ops.is_empty() {
+            self.apply(common, ops);
+        }
+    }
+}
+
+/// Splits bodies into parts that are told one by one: what joints tie together stays together, and fixed bodies come first.
+fn assemblies(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<(Vec<BodyRecord>, Vec<JointRecord>)> {
+    let fixed: BTreeSet<BodyId> =
+        bodies.iter().filter(|body| body.traits.kind == BodyKind::Fixed).map(|body| body.id).collect();
+    let new: BTreeSet<BodyId> = bodies.iter().map(|body| body.id).collect();
+    let is_movable = |id: &BodyId| new.contains(id) && !fixed.contains(id);
+    let mut tied = Groups::default();
+    for joint in joints.iter().filter(|joint| is_movable(&joint.a) && is_movable(&joint.b)) {
+        tied.join(joint.a, joint.b);
+    }
+    let mut assemblies: BTreeMap<BodyId, (Vec<BodyRecord>, Vec<JointRecord>)> = BTreeMap::new();
+    for body in bodies.iter().filter(|body| is_movable(&body.id)) {
+        assemblies.entry(tied.root(body.id)).or_default().0.push(body.clone());
+    }
+    for joint in joints {
+        let movable = if is_movable(&joint.a) { joint.a } else { joint.b };
+        assemblies.entry(tied.root(movable)).or_default().1.push(joint.clone());
+    }
+    let scenery: Vec<_> = bodies.iter().filter(|body| fixed.contains(&body.id)).cloned().collect();
+    let mut parts: Vec<(Vec<BodyRecord>, Vec<JointRecord>)> = vec![(scenery, Vec::new())];
+    let mut bytes = encoded_len(&parts[0].0);
+    for (bodies, joints) in assemblies.into_values() {
+        let more = encoded_len(&bodies) + encoded_len(&joints);
+        if bytes + more > INSERT_BYTES {
+            parts.push(Default::default());
+            bytes = 0;
+        }
+        bytes += more;
+        let part = parts.last_mut().expect("there is a first part");
+        part.0.extend(bodies);
+        part.1.extend(joints);
+    }
+    parts.retain(|(bodies, joints)| !bodies.is_empty() || !joints.is_empty());
+    parts
+}

@@ -1,0 +1,275 @@
+//! Collects what the program of a server does to its world between two steps, and reads the server's record.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rapier3d::prelude::*;
+
+use super::error::Error;
+use super::role::{Instead, Role, Unsupported};
+use super::view::{Body, MovableBody};
+use crate::cluster::{Life, ProgramOp, Record};
+use crate::physics::{ShapeLibrary, joint_record};
+use crate::protocol::{
+    BodyKind, BodyRecord, Check, Input, Invalid, JointRecord, ShapeHash, Velocity, WorldPose,
+};
+use crate::runtime::{ServerProcess, WorldError};
+use crate::space::{BodyId, DistributionTree, JointId};
+
+/// What a server's program has done since the last step, and what nodes have not confirmed yet.
+pub(super) struct Author {
+    tree: DistributionTree,
+    shapes: ShapeLibrary,
+    /// Shapes that the server was sent.
+    sent: BTreeSet<ShapeHash>,
+    next_body: u32,
+    next_joint: u64,
+    /// New bodies of this step, in id order.
+    bodies: Vec<BodyRecord>,
+    joints: Vec<JointRecord>,
+    moves: BTreeMap<BodyId, Move>,
+    removed_joints: Vec<JointId>,
+    removed: Vec<BodyId>,
+    /// Bodies of earlier steps that are not on record yet.
+    awaited: BTreeMap<BodyId, BodyRecord>,
+    /// Bodies that were removed and are on record still.
+    leaving: BTreeSet<BodyId>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Move {
+    velocity: Option<Velocity>,
+    pose: Option<WorldPose>,
+}
+
+impl Author {
+    pub(super) fn new(server: &ServerProcess) -> Self {
+        let (next_body, next_joint) = server.next_ids;
+        Self {
+            tree: server.tree.clone(),
+            shapes: ShapeLibrary::default(),
+            sent: BTreeSet::new(),
+            next_body,
+            next_joint,
+            bodies: Vec::new(),
+            joints: Vec::new(),
+            moves: BTreeMap::new(),
+            removed_joints: Vec::new(),
+            removed: Vec::new(),
+            awaited: BTreeMap::new(),
+            leaving: BTreeSet::new(),
+        }
+    }
+
+    /// Sends what was done since the last step.
+    pub(super) fn flush(&mut self, server: &ServerProcess) {
+        server.read(|record| {
+            self.awaited.retain(|id, _| record.body(*id).is_none());
+            self.leaving.retain(|id| record.body(*id).is_some());
+        });
+        let mut ops = Vec::new();
+        let (bodies, joints) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.joints));
+        if !bodies.is_empty() {
+            let new = |shape: &crate::protocol::ShapeRecord| self.sent.insert(shape.hash());
+            let shapes = self.shapes.records().into_iter().filter(new).collect();
+            self.awaited.extend(bodies.iter().map(|body| (body.id, body.clone())));
+            ops.push(ProgramOp::Insert { bodies, shapes, joints });
+        }
+        for (body, Move { velocity, pose }) in std::mem::take(&mut self.moves) {
+            let known = self.known(server, body).map(|known| known.state.velocity);
+            let Some(velocity) = velocity.or(known) else { continue };
+            ops.push(ProgramOp::Move(Input { body, logical_time: 0, velocity, pose }));
+        }
+        ops.extend(std::mem::take(&mut self.removed_joints).into_iter().map(ProgramOp::RemoveJoint));
+        ops.extend(std::mem::take(&mut self.removed).into_iter().map(ProgramOp::Remove));
+        if !ops.is_empty() {
+            server.change(ops);
+        }
+    }
+
+    pub(super) fn insert(
+        &mut self,
+        pose: WorldPose,
+        body: &RigidBody,
+        colliders: &[ColliderBuilder],
+    ) -> Result<BodyId, Error> {
+        let id = BodyId::persistent(self.next_body);
+        let record = self.shapes.describe(id, pose, body, colliders)?;
+        record.check().map_err(refused)?;
+        self.next_body = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
+        self.bodies.push(record);
+        Ok(id)
+    }
+
+    pub(super) fn remove(&mut self, server: &ServerProcess, id: BodyId) -> Result<(), Error> {
+        self.found(server, id)?;
+        self.moves.remove(&id);
+        match self.fresh(id) {
+            Some(place) => {
+                self.bodies.remove(place);
+                self.joints.retain(|joint| joint.a != id && joint.b != id);
+            }
+            None => {
+                self.removed.push(id);
+                self.leaving.insert(id);
+                self.awaited.remove(&id);
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn set_velocity(
+        &mut self,
+        server: &ServerProcess,
+        id: BodyId,
+        velocity: Velocity,
+    ) -> Result<(), Error> {
+        velocity.check().map_err(refused)?;
+        self.movable(server, id)?;
+        match self.fresh(id) {
+            Some(place) => self.bodies[place].state.velocity = velocity,
+            None => self.moves.entry(id).or_default().velocity = Some(velocity),
+        }
+        Ok(())
+    }
+
+    pub(super) fn set_pose(
+        &mut self,
+        server: &ServerProcess,
+        id: BodyId,
+        pose: WorldPose,
+    ) -> Result<(), Error> {
+        pose.check().map_err(refused)?;
+        self.movable(server, id)?;
+        match self.fresh(id) {
+            Some(place) => self.bodies[place].state.pose = pose,
+            None => self.moves.entry(id).or_default().pose = Some(pose),
+        }
+        Ok(())
+    }
+
+    /// Ties bodies of this step to one another, or to fixed ones: what is computed already may be anywhere.
+    pub(super) fn insert_joint(
+        &mut self,
+        server: &ServerProcess,
+        [a, b]: [BodyId; 2],
+        joint: &GenericJoint,
+    ) -> Result<JointId, Error> {
+        let mut is_new = false;
+        for id in [a, b] {
+            let kind = self.found(server, id)?.traits.kind;
+            is_new |= self.fresh(id).is_some() && kind != BodyKind::Fixed;
+            if kind != BodyKind::Fixed && self.fresh(id).is_none() {
+                return Err(unsupported("tie bodies that are computed already", Instead::TieAtBirth));
+            }
+        }
+        if !is_new {
+            return Err(unsupported("tie fixed bodies", Instead::TieAtBirth));
+        }
+        let id = JointId(self.next_joint);
+        let record = joint_record(id, a, b, joint);
+        record.check().map_err(refused)?;
+        self.next_joint += 1;
+        self.joints.push(record);
+        Ok(id)
+    }
+
+    pub(super) fn remove_joint(&mut self, server: &ServerProcess, id: JointId) -> Result<(), Error> {
+        if let Some(place) = self.joints.iter().position(|joint| joint.id == id) {
+            self.joints.remove(place);
+            return Ok(());
+        }
+        let is_there = id.0 < self.next_joint && !self.removed_joints.contains(&id);
+        if !is_there || server.read(|record| record.joints().all(|joint| joint.id != id)) {
+            return Err(WorldError::NoJoint(id).into());
+        }
+        self.removed_joints.push(id);
+        Ok(())
+    }
+
+    /// Returns the joints on record and those of this step.
+    pub(super) fn joints(&self, server: &ServerProcess) -> Vec<JointRecord> {
+        let is_left = |joint: &&JointRecord| !self.removed_joints.contains(&joint.id);
+        let mut joints: Vec<_> = server.read(|record| record.joints().filter(is_left).cloned().collect());
+        joints.extend(self.joints.iter().cloned());
+        joints
+    }
+
+    /// Returns a body as the nodes last told, or as it was inserted, with what was done to it since.
+    pub(super) fn known(&self, server: &ServerProcess, id: BodyId) -> Option<BodyRecord> {
+        if self.leaving.contains(&id) {
+            return None;
+        }
+        let fresh = self.fresh(id).map(|place| self.bodies[place].clone());
+        let mut body = fresh
+            .or_else(|| server.read(|record| present(record, id).cloned()))
+            .or_else(|| self.awaited.get(&id).cloned())?;
+        if let Some(Move { velocity, pose }) = self.moves.get(&id) {
+            body.state.velocity = velocity.unwrap_or(body.state.velocity);
+            body.state.pose = pose.unwrap_or(body.state.pose);
+        }
+        Some(body)
+    }
+
+    pub(super) fn body(&self, server: &ServerProcess, id: BodyId) -> Option<Body> {
+        let BodyRecord { state, traits, .. } = self.known(server, id)?;
+        Some(Body {
+            pose: state.pose,
+            velocity: state.velocity,
+            kind: traits.kind,
+            sleeping: state.sleeping,
+            mass_kg: None,
+            user_data: traits.user_data,
+            owner: None,
+            outside: false,
+        })
+    }
+
+    /// Returns the movable bodies in id order.
+    pub(super) fn movable_bodies(&self, server: &ServerProcess) -> Vec<MovableBody> {
+        let ids = server.read(|record| record.present().map(|body| body.id).collect::<BTreeSet<_>>());
+        let own = self.bodies.iter().map(|body| body.id).chain(self.awaited.keys().copied());
+        let ids: BTreeSet<_> = ids.into_iter().chain(own).collect();
+        let movable = |id| {
+            let BodyRecord { state, traits, .. } =
+                self.known(server, id).filter(|body| body.traits.kind != BodyKind::Fixed)?;
+            Some(MovableBody {
+                id,
+                region: self.tree.leaf_at(state.pose.translation),
+                pose: state.pose,
+                velocity: state.velocity,
+                user_data: traits.user_data,
+                sleeping: state.sleeping,
+                outside: false,
+            })
+        };
+        ids.into_iter().filter_map(movable).collect()
+    }
+
+    /// Returns the place of a body that was inserted since the last step.
+    fn fresh(&self, id: BodyId) -> Option<usize> {
+        self.bodies.binary_search_by_key(&id, |body| body.id).ok()
+    }
+
+    fn found(&self, server: &ServerProcess, id: BodyId) -> Result<BodyRecord, Error> {
+        self.known(server, id).ok_or_else(|| WorldError::NoBody(id).into())
+    }
+
+    fn movable(&self, server: &ServerProcess, id: BodyId) -> Result<(), Error> {
+        match self.found(server, id)?.traits.kind {
+            BodyKind::Fixed => Err(unsupported("move fixed bodies", Instead::InsertAnew)),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn present(record: &Record, id: BodyId) -> Option<&BodyRecord> {
+    record.body(id).filter(|_| matches!(record.life(id), Some(Life::Live | Life::Waiting)))
+}
+
+fn unsupported(what: &'static str, instead: Instead) -> Error {
+    Unsupported { role: Role::Server, what, instead }.into()
+}
+
+fn refused(Invalid { field, rule }: Invalid) -> Error {
+    WorldError::Setting { what: field, value: "out of range".to_owned(), range: rule }.into()
+}

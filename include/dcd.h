@@ -230,6 +230,10 @@
 // use the shapes that you have.
 #define DCD_REFUSED_TOO_MANY 8
 
+// In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
+// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners.
+#define DCD_REFUSED_COSTLY 9
+
 // In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 #define DCD_EVENTS_LOST 1
 
@@ -1673,16 +1677,27 @@ DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, si
 // world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 //
 // It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
-// for your program: of dcd_events, connections and messages. The handle also serves dcd_world_info, dcd_stats, dcd_address,
-// dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
-// from the same process. dcd_world_destroy ends the world for all. The folder keeps its keys (authority.pem), the list of
-// used tokens (joins.log), locks, and world.redb, which has no world to go on with; after a process that ends without, it has.
+// for your program: of dcd_events, connections and messages. Your program may change the world by the handle: make, move and
+// destroy bodies, and tie new ones (dcd_bodies_create, dcd_joint_create); what it did since the last dcd_step is sent with the next,
+// is on record before anybody hears of it, and is computed alike by all nodes. Bodies are read from the record: as nodes last told,
+// at most half a second ago; to see them move, join the world, also from the same process. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
+// that ends without, one that is made in the same way goes on with it. The folder keeps its keys (authority.pem), the list of
+// used tokens (joins.log), locks, and the world (world.redb).
 //
 // `def` and what it points to are read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
 // is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
 // the address cannot be listened on, DCD_ERR_LIMIT without threads.
-DCD_API DcdStatus dcd_server_create(const DcdServerDef *def, DcdWorld *out);
+DCD_API
+DcdStatus dcd_server_create(const DcdServerDef *def,
+                            DcdWorld *out);
+
+// Stops a server without ending its world: what is known of it is written to the data folder, nodes compute on and, as clients
+// do, dial a server that is made in the same way, for half a minute. From here on dcd_step fails with DCD_ERR_NETWORK;
+// dcd_world_destroy frees the handle.
+//
+// Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED for a world that is not a server.
+DCD_API DcdStatus dcd_server_suspend(DcdWorld world);
 
 // Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It
 // can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
@@ -1789,13 +1804,14 @@ DCD_API DcdStatus dcd_shape_destroy(DcdWorld world, DcdShapeId shape);
 DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBodyId *out);
 
 // Creates `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
-// moves them. In a served world they are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
+// moves them. Those of a client or participant are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each;
+// those of a server are the world's own, of any kind, and nodes compute them from some ticks after the next dcd_step on.
 //
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-// than DCD_MAX_ITEMS bodies, and in a served world for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
-// ids, DCD_ERR_UNSUPPORTED in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when
-// its link is gone.
+// than DCD_MAX_ITEMS bodies, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+// ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
+// DCD_ERR_NETWORK when its link is gone.
 DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
 
 // Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
@@ -1836,17 +1852,17 @@ DcdStatus dcd_pose_interpolate(const DcdPose *from,
                                double t,
                                DcdPose *out);
 
-// Teleports a body to a pose, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
-// avatars of this process, and the next dcd_step asks for it.
+// Teleports a body to a pose, whatever is there, and wakes it. A fixed body of a local world may be moved so too. A client
+// or participant moves its own avatars, a server all but fixed bodies; the next dcd_step asks for it.
 //
-// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
+// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not move, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
 // pose out of range or whose q is not of length 1.
 DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPose *pose);
 
-// Sets the velocity of a dynamic or kinematic body, and wakes it. In a served world only avatars of this process, and the next
-// dcd_step asks for it.
+// Sets the velocity of a dynamic or kinematic body, and wakes it. A client or participant drives its own avatars, a server all
+// bodies; the next dcd_step asks for it.
 //
-// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
+// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
 // numbers out of range, a fixed body or one that follows poses.
 DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
 
@@ -1874,7 +1890,8 @@ DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
 // is the centre of mass.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
-// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger. DCD_ERR_UNSUPPORTED in a served world.
+// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger. DCD_ERR_UNSUPPORTED for clients,
+// participants and nodes.
 DCD_API
 DcdStatus dcd_body_apply_impulse(DcdWorld world,
                                  DcdBodyId body,
@@ -2010,8 +2027,9 @@ DcdStatus dcd_body_set_groups(DcdWorld world,
                               uint32_t groups,
                               uint32_t mask);
 
-// Creates a joint between two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
-// together is owned and moved whole by one region, so keep it small against a region.
+// Creates a joint between two bodies of a local world, or of a server's own: those that it made since its last dcd_step, or one of
+// them and a fixed one. Clients and nodes have no joints (DCD_ERR_UNSUPPORTED), and a server cannot change one, only destroy it. What
+// joints tie together is owned and moved whole by one region, so keep it small against a region.
 //
 // `def` is read during the call. The joint is gone when either body is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a

@@ -117,13 +117,14 @@ pub unsafe extern "C" fn dcd_body_create(
 }
 
 /// Creates `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
-/// moves them. In a served world they are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
+/// moves them. Those of a client or participant are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each;
+/// those of a server are the world's own, of any kind, and nodes compute them from some ticks after the next dcd_step on.
 ///
 /// `defs` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-/// than DCD_MAX_ITEMS bodies, and in a served world for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
-/// ids, DCD_ERR_UNSUPPORTED in a served world for a fixed body, DCD_KINEMATIC_POSE or thresholds of sleep, DCD_ERR_NETWORK when
-/// its link is gone.
+/// than DCD_MAX_ITEMS bodies, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+/// ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
+/// DCD_ERR_NETWORK when its link is gone.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bodies_create(
     world: DcdWorld,

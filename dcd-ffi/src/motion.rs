@@ -147,10 +147,10 @@ pub unsafe extern "C" fn dcd_pose_interpolate(
     })
 }
 
-/// Teleports a body to a pose, whatever is there, and wakes it. A fixed body may be moved so too. In a served world only
-/// avatars of this process, and the next dcd_step asks for it.
+/// Teleports a body to a pose, whatever is there, and wakes it. A fixed body of a local world may be moved so too. A client
+/// or participant moves its own avatars, a server all but fixed bodies; the next dcd_step asks for it.
 ///
-/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
+/// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not move, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
 /// pose out of range or whose q is not of length 1.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_pose(
@@ -168,10 +168,10 @@ pub unsafe extern "C" fn dcd_body_set_pose(
     })
 }
 
-/// Sets the velocity of a dynamic or kinematic body, and wakes it. In a served world only avatars of this process, and the next
-/// dcd_step asks for it.
+/// Sets the velocity of a dynamic or kinematic body, and wakes it. A client or participant drives its own avatars, a server all
+/// bodies; the next dcd_step asks for it.
 ///
-/// Errors: DCD_ERR_UNSUPPORTED for a body of others in a served world, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
+/// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
 /// numbers out of range, a fixed body or one that follows poses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(

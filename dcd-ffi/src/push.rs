@@ -1,6 +1,6 @@
 //! Applies forces, torques and impulses to bodies.
 
-use dcd::{BodyId, BodyKind};
+use dcd::{BodyId, BodyKind, Push, Role};
 use rapier3d::prelude::*;
 
 use crate::guard::guard;
@@ -8,13 +8,14 @@ use crate::handle::stale;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, check_point, is_in_range};
 use crate::registry::{self, World, with};
-use crate::status::{DcdStatus, Failure};
+use crate::status::{DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 
 /// Applies an impulse to a dynamic body, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
 /// is the centre of mass.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
-/// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger. DCD_ERR_UNSUPPORTED in a served world.
+/// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger. DCD_ERR_UNSUPPORTED for clients,
+/// participants and nodes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_apply_impulse(
     world: DcdWorld,
@@ -27,17 +28,10 @@ pub unsafe extern "C" fn dcd_body_apply_impulse(
         let (impulse, point) =
             unsafe { (pointer::read(impulse.cast::<[f32; 3]>(), "impulse")?, read_point(point)?) };
         with(world, |world| {
-            let id = find_dynamic(world, body)?;
+            let push = Push { point, ..Push::impulse(find_dynamic(world, body)?, impulse) };
             let impulse = Vector::from_array(impulse);
-            let turn = turn_of(world, id, impulse, point);
-            check_kick(world, id, impulse, turn, 1.0)?;
-            world
-                .dcd
-                .update(id, |body| {
-                    body.apply_impulse(impulse, true);
-                    body.apply_torque_impulse(turn, true);
-                })
-                .map_err(Failure::from)
+            check_kick(world, push.body, impulse, turn_of(world, push.body, impulse, point), 1.0)?;
+            world.dcd.push(&push).map_err(Failure::from)
         })
     })
 }
@@ -53,9 +47,9 @@ pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
         // SAFETY: the caller vouches for three numbers.
         let impulse = unsafe { pointer::read(impulse.cast::<[f32; 3]>(), "impulse")? };
         with(world, |world| {
-            let (id, impulse) = (find_dynamic(world, body)?, Vector::from_array(impulse));
-            check_kick(world, id, Vector::ZERO, impulse, 1.0)?;
-            world.dcd.update(id, |body| body.apply_torque_impulse(impulse, true)).map_err(Failure::from)
+            let id = find_dynamic(world, body)?;
+            check_kick(world, id, Vector::ZERO, Vector::from_array(impulse), 1.0)?;
+            world.dcd.push(&Push::torque_impulse(id, impulse)).map_err(Failure::from)
         })
     })
 }
@@ -103,6 +97,13 @@ pub unsafe extern "C" fn dcd_body_add_force(
             unsafe { (pointer::read(force.cast::<[f32; 3]>(), "force")?, read_point(point)?) };
         with(world, |world| {
             let id = find_dynamic(world, body)?;
+            if point.is_some() && world.dcd.role() == Role::Server {
+                let remedy = "push it at its centre of mass (a null point), or by an impulse at a point";
+                return Err(Failure::new(
+                    DCD_ERR_UNSUPPORTED,
+                    format!("a server cannot add a force at a point: {remedy}"),
+                ));
+            }
             let force = Vector::from_array(force);
             let turn = turn_of(world, id, force, point);
             let state = world.dcd.record(id).ok_or_else(|| stale("body", body.v))?.state;
@@ -114,15 +115,7 @@ pub unsafe extern "C" fn dcd_body_add_force(
 
 pub(crate) fn set_force(world: &mut World, id: BodyId, force: Vector, torque: Vector) -> Result<(), Failure> {
     check_kick(world, id, force, torque, world.dcd.dt_s())?;
-    world
-        .dcd
-        .update(id, |body| {
-            body.reset_forces(true);
-            body.reset_torques(true);
-            body.add_force(force, true);
-            body.add_torque(torque, true);
-        })
-        .map_err(Failure::from)
+    world.dcd.push(&Push::force(id, force.to_array(), torque.to_array())).map_err(Failure::from)
 }
 
 /// # Safety

@@ -120,9 +120,10 @@ unsafe impl Sized32 for DcdNodeDef {
 /// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 ///
 /// It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
-/// for your program: of dcd_events, connections and messages. The handle also serves dcd_world_info, dcd_stats, dcd_address,
-/// dcd_token_create, dcd_connections and what goes with it, and dcd_send; the world is seen by joining it, also
-/// from the same process. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
+/// for your program: of dcd_events, connections and messages. Your program may change the world by the handle: make, move and
+/// destroy bodies, and tie new ones (dcd_bodies_create, dcd_joint_create); what it did since the last dcd_step is sent with the next,
+/// is on record before anybody hears of it, and is computed alike by all nodes. Bodies are read from the record: as nodes last told,
+/// at most half a second ago; to see them move, join the world, also from the same process. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
 /// that ends without, one that is made in the same way goes on with it. The folder keeps its keys (authority.pem), the list of
 /// used tokens (joins.log), locks, and the world (world.redb).
 ///

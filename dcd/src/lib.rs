@@ -83,7 +83,7 @@ pub use physics::{
 pub use protocol::Area;
 pub use protocol::{
     BodyKind, BodyRecord, BodyState, BodyTraits, ContactForce, ContactKey, Costs, Handover, JointRecord,
-    LinkMotion, Refusal, Touch, Velocity, WorldEvents, WorldPose,
+    LinkMotion, Push, Refusal, Touch, Velocity, WorldEvents, WorldPose,
 };
 #[cfg(feature = "physics")]
 pub use runtime::{Choice, Partitioning, Stats, Why, WorldConfig};

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use dcd::network::{JoinConfig, JoinRole, ServeConfig};
 use dcd::prelude::*;
 use dcd::protocol::Pace;
-use dcd::{Axis, Instead, Tick};
+use dcd::{Axis, Instead, Push, Tick};
 
 const LIMIT: Duration = Duration::from_secs(30);
 
@@ -137,6 +137,20 @@ fn a_program_builds_a_game_in_an_empty_world_that_runs_and_clients_see_it() {
         worlds[1].pose(first).is_some_and(|pose| pose.translation[1] > 20.0)
     });
 
+    // Thrown from one region into the other, and spun by a push beside its centre.
+    let thrown = bodies[21 - 1];
+    let place = server.pose(thrown).unwrap().translation;
+    server.push(&Push::impulse(thrown, [-8.0, 8.0, 0.0]).at([place[0], place[1], place[2] + 0.25])).unwrap();
+    until("a box flies and spins", &mut [&mut server, &mut client], |worlds| {
+        let body = worlds[1].body(thrown).unwrap();
+        body.velocity.linear[0] < -2.0 && body.velocity.angular.iter().any(|v| v.abs() > 0.5)
+    });
+    server.push(&Push::force(thrown, [0.0, 30.0, 0.0], [0.0; 3])).unwrap();
+    until("a force lifts it on and on", &mut [&mut server, &mut client], |worlds| {
+        worlds[1].pose(thrown).is_some_and(|pose| pose.translation[1] > 12.0)
+    });
+    server.push(&Push::force(thrown, [0.0; 3], [0.0; 3])).unwrap();
+
     let cut = server.joints_of(weight)[0];
     server.remove_joint(cut).unwrap();
     until("the weight falls off", &mut [&mut server, &mut client], |worlds| {
@@ -146,7 +160,8 @@ fn a_program_builds_a_game_in_an_empty_world_that_runs_and_clients_see_it() {
     server.remove(ground).unwrap();
     assert!(!server.contains(ground) && !server.contains(platform));
     until("nothing holds the boxes any more", &mut [&mut server, &mut client], |worlds| {
-        let falls = bodies[2..21].iter().all(|&id| worlds[1].pose(id).is_some_and(|pose| pose.translation[1] < -5.0));
+        let falls =
+            bodies[2..21].iter().all(|&id| worlds[1].pose(id).is_some_and(|pose| pose.translation[1] < -5.0));
         falls && !worlds[1].contains(ground) && !worlds[1].contains(platform)
     });
 }
@@ -194,6 +209,8 @@ fn what_a_program_cannot_do_is_refused_with_a_remedy() {
     let bodies = build(&mut server);
     let (ground, first, second) = (bodies[0], bodies[1], bodies[2]);
     let text = |error: Result<(), Error>| error.unwrap_err().to_string();
+    assert!(text(server.push(&Push::impulse(first, [f32::NAN; 3]))).contains("finite"));
+    assert!(text(server.push(&Push::impulse(ground, [1.0; 3]))).contains("set its velocity"));
     let far = WorldPose::at([f64::NAN, 0.0, 0.0]);
     assert!(text(server.set_pose(first, far)).contains("finite and within 1e9 m"));
     assert!(text(server.set_velocity(first, Velocity::linear([f32::INFINITY; 3]))).contains("finite"));

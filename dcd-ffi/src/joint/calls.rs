@@ -13,8 +13,9 @@ use crate::registry::{self, World, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 
-/// Creates a joint between two bodies of a local world; in a served world everything about joints is DCD_ERR_UNSUPPORTED. What joints tie
-/// together is owned and moved whole by one region, so keep it small against a region.
+/// Creates a joint between two bodies of a local world, or of a server's own: those that it made since its last dcd_step, or one of
+/// them and a fixed one. Clients and nodes have no joints (DCD_ERR_UNSUPPORTED), and a server cannot change one, only destroy it. What
+/// joints tie together is owned and moved whole by one region, so keep it small against a region.
 ///
 /// `def` is read during the call. The joint is gone when either body is destroyed.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a

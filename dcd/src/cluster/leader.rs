@@ -20,12 +20,14 @@ pub(super) use self::state_replication::TELL_TICK;
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
     Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Pace, Query, Refusal,
-    RegionEvents, Report, Thresholds, ToClient, View, ViewNumber, WorldOp,
+    RegionEvents, Report, Thresholds, ToClient, View, ViewNumber, WorldOp, encoded_len,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 
 /// How long an input waits for its avatar to appear, in ticks.
 const EARLY_TICKS: u64 = 60;
+/// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
+const OPS_BYTES: usize = 4 << 20;
 
 /// The state of a leader: it begins and ends with a view.
 #[derive(Clone, Debug)]
@@ -275,7 +277,7 @@ impl Leader {
             Pace::RealTime => (self.next_due + self.dt.mul_f32(self.stretch())).max(now),
         };
         self.tick = self.tick.next();
-        let mut ops = std::mem::take(&mut self.ops);
+        let mut ops = self.next_ops();
         for op in &ops {
             match op {
                 WorldOp::Insert { bodies, .. } => {
@@ -297,6 +299,19 @@ impl Leader {
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };
         Some(Dispatch { view: self.view, tick: self.tick, rounds, ops })
+    }
+
+    /// Takes the server's operations of one tick: as many as a message has room for, in order. The others wait.
+    fn next_ops(&mut self) -> Vec<WorldOp> {
+        let mut bytes = 0;
+        let is_over = |op: &WorldOp| {
+            bytes += encoded_len(op);
+            bytes > OPS_BYTES
+        };
+        // One alone is never too long: the server splits what it sends.
+        let count = self.ops.iter().position(is_over).map_or(self.ops.len(), |count| count.max(1));
+        let later = self.ops.split_off(count);
+        std::mem::replace(&mut self.ops, later)
     }
 
     /// Inputs for avatars that have appeared count now; those that waited too long are refused.
@@ -448,6 +463,29 @@ mod tests {
         let due = leader.timeout().unwrap();
         assert_eq!(due, Duration::from_secs_f32(1.0 / 60.0));
         assert_eq!(leader.dispatch(due).unwrap().tick, Tick(2));
+    }
+
+    #[test]
+    fn operations_that_no_message_has_room_for_wait_for_the_next_tick_in_order() {
+        let mut leader = leader();
+        leader.dispatch(Duration::ZERO);
+        let corners = vec![[0.5; 3]; 100_000];
+        let op = |i: u32| WorldOp::Insert {
+            bodies: vec![sim_body(BodyId::persistent(100 + i), [1.0; 3])],
+            shapes: vec![crate::protocol::ShapeRecord::ConvexPolyhedron(corners.clone(), Vec::new())],
+            joints: vec![],
+        };
+        let ops: Vec<_> = (0..30).map(op).collect();
+        leader.apply(ops.clone());
+        let mut told = Vec::new();
+        for tick in 1..20 {
+            both_done(&mut leader, tick, vec![], vec![]);
+            let dispatch = leader.dispatch(Duration::from_secs(tick)).unwrap();
+            assert!(encoded_len(&dispatch) < crate::protocol::MAX_MESSAGE_BYTES / 2);
+            told.extend(dispatch.ops);
+        }
+        assert_eq!(told.len(), ops.len());
+        assert!(told == ops, "none is lost, and none overtaken");
     }
 
     #[test]

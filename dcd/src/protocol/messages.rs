@@ -15,8 +15,8 @@ use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, Regi
 
 pub use client::{Area, Costs, FromClient, Input, Refusal, Stamp, ToClient};
 pub use group::{
-    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, Motion, Report, Stance, ToNode, ToServer,
-    WorldOp,
+    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, Motion, Push, Report, Stance, ToNode,
+    ToServer, WorldOp,
 };
 pub use program::Program;
 pub use query::{

@@ -423,9 +423,18 @@ impl Check for WorldOp {
             }
             Self::Remove(_) | Self::RemoveJoint(_) => Ok(()),
             Self::Input(input) => input.check(),
+            Self::Push(push) => push.check(),
             Self::Correct { states, .. } => all(states),
             Self::Ask { question, .. } => question.check(),
         }
+    }
+}
+
+impl Check for Push {
+    fn check(&self) -> Result<(), Invalid> {
+        finite(&self.linear, "push.linear")?;
+        finite(&self.angular, "push.angular")?;
+        must(self.point.is_none_or(|point| point.iter().all(|v| v.is_finite())), "push.point", "finite")
     }
 }
 

@@ -338,6 +338,9 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
                 host.remove_joint(id);
             }
             WorldOp::Input(input) => steer(host, &input),
+            WorldOp::Push(push) => {
+                host.push(&push);
+            }
             // Answered when the tick is over.
             WorldOp::Ask { .. } => {}
             WorldOp::Correct { tick, states } => {

@@ -10,7 +10,8 @@ use crate::physics::{
     StepSettings, joint_record,
 };
 use crate::protocol::{
-    ContactLedger, JointRecord, LinkMotion, StateHasher, Velocity, WorldEvents, WorldPose,
+    Check, ContactLedger, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity, WorldEvents,
+    WorldPose,
 };
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
@@ -434,6 +435,16 @@ impl LocalWorld {
         let result = self.host.update(body, change).ok_or(WorldError::NoBody(body))?;
         self.host.settle_kind(body)?;
         Ok(result)
+    }
+
+    /// Pushes a dynamic body, and wakes it.
+    pub fn push(&mut self, push: &Push) -> Result<(), WorldError> {
+        push.check().map_err(|Invalid { field, rule }| WorldError::Setting {
+            what: field,
+            value: format!("{push:?}"),
+            range: rule,
+        })?;
+        if self.host.push(push) { Ok(()) } else { Err(WorldError::NoBody(push.body)) }
     }
 
     /// Adds a collider to a body, as the last of its list.

@@ -244,7 +244,7 @@ impl StandIn {
                     region.replicas.remove(&id);
                 }
             }
-            WorldOp::RemoveJoint(_) => {}
+            WorldOp::RemoveJoint(_) | WorldOp::Push(_) => {}
             WorldOp::Ask { client, question } => self.questions.push((client, question)),
             WorldOp::Correct { tick: told, states } => {
                 let (dt_s, band_m) = {

@@ -10,7 +10,7 @@ use super::view::{Body, MovableBody};
 use crate::cluster::{Life, ProgramOp, Record};
 use crate::physics::{ShapeLibrary, joint_record};
 use crate::protocol::{
-    BodyKind, BodyRecord, Check, Input, Invalid, JointRecord, ShapeHash, Velocity, WorldPose,
+    BodyKind, BodyRecord, Check, Input, Invalid, JointRecord, Push, ShapeHash, Velocity, WorldPose,
 };
 use crate::runtime::{ServerProcess, WorldError};
 use crate::space::{BodyId, DistributionTree, JointId};
@@ -27,6 +27,7 @@ pub(super) struct Author {
     bodies: Vec<BodyRecord>,
     joints: Vec<JointRecord>,
     moves: BTreeMap<BodyId, Move>,
+    pushes: Vec<Push>,
     removed_joints: Vec<JointId>,
     removed: Vec<BodyId>,
     /// Bodies of earlier steps that are not on record yet.
@@ -53,6 +54,7 @@ impl Author {
             bodies: Vec::new(),
             joints: Vec::new(),
             moves: BTreeMap::new(),
+            pushes: Vec::new(),
             removed_joints: Vec::new(),
             removed: Vec::new(),
             awaited: BTreeMap::new(),
@@ -79,6 +81,7 @@ impl Author {
             let Some(velocity) = velocity.or(known) else { continue };
             ops.push(ProgramOp::Move(Input { body, logical_time: 0, velocity, pose }));
         }
+        ops.extend(std::mem::take(&mut self.pushes).into_iter().map(ProgramOp::Push));
         ops.extend(std::mem::take(&mut self.removed_joints).into_iter().map(ProgramOp::RemoveJoint));
         ops.extend(std::mem::take(&mut self.removed).into_iter().map(ProgramOp::Remove));
         if !ops.is_empty() {
@@ -103,6 +106,7 @@ impl Author {
     pub(super) fn remove(&mut self, server: &ServerProcess, id: BodyId) -> Result<(), Error> {
         self.found(server, id)?;
         self.moves.remove(&id);
+        self.pushes.retain(|push| push.body != id);
         match self.fresh(id) {
             Some(place) => {
                 self.bodies.remove(place);
@@ -144,6 +148,15 @@ impl Author {
             Some(place) => self.bodies[place].state.pose = pose,
             None => self.moves.entry(id).or_default().pose = Some(pose),
         }
+        Ok(())
+    }
+
+    pub(super) fn push(&mut self, server: &ServerProcess, push: &Push) -> Result<(), Error> {
+        push.check().map_err(refused)?;
+        if self.found(server, push.body)?.traits.kind != BodyKind::Dynamic {
+            return Err(unsupported("push bodies that are not dynamic", Instead::SetVelocity));
+        }
+        self.pushes.push(*push);
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use super::role::Instead;
 use super::view::{Body, MovableBody};
 use super::{Error, Inner, World};
 use crate::physics::{ColliderId, Region};
-use crate::protocol::{BodyKind, BodyRecord, Velocity, WorldPose};
+use crate::protocol::{BodyKind, BodyRecord, Push, Velocity, WorldPose};
 use crate::space::BodyId;
 
 const CHANGE_BODY: &str = "change a body in place";
@@ -223,7 +223,24 @@ impl World {
     /// Returns an error if forces and impulses cannot be applied here.
     #[doc(hidden)]
     pub fn pushes_bodies(&self) -> Result<(), Error> {
-        self.local("push bodies by force", Instead::PushByAvatars).map(drop)
+        self.remote().map_or(Ok(()), |world| world.pushes_bodies())
+    }
+
+    /// Pushes a dynamic body by a force or an impulse, and wakes it: in a local world at once, by a server with its next step.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// # let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5).mass(2.0))?;
+    /// world.push(&dcd::Push::impulse(ball, [1.0, 0.0, 0.0]))?;
+    /// assert_eq!(world.velocity(ball).unwrap().linear[0], 0.5);
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn push(&mut self, push: &Push) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.push(push)?),
+            Inner::Remote(world) => world.push(push),
+        }
     }
 
     /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may be
@@ -306,9 +323,7 @@ impl World {
     #[must_use]
     pub fn centre_of_mass(&self, id: BodyId) -> Option<[f64; 3]> {
         let Inner::Local(world) = &self.inner else { return None };
-        let (body, pose) = (world.body(id)?, world.pose(id)?);
-        let arm = (*body.rotation() * body.local_center_of_mass()).to_array();
-        Some(std::array::from_fn(|i| pose.translation[i] + f64::from(arm[i])))
+        world.host().centre_of_mass(id)
     }
 
     /// Returns the velocity that a body computed here would have after these impulses, N s and N m s in world axes; infinities

@@ -13,7 +13,7 @@ use super::remote::Remote;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::net::PeerStats;
-use crate::protocol::{BodyRecord, JointRecord, Velocity, WorldPose};
+use crate::protocol::{BodyRecord, JointRecord, Push, Velocity, WorldPose};
 use crate::runtime::{Member, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, JointId, Tick};
 
@@ -137,9 +137,20 @@ impl Remote for Hosted {
         author.set_velocity(server, id, velocity)
     }
 
+    fn pushes_bodies(&self) -> Result<(), Error> {
+        self.sees("push bodies by force")
+    }
+
+    fn push(&mut self, push: &Push) -> Result<(), Error> {
+        let (server, author) = self.written("push bodies by force")?;
+        author.push(server, push)
+    }
+
     fn suspend(&mut self) -> Result<(), Error> {
-        if self.author.is_none() {
-            return Err(self.unsupported("be suspended", Instead::ServerKeeps));
+        match &self.process {
+            Process::Node(_) => return Err(self.unsupported("be suspended", Instead::ServerKeeps)),
+            Process::Server(server) if server.is_suspended() => return Ok(()),
+            Process::Server(_) => {}
         }
         let (server, author) = self.written("be suspended")?;
         author.flush(server);

@@ -10,7 +10,7 @@ use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
 use crate::net::PeerStats;
 use crate::protocol::{
-    Area, BodyRecord, Handover, JointRecord, Query, QueryResult, Velocity, WorldEvents, WorldPose,
+    Area, BodyRecord, Handover, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::Stats;
 use crate::space::{BodyId, ClientId, JointId, Tick};
@@ -73,6 +73,15 @@ pub(super) trait Remote: Send + Sync {
 
     fn set_velocity(&mut self, _id: BodyId, _velocity: Velocity) -> Result<(), Error> {
         Err(self.unsupported("move bodies", Instead::JoinAsClient))
+    }
+
+    /// Returns an error if forces and impulses cannot be applied here.
+    fn pushes_bodies(&self) -> Result<(), Error> {
+        Err(self.compute("push bodies by force", Instead::PushByAvatars))
+    }
+
+    fn push(&mut self, _push: &Push) -> Result<(), Error> {
+        Err(self.compute("push bodies by force", Instead::PushByAvatars))
     }
 
     /// Stops a server and keeps its world.

@@ -72,6 +72,8 @@ pub enum Instead {
     JointsInScene,
     /// Tie bodies in the step in which they are inserted.
     TieAtBirth,
+    /// Set the velocity of a body that forces do not move.
+    SetVelocity,
     /// Insert a body anew where it is to be.
     InsertAnew,
     /// Rely on the server's data folder.
@@ -110,6 +112,7 @@ impl fmt::Display for Instead {
             Self::TieAtBirth => {
                 "insert both bodies, or one beside a fixed one, and tie them before the next step"
             }
+            Self::SetVelocity => "forces move dynamic bodies only; set its velocity",
             Self::InsertAnew => "remove it and insert it where it is to be",
             Self::ServerKeeps => "the server keeps the world in its data folder",
             Self::CompareLocal => {

@@ -286,7 +286,12 @@ int main(int argc, char **argv)
         FAILS(dcd_token_create(nodes[i], DCD_ROLE_CLIENT, 60, token, sizeof token, &needed), DCD_ERR_UNSUPPORTED, "node");
     }
     HOLDS(owned == 40);
-    cannot(server, "server");
+    /* A server's program sees its record, and can change the world; it computes nothing. */
+    OK(dcd_state_view(server, &view));
+    HOLDS(view.count == 40);
+    uint64_t hash = 0;
+    FAILS(dcd_state_hash(server, &hash), DCD_ERR_UNSUPPORTED, "server");
+    FAILS(dcd_interest_set(server, NULL, 0.0), DCD_ERR_UNSUPPORTED, "server");
     OK(dcd_world_create(&cut, &local));
     FAILS(dcd_address(local, address, sizeof address, &needed), DCD_ERR_UNSUPPORTED, "local");
     FAILS(dcd_address(client, address, sizeof address, &needed), DCD_ERR_UNSUPPORTED, "client");

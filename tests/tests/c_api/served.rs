@@ -311,6 +311,11 @@ fn what_is_submitted_is_answered_by_all_nodes_as_by_a_world_of_ones_own() {
 }
 
 #[test]
+fn a_program_builds_a_game_in_the_world_that_it_serves() {
+    run_alone("building.c");
+}
+
+#[test]
 fn clients_see_who_computes_what_and_bodies_change_hands() {
     run_alone("topology.c");
 }

@@ -34,11 +34,11 @@ static DcdStatus body(Scene *s, DcdBodyId *out)
 static DcdStatus joint(Scene *s, DcdJointId *out)
 {
     DcdJointDef def = DCD_JOINT_DEF_INIT;
-    def.a = s->own;
     def.joint_type = DCD_JOINT_PRISMATIC;
-    DcdStatus status = body(s, &def.b);
-    if (status != DCD_OK)
+    if (body(s, &def.a) != DCD_OK || body(s, &def.b) != DCD_OK) {
+        def.a = s->own;
         def.b = s->body;
+    }
     return dcd_joint_create(s->world, &def, out);
 }
 
@@ -56,6 +56,7 @@ CALL(dcd_token_create) {
     char token[512];
     return dcd_token_create(s->world, DCD_ROLE_CLIENT, 60, token, sizeof token, &count);
 }
+CALL(dcd_server_suspend) { return dcd_server_suspend(s->world); }
 CALL(dcd_address) { char text[64]; return dcd_address(s->world, text, sizeof text, &count); }
 
 CALL(dcd_shape_box) { DcdShapeId id; return dcd_shape_box(s->world, ONE, &id); }
@@ -373,7 +374,7 @@ CALL(dcd_world_destroy) {
     of(dcd_overlap_boxes_submit) of(dcd_query_poll_casts) of(dcd_query_poll_overlaps) \
     of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_stats) of(dcd_stats_text) of(dcd_state_hash) \
     of(dcd_snapshot_save) of(dcd_snapshot_load) of(dcd_snapshot_save_file) of(dcd_snapshot_load_file) \
-    of(dcd_world_destroy)
+    of(dcd_server_suspend) of(dcd_world_destroy)
 #define ENTRY(name) { #name, try_##name },
 
 static const struct {
@@ -464,6 +465,9 @@ int main(int argc, char **argv)
     OK(body(&scenes[LOCAL], &scenes[LOCAL].own));
     scenes[LOCAL].other = scenes[LOCAL].body = scenes[LOCAL].own;
     OK(joint(&scenes[LOCAL], &scenes[LOCAL].joint));
+    OK(body(&scenes[SERVER], &scenes[SERVER].own));
+    scenes[SERVER].other = scenes[SERVER].body = scenes[SERVER].own;
+    OK(joint(&scenes[SERVER], &scenes[SERVER].joint));
     settle(&scenes[CLIENT]);
     settle(&scenes[PARTICIPANT]);
 

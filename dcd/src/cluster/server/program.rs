@@ -8,7 +8,7 @@ use super::common::Common;
 use super::group::Group;
 use crate::cluster::Life;
 use crate::protocol::{
-    BodyKind, BodyRecord, Input, JointRecord, ShapeRecord, ToClient, WorldOp, encoded_len,
+    BodyKind, BodyRecord, Input, JointRecord, Push, ShapeRecord, ToClient, View, WorldOp, encoded_len, split,
 };
 use crate::space::{BodyId, Epoch, Groups, JointId};
 
@@ -33,6 +33,8 @@ pub enum ProgramOp {
     RemoveJoint(JointId),
     /// A body gets a velocity, and perhaps a pose.
     Move(Input),
+    /// A body is pushed.
+    Push(Push),
 }
 
 impl Server {
@@ -68,6 +70,11 @@ impl Server {
                     }
                 }
             }
+            ProgramOp::Push(push) => {
+                for group in self.groups.values_mut() {
+                    group.apply_soon(&mut self.common, WorldOp::Push(push));
+                }
+            }
             ProgramOp::Move(input) => {
                 for group in self.groups.values_mut() {
                     group.steer(&mut self.common, input);
@@ -85,7 +92,7 @@ impl Group {
         shapes: &[ShapeRecord],
         joints: &[JointRecord],
     ) {
-        let mut new_shapes = self.record.learn(shapes.to_vec());
+        let new_shapes = self.record.learn(shapes.to_vec());
         for body in bodies {
             self.record.insert(BodyRecord { epoch: Epoch(0), ..body.clone() });
             // Nobody owns it: it is where the nodes are.
@@ -94,9 +101,10 @@ impl Group {
             }
         }
         joints.iter().for_each(|joint| self.record.tie(joint.clone()));
+        let mut untold = new_shapes.clone();
         for (at, body) in bodies.iter().enumerate() {
-            // Shapes first; joints when both their bodies are there.
-            let shapes = if at == 0 { new_shapes.clone() } else { Vec::new() };
+            // Each shape with the first body that has it; joints when both their bodies are there.
+            let shapes = take_shapes_of(body, &mut untold);
             let joints = if at + 1 == bodies.len() { joints.to_vec() } else { Vec::new() };
             common.send_clients(self.id, &ToClient::Inserted { body: body.clone(), shapes, joints });
         }
@@ -107,9 +115,11 @@ impl Group {
             self.record.set_life(body.id, Life::Live);
             self.arriving.insert(body.id);
         }
+        for shapes in split(new_shapes, INSERT_BYTES) {
+            self.apply(common, vec![WorldOp::Insert { bodies: Vec::new(), shapes, joints: Vec::new() }]);
+        }
         for (bodies, joints) in assemblies(bodies, joints) {
-            let shapes = std::mem::take(&mut new_shapes);
-            self.apply(common, vec![WorldOp::Insert { bodies, shapes, joints }]);
+            self.apply(common, vec![WorldOp::Insert { bodies, shapes: Vec::new(), joints }]);
         }
     }
 
@@ -141,12 +151,14 @@ impl Group {
         self.apply_soon(common, WorldOp::Input(input));
     }
 
-    /// Tells the leader, or, while membership changes, the leader to come.
+    /// Tells the leader, or, while membership changes or the leader is out of reach, the leader to come: a view begins then.
     fn apply_soon(&mut self, common: &mut Common, op: WorldOp) {
-        match (&self.view, &self.change) {
-            (Some(_), None) => self.apply(common, vec![op]),
-            (Some(_), Some(_)) => self.postponed.push(op),
-            (None, _) => {}
+        let hears = |view: &View| common.nodes.get(&view.leader).is_some_and(|leader| leader.linked);
+        match &self.view {
+            Some(view) if self.change.is_none() && !self.held && hears(view) => self.apply(common, vec![op]),
+            Some(_) => self.postponed.push(op),
+            // What is on record is all that need be done, but for a push, which those will feel who come.
+            None => self.postponed.extend(matches!(op, WorldOp::Push(_)).then_some(op)),
         }
     }
 
@@ -157,6 +169,18 @@ impl Group {
             self.apply(common, ops);
         }
     }
+}
+
+/// Takes the shapes of a body, parts before compounds, out of those that are left.
+fn take_shapes_of(body: &BodyRecord, left: &mut Vec<ShapeRecord>) -> Vec<ShapeRecord> {
+    if left.is_empty() {
+        return Vec::new();
+    }
+    let own: BTreeSet<_> = body.traits.colliders.iter().map(|collider| collider.shape).collect();
+    let compounds = left.iter().filter(|shape| shape.is_compound() && own.contains(&shape.hash()));
+    let parts: BTreeSet<_> = compounds.flat_map(ShapeRecord::parts).collect();
+    let is_of = |shape: &mut ShapeRecord| own.contains(&shape.hash()) || parts.contains(&shape.hash());
+    left.extract_if(.., is_of).collect()
 }
 
 /// Splits bodies into parts that are told one by one: what joints tie together stays together, and fixed bodies come first.

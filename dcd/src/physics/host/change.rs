@@ -9,7 +9,7 @@ use super::{HostError, RegionHost, Side};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Ownership, Region};
-use crate::protocol::{BodyRecord, BodyState, JointRecord, LinkMotion, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, JointRecord, LinkMotion, Push, WorldPose};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
@@ -29,6 +29,38 @@ impl RegionHost {
             }
         }
         result
+    }
+
+    /// Pushes a dynamic body, in every copy held here, and wakes it. Returns whether it is held.
+    pub fn push(&mut self, push: &Push) -> bool {
+        let Some(centre) = self.centre_of_mass(push.body) else { return false };
+        let linear = Vector::from_array(push.linear);
+        let arm = push.point.map_or(Vector::ZERO, |point| {
+            Vector::from_array(std::array::from_fn(|i| (point[i] - centre[i]) as f32))
+        });
+        let angular = Vector::from_array(push.angular) + arm.cross(linear);
+        let lasts = push.lasts;
+        self.update(push.body, |body| {
+            if lasts {
+                body.reset_forces(true);
+                body.reset_torques(true);
+                body.add_force(linear, true);
+                body.add_torque(angular, true);
+            } else {
+                body.apply_impulse(linear, true);
+                body.apply_torque_impulse(angular, true);
+            }
+        })
+        .is_some()
+    }
+
+    /// Returns the centre of mass of a body, in world space, by its owner's copy, or another where that is elsewhere.
+    pub fn centre_of_mass(&self, id: BodyId) -> Option<[f64; 3]> {
+        let held = || self.regions().find_map(|region| Some((region, region.handle_of(id)?)));
+        let (region, handle) = self.owned(id).or_else(held)?;
+        let (body, pose) = (&region.physics().bodies[handle], region.motion(handle).0);
+        let arm = (*body.rotation() * body.local_center_of_mass()).to_array();
+        Some(std::array::from_fn(|i| pose.translation[i] + f64::from(arm[i])))
     }
 
     /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.

@@ -278,6 +278,8 @@ pub enum WorldOp {
     RemoveJoint(JointId),
     /// An avatar's user moves it, or the server's program a body.
     Input(Input),
+    /// The server's program pushes a body.
+    Push(Push),
     /// Bodies for which another group is authoritative: corrected gradually towards their states there, without a jump.
     Correct {
         /// The tick after which these states held.
@@ -292,6 +294,44 @@ pub enum WorldOp {
         /// What it asks.
         question: Query,
     },
+}
+
+/// A push on a dynamic body.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct Push {
+    /// The body that is pushed, and woken.
+    pub body: BodyId,
+    /// An impulse, N s, or a force, N; world axes.
+    pub linear: [f32; 3],
+    /// An angular impulse, N m s, or a torque, N m, besides that which `linear` has at `point`; world axes.
+    pub angular: [f32; 3],
+    /// Where `linear` acts, in world space, metres; `None`: at the centre of mass.
+    pub point: Option<[f64; 3]>,
+    /// Whether it is a force and a torque, which replace those before and last until they are replaced, or impulses.
+    pub lasts: bool,
+}
+
+impl Push {
+    /// Makes an impulse at the centre of mass, N s.
+    pub const fn impulse(body: BodyId, linear: [f32; 3]) -> Self {
+        Self { body, linear, angular: [0.0; 3], point: None, lasts: false }
+    }
+
+    /// Makes an angular impulse, N m s.
+    pub const fn torque_impulse(body: BodyId, angular: [f32; 3]) -> Self {
+        Self { body, linear: [0.0; 3], angular, point: None, lasts: false }
+    }
+
+    /// Makes a force at the centre of mass, N, and a torque, N m, that last until others replace them; zeros end them.
+    pub const fn force(body: BodyId, linear: [f32; 3], angular: [f32; 3]) -> Self {
+        Self { body, linear, angular, point: None, lasts: true }
+    }
+
+    /// Lets it act at a point of world space, metres.
+    #[must_use]
+    pub const fn at(self, point: [f64; 3]) -> Self {
+        Self { point: Some(point), ..self }
+    }
 }
 
 /// A member's report that it has completed a tick: it has reached the barrier.

@@ -1,0 +1,166 @@
+/* A server's program builds a game in an empty world that a node computes, and a client sees it: `building FOLDER`, run by
+ * served.rs. */
+#define _POSIX_C_SOURCE 200809L
+#include "checks.h"
+
+#include <math.h>
+#include <time.h>
+
+enum { BOXES = 2000 };
+
+static DcdWorld server, node, client;
+
+static void step(void)
+{
+    struct timespec pause = { 0, 5 * 1000 * 1000 };
+    OK(dcd_step(server));
+    OK(dcd_step(client));
+    nanosleep(&pause, NULL);
+}
+
+/* Where the client sees the i-th body; far below everything where it sees none. */
+static DcdPose seen(uint32_t i)
+{
+    DcdPose pose = { { 0.0, -1e6, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    DcdBodyId body;
+    if (dcd_body_at(client, i, &body) == DCD_OK)
+        OK(dcd_body_get(client, body, &pose, NULL));
+    return pose;
+}
+
+/* Steps until the client sees the i-th body between these heights, for half a minute. */
+static bool comes(uint32_t i, double low, double high)
+{
+    for (int k = 0; k < 6000; k++) {
+        const double y = seen(i).p[1];
+        if (y > low && y < high)
+            return true;
+        step();
+    }
+    printf("body %u is at %g\n", i, seen(i).p[1]);
+    return false;
+}
+
+static void join(void)
+{
+    char address[64] = "", token[512] = "";
+    size_t needed = 0;
+    DcdNodeDef computes = DCD_NODE_DEF_INIT;
+    DcdClientDef sees = DCD_CLIENT_DEF_INIT;
+    computes.server = sees.server = address;
+    computes.token = sees.token = token;
+    OK(dcd_address(server, address, sizeof address, &needed));
+    OK(dcd_token_create(server, DCD_ROLE_NODE, 60, token, sizeof token, &needed));
+    OK(dcd_node_join(&computes, &node));
+    OK(dcd_token_create(server, DCD_ROLE_CLIENT, 60, token, sizeof token, &needed));
+    OK(dcd_client_connect(&sees, &client));
+}
+
+int main(int argc, char **argv)
+{
+    if (argc != 2)
+        return 2;
+    DcdWorldDef empty = DCD_WORLD_DEF_INIT;
+    DcdServerDef def = DCD_SERVER_DEF_INIT;
+    DcdWorld local = { 0 };
+    empty.regions = 2;
+    OK(dcd_world_create(&empty, &local));
+    def.source = local;
+    def.data_path = argv[1];
+    OK(dcd_server_create(&def, &server));
+    join();
+
+    const float ground_half[3] = { 100.0f, 0.5f, 100.0f }, half[3] = { 0.25f, 0.25f, 0.25f };
+    const float deck[3] = { 2.0f, 0.25f, 2.0f };
+    DcdShapeId ground_shape, box, plate;
+    OK(dcd_shape_box(server, ground_half, &ground_shape));
+    OK(dcd_shape_box(server, half, &box));
+    OK(dcd_shape_box(server, deck, &plate));
+    static DcdBodyDef defs[BOXES + 1];
+    static DcdBodyId bodies[BOXES + 1];
+    defs[0] = (DcdBodyDef)DCD_BODY_DEF_INIT;
+    defs[0].body_type = DCD_FIXED;
+    defs[0].shape = ground_shape;
+    for (int i = 1; i <= BOXES; i++) {
+        defs[i] = (DcdBodyDef)DCD_BODY_DEF_INIT;
+        defs[i].shape = box;
+        defs[i].pose.p[0] = i % 50 - 25.0;
+        defs[i].pose.p[1] = 1.0;
+        defs[i].pose.p[2] = i / 50 - 20.0;
+        defs[i].user_data = (uint64_t)i;
+    }
+    OK(dcd_bodies_create(server, defs, BOXES + 1, bodies));
+    HOLDS(dcd_body_is_valid(server, bodies[BOXES]));
+    HOLDS(comes(BOXES, 0.7, 0.8) && comes(1, 0.7, 0.8));
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_state_view(client, &view));
+    HOLDS(view.count == BOXES && view.user_data[BOXES - 1] == BOXES);
+    OK(dcd_state_view(server, &view));
+    HOLDS(view.count == BOXES && view.user_data[0] == 1);
+
+    /* A platform that goes up, with a swing below it. */
+    DcdBodyDef lift = DCD_BODY_DEF_INIT, bob = DCD_BODY_DEF_INIT;
+    DcdJointDef rope = DCD_JOINT_DEF_INIT;
+    DcdJointId tied;
+    DcdVelocity up = { { 0.0f, 2.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    lift.body_type = DCD_KINEMATIC;
+    lift.shape = plate;
+    lift.pose.p[1] = 5.0;
+    lift.pose.p[2] = 40.0;
+    bob.shape = box;
+    bob.pose.p[1] = 3.0;
+    bob.pose.p[2] = 40.0;
+    OK(dcd_body_create(server, &lift, &rope.a));
+    OK(dcd_body_create(server, &bob, &rope.b));
+    rope.joint_type = DCD_JOINT_SPHERICAL;
+    rope.frame_b.p[1] = 2.0f;
+    OK(dcd_joint_create(server, &rope, &tied));
+    HOLDS(dcd_joint_is_valid(server, tied));
+    step();
+    OK(dcd_body_set_velocity(server, rope.a, &up));
+    HOLDS(comes(BOXES + 2, 6.0, 30.0));
+    rope.a = bodies[1];
+    FAILS(dcd_joint_create(server, &rope, &tied), DCD_ERR_UNSUPPORTED, "before the next step");
+    OK(dcd_joint_destroy(server, tied));
+    HOLDS(comes(BOXES + 2, 0.7, 0.8));
+
+    /* A push throws a box up: 1 m/s for each N s and kilogram. */
+    float kick[3] = { 0.0f, 1500.0f, 0.0f };
+    OK(dcd_body_apply_impulse(server, bodies[BOXES], kick, NULL));
+    HOLDS(comes(BOXES, 2.0, 20.0) && comes(BOXES, 0.7, 0.8));
+    FAILS(dcd_body_apply_impulse(server, bodies[0], kick, NULL), DCD_ERR_ARGUMENT, "dynamic");
+
+    /* What is removed is gone for all, and the others stay. */
+    OK(dcd_bodies_destroy(server, bodies + 1, BOXES / 2));
+    HOLDS(!dcd_body_is_valid(server, bodies[1]) && dcd_body_is_valid(server, bodies[BOXES]));
+    for (int k = 0; k < 6000; k++) {
+        OK(dcd_state_view(client, &view));
+        if (view.count == BOXES / 2 + 2)
+            break;
+        step();
+    }
+    HOLDS(view.count == BOXES / 2 + 2);
+
+    /* The server stops and starts again; the node has computed on, and the client plays on. */
+    char address[64] = "";
+    size_t needed = 0;
+    OK(dcd_address(server, address, sizeof address, &needed));
+    OK(dcd_server_suspend(server));
+    FAILS(dcd_step(server), DCD_ERR_NETWORK, "keeps the world");
+    FAILS(dcd_server_suspend(client), DCD_ERR_UNSUPPORTED, "client");
+    OK(dcd_world_destroy(server));
+    def.listen = address;
+    OK(dcd_server_create(&def, &server));
+    OK(dcd_world_destroy(local));
+    OK(dcd_body_at(server, BOXES, &bodies[BOXES]));
+    DcdPose above = { { 0.0, 20.0, -60.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    OK(dcd_body_set_pose(server, bodies[BOXES], &above));
+    for (int k = 0; k < 6000 && seen(BOXES).p[1] < 10.0; k++)
+        step();
+    HOLDS(seen(BOXES).p[1] > 10.0);
+    HOLDS(comes(BOXES, 0.7, 0.8));
+    OK(dcd_world_destroy(client));
+    OK(dcd_world_destroy(node));
+    OK(dcd_world_destroy(server));
+    return checked();
+}

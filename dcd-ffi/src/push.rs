@@ -97,12 +97,9 @@ pub unsafe extern "C" fn dcd_body_add_force(
             unsafe { (pointer::read(force.cast::<[f32; 3]>(), "force")?, read_point(point)?) };
         with(world, |world| {
             let id = find_dynamic(world, body)?;
-            if point.is_some() && world.dcd.role() == Role::Server {
-                let remedy = "push it at its centre of mass (a null point), or by an impulse at a point";
-                return Err(Failure::new(
-                    DCD_ERR_UNSUPPORTED,
-                    format!("a server cannot add a force at a point: {remedy}"),
-                ));
+            if world.dcd.role() == Role::Server {
+                let message = "a server cannot add to a force, which it knows late: set the whole force (dcd_body_set_force)";
+                return Err(Failure::new(DCD_ERR_UNSUPPORTED, message));
             }
             let force = Vector::from_array(force);
             let turn = turn_of(world, id, force, point);

@@ -72,7 +72,7 @@ struct Cli {
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 failed while it ran; 2 what was given cannot be used (options, files, tokens), nothing was done; 130
-ended by Ctrl-C, with what there was to report (a server keeps its world: 0). A second Ctrl-C ends at once. Results go to standard output, everything else to standard error.";
+ended by Ctrl-C, with what there was to report (a server keeps its world: 0). A second Ctrl-C ends at once; `dcd serve --help` says what it does there. Results go to standard output, everything else to standard error.";
 
 /// Runs the command line with the process's arguments.
 pub fn main() -> ExitCode {

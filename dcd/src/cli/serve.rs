@@ -123,10 +123,11 @@ impl Serve {
             groups: self.groups()?,
         };
         let server = ServerProcess::start(Origin::Scene(&scene, &world), config)?;
-        print(&format!("listening {}", server.address))?;
+        let mut first = format!("listening {}", server.address);
         if let Some(tick) = server.resumed {
-            print(&format!("going on with the world at tick {}", tick.0))?;
+            first += &format!("\ngoing on with the world at tick {}", tick.0);
         }
+        let printed = print(&first);
         let waits_for = match (server.resumed, self.nodes) {
             (Some(_), _) => "its nodes, or others".to_owned(),
             (None, 1) => "a node".to_owned(),
@@ -144,10 +145,13 @@ impl Serve {
                 "the world waits for {waits_for}: dcd node --server {address} --token $(dcd token --data {data} --role node)"
             )
         });
-        let watched = self.watch(&server, interrupt, common);
+        // What cannot be printed ends no world.
+        let watched = printed.and_then(|()| self.watch(&server, interrupt, common));
         if watched.is_err() || interrupt.asked() && !self.ends(interrupt, common) {
             server.suspend();
             watched?;
+        }
+        if server.is_suspended() {
             if let Some(failure) = server.failure() {
                 return Err(failure.into());
             }
@@ -269,8 +273,8 @@ fn after_help() -> String {
          lost or doubled.\n\n\
          A server that dies is to be started again with the same options: nodes compute on meanwhile, and they and clients dial\n\
          it again. Nodes may be some seconds ahead of tick N. SIGTERM, SIGHUP and Ctrl-C stop the server in the same way, with exit\n\
-         code 0: the world goes on. `dcd end --data DIR` ends it for all, and so does a second Ctrl-C within two seconds of the\n\
-         first. --data keeps the keys (authority.pem), the list of used tokens (joins.log), locks, and the world (world.redb).\n\n{}",
+         code 0: the world goes on. `dcd end --data DIR` ends it for all, and so does a second signal within two seconds\n\
+         where standard input is a terminal. --data keeps the keys (authority.pem), the list of used tokens (joins.log), locks, and the world (world.redb).\n\n{}",
         scenes::overview()
     )
 }

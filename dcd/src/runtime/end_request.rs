@@ -72,9 +72,13 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
                 return Ok(end);
             }
             Err(DirectoryError::Taken { .. }) if Instant::now() >= deadline => return Ok(WorldEnd::Unheard),
-            Err(DirectoryError::Taken { .. }) if asked => std::thread::sleep(LOOK_AGAIN),
             Err(DirectoryError::Taken { .. }) => {
                 let path = folder.join(REQUEST);
+                // Once more if it is taken: a server that was just starting takes it for one to the server before.
+                if asked && path.exists() {
+                    std::thread::sleep(LOOK_AGAIN);
+                    continue;
+                }
                 std::fs::write(&path, []).map_err(|error| DirectoryError::Unwritable {
                     place: path.display().to_string(),
                     cause: error.to_string(),

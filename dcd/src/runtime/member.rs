@@ -208,6 +208,7 @@ impl Member {
             give_up: config.give_up,
             lost: None,
             unheard: None,
+            unheard_leader: None,
             joined: false,
             count_at: Duration::ZERO,
             end: None,
@@ -354,6 +355,8 @@ struct Loop {
     lost: Option<(Duration, String)>,
     /// Since when a client hears no leader, and why.
     unheard: Option<(Duration, String)>,
+    /// Where the leader is that it does not hear.
+    unheard_leader: Option<SocketAddr>,
     /// Whether it was ever reached: one that never was is not waited for.
     joined: bool,
     /// When the network's counters are read next.
@@ -427,6 +430,10 @@ impl Loop {
             self.unheard = None;
             return;
         };
+        // A new leader has its own time.
+        if self.unheard_leader.replace(leader) != Some(leader) {
+            self.unheard = None;
+        }
         let (since, reason) =
             self.unheard.get_or_insert_with(|| (now, "nothing is heard from it".to_owned()));
         if self.end.is_none() && since.saturating_add(self.give_up) <= now {

@@ -416,7 +416,8 @@ impl Beginning {
                     .collect();
                 Ok(Self {
                     tree: host.partition().tree().clone(),
-                    halo_m: Some(host.partition().halo_m()),
+                    // An empty world has none, unless it was given.
+                    halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
                     step: *host.settings(),
                     shapes: host.shapes().records(),
                     bodies,
@@ -455,11 +456,14 @@ fn world_of(
     };
     // With lag, bodies are sent later, so that the halo must reach farther ahead.
     let ahead_m = f64::from(config.avatar_speed_limit * step.dt_s) * f64::from(lag_ticks);
+    // A world that its program fills later has the halo of what comes, as a local one.
+    let is_empty = record.present().all(|body| body.traits.kind == BodyKind::Fixed);
+    let halo_m = if is_empty && lag_ticks == 0 { halo_m } else { Some(host.partition().halo_m() + ahead_m) };
     let environment = EnvironmentProperties {
         world: record.fingerprint(),
         step: step.record(),
         tree,
-        halo_m: Some(host.partition().halo_m() + ahead_m),
+        halo_m,
         avatar_speed_limit: config.avatar_speed_limit,
         protocol,
         thresholds: config.groups.thresholds,

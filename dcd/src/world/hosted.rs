@@ -155,7 +155,11 @@ impl Remote for Hosted {
         let (server, author) = self.written("be suspended")?;
         author.flush(server);
         server.suspend();
-        Ok(())
+        match server.failure() {
+            Some(failure) => Err(failure.into()),
+            None if server.is_suspended() => Ok(()),
+            None => self.look(),
+        }
     }
 
     fn ties_bodies(&self) -> Result<(), Error> {

@@ -521,6 +521,7 @@ impl Node {
                     match op {
                         WorldOp::Remove(gone) => removed.extend(message.forget(*gone)),
                         WorldOp::Input(input) => message.apply_input(input),
+                        WorldOp::RemoveJoint(gone) => message.joints.retain(|joint| joint.id != *gone),
                         _ => {}
                     }
                 }

@@ -101,7 +101,7 @@ impl Server {
     /// Removes a client that is gone; its avatars are parked.
     pub(super) fn part(&mut self, client: ClientId) {
         if self.common.clients.remove(&client).is_some() {
-            self.gone.push_back((self.common.now + self.common.config.avatar_expiry, client));
+            self.gone.push_back((self.common.now.saturating_add(self.common.config.avatar_expiry), client));
             for group in self.groups.values_mut() {
                 for (id, _) in group.record.avatars(client) {
                     group.retire(&mut self.common, id, true);

@@ -11,7 +11,7 @@ use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use crate::cluster::{Life, Record};
 use crate::protocol::{ToClient, ToNode, ToServer, View, WorldOp};
-use crate::space::{BodyId, GroupId, NodeId, Tick};
+use crate::space::{BodyId, GroupId, JointId, NodeId, Tick};
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
 const HEARING: Duration = Duration::from_millis(50);
@@ -34,6 +34,8 @@ pub(super) struct Group {
     pub arriving: BTreeSet<BodyId>,
     /// Changes by the server's program that came while membership changed.
     pub postponed: Vec<WorldOp>,
+    /// Joints that it removed since the present view began.
+    pub removed_joints: Vec<JointId>,
     complaints: BTreeSet<Complaint>,
     /// When they are decided on.
     pub hearing: Option<Duration>,
@@ -61,6 +63,7 @@ impl Group {
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
             postponed: Vec::new(),
+            removed_joints: Vec::new(),
             complaints: BTreeSet::new(),
             hearing: None,
             unsure: false,

@@ -97,6 +97,9 @@ impl Server {
             entry.member = member;
             entry.linked = true;
             entry.absent_until = None;
+            // What it was sent last may be lost. It is sent all with the next view, and knows what it has.
+            entry.shapes.clear();
+            entry.scenery.clear();
         }
         let Some(group) = self.groups.get_mut(&id) else { return };
         let others: Vec<_> = group.serving(&self.common).into_iter().filter(|&other| other != node).collect();

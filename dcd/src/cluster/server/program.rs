@@ -1,5 +1,6 @@
-//! Obeys the program of the server: bodies and joints that it inserts, moves and removes while nodes compute the world. What it
-//! does is on record before anybody hears of it, so that it outlives every node, and the server.
+//! Obeys the program of the server: bodies and joints that it inserts, moves and removes while nodes compute the world. What comes
+//! and goes is on record before anybody hears of it, so that it outlives every node, and the server; a velocity or a push is lost
+//! with a leader that dies before it has passed it on.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -66,6 +67,7 @@ impl Server {
             ProgramOp::RemoveJoint(id) => {
                 for group in self.groups.values_mut() {
                     if group.record.remove_joint(id) {
+                        group.removed_joints.push(id);
                         group.apply_soon(&mut self.common, WorldOp::RemoveJoint(id));
                     }
                 }
@@ -102,10 +104,14 @@ impl Group {
         }
         joints.iter().for_each(|joint| self.record.tie(joint.clone()));
         let mut untold = new_shapes.clone();
-        for (at, body) in bodies.iter().enumerate() {
-            // Each shape with the first body that has it; joints when both their bodies are there.
+        let mut of_later: BTreeMap<BodyId, Vec<JointRecord>> = BTreeMap::new();
+        for joint in joints {
+            of_later.entry(joint.a.max(joint.b)).or_default().push(joint.clone());
+        }
+        for body in bodies {
+            // Each shape with the first body that has it, each joint with the later of its bodies.
             let shapes = take_shapes_of(body, &mut untold);
-            let joints = if at + 1 == bodies.len() { joints.to_vec() } else { Vec::new() };
+            let joints = of_later.remove(&body.id).unwrap_or_default();
             common.send_clients(self.id, &ToClient::Inserted { body: body.clone(), shapes, joints });
         }
         if self.view.is_none() || self.change.is_some() || self.held {
@@ -156,16 +162,39 @@ impl Group {
         let hears = |view: &View| common.nodes.get(&view.leader).is_some_and(|leader| leader.linked);
         match &self.view {
             Some(view) if self.change.is_none() && !self.held && hears(view) => self.apply(common, vec![op]),
-            Some(_) => self.postponed.push(op),
-            // What is on record is all that need be done, but for a push, which those will feel who come.
-            None => self.postponed.extend(matches!(op, WorldOp::Push(_)).then_some(op)),
+            _ => self.postpone(op),
         }
     }
 
-    /// Tells the leader of a view that has begun what was to be done meanwhile.
+    /// Keeps what counts when somebody computes the world again: of each body the newest velocity and the newest lasting force.
+    /// Impulses of a time in which nobody computes it would act all at once, and are dropped.
+    fn postpone(&mut self, op: WorldOp) {
+        match op {
+            WorldOp::Input(input) => {
+                let of = |op: &WorldOp| matches!(op, WorldOp::Input(known) if known.body == input.body);
+                self.postponed.retain(|op| !of(op));
+                self.postponed.push(op);
+            }
+            WorldOp::Push(push) if push.lasts => {
+                let of = |op: &WorldOp| matches!(op, WorldOp::Push(known) if known.body == push.body);
+                self.postponed.retain(|op| !of(op));
+                self.postponed.push(op);
+            }
+            _ => {}
+        }
+    }
+
+    /// Tells the leader of a view that has begun what was to be done meanwhile, and once more which joints are gone: what the
+    /// last leader had not passed on is gone with it.
     pub(super) fn catch_up(&mut self, common: &mut Common) {
-        let ops = std::mem::take(&mut self.postponed);
-        if !ops.is_empty() {
+        let joints = std::mem::take(&mut self.removed_joints).into_iter().map(WorldOp::RemoveJoint);
+        let is_there = |op: &WorldOp| match op {
+            WorldOp::Input(input) => self.record.body(input.body).is_some(),
+            WorldOp::Push(push) => self.record.body(push.body).is_some(),
+            _ => true,
+        };
+        let postponed: Vec<_> = std::mem::take(&mut self.postponed).into_iter().filter(is_there).collect();
+        for ops in split(joints.chain(postponed), INSERT_BYTES) {
             self.apply(common, ops);
         }
     }

@@ -657,3 +657,41 @@ fn avatars_wait_for_their_client_and_not_for_ever() {
     says(&mut server, expiry + expiry / 2, 9, hello());
     assert!(waits(&server, returns) && !waits(&server, leaves_again));
 }
+
+#[test]
+fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_impulses() {
+    use crate::cluster::ProgramOp;
+    use crate::protocol::{Input, Push, Velocity, WorldOp};
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let body = BodyId::persistent(0);
+    let to =
+        |speed| Input { body, logical_time: 0, velocity: Velocity::linear([speed, 0.0, 0.0]), pose: None };
+    let applied = |outputs: Vec<ServerOutput>| {
+        let ops = outputs.into_iter().filter_map(|output| match output {
+            ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),
+            _ => None,
+        });
+        ops.flatten().collect::<Vec<_>>()
+    };
+    let does = |server: &mut Server, op| {
+        let now = server.common.now;
+        server.handle(now, ServerEvent::Program(vec![op]));
+        applied(std::iter::from_fn(|| server.poll_output()).collect())
+    };
+    assert_eq!(does(&mut server, ProgramOp::Move(to(1.0))), [WorldOp::Input(to(1.0))]);
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    let force = |up| Push::force(body, [0.0, up, 0.0], [0.0; 3]);
+    for i in 0..1_000 {
+        assert_eq!(does(&mut server, ProgramOp::Move(to(i as f32))), []);
+        assert_eq!(does(&mut server, ProgramOp::Push(force(i as f32))), []);
+        assert_eq!(does(&mut server, ProgramOp::Push(Push::impulse(body, [1.0; 3]))), []);
+    }
+    let gone = Input { body: BodyId::persistent(1), ..to(2.0) };
+    does(&mut server, ProgramOp::Move(gone));
+    does(&mut server, ProgramOp::Remove(gone.body));
+    let outputs = hello(&mut server, 1, VERSION);
+    let outputs = obey(&mut server, 1, outputs);
+    assert_eq!(applied(outputs), [WorldOp::Input(to(999.0)), WorldOp::Push(force(999.0))]);
+}

@@ -263,7 +263,7 @@ pub struct Dispatch {
 /// A change of the world from outside, applied by every member at the start of a tick to what it holds.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum WorldOp {
-    /// Bodies appear; the region at its place owns each, and that of an assembly's first body the whole assembly.
+    /// Bodies appear; the region at its place owns each, and that in which most of an assembly lies the whole assembly.
     Insert {
         /// The bodies.
         bodies: Vec<BodyRecord>,

@@ -373,6 +373,8 @@ public:
             return dcd_token_create(world_, role, valid_seconds, out, cap, needed);
         });
     }
+    /* Stops a server and keeps its world; without it, the end of this object ends the world for all. */
+    Status server_suspend() { return Status(dcd_server_suspend(world_)); }
 
     /* The world as a whole. */
 

@@ -17,7 +17,7 @@ use super::identity::pem_section;
 use super::join::{Admission, JoinRequest};
 use super::key::Key;
 use super::ledger::Ledger;
-use super::renewal::RenewalRequest;
+use super::renewal_request::RenewalRequest;
 use super::token::{NONCE_BYTES, Secret, unix_seconds};
 use super::verify::{fingerprint, is_signed_by, owner_of, random};
 use super::{Identity, JoinRefusal, JoinRole, NetError, PeerName, ResumeKey, Token};

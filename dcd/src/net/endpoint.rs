@@ -6,16 +6,15 @@ use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::{Duration, SystemTime};
 
-use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
-use quinn::{ClientConfig, Endpoint, EndpointConfig, ServerConfig, TokioRuntime};
+use quinn::{Endpoint, EndpointConfig, TokioRuntime};
 use tokio::runtime::Runtime;
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 
 use super::calls::{Shared, accept, dial};
+use super::quic_config::{client_config, server_config};
 use super::renewal::renew_in_time;
 use super::seldom::Seldom;
-use super::verify::{answering, dialling};
 use super::{
     Authority, CloseCode, Identity, Lane, Limits, NetError, NetEvents, NetTotals, PeerKey, PeerName,
     PeerStats, SendError,
@@ -213,29 +212,6 @@ impl Drop for Net {
     fn drop(&mut self) {
         self.end();
     }
-}
-
-pub(super) fn server_config(
-    identity: &Identity,
-    anonymous_may_join: bool,
-    limits: &Limits,
-) -> Result<ServerConfig, NetError> {
-    let crypto = QuicServerConfig::try_from(answering(identity, anonymous_may_join)?)
-        .map_err(|error| NetError::Tls(error.to_string()))?;
-    let mut config = ServerConfig::with_crypto(Arc::new(crypto));
-    // What comes before a handshake is accepted waits in memory: few packets of few callers.
-    config.max_incoming(256).incoming_buffer_size(16 << 10).incoming_buffer_size_total(4 << 20);
-    // One stream for a join; it is refused where none are answered.
-    config.transport_config(limits.transport(u8::from(anonymous_may_join)));
-    Ok(config)
-}
-
-pub(super) fn client_config(identity: &Identity, limits: &Limits) -> Result<ClientConfig, NetError> {
-    let crypto =
-        QuicClientConfig::try_from(dialling(identity)?).map_err(|error| NetError::Tls(error.to_string()))?;
-    let mut config = ClientConfig::new(Arc::new(crypto));
-    config.transport_config(limits.transport(0));
-    Ok(config)
 }
 
 /// Checks that this address can be listened on now, before anything is made for a server.

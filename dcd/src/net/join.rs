@@ -10,7 +10,7 @@ use rustls::pki_types::CertificateDer;
 
 use super::fields::{Fields, put_counted};
 use super::key::{Key, PublicKey};
-use super::renewal::RenewalRequest;
+use super::renewal_request::RenewalRequest;
 use super::seldom::Seldom;
 use super::verify::joining;
 use super::{

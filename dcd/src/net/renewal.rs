@@ -10,12 +10,11 @@ use std::time::{Duration, SystemTime};
 use rustls::pki_types::CertificateDer;
 
 use super::calls::Shared;
-use super::endpoint::{client_config, server_config};
-use super::fields::{Fields, put_counted};
 use super::join::{decode_reply, exchange_here};
-use super::key::{Key, PublicKey};
+use super::quic_config::{client_config, server_config};
+use super::renewal_request::RenewalRequest;
 use super::verify::fingerprint;
-use super::{Identity, JoinRefusal, NetError, PROTOCOL_VERSION};
+use super::{Identity, NetError};
 
 /// How often the wall clock is looked at, which may be set, or stand still in a machine that sleeps.
 const LOOK: Duration = Duration::from_secs(10);
@@ -23,58 +22,6 @@ const LOOK: Duration = Duration::from_secs(10);
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The share of its life after which a certificate is renewed.
 const RENEW_AFTER: f64 = 2.0 / 3.0;
-/// Identifies a request whatever its version.
-const MAGIC: [u8; 4] = *b"renw";
-
-/// A request for a new certificate.
-pub(super) struct RenewalRequest {
-    /// The one to be renewed, which names the process.
-    pub(super) certificate: CertificateDer<'static>,
-    /// The key that the new one is for.
-    pub(super) key: PublicKey,
-    /// The key, signed by that of the certificate.
-    pub(super) proof: Vec<u8>,
-}
-
-impl RenewalRequest {
-    /// Returns whether these bytes are meant as one.
-    pub(super) fn is_one(bytes: &[u8]) -> bool {
-        bytes.starts_with(&MAGIC)
-    }
-
-    fn of(identity: &Identity) -> Result<Self, NetError> {
-        let key = Key::from_der(&identity.key)
-            .ok_or_else(|| NetError::Tls("the identity's key is none of dcd's".to_owned()))?;
-        Ok(Self { certificate: identity.certificate.clone(), key: key.public(), proof: key.prove_renewal() })
-    }
-
-    fn encode(&self) -> Vec<u8> {
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend(PROTOCOL_VERSION.to_be_bytes());
-        put_counted(&mut bytes, &self.certificate);
-        bytes.extend(self.key.0);
-        put_counted(&mut bytes, &self.proof);
-        bytes
-    }
-
-    pub(super) fn decode(bytes: &[u8]) -> Result<Self, JoinRefusal> {
-        let mut fields = Fields(bytes);
-        let _ = fields.take::<4>();
-        let joiner = u32::from_be_bytes(fields.take().ok_or(JoinRefusal::Malformed("its version"))?);
-        if joiner != PROTOCOL_VERSION {
-            return Err(JoinRefusal::Version { server: PROTOCOL_VERSION, joiner });
-        }
-        let mut read = || {
-            let certificate = CertificateDer::from(fields.take_counted()?.to_vec());
-            let key = PublicKey(fields.take()?);
-            let proof = fields.take_counted()?.to_vec();
-            fields.end()?;
-            Some(Self { certificate, key, proof })
-        };
-        read().ok_or(JoinRefusal::Malformed("its fields"))
-    }
-}
-
 /// Renews the identity of a process at its server, for as long as the process runs.
 pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, server: SocketAddr) {
     let left = |identity: &Identity, now| identity.expires().duration_since(now).unwrap_or_default();

@@ -3,7 +3,7 @@
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-use crate::process::{LIMIT, Process, Server, dcd, token};
+use crate::process::{LIMIT, Process, Server, dcd};
 
 /// What a command that must fail says.
 fn error(args: &[&str], code: i32) -> String {
@@ -100,7 +100,9 @@ fn many_tokens_are_one_a_line_and_each_lets_one_in() {
 fn a_server_that_is_not_there_or_goes_away_is_named() {
     let closed = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
     let folder = tempfile::tempdir().unwrap();
-    let said = error(&["node", "--server", &closed, "--token", &token(folder.path(), "node")], 1);
+    let mut minted = dcd(&["token", "--new", "--role", "node", "--data"]);
+    let unused = Process::start(minted.arg(folder.path())).end().lines[0].clone();
+    let said = error(&["node", "--server", &closed, "--token", &unused], 1);
     has(&said, &[&closed, "no answer", "check that it is running"]);
     let mut server = Server::playground("1");
     let (_, mut node) = server.node_with(&["--give-up", "2"]);

@@ -544,7 +544,8 @@ fn a_client_that_keeps_inventing_shapes_is_refused_and_others_are_not() {
     };
     // Some 100 kB each, and no two alike.
     let hull = |n: usize| {
-        let point = |i: usize| [n as f32 + 1.0 / (i + 1) as f32, (i % 97) as f32, (i % 89) as f32];
+        let point =
+            |i: usize| [n as f32 / 4.0 + 1.0 / (i + 1) as f32, (i % 97) as f32 / 2.0, (i % 89) as f32 / 2.0];
         ShapeRecord::ConvexPolyhedron((0..8_500).map(point).collect(), Vec::new())
     };
     let came = (0..20).take_while(|&n| spawned(&mut server, ClientId(7), &hull(n))).count();

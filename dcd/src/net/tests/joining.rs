@@ -7,7 +7,7 @@ use rustls::pki_types::CertificateDer;
 use super::*;
 use crate::net::join::{JoinRequest, exchange};
 use crate::net::key::Key;
-use crate::net::renewal::RenewalRequest;
+use crate::net::renewal_request::RenewalRequest;
 use crate::net::token::unix_seconds;
 use crate::space::{ClientId, NodeId};
 

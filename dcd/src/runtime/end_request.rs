@@ -60,6 +60,8 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
     loop {
         match RedbDirectory::open(folder) {
             Ok(mut directory) => {
+                // One that came when the server was ending already.
+                let _ = std::fs::remove_file(folder.join(REQUEST));
                 let entries = directory.load()?;
                 let end = match (entries.is_empty(), asked) {
                     (true, true) => WorldEnd::ByServer,

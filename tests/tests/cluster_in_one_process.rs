@@ -1,10 +1,11 @@
 //! Tests server, nodes and clients with real QUIC over loopback, each on threads of this process.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use dcd::net::JoinRole;
 use dcd::physics::{Coupling, StepSettings};
-use dcd::protocol::{BodyKind, DelayThresholds, Pace, Thresholds, Velocity, WorldPose};
+use dcd::protocol::{BodyKind, DelayThresholds, Pace, Thresholds, Velocity, View, WorldPose};
 use dcd::runtime::{
     ClientWorld, GroupConfig, JoinConfig, LocalWorld, Member, MemberConfig, Origin, Partitioning,
     ServeConfig, ServerProcess, Stats, WorldConfig,
@@ -245,6 +246,40 @@ fn rounds_vary_over_the_network_as_in_one_process() {
     let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), step, ..config };
     let stats = equals_a_local_world(&scene, &config, nodes, 90);
     assert!(stats.exchanges > 90 && stats.exchanges < 4 * 90, "{} exchanges", stats.exchanges);
+}
+
+/// A world that nobody cuts has a region for each node, as they come and go, without a view change for each.
+#[test]
+fn every_node_that_comes_gets_a_region_and_what_one_leaves_is_merged() {
+    let scene = rain();
+    let (server, _data) = serve_world(&scene, WorldConfig::for_scene(&scene), 1, Pace::RealTime, None);
+    let mut members = Vec::new();
+    let is_dealt = |view: Option<&View>, nodes: usize| {
+        view.is_some_and(|view| {
+            let owners: BTreeSet<_> = view.allocation.values().collect();
+            view.members.len() == nodes && owners.len() == nodes && view.allocation.len() == nodes
+        })
+    };
+    for nodes in [1, 2, 3, 4] {
+        members.push(start_node(&server));
+        let dealt = server.wait(LIMIT, |_, view| is_dealt(view, nodes));
+        assert!(dealt, "{nodes} nodes: {:?}", server.view());
+    }
+    let views = server.summary().views;
+    // Balls fall on one another, so that the load moves about.
+    let tick = server.summary().tick.0;
+    assert!(server.wait(LIMIT, |summary, _| summary.tick.0 > tick + 120));
+    assert_eq!(server.summary().views, views, "planes move within a view");
+    for nodes in [3, 2, 1] {
+        let gone = members.pop().unwrap();
+        gone.leave();
+        gone.finish().unwrap();
+        let dealt = server.wait(LIMIT, |_, view| is_dealt(view, nodes));
+        assert!(dealt, "{nodes} nodes: {:?}", server.view());
+    }
+    let summary = server.stop();
+    assert_eq!((summary.bodies, summary.lost, summary.doubled), (300, 0, 0));
+    assert!(summary.repartitions >= 6, "{summary:?}");
 }
 
 #[test]

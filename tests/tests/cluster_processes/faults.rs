@@ -204,3 +204,47 @@ fn a_node_or_leader_stopped_for_ten_seconds_is_taken_over_and_comes_back() {
 fn a_server_stopped_for_ten_seconds_is_not_missed() {
     stop_and_resume_the_server(Duration::from_secs(10));
 }
+
+/// Waits until so many nodes have one region each.
+fn dealt(server: &mut Server, nodes: usize) {
+    loop {
+        let view = server.view();
+        let shares =
+            view.split_once(": ").and_then(|(_, rest)| rest.split_once(';')).map(|(shares, _)| shares);
+        let shares: Vec<_> = shares.into_iter().flat_map(|shares| shares.split(", ")).collect();
+        let has_one = |share: &&str| share.split(' ').filter(|word| word.starts_with('r')).count() == 1;
+        if shares.len() == nodes && shares.iter().all(has_one) {
+            return;
+        }
+    }
+}
+
+#[test]
+fn regions_follow_processes_that_come_die_and_leave() {
+    let mut server = Server::start(&["terrain", "--set", "n=200"]);
+    let mut nodes = vec![server.node()];
+    dealt(&mut server, 1);
+    for count in [2, 3] {
+        nodes.push(server.node());
+        dealt(&mut server, count);
+    }
+    nodes.remove(1).1.kill();
+    dealt(&mut server, 2);
+    // The server knows of the present regions by its members alone.
+    server.process.kill();
+    server.restart();
+    dealt(&mut server, 2);
+    nodes.push(server.node());
+    dealt(&mut server, 3);
+    // The leader leaves, and tells its successor nothing.
+    let (_, leader) = nodes.remove(0);
+    leader.interrupt();
+    assert!(matches!(leader.end().code(), Some(0 | 130)));
+    dealt(&mut server, 2);
+    let served = server.stop();
+    assert_eq!(served["bodies"], 200);
+    assert!(served["repartitions"].as_u64().unwrap() > 1, "{served}");
+    for (name, node) in nodes {
+        assert_eq!(node.end().code(), Some(0), "{name}");
+    }
+}

@@ -17,8 +17,7 @@ use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds, View, ViewNumber};
 use crate::runtime::{GroupConfig, Origin, ServeConfig, ServerProcess};
 use crate::scene::Params;
-use crate::space::MAX_REGIONS;
-use crate::space::Tick;
+use crate::space::{Allocation, MAX_REGIONS, Tick};
 
 /// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
@@ -52,7 +51,7 @@ pub(super) struct Serve {
     /// Nodes to wait for before the first tick
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     nodes: u16,
-    /// Regions, by halving the largest [default: what the scene says, else 1]
+    /// Regions, by halving the largest [default: what the scene says, else one for each node, in proportion to what it can do]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_REGIONS as i64), conflicts_with = "cut")]
     regions: Option<u16>,
     #[command(flatten)]
@@ -101,11 +100,6 @@ impl Serve {
         let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
         let world = self.cuts.served_config(&scene, self.regions)?;
         world.tree().map_err(|error| explained(error.into(), &scene))?;
-        if scene.balance.is_some() {
-            tracing::warn!(
-                "a served world keeps the regions that it is cut into: `balance` of the scene is for dcd run"
-            );
-        }
         let interrupt = Interrupt::listen()?;
         if self.until_stdin_ends {
             interrupt.listen_to_stdin();
@@ -227,11 +221,11 @@ impl Serve {
         let bar = common.progress(self.ticks.unwrap_or(0), "ticks", self.json || self.ticks.is_none());
         let mut told = None;
         while !server.is_over() && !interrupt.asked() {
-            server.wait(LOOK, |_, view| number(view) != told);
+            server.wait(LOOK, |_, view| shares(view) != told);
             let view = server.view();
             bar.set_position(server.summary().tick.0);
-            if number(view.as_ref()) != told {
-                told = number(view.as_ref());
+            if shares(view.as_ref()) != told {
+                told = shares(view.as_ref());
                 bar.suspend(|| print(&membership(view.as_ref())))?;
             }
         }
@@ -240,8 +234,9 @@ impl Serve {
     }
 }
 
-fn number(view: Option<&View>) -> Option<ViewNumber> {
-    view.map(|view| view.number)
+/// Returns who is a member and has which regions.
+fn shares(view: Option<&View>) -> Option<(ViewNumber, Allocation)> {
+    view.map(|view| (view.number, view.allocation.clone()))
 }
 
 /// Describes a membership in one line.
@@ -268,8 +263,8 @@ fn after_help() -> String {
     format!(
         "Prints `listening ADDR` first, then `going on with the world at tick N` if --data holds one that has not ended, a line\n\
          `view NUMBER at tick T: n1 r1, n2 r2; n1 leads` whenever the nodes or their shares change, and the summary last; with\n\
-         --json as an object with the keys tick bodies regions nodes views lost doubled state_hash bytes seconds kept (state_hash\n\
-         with --ticks only; views and seconds since this start; kept: whether the world goes on). Exits with 1 when the last look at the world finds bodies\n\
+         --json as an object with the keys tick bodies regions nodes views repartitions lost doubled state_hash bytes seconds kept (state_hash\n\
+         with --ticks only; views, repartitions and seconds since this start; kept: whether the world goes on). Exits with 1 when the last look at the world finds bodies\n\
          lost or doubled.\n\n\
          A server that dies is to be started again with the same options: nodes compute on meanwhile, and they and clients dial\n\
          it again. Nodes may be some seconds ahead of tick N. SIGTERM, SIGHUP and Ctrl-C stop the server in the same way, with exit\n\

@@ -7,7 +7,7 @@ use crate::physics::{Coupling, CouplingChoice, Method, Preset};
 use crate::protocol::{BIG_ISLAND, MAX_DEPTH, MAX_ROUNDS};
 use crate::runtime::{Partitioning, WorldConfig, WorldError};
 use crate::scene::Scene;
-use crate::space::{Axis, TreeError};
+use crate::space::{Axis, Balance, MAX_REGIONS, TreeError};
 
 /// The most bodies of an island that one node of a served world owns whole.
 const SERVED_ISLAND: usize = 256;
@@ -18,6 +18,10 @@ pub(super) struct CutArgs {
     /// Cuts the whole world by a plane, as x=0 or y=2.5 (metres), instead of halving; may be given several times
     #[arg(long, value_name = "AXIS=VALUE", value_parser = plane)]
     cut: Vec<(Axis, f64)>,
+    /// Regions follow the load: their planes move so that all have equal shares. With a range, as 1-8, regions are also cut
+    /// and merged as there is more or less to do
+    #[arg(long, value_name = "LEAST-MOST", num_args = 0..=1, default_missing_value = "", value_parser = range)]
+    balance: Option<Range>,
     /// How regions agree on the bodies that they share [default: what the scene says, else auto]
     #[arg(long, value_name = "NAME", value_parser = coupling())]
     coupling: Option<Coupling>,
@@ -56,15 +60,30 @@ impl CutArgs {
             }
             config.partitioning = Partitioning::Cuts(self.cut.clone());
         }
+        if let Some(Range(range)) = self.balance {
+            let regions = config.tree().map_err(|error| explained(error.into(), scene))?.leaf_count();
+            let (least_regions, most_regions) = range.unwrap_or((regions, regions));
+            config.balance =
+                Some(Balance { least_regions, most_regions, ..config.balance.unwrap_or_default() });
+        }
         config.step = self.choice().applied_to(config.step);
         Ok(config)
     }
 
-    /// Returns the same for a world that nodes share: unless told otherwise, islands that are too large for one of them are cut.
+    /// Returns whether the regions are to follow the load.
+    pub(super) fn balances(&self) -> bool {
+        self.balance.is_some()
+    }
+
+    /// Returns the same for a world that nodes share: unless told otherwise, islands that are too large for one of them are cut, and
+    /// each has a region.
     pub(super) fn served_config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
         let mut config = self.config(scene, regions)?;
         if self.island_limit.is_none() && scene.coupling.island_limit.is_none() {
             config.step.island_limit = config.step.island_limit.min(SERVED_ISLAND);
+        }
+        if let (Some(Range(None)), Partitioning::Auto) = (&self.balance, &config.partitioning) {
+            config.balance = scene.balance;
         }
         Ok(config)
     }
@@ -73,6 +92,7 @@ impl CutArgs {
     pub(super) fn first_given(&self) -> Option<&'static str> {
         let given = [
             ("--cut", !self.cut.is_empty()),
+            ("--balance", self.balance.is_some()),
             ("--coupling", self.coupling.is_some()),
             ("--exchanges", self.exchanges.is_some()),
             ("--depth", self.depth.is_some()),
@@ -91,6 +111,23 @@ impl CutArgs {
             island_limit: self.island_limit.map(usize::from),
             tolerance_m_s: self.tolerance,
         }
+    }
+}
+
+/// A range of region counts; none keeps as many as there are.
+#[derive(Clone, Copy)]
+struct Range(Option<(usize, usize)>);
+
+fn range(text: &str) -> Result<Range, String> {
+    let wrong = || format!("write the fewest and the most regions, as 1-8, each from 1 to {MAX_REGIONS}");
+    if text.is_empty() {
+        return Ok(Range(None));
+    }
+    let (least, most) = text.split_once('-').ok_or_else(wrong)?;
+    let number = |text: &str| text.trim().parse().ok().filter(|n| (1..=MAX_REGIONS).contains(n));
+    match (number(least), number(most)) {
+        (Some(least), Some(most)) if least <= most => Ok(Range(Some((least, most)))),
+        _ => Err(wrong()),
     }
 }
 

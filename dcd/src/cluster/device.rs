@@ -3,9 +3,9 @@
 
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, JointRecord,
-    Placed, RegionEvents, SharedState, WorldOp,
+    LoadReport, Placed, RegionEvents, SharedState, WorldOp,
 };
-use crate::space::{BodyId, RegionId, Tick};
+use crate::space::{BodyId, DistributionTree, RegionId, Tick, TreeChange};
 
 /// The bodies that a sample of states lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,8 +18,8 @@ pub enum Sampling {
     All,
 }
 
-/// A command of the node to its physics. [`PhysicsCommand::World`], [`PhysicsCommand::Load`] and [`PhysicsCommand::Return`]
-/// have no answer; every other command is given only after the last one was answered. A [`PhysicsCommand::World`] forgets all
+/// A command of the node to its physics. [`PhysicsCommand::World`], [`PhysicsCommand::Load`],
+/// [`PhysicsCommand::Repartition`] and [`PhysicsCommand::Return`] have no answer; every other command is given only after the last one was answered. A [`PhysicsCommand::World`] forgets all
 /// that was before.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhysicsCommand {
@@ -33,6 +33,8 @@ pub enum PhysicsCommand {
     Rebuild {
         /// The last completed tick.
         tick: Tick,
+        /// How the world is cut into regions.
+        tree: DistributionTree,
         /// In id order.
         regions: Vec<RegionId>,
         /// Bodies that found a new owner, here or elsewhere, in id order; they supersede what is held of them.
@@ -41,6 +43,13 @@ pub enum PhysicsCommand {
         joints: Vec<JointRecord>,
         /// Bodies not to be held any more, unless announced.
         drop: Vec<BodyId>,
+    },
+    /// Change the tree before the next [`PhysicsCommand::Step`]. No answer.
+    Repartition {
+        /// In this order; they suit the tree.
+        changes: Vec<TreeChange>,
+        /// Whether regions that are new are computed here.
+        newborn_here: bool,
     },
     /// Apply the operations and compute one tick (its first round); answered by [`PhysicsEvent::Computed`].
     Step {
@@ -64,6 +73,8 @@ pub enum PhysicsCommand {
         report: Sampling,
         /// What it lists for the server.
         checkpoint: Sampling,
+        /// Whether it says what there is to do here.
+        load: bool,
     },
     /// Take in border messages that are not taken in yet, without computing, for membership changes. Answered by
     /// [`PhysicsEvent::Drained`].
@@ -110,6 +121,8 @@ pub enum PhysicsEvent {
         report: Vec<SharedState>,
         /// For the server, as sampled, in id order.
         checkpoint: Vec<BodyCheckpoint>,
+        /// What there is to do here, if it was asked.
+        load: Option<LoadReport>,
     },
     /// To [`PhysicsCommand::Drain`].
     Drained,

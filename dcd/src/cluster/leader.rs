@@ -1,6 +1,7 @@
 //! Implements the leader of a group, the part of a node that is active while it leads: it opens each tick when all members are
 //! done with the last (lockstep), takes in clients' inputs, and sends contacts and states to clients (thesis 3.3.8, 4.3.2.10).
 
+mod balancing;
 mod holders;
 mod inter_group;
 mod interest;
@@ -10,6 +11,7 @@ mod state_replication;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use self::balancing::Balancing;
 use self::holders::Holders;
 pub use self::inter_group::Deviations;
 use self::inter_group::InterGroup;
@@ -20,7 +22,7 @@ pub(super) use self::state_replication::TELL_TICK;
 use super::{MAX_AVATARS, Peer};
 use crate::protocol::{
     Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Pace, Query, Refusal,
-    RegionEvents, Report, Thresholds, ToClient, View, ViewNumber, WorldOp, encoded_len,
+    RegionEvents, Repartition, Report, Thresholds, ToClient, View, ViewNumber, WorldOp, encoded_len,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
 
@@ -72,6 +74,8 @@ pub struct Leader {
     thresholds: Thresholds,
     /// The state between groups, while there are other groups.
     inter_group: Option<InterGroup>,
+    /// While the regions follow the load.
+    balancing: Option<Balancing>,
 }
 
 impl Leader {
@@ -110,6 +114,9 @@ impl Leader {
             messages: Vec::new(),
             thresholds: world.thresholds,
             inter_group: None,
+            balancing: world
+                .balance
+                .map(|settings| Balancing::new(settings, view.clone(), world.protocol.lag_ticks() > 0)),
         }
     }
 
@@ -233,6 +240,9 @@ impl Leader {
             self.holders.now_holds(from, holds);
         }
         self.rounds_wanted = self.rounds_wanted.max(done.rounds_wanted);
+        if let (Some(balancing), Some(load)) = (&mut self.balancing, done.load) {
+            balancing.hear(from, done.tick, load);
+        }
         self.questions.answered(from, done.answers);
         self.messages.extend(self.questions.tell());
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
@@ -278,6 +288,7 @@ impl Leader {
         };
         self.tick = self.tick.next();
         let mut ops = self.next_ops();
+        ops.extend(self.repartition().map(WorldOp::Repartition));
         for op in &ops {
             match op {
                 WorldOp::Insert { bodies, .. } => {
@@ -299,6 +310,17 @@ impl Leader {
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };
         Some(Dispatch { view: self.view, tick: self.tick, rounds, ops })
+    }
+
+    /// Returns the change of the tree before this tick, if the load asks for one.
+    fn repartition(&mut self) -> Option<Repartition> {
+        let balancing = self.balancing.as_mut()?;
+        let before = balancing.tree().clone();
+        let change = balancing.plan()?;
+        for (from, to) in change.renames(&before) {
+            self.contacts.rename(from, to);
+        }
+        Some(change)
     }
 
     /// Takes the server's operations of one tick: as many as a message has room for, in order. The others wait.
@@ -417,6 +439,7 @@ mod tests {
             tick: Tick(0),
             leader: NodeId(1),
             members: vec![member(1), member(2)],
+            tree: sim_world(2).tree,
             allocation: [(RegionId(1), NodeId(1)), (RegionId(2), NodeId(2))].into(),
         };
         let mut leader = Leader::new(Duration::ZERO, &view, &sim_world(2));
@@ -442,6 +465,7 @@ mod tests {
                 holds: None,
                 events: vec![events],
                 answers: vec![],
+                load: None,
             };
             leader.done(NodeId(id), done);
         }
@@ -496,7 +520,15 @@ mod tests {
             let view = ViewNumber(1);
             leader.done(
                 NodeId(id),
-                Done { view, tick: Tick(1), rounds_wanted, holds: None, events: vec![], answers: vec![] },
+                Done {
+                    view,
+                    tick: Tick(1),
+                    rounds_wanted,
+                    holds: None,
+                    events: vec![],
+                    answers: vec![],
+                    load: None,
+                },
             );
         }
         assert_eq!(leader.dispatch(Duration::from_secs(1)).unwrap().rounds, 3);

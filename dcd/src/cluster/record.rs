@@ -10,7 +10,7 @@ use crate::protocol::{
     BodyCheckpoint, BodyKind, BodyRecord, Check, Chunk, Invalid, JointRecord, Placed, ShapeHash, ShapeRecord,
     ViewNumber, chunks, encode_value,
 };
-use crate::space::{BodyId, ClientId, DistributionTree, Epoch, Groups, JointId, RegionId, Tick};
+use crate::space::{BodyId, Burden, ClientId, DistributionTree, Epoch, Groups, JointId, RegionId, Tick};
 
 /// The life cycle of a recorded body: waiting for a node, live, being removed, or parked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
@@ -378,6 +378,16 @@ impl Record {
                 })
             })
             .collect()
+    }
+
+    /// Returns where the movable bodies that do not sleep are.
+    pub(super) fn burdens(&self) -> impl Iterator<Item = Burden> {
+        let awake = |body: &&BodyRecord| body.traits.kind != BodyKind::Fixed && !body.state.sleeping;
+        self.present().filter(awake).map(|body| Burden {
+            place: body.state.pose.translation,
+            weight: 1.0,
+            island: None,
+        })
     }
 
     /// Counts the movable bodies in each region, for allocation by load.

@@ -116,6 +116,13 @@ pub enum ServerOutput {
         /// Its view.
         view: View,
     },
+    /// A group has cut its world otherwise, or dealt it out anew, within its view.
+    Repartitioned {
+        /// The group.
+        group: GroupId,
+        /// Its view as it is now.
+        view: View,
+    },
     /// No node of a group is left, or none is heard of; the record holds the world.
     Held(Tick),
     /// A group without members was dissolved.

@@ -10,8 +10,6 @@ pub(super) struct RankRemap {
     pub to: Vec<Option<usize>>,
     /// All regions by new rank.
     pub leaves: Arc<[RegionId]>,
-    /// A new region, and the one that it was cut from, by new rank.
-    pub born: Option<(usize, usize)>,
 }
 
 impl RankRemap {

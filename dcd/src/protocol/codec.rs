@@ -19,7 +19,7 @@ use crate::protocol::SharedState;
 use crate::space::ClientId;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 9;
+pub const VERSION: u32 = 10;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -307,6 +307,7 @@ mod tests {
                 },
                 tree: crate::space::DistributionTree::halved(
                     crate::space::Bounds::new([0.0; 3], [8.0; 3]), 4).unwrap(),
+                balance: None,
                 halo_m: None,
                 avatar_speed_limit: 10.0,
                 protocol: crate::protocol::SyncProtocol::Synchronised,

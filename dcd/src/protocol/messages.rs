@@ -11,12 +11,14 @@ use std::net::SocketAddr;
 use bincode::{Decode, Encode};
 
 use super::{BodyRecord, JointRecord, ShapeRecord, StepRecord};
-use crate::space::{Allocation, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
+use crate::space::{
+    Allocation, Balance, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick, TreeError,
+};
 
 pub use client::{Area, Costs, FromClient, Input, Refusal, Stamp, ToClient};
 pub use group::{
-    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, Motion, Push, Report, Stance, ToNode,
-    ToServer, WorldOp,
+    BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, LoadReport, Motion, Push, RegionLoad,
+    Repartition, Report, Stance, ToNode, ToServer, WorldOp,
 };
 pub use program::Program;
 pub use query::{
@@ -124,8 +126,10 @@ pub struct EnvironmentProperties {
     pub world: u64,
     /// How it is stepped.
     pub step: StepRecord,
-    /// How the world is cut into regions.
+    /// How the world is cut into regions at first.
     pub tree: DistributionTree,
+    /// How the regions follow the load from then on; `None`: they stay.
+    pub balance: Option<Balance>,
     /// How far beyond its box a region holds replicas, metres; `None`: by the size and speed of bodies.
     pub halo_m: Option<f64>,
     /// The fastest that a client may ask its avatars to move, m/s.
@@ -225,6 +229,8 @@ pub struct View {
     pub leader: NodeId,
     /// In id order.
     pub members: Vec<Member>,
+    /// How the world is cut into regions.
+    pub tree: DistributionTree,
     /// Which member computes each region.
     pub allocation: Allocation,
 }
@@ -233,6 +239,15 @@ impl View {
     /// Returns the leader: the member that opens each tick.
     pub fn led_by(&self) -> Option<&Member> {
         self.members.iter().find(|member| member.node == self.leader)
+    }
+
+    /// Changes tree and allocation, or neither if the tree cannot be changed so.
+    pub fn repartition(&mut self, repartition: &Repartition) -> Result<(), TreeError> {
+        let mut tree = self.tree.clone();
+        tree.change(&repartition.changes)?;
+        repartition.reallocate(&mut self.allocation, &self.tree);
+        self.tree = tree;
+        Ok(())
     }
 }
 

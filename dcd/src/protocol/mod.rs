@@ -32,10 +32,11 @@ pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     Answer, Area, BodyCheckpoint, Border, CastAnswer, CastQuery, Chunk, Claim, Costs, Delay, DelayThresholds,
     Dispatch, Done, EnvironmentProperties, Farewell, FilterRecord, FromClient, Hello, Input, JoinAs, Lane,
-    MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, Member,
-    Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery, Pace, PartFilter, Ping, Place, Placed, Pong,
-    Program, Push, Query, QueryParts, QueryResult, RayAnswer, RayQuery, Refusal, Report, SHAPE_COST, Stamp,
-    Stance, SyncProtocol, Thresholds, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
+    LoadReport, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES, MAX_TURN,
+    MAX_TURNING_M, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery, Pace, PartFilter, Ping,
+    Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult, RayAnswer, RayQuery, Refusal,
+    RegionLoad, Repartition, Report, SHAPE_COST, Stamp, Stance, SyncProtocol, Thresholds, ToClient, ToNode,
+    ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

@@ -2,7 +2,7 @@
 //! "Parse, don't validate": [`decode`](super::decode) never returns a message that fails [`Check`].
 
 use super::*;
-use crate::space::Bounds;
+use crate::space::{Allocation, Balance, Bounds, DistributionTree, MAX_REGIONS};
 
 /// The farthest distance from the origin at which anything of a world can be, in metres.
 pub const WORLD_REACH_M: f64 = 1e9;
@@ -366,6 +366,9 @@ impl Check for EnvironmentProperties {
         must(self.halo_m.is_none_or(|v| v.is_finite() && v >= 0.0), "world.halo_m", "finite, not negative")?;
         not_negative(&[self.avatar_speed_limit], "world.avatar_speed_limit")?;
         self.thresholds.check()?;
+        if let Some((what, _, range)) = self.balance.as_ref().and_then(Balance::fault) {
+            must(false, what, range)?;
+        }
         must(self.protocol.lag_ticks() <= u64::from(MAX_LAG), "world.lag_ticks", "at most 60")?;
         let Bounds { min, max } = self.tree.bounds();
         must(min.iter().chain(&max).all(|v| v.abs() <= WORLD_REACH_M), "world.bounds", "within 1e9 m")?;
@@ -391,7 +394,29 @@ impl Check for View {
         ascending(&self.members, |member| member.node, "view.members")?;
         let is_member = |node| self.members.iter().any(|member| member.node == node);
         must(is_member(self.leader), "view.leader", "a member")?;
-        must(self.allocation.values().all(|&node| is_member(node)), "view.allocation", "to members")
+        must(self.allocation.values().all(|&node| is_member(node)), "view.allocation", "to members")?;
+        suits(&self.allocation, &self.tree)
+    }
+}
+
+/// Checks a tree, and that its regions are allocated.
+fn suits(allocation: &Allocation, tree: &DistributionTree) -> Result<(), Invalid> {
+    must(tree.is_sound(), "tree", "connected, cut inside its cells and within its limits")?;
+    must(allocation.keys().copied().eq(tree.leaves()), "allocation", "of the tree's regions")
+}
+
+impl Check for LoadReport {
+    fn check(&self) -> Result<(), Invalid> {
+        let fine = |v: f64| v.is_finite() && v >= 0.0;
+        ascending(&self.regions, |region| region.region, "load.regions")?;
+        must(self.regions.len() <= MAX_REGIONS, "load.regions", "at most 256")?;
+        must(self.regions.iter().all(|r| fine(r.activity) && fine(r.step_us)), "load", "0 or more")?;
+        for burden in &self.burdens {
+            must(burden.place.iter().all(|v| v.is_finite()), "load.place", "finite")?;
+            must(fine(burden.weight), "load.weight", "0 or more")?;
+            must(burden.island.is_none_or(|i| i < self.islands.len()), "load.island", "one of its islands")?;
+        }
+        must(self.islands.iter().all(Bounds::is_finite), "load.islands", "finite boxes")
     }
 }
 
@@ -421,7 +446,8 @@ impl Check for WorldOp {
                 all(shapes)?;
                 all(joints)
             }
-            Self::Remove(_) | Self::RemoveJoint(_) => Ok(()),
+            // Who applies it checks it against the tree.
+            Self::Remove(_) | Self::RemoveJoint(_) | Self::Repartition(_) => Ok(()),
             Self::Input(input) => input.check(),
             Self::Push(push) => push.check(),
             Self::Correct { states, .. } => all(states),
@@ -548,6 +574,7 @@ impl Check for Done {
     fn check(&self) -> Result<(), Invalid> {
         must((1..=MAX_ROUNDS).contains(&self.rounds_wanted), "done.rounds_wanted", "1 to 64")?;
         self.answers.iter().try_for_each(|answer| answer.found.check())?;
+        self.load.as_ref().map_or(Ok(()), Check::check)?;
         all(&self.events)
     }
 }
@@ -576,7 +603,11 @@ impl Check for ToServer {
     fn check(&self) -> Result<(), Invalid> {
         match self {
             Self::Settling { dispatches, .. } => all(dispatches),
-            Self::Survey { claims, .. } => ascending(claims, |claim| claim.id, "survey.claims"),
+            Self::Survey { claims, tree, allocation, .. } => {
+                ascending(claims, |claim| claim.id, "survey.claims")?;
+                suits(allocation, tree)
+            }
+            Self::Repartitioned { tree, allocation, .. } => suits(allocation, tree),
             Self::Found { bodies, .. } | Self::Removed { bodies, .. } => all(bodies),
             Self::Checkpoint { bodies, .. } => all(bodies),
             Self::Delays(delays) => {

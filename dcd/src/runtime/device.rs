@@ -10,9 +10,12 @@ use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correcti
 use crate::physics::{HostError, Partition, RegionHost};
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, Input,
-    Query, SharedState, WorldOp,
+    LoadReport, Query, RegionLoad, SharedState, WorldOp,
 };
-use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, Load, RegionId, Tick, summarised};
+
+/// The most places for each region to which its load is summed up.
+const BURDENS: usize = 128;
 
 /// The error with which the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -83,17 +86,23 @@ impl PhysicsDevice {
                 self.load(chunk)?;
                 None
             }
-            PhysicsCommand::Rebuild { tick, regions, placed, joints, drop } => {
+            PhysicsCommand::Rebuild { tick, tree, regions, placed, joints, drop } => {
                 let host = self.world();
                 let avatars: Vec<_> =
                     placed.iter().map(|placed| placed.body.id).filter(|id| id.client().is_some()).collect();
                 let placed = placed.into_iter().map(|placed| (placed.region, placed.body)).collect();
                 host.set_tick(tick);
-                host.rebuild(&regions, placed, &joints, &drop)?;
+                host.rebuild(&tree, &regions, placed, &joints, &drop)?;
                 host.announce();
                 self.avatars.extend(avatars);
                 self.rebuilding = true;
                 Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() })
+            }
+            PhysicsCommand::Repartition { changes, newborn_here } => {
+                let host = self.world();
+                host.wake_left_behind();
+                host.repartition(&changes, newborn_here)?;
+                None
             }
             PhysicsCommand::Step { tick, rounds, ops } => {
                 let band_m = self.band_m();
@@ -117,9 +126,13 @@ impl PhysicsDevice {
                 self.compute_us = 0;
                 Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed })
             }
-            PhysicsCommand::Accept { tick, incoming, report, checkpoint, .. } => {
+            PhysicsCommand::Accept { tick, incoming, report, checkpoint, load, .. } => {
                 self.hear(tick, incoming);
-                Some(self.accept(report, checkpoint)?)
+                let mut event = self.accept(report, checkpoint)?;
+                if let PhysicsEvent::Settled { load: told, .. } = &mut event {
+                    *told = load.then(|| self.load_report());
+                }
+                Some(event)
             }
             PhysicsCommand::Drain { tick, incoming } => {
                 self.hear(tick, incoming);
@@ -295,7 +308,21 @@ impl PhysicsDevice {
             found: host.queries().answer(&question),
         };
         let answers = questions.into_iter().map(answer).collect();
-        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint }
+        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint, load: None }
+    }
+
+    /// Returns what there is to do here, where it is summed up.
+    fn load_report(&mut self) -> LoadReport {
+        let host = self.world();
+        let regions = host.regions().map(|region| RegionLoad {
+            region: region.id(),
+            activity: host.load_of(region, Load::Counts),
+            step_us: host.load_of(region, Load::Times),
+            vacant: host.is_vacant(region.id()),
+        });
+        let regions: Vec<_> = regions.collect();
+        let (burdens, islands) = host.burdens(Load::Counts);
+        LoadReport { burdens: summarised(burdens, BURDENS * regions.len()), regions, islands }
     }
 
     fn claims(&mut self) -> Vec<Claim> {
@@ -341,8 +368,8 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             WorldOp::Push(push) => {
                 host.push(&push);
             }
-            // Answered when the tick is over.
-            WorldOp::Ask { .. } => {}
+            // Done before the tick began; answered when it is over.
+            WorldOp::Repartition(_) | WorldOp::Ask { .. } => {}
             WorldOp::Correct { tick, states } => {
                 // Poses here are those after the last tick.
                 let lag_s = (host.tick().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);

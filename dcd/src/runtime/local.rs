@@ -42,7 +42,8 @@ pub struct WorldConfig {
     /// How far beyond its cell a region holds copies of other regions' bodies (replicas), in metres; `None` follows the largest
     /// body.
     pub halo_m: Option<f64>,
-    /// How regions follow the load; `None` leaves them as they are cut.
+    /// How regions follow the load; `None` leaves them as they are cut. Served, a world of [`Partitioning::Auto`] has one region for each
+    /// node then: [`Balance::by_nodes`].
     pub balance: Option<Balance>,
     /// How it is stepped.
     pub step: StepSettings,

@@ -129,6 +129,7 @@ pub(super) struct State {
     pub end: Option<Result<(), ProcessError>>,
 }
 
+#[expect(clippy::large_enum_variant, reason = "an input lives for one call")]
 pub(super) enum Input {
     Net(NetEvent),
     Client(ClientEvent),

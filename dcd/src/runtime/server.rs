@@ -10,13 +10,15 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use rapier3d::prelude::IntegrationParameters;
-use tracing::{error, info, warn};
+use tracing::{debug, error, info, warn};
 
 use super::end_request::EndRequests;
 use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
-use super::{Connections, LocalWorld, ProcessError, RedbDirectory, WorldConfig, WorldError};
+use super::{
+    Connections, LocalWorld, Partitioning, ProcessError, RedbDirectory, Why, WorldConfig, WorldError,
+};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
 use crate::cluster::{
     Grouping, ProgramOp, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED,
@@ -30,7 +32,7 @@ use crate::protocol::{
     Thresholds, View,
 };
 use crate::scene::Scene;
-use crate::space::{DistributionTree, Epoch, Tick};
+use crate::space::{Balance, DistributionTree, Epoch, Tick};
 
 /// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
@@ -122,6 +124,8 @@ pub struct ServerSummary {
     pub nodes: usize,
     /// Membership changes since the start of the server.
     pub views: u64,
+    /// How often the regions changed since then without a change of membership: they follow the load.
+    pub repartitions: u64,
     /// Bodies that no node owned in the last audit.
     pub lost: usize,
     /// Bodies that two nodes owned in the last audit.
@@ -385,6 +389,7 @@ impl Drop for ServerProcess {
 /// The values that a served world begins with.
 struct Beginning {
     tree: DistributionTree,
+    balance: Option<Balance>,
     halo_m: Option<f64>,
     step: StepSettings,
     shapes: Vec<ShapeRecord>,
@@ -400,7 +405,9 @@ impl Beginning {
                 let mut shapes = ShapeLibrary::default();
                 let (bodies, joints) = scene.records(&mut shapes)?;
                 let (tree, halo_m, step) = (config.tree()?, config.halo_m, config.step);
-                Ok(Self { tree, halo_m, step, shapes: shapes.records(), bodies, joints })
+                let is_uncut = matches!(config.partitioning, Partitioning::Auto);
+                let balance = config.balance.or_else(|| is_uncut.then(Balance::by_nodes));
+                Ok(Self { tree, balance, halo_m, step, shapes: shapes.records(), bodies, joints })
             }
             Origin::World(world) => {
                 let host = world.host();
@@ -414,8 +421,10 @@ impl Beginning {
                     .flat_map(|body| host.joints_of(body.id))
                     .map(|joint| (joint.id, joint))
                     .collect();
+                let is_cut = matches!(world.chosen().why, Why::Asked | Why::Saved);
                 Ok(Self {
                     tree: host.partition().tree().clone(),
+                    balance: host.balance().copied().or_else(|| (!is_cut).then(Balance::by_nodes)),
                     // An empty world has none, unless it was given.
                     halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
                     step: *host.settings(),
@@ -434,7 +443,7 @@ fn world_of(
     beginning: Beginning,
     config: &ServeConfig,
 ) -> Result<(EnvironmentProperties, Record), ProcessError> {
-    let Beginning { tree, halo_m, step, shapes, bodies, joints } = beginning;
+    let Beginning { tree, balance, halo_m, step, shapes, bodies, joints } = beginning;
     if step.integration != IntegrationParameters::default() {
         let range = "a served world is stepped with Rapier's own parameters: leave them at their defaults";
         let (what, value) = ("step.integration", "changed".to_owned());
@@ -463,6 +472,7 @@ fn world_of(
         world: record.fingerprint(),
         step: step.record(),
         tree,
+        balance,
         halo_m,
         avatar_speed_limit: config.avatar_speed_limit,
         protocol,
@@ -601,7 +611,17 @@ impl Loop {
                     state.summary.views += 1;
                     state.summary.bodies = movable(&self.server()).count();
                     state.summary.nodes = view.members.len();
+                    state.summary.regions = view.allocation.len();
                     state.view = Some(view);
+                }
+                ServerOutput::Repartitioned { group, view } => {
+                    debug!(%group, view = view.number.0, regions = view.allocation.len(), "regions follow the load");
+                    if group == self.server().main_group() {
+                        let mut state = self.shared.lock();
+                        state.summary.repartitions += 1;
+                        state.summary.regions = view.allocation.len();
+                        state.view = Some(view);
+                    }
                 }
                 ServerOutput::Held(tick) => {
                     warn!(tick = tick.0, "no node is left; the world waits for one");

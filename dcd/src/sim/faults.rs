@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use self::planner::Planner;
 use super::{NetworkConditions, Path, Random, Skew};
+use crate::space::Balance;
 
 /// A fault profile: a row of the fault table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -53,6 +54,14 @@ pub enum FaultProfile {
     GroupsServer,
     /// The same three groups; and processes of any role are cut off for 5 s, or stop for up to 12 s.
     GroupsCut,
+    /// Regions follow a load that wanders, every third of a second; and nothing, kills, cuts or loss beside that.
+    Rebalance,
+    /// One node becomes eight, each of which gets a region; and the same beside that.
+    Grow,
+    /// Eight nodes become one, and their regions one; and the same beside that.
+    Shrink,
+    /// A node is ten times slower, and gets less to do; and the same beside that.
+    SlowNode,
     /// All of the above at once, in one group.
     All,
 }
@@ -72,7 +81,7 @@ pub struct Promise {
 
 impl FaultProfile {
     /// All profiles in the order of the table.
-    pub const TABLE: [Self; 21] = [
+    pub const TABLE: [Self; 25] = [
         Self::None,
         Self::Loss1,
         Self::Loss5,
@@ -93,6 +102,10 @@ impl FaultProfile {
         Self::GroupsKill,
         Self::GroupsServer,
         Self::GroupsCut,
+        Self::Rebalance,
+        Self::Grow,
+        Self::Shrink,
+        Self::SlowNode,
         Self::All,
     ];
 
@@ -119,6 +132,10 @@ impl FaultProfile {
             Self::GroupsKill => "groups-kill",
             Self::GroupsServer => "groups-server",
             Self::GroupsCut => "groups-cut",
+            Self::Rebalance => "rebalance",
+            Self::Grow => "grow",
+            Self::Shrink => "shrink",
+            Self::SlowNode => "slow-node",
             Self::All => "all",
         }
     }
@@ -148,6 +165,12 @@ impl FaultProfile {
             }
             Self::GroupsServer => "the same groups; the server is killed, and started again from its disk",
             Self::GroupsCut => "the same groups; processes of any role cut off for 5 s, or stopped",
+            Self::Rebalance => {
+                "regions follow a load that wanders; with nothing, kills, cuts or loss beside that"
+            }
+            Self::Grow => "one node becomes eight, each gets a region; with the same beside that",
+            Self::Shrink => "eight nodes become one, and their regions too; with the same beside that",
+            Self::SlowNode => "a node is ten times slower and gets less to do; with the same beside that",
             Self::All => "anything of that, several at a time, and slow processes",
         }
     }
@@ -159,6 +182,8 @@ impl FaultProfile {
             Self::KillServer | Self::GroupsServer => 10,
             // Loss, kills and cuts together: their costs add up.
             Self::All => 15,
+            // Nodes come or leave while others are cut off: a change of members waits for those until they are given up.
+            Self::Grow | Self::Shrink => 8,
             _ => 3,
         };
         let has_faults = self >= Self::Partition1 && self != Self::ClockSkew;
@@ -177,6 +202,7 @@ impl FaultProfile {
         let mut plan = Planner { at: Duration::from_secs(2), faults: Vec::new(), random: &mut random };
         let mut network = NetworkConditions::calm(Path::up_to(2_000));
         let (mut skew, mut rate, mut lag_ticks, mut sites) = (None, None, None, 1);
+        let (mut balance, mut nodes, mut slow_node) = (None, Vec::new(), None);
         match self {
             Self::None => plan.wait(15_000, 15_000),
             Self::Loss1 | Self::Loss5 | Self::Loss20 => {
@@ -249,7 +275,27 @@ impl FaultProfile {
                     _ => (0..2).for_each(|_| plan.stop(5_000)),
                 }
             }
+            Self::Rebalance | Self::Grow | Self::Shrink | Self::SlowNode => {
+                balance = Some(quick_balance());
+                let second = |s: u32| Duration::from_secs(s.into());
+                match self {
+                    Self::Grow => nodes = (1..=8).map(|n| (second(n - 1), n)).collect(),
+                    Self::Shrink => nodes = (1..=8).map(|n| (second(2 * (8 - n)), n)).rev().collect(),
+                    Self::SlowNode => slow_node = Some(plan.random.bits()),
+                    _ => {}
+                }
+                match seed % 4 {
+                    0 => plan.wait(18_000, 18_000),
+                    1 => (0..3).for_each(|_| plan.kill(ProcessKind::Member, 500, 4_000, 4_000)),
+                    2 => (0..2).for_each(|_| plan.cut(5_000, 5_000, false, 5_000)),
+                    _ => {
+                        network.loss = 0.05;
+                        plan.wait(18_000, 18_000);
+                    }
+                }
+            }
             Self::All => {
+                balance = (seed % 2 == 1).then(quick_balance);
                 network.loss = plan.random.unit() * 0.03;
                 network.reorder = plan.random.unit() * 0.04;
                 network.duplicate = plan.random.unit() * 0.05;
@@ -260,8 +306,24 @@ impl FaultProfile {
         let over = plan.faults.iter().map(|planned| planned.at + planned.fault.lasts());
         let calm_at = over.chain([plan.at]).max().unwrap_or_default();
         plan.faults.sort_by_key(|planned| planned.at);
-        Schedule { network, skew, rate, lag_ticks, sites, faults: plan.faults, calm_at }
+        Schedule {
+            network,
+            skew,
+            rate,
+            lag_ticks,
+            sites,
+            balance,
+            nodes,
+            slow_node,
+            faults: plan.faults,
+            calm_at,
+        }
     }
+}
+
+/// Returns settings that find something to change in the small world of a trial several times a second.
+fn quick_balance() -> Balance {
+    Balance { every_ticks: 10, tolerance: 1.1, smallest_edge_m: 0.25, ..Balance::by_nodes() }
 }
 
 impl fmt::Display for FaultProfile {
@@ -294,6 +356,12 @@ pub struct Schedule {
     pub lag_ticks: Option<u32>,
     /// Sites of the nodes, as many nodes at each; those of one site are a group.
     pub sites: u32,
+    /// How regions follow the load; `None`: they stay.
+    pub balance: Option<Balance>,
+    /// From when on there are to be so many nodes, in order of time; empty: as the trial has it.
+    pub nodes: Vec<(Duration, u32)>,
+    /// Which node is ten times slower than the others; any number.
+    pub slow_node: Option<u64>,
     /// Faults in order of time.
     pub faults: Vec<Planned>,
     /// Time from which nothing goes wrong: cuts are over, stopped processes go on.

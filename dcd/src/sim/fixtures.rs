@@ -25,6 +25,7 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
             tolerance_m_s: 0.03,
         },
         tree: DistributionTree::halved(bounds, regions).expect("a small number of regions"),
+        balance: None,
         halo_m: Some(1.0),
         avatar_speed_limit: 20.0,
         protocol: SyncProtocol::Synchronised,

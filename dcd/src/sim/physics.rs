@@ -7,10 +7,13 @@ use super::Engine;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correction, deviation_m};
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, CastAnswer, CastQuery, Claim,
-    ContactKey, EnvironmentProperties, Overlap, OverlapQuery, Place, Placed, Query, QueryParts, QueryResult,
-    RayAnswer, RayQuery, RegionEvents, SharedState, Touch, Transfer, WorldOp, WorldPose,
+    ContactKey, EnvironmentProperties, LoadReport, Overlap, OverlapQuery, Place, Placed, Query, QueryParts,
+    QueryResult, RayAnswer, RayQuery, RegionEvents, RegionLoad, SharedState, Touch, Transfer, WorldOp,
+    WorldPose,
 };
-use crate::space::{BodyId, Bounds, ClientId, Epoch, RegionId, RegionSet, Tick};
+use crate::space::{
+    BodyId, Bounds, Burden, ClientId, Epoch, RegionId, RegionSet, Tick, TreeChange, Yielding,
+};
 
 /// Width of the halo: how far beyond its box a region holds replicas, metres.
 const HALO_M: f64 = 1.0;
@@ -34,6 +37,10 @@ struct Region {
 impl Region {
     fn bodies(&self) -> impl Iterator<Item = &BodyRecord> {
         self.owned.values().map(|owned| &owned.body).chain(self.replicas.values())
+    }
+
+    fn is_vacant(&self) -> bool {
+        self.owned.is_empty() && self.replicas.is_empty()
     }
 
     /// Returns the contacts that have begun or ceased since the last call.
@@ -124,10 +131,15 @@ impl Engine for StandIn {
                 None
             }
             PhysicsCommand::Load(_) => None,
-            PhysicsCommand::Rebuild { tick, regions, placed, drop, .. } => {
+            PhysicsCommand::Rebuild { tick, tree, regions, placed, drop, .. } => {
+                self.world.as_mut().expect("the world comes first").tree = tree;
                 self.rebuild(&regions, placed, &drop);
                 (self.rounds, self.rounds_left) = (0, 0);
                 Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() })
+            }
+            PhysicsCommand::Repartition { changes, newborn_here } => {
+                self.repartition(&changes, newborn_here);
+                None
             }
             PhysicsCommand::Step { tick, rounds, ops } => {
                 let mut removed = Vec::new();
@@ -140,14 +152,14 @@ impl Engine for StandIn {
                 incoming.into_iter().for_each(|message| self.hear(tick, message));
                 Some(PhysicsEvent::Drained)
             }
-            PhysicsCommand::Accept { tick, incoming, report, checkpoint, .. } => {
+            PhysicsCommand::Accept { tick, incoming, report, checkpoint, load, .. } => {
                 incoming.into_iter().for_each(|message| self.hear(tick, message));
                 if self.rounds_left > 0 {
                     self.rounds_left -= 1;
                     self.fly();
                     return Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() });
                 }
-                Some(self.settled(tick, report, checkpoint))
+                Some(self.settled(tick, report, checkpoint, load))
             }
             PhysicsCommand::Speculate(ops) => {
                 let copy = self.copy.get_or_insert_with(|| Box::new(Copy::of(&self.regions)));
@@ -244,7 +256,7 @@ impl StandIn {
                     region.replicas.remove(&id);
                 }
             }
-            WorldOp::RemoveJoint(_) | WorldOp::Push(_) => {}
+            WorldOp::RemoveJoint(_) | WorldOp::Push(_) | WorldOp::Repartition(_) => {}
             WorldOp::Ask { client, question } => self.questions.push((client, question)),
             WorldOp::Correct { tick: told, states } => {
                 let (dt_s, band_m) = {
@@ -357,7 +369,55 @@ impl StandIn {
         }
     }
 
-    fn settled(&mut self, tick: Tick, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
+    /// Changes the tree: regions change their names, are new here, or are given up.
+    fn repartition(&mut self, changes: &[TreeChange], newborn_here: bool) {
+        let tree = &mut self.world.as_mut().expect("the world comes first").tree;
+        let yielding: BTreeMap<_, _> = tree.yielding().collect();
+        tree.change(changes).expect("it suits the tree");
+        for change in changes {
+            let (from, to) = match *change {
+                TreeChange::Split { leaf, .. } => {
+                    let (left, right) = leaf.children();
+                    if newborn_here {
+                        self.regions.insert(right, Region::default());
+                    }
+                    (leaf, left)
+                }
+                TreeChange::Merge { vertex } => {
+                    let Yielding { heir, leaving } = yielding[&vertex];
+                    let left = self.regions.remove(&leaving);
+                    assert!(
+                        left.is_none_or(|region| region.is_vacant()),
+                        "{leaving} is given up with bodies"
+                    );
+                    (heir, vertex)
+                }
+                TreeChange::Move { .. } | TreeChange::Yield { .. } => continue,
+            };
+            if let Some(region) = self.regions.remove(&from) {
+                self.regions.insert(to, region);
+            }
+            for owned in self.regions.values_mut().flat_map(|region| region.owned.values_mut()) {
+                if owned.holders.remove(&from) {
+                    owned.holders.insert(to);
+                }
+            }
+        }
+    }
+
+    /// Returns what there is to do here: every body is as much work as any other.
+    fn load_report(&self) -> LoadReport {
+        let regions = self.regions.iter().map(|(&region, content)| {
+            let count = content.owned.len() as f64;
+            RegionLoad { region, activity: count, step_us: count, vacant: content.is_vacant() }
+        });
+        let owned = self.regions.values().flat_map(|region| region.owned.values());
+        let burden =
+            |owned: &Owned| Burden { place: owned.body.state.pose.translation, weight: 1.0, island: None };
+        LoadReport { regions: regions.collect(), burdens: owned.map(burden).collect(), islands: Vec::new() }
+    }
+
+    fn settled(&mut self, tick: Tick, report: Sampling, checkpoint: Sampling, load: bool) -> PhysicsEvent {
         let events = self.regions.iter_mut().map(|(&region, content)| {
             let touches = content.touches();
             RegionEvents { region, tick, touches, ..RegionEvents::default() }
@@ -390,7 +450,8 @@ impl StandIn {
         let questions = std::mem::take(&mut self.questions);
         let answers =
             questions.into_iter().map(|(client, question)| answer(&owned, client, &question)).collect();
-        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint }
+        let load = load.then(|| self.load_report());
+        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint, load }
     }
 }
 

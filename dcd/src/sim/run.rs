@@ -265,6 +265,11 @@ impl Sim {
                 ServerOutput::Send { to, message } => self.send(Peer::Server, to, message),
                 ServerOutput::Close { peer, .. } => self.network.close(self.now, Peer::Server, peer),
                 ServerOutput::Began { group, view } => self.began(group, &view),
+                ServerOutput::Repartitioned { group, view } => self.note(|| {
+                    let (regions, owners) = (view.allocation.len(), view.allocation.values());
+                    let nodes = owners.collect::<std::collections::BTreeSet<_>>().len();
+                    format!("{group} has {regions} regions at {nodes} nodes")
+                }),
                 ServerOutput::Held(tick) => self.note(|| format!("the record holds the world after {tick}")),
                 ServerOutput::Dissolved(group) => {
                     self.leaders.remove(&group);
@@ -315,8 +320,14 @@ impl Sim {
                         self.checker.forget_node(id);
                     }
                     let answer: Option<PhysicsEvent> = process.physics.execute(command);
-                    if let Some(event) = answer {
-                        let time = self.now + self.config.physics.draw(&mut self.random);
+                    if let Some(mut event) = answer {
+                        let times =
+                            self.slow_node.filter(|(slow, _)| *slow == id).map_or(1.0, |(_, times)| times);
+                        if let PhysicsEvent::Settled { load: Some(load), .. } = &mut event {
+                            load.regions.iter_mut().for_each(|region| region.step_us *= times);
+                        }
+                        let takes = self.config.physics.draw(&mut self.random).mul_f64(times);
+                        let time = self.now + takes;
                         self.network.physics(time, id, event);
                     }
                 }

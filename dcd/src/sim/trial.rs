@@ -31,6 +31,8 @@ const DELAYS: DelayThresholds =
     DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
 /// Speed of bodies along each axis there: a group's extrapolation of another's bodies still holds, except when they have just bounced.
 const SLOW_M_S: f64 = 2.0;
+/// How many times slower a slow node is.
+const SLOWER: f64 = 10.0;
 /// Ticks between comparisons of groups.
 const SAMPLES: u64 = 3;
 /// Interval of checks of conditions that no event reports; out of step with ticks.
@@ -121,6 +123,8 @@ enum Action {
     Healed,
     /// The server dies now if it has not died after storing a durable output.
     Doom,
+    /// There are to be so many nodes.
+    Populate(u32),
     /// The user of a client does something.
     Use(ClientId),
     Look,
@@ -162,6 +166,10 @@ struct Trial<'a> {
     doomed: Option<Duration>,
     /// Nodes that are to begin.
     expected_nodes: u32,
+    /// How many nodes there are to be, unless the configuration says it.
+    population: Option<u32>,
+    /// A slow node, and how much of its share at full speed it owned of late.
+    slow_node: Option<(NodeId, f64)>,
     calm_since: Option<Duration>,
     healed_at: Option<Duration>,
     staleness: Staleness,
@@ -187,7 +195,11 @@ impl<'a> Trial<'a> {
         let participants = if sites > 1 { config.clients } else { 0 };
         let sim = Sim::new(SimConfig {
             seed,
-            nodes: sites * config.nodes.saturating_sub(participants),
+            nodes: match schedule.nodes.first() {
+                Some(&(_, count)) => count,
+                None => sites * config.nodes.saturating_sub(participants),
+            },
+            balance: schedule.balance,
             thresholds: Thresholds { delay, ..Thresholds::default() },
             regions: config.regions,
             bodies: config.bodies,
@@ -223,6 +235,8 @@ impl<'a> Trial<'a> {
             inputs: BTreeMap::new(),
             doomed: None,
             expected_nodes: 0,
+            population: schedule.nodes.first().map(|&(_, count)| count),
+            slow_node: None,
             calm_since: None,
             healed_at: None,
             staleness: Staleness::default(),
@@ -246,6 +260,15 @@ impl<'a> Trial<'a> {
         }
         if sites > 1 {
             trial.sim.sample_every(SAMPLES);
+        }
+        for &(at, count) in schedule.nodes.iter().skip(1) {
+            trial.plan(Duration::from_secs(2) + at, Action::Populate(count));
+        }
+        let nodes: Vec<_> = trial.sim.nodes.keys().copied().collect();
+        if let Some(pick) = schedule.slow_node {
+            let node = nodes[pick as usize % nodes.len()];
+            trial.sim.slow_down(node, SLOWER);
+            trial.slow_node = Some((node, 1.0));
         }
         for &planned in &schedule.faults {
             trial.plan(planned.at, Action::Arm(planned));

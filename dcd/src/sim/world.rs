@@ -16,7 +16,7 @@ use crate::cluster::{
     ServerConfig,
 };
 use crate::protocol::{BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
-use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
+use crate::space::{Balance, BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// The configuration of a run.
 #[derive(Clone, Debug)]
@@ -45,6 +45,8 @@ pub struct SimConfig {
     pub thresholds: Thresholds,
     /// The protocol by which members keep in step.
     pub protocol: SyncProtocol,
+    /// How regions follow the load; `None`: they stay.
+    pub balance: Option<Balance>,
     /// The rules of grouping.
     pub grouping: Grouping,
     /// Ticks between nodes' reports of moved bodies to their leader.
@@ -69,6 +71,7 @@ impl Default for SimConfig {
             skew: None,
             thresholds: Thresholds::default(),
             protocol: SyncProtocol::Synchronised,
+            balance: None,
             grouping: Grouping::default(),
             report_every: 3,
             checkpoint_every: 6,
@@ -142,6 +145,8 @@ pub struct Sim {
     pub(super) has_stored: bool,
     /// Whether that has happened.
     pub(super) server_crashed: bool,
+    /// A node that takes so many times as long as the others.
+    pub(super) slow_node: Option<(NodeId, f64)>,
     /// Bugs to plant: transfers still to be dropped.
     pub(super) drop_transfers: u32,
     /// Outputs to clients, for tests.
@@ -192,6 +197,7 @@ impl Sim {
         let movable = record.present().filter(|body| body.traits.kind != BodyKind::Fixed);
         let checker = Checker::new(movable.map(|body| body.id), config.protocol.lag_ticks());
         (world.thresholds, world.protocol) = (config.thresholds, config.protocol);
+        world.balance = config.balance.or(world.balance);
         let server_config = ServerConfig {
             world,
             min_nodes: config.nodes.max(1) as usize,
@@ -224,6 +230,7 @@ impl Sim {
             crash_after_store: None,
             has_stored: false,
             server_crashed: false,
+            slow_node: None,
             drop_transfers: 0,
             told: Vec::new(),
             sent: BTreeMap::new(),
@@ -401,6 +408,12 @@ impl Sim {
         if let Some(host) = self.hosts.get_mut(&peer) {
             host.cost = cost;
         }
+    }
+
+    /// Makes a node take so many times as long as the others from now on, for whatever it computes.
+    pub fn slow_down(&mut self, node: NodeId, times: f64) {
+        self.note(|| format!("{node} is {times} times slower"));
+        self.slow_node = Some((node, times));
     }
 
     /// Places a process at this site from now on.

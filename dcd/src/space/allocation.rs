@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use super::tree::children;
 use super::{DistributionTree, NodeId, RegionId};
 
 /// The node of each region, in region order.
@@ -40,6 +39,48 @@ pub fn allocate(tree: &DistributionTree, nodes: &[NodeId], load_of: impl Fn(Regi
     allocation
 }
 
+/// Allocates anew what nodes had that are not among `nodes` any more, and moves nothing else: each such region goes to one of the
+/// nodes that are nearest to it in the tree, to the one with the least load. Whoever is new has nothing yet. Where nobody is left it is
+/// [`allocate`].
+///
+/// # Panics
+/// When `nodes` is empty.
+pub fn reallocate(
+    tree: &DistributionTree,
+    former: &Allocation,
+    nodes: &[NodeId],
+    load_of: impl Fn(RegionId) -> f64,
+) -> Allocation {
+    let is_leaf = |leaf: &RegionId| tree.is_leaf(*leaf);
+    let mut allocation: Allocation = former
+        .iter()
+        .filter(|(leaf, node)| is_leaf(leaf) && nodes.contains(node))
+        .map(|(&leaf, &node)| (leaf, node))
+        .collect();
+    if allocation.is_empty() {
+        return allocate(tree, nodes, load_of);
+    }
+    let orphans: Vec<_> = tree.leaves().filter(|leaf| !allocation.contains_key(leaf)).collect();
+    for orphan in orphans {
+        let has = |node: NodeId| {
+            let own = allocation.iter().filter(|(_, owner)| **owner == node);
+            own.map(|(&leaf, _)| load_of(leaf)).sum::<f64>()
+        };
+        let mut above = orphan;
+        let heir = loop {
+            let near = leaves_below(tree, above).into_iter().filter_map(|leaf| allocation.get(&leaf));
+            let least = near.min_by(|a, b| has(**a).total_cmp(&has(**b)).then(a.cmp(b)));
+            match (least, above.parent()) {
+                (Some(&heir), _) => break heir,
+                (None, Some(parent)) => above = parent,
+                (None, None) => unreachable!("some region is allocated"),
+            }
+        };
+        allocation.insert(orphan, heir);
+    }
+    allocation
+}
+
 fn deal(
     tree: &DistributionTree,
     vertex: RegionId,
@@ -52,7 +93,7 @@ fn deal(
         out.extend(leaves.into_iter().map(|leaf| (leaf, nodes[0])));
         return;
     }
-    let (left, right) = children(vertex);
+    let (left, right) = vertex.children();
     let (left_leaves, right_leaves) = (leaves_below(tree, left).len(), leaves_below(tree, right).len());
     let load = |vertex| leaves_below(tree, vertex).into_iter().map(load_of).sum::<f64>();
     let (left_load, total) = (load(left), load(vertex));
@@ -70,7 +111,7 @@ fn leaves_below(tree: &DistributionTree, vertex: RegionId) -> Vec<RegionId> {
     let mut open = vec![vertex];
     while let Some(vertex) = open.pop() {
         if tree.cut_of(vertex).is_some() {
-            let (left, right) = children(vertex);
+            let (left, right) = vertex.children();
             open.extend([left, right]);
         } else {
             found.push(vertex);
@@ -99,7 +140,7 @@ mod tests {
             if whole(vertex) {
                 count += 1;
             } else if tree.cut_of(vertex).is_some() {
-                let (left, right) = children(vertex);
+                let (left, right) = vertex.children();
                 open.extend([left, right]);
             }
         }
@@ -124,6 +165,22 @@ mod tests {
                 own.map(|(leaf, _)| loads[leaf.0 as usize % loads.len()]).sum()
             };
             prop_assert!(ids.iter().all(|&node| share(ids[0]) <= share(node)), "the leader has the least");
+        }
+
+        #[test]
+        fn what_nodes_leave_goes_to_others_and_nothing_else_moves(
+            leaves in 1_usize..=64, nodes in 2_u32..20, gone in 1_u32..20, new in 0_u32..3,
+        ) {
+            let (tree, gone) = (world(leaves), NodeId(1 + gone % nodes));
+            let ids: Vec<_> = (1..=nodes).map(NodeId).collect();
+            let before = allocate(&tree, &ids, |_| 1.0);
+            let left: Vec<_> = (1..=nodes + new).map(NodeId).filter(|&id| id != gone).collect();
+            let after = reallocate(&tree, &before, &left, |_| 1.0);
+            prop_assert_eq!(after.keys().copied().collect::<Vec<_>>(), tree.leaves().collect::<Vec<_>>());
+            prop_assert!(after.values().all(|node| left.contains(node)));
+            if before.values().any(|&node| node != gone) {
+                prop_assert!(before.iter().all(|(leaf, &node)| node == gone || after[leaf] == node));
+            }
         }
 
         #[test]

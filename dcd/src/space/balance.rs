@@ -3,12 +3,13 @@
 
 use std::collections::BTreeSet;
 
+use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{Axis, Bounds, DistributionTree, RegionId};
+use super::{Axis, Bounds, DistributionTree, RegionId, TreeChange};
 
 /// The settings of load balancing.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Encode, Decode)]
 #[serde(default, deny_unknown_fields)]
 pub struct Balance {
     /// The ticks from one look at the load to the next; at least 1.
@@ -30,7 +31,7 @@ pub struct Balance {
 }
 
 /// The measure of load.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Encode, Decode)]
 #[serde(rename_all = "lowercase")]
 pub enum Load {
     /// Awake bodies, copies of others' among them, and contacts: the same on every machine.
@@ -61,6 +62,16 @@ impl Balance {
         Self { least_regions: regions, most_regions: regions, ..Self::default() }
     }
 
+    /// Returns the settings by which each node of a served world has one region, in proportion to its speed, as nodes come and go.
+    pub fn by_nodes() -> Self {
+        Self { split_above: 1e9, merge_below: 0.5e9, load: Load::Times, ..Self::default() }
+    }
+
+    /// Returns the same settings for so many nodes: none of them is to be without a region.
+    pub fn among(self, nodes: usize) -> Self {
+        Self { least_regions: self.least_regions.max(nodes).min(self.most_regions), ..self }
+    }
+
     /// Returns what is wrong with the settings, if anything: the name of the setting, its value, and what it may be.
     pub fn fault(&self) -> Option<(&'static str, String, &'static str)> {
         let Self { every_ticks, tolerance, split_above, merge_below, least_regions, most_regions, .. } =
@@ -88,7 +99,7 @@ impl Balance {
 }
 
 /// A part of the load and where it is, in world space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Burden {
     /// Metres.
     pub place: [f64; 3],
@@ -103,75 +114,105 @@ pub struct Burden {
 /// (`benches/results`: a giant island gains nothing from being cut on one machine.)
 const CUT_COST: f64 = 8.0;
 
-/// A planned change of a distribution tree.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum TreeChange {
-    /// The plane of an inner vertex goes here.
-    Move {
-        /// Which vertex.
-        vertex: RegionId,
-        /// Metres along the axis of its cut.
-        at: f64,
-    },
-    /// A region is cut in two.
-    Split {
-        /// Which region.
-        leaf: RegionId,
-        /// Across which axis.
-        axis: Axis,
-        /// Where.
-        at: f64,
-    },
-    /// One of two sibling regions takes over all of the other's.
-    Merge {
-        /// Their parent.
-        vertex: RegionId,
-        /// The one that remains, so far.
-        heir: RegionId,
-    },
+/// What a plan is made from: the tree, what is to be done where, and how much each region can do.
+pub struct Loads<'a> {
+    /// The tree as it is. A vertex one of whose two regions is being emptied counts as one region.
+    pub tree: &'a DistributionTree,
+    /// All parts of the load.
+    pub burdens: &'a [Burden],
+    /// Boxes around the islands that are too large to move whole: planes keep out of them where to cut them does not pay.
+    pub islands: &'a [Bounds],
+    /// How much a region can do compared with others: what its node is worth, divided by the number of its regions. A vertex that
+    /// counts as one region is asked for like one.
+    pub capacity: &'a dyn Fn(RegionId) -> f64,
 }
 
-/// Plans the changes after which the regions of a tree have equal load; none if they are near enough to that. `islands` are boxes
-/// around the islands that are too large to move whole: planes keep out of them where to cut them does not pay. `merging` are
-/// vertices one of whose children is being emptied: they count as one region.
-pub fn plan(
-    tree: &DistributionTree,
-    burdens: &[Burden],
-    islands: &[Bounds],
-    settings: &Balance,
-    merging: &[RegionId],
-) -> Vec<TreeChange> {
+/// Plans the changes after which each region of a tree has load in proportion to its capacity; none if they are near enough to
+/// that.
+pub fn plan(loads: &Loads<'_>, settings: &Balance) -> Vec<TreeChange> {
+    let Loads { tree, burdens, islands, capacity } = *loads;
+    let merging: Vec<_> = tree.yielding().map(|(vertex, _)| vertex).collect();
     let all: Vec<_> = burdens.iter().collect();
     let total: f64 = burdens.iter().map(|burden| burden.weight).sum();
-    let leaves = weighed(tree, merging, all.clone());
+    let leaves = weighed(tree, &merging, all.clone(), capacity);
     let (count, heaviest) = (leaves.len(), leaves.iter().map(|leaf| leaf.load).fold(0.0, f64::max));
     // A whole island must weigh more than this to be worth a cut.
     let whole_up_to = |share: f64| Whole::of(burdens, islands, CUT_COST * share);
     if count < settings.most_regions
         && (count < settings.least_regions || heaviest > settings.split_above)
-        && let Some(split) =
-            split_of(&leaves, &whole_up_to(settings.split_above), settings, count < settings.least_regions)
+        && let Some(split) = split_of(
+            tree,
+            &leaves,
+            &whole_up_to(settings.split_above),
+            settings,
+            count < settings.least_regions,
+        )
     {
         return vec![split];
     }
-    let mean = total / count as f64;
-    let whole = whole_up_to(mean);
-    let mut planner = Planner { tree, settings, merging, whole: &whole, moves: Vec::new() };
+    let whole = whole_up_to(total / count as f64);
+    let mut planner =
+        Planner { tree, settings, merging: &merging, whole: &whole, capacity, moves: Vec::new() };
     if count > settings.least_regions
         && let Some(merge) = planner.lightest_pair(&leaves)
     {
         return vec![merge];
     }
+    let mean = total / leaves.iter().map(|leaf| leaf.capacity).sum::<f64>();
     let now = busiest(&leaves, islands.len());
     if count == 1 || now <= settings.tolerance * mean {
         return Vec::new();
     }
     planner.level(RegionId(0), tree.bounds(), all.clone());
     // Where much of the load lies in one place, or in one island, planes can do only so much: they are not moved for little.
-    let moved = after(tree, &planner.moves).map(|tree| weighed(&tree, merging, all));
+    let moved = after(tree, &planner.moves).map(|tree| weighed(&tree, &merging, all, capacity));
     let worth = 1.0 + 0.5 * (settings.tolerance - 1.0);
     let pays = moved.is_some_and(|leaves| worth * busiest(&leaves, islands.len()) < now);
     if pays { planner.moves } else { Vec::new() }
+}
+
+/// Returns the tree after all that follows from such plans where nothing is computed yet, so that nothing has to be emptied first.
+pub fn balanced(mut tree: DistributionTree, burdens: &[Burden], settings: &Balance) -> DistributionTree {
+    // Each plan cuts or merges one region, or levels all planes; some bodies cannot be levelled.
+    for _ in 0..2 * super::MAX_REGIONS {
+        let changes = plan(&Loads { tree: &tree, burdens, islands: &[], capacity: &|_| 1.0 }, settings);
+        if changes.is_empty() || tree.change(&changes).is_err() {
+            break;
+        }
+        let yielding: Vec<_> = tree.yielding().map(|(vertex, _)| TreeChange::Merge { vertex }).collect();
+        tree.change(&yielding).expect("what yields has two regions");
+    }
+    tree
+}
+
+/// Sums burdens up to at most about so many, where they are near one another, none of them of two islands: a node tells its leader
+/// no more of its load than a plan needs.
+pub fn summarised(mut burdens: Vec<Burden>, most: usize) -> Vec<Burden> {
+    burdens.sort_by_key(|burden| burden.island);
+    let total = burdens.len();
+    let mut summary = Vec::new();
+    for island in burdens.chunk_by_mut(|a, b| a.island == b.island) {
+        let share = (most * island.len()).div_ceil(total);
+        sum_up(island, share, &mut summary);
+    }
+    summary
+}
+
+fn sum_up(burdens: &mut [Burden], most: usize, summary: &mut Vec<Burden>) {
+    let boxes = burdens.iter().map(|burden| Bounds::new(burden.place, burden.place));
+    let Some(around) = boxes.reduce(|a, b| a.union(&b)) else { return };
+    if most > 1 && burdens.len() > 1 {
+        let i = around.longest_axis().index();
+        burdens.sort_by(|a, b| a.place[i].total_cmp(&b.place[i]));
+        let (below, above) = burdens.split_at_mut(burdens.len() / 2);
+        sum_up(below, most / 2, summary);
+        sum_up(above, most - most / 2, summary);
+    } else {
+        let count = burdens.len() as f64;
+        let mean = |i: usize| burdens.iter().map(|burden| burden.place[i]).sum::<f64>() / count;
+        let weight = burdens.iter().map(|burden| burden.weight).sum();
+        summary.push(Burden { place: [0, 1, 2].map(mean), weight, island: burdens[0].island });
+    }
 }
 
 /// Returns the same tree with planes moved; `None` if it has no room for one of them.
@@ -190,7 +231,12 @@ fn is_leaf(tree: &DistributionTree, merging: &[RegionId], vertex: RegionId) -> b
 }
 
 /// Returns the regions of a tree and what is in each.
-fn weighed<'a>(tree: &DistributionTree, merging: &[RegionId], burdens: Vec<&'a Burden>) -> Vec<Weighed<'a>> {
+fn weighed<'a>(
+    tree: &DistributionTree,
+    merging: &[RegionId],
+    burdens: Vec<&'a Burden>,
+    capacity: &dyn Fn(RegionId) -> f64,
+) -> Vec<Weighed<'a>> {
     let (mut leaves, mut open) = (Vec::new(), vec![(RegionId(0), burdens)]);
     while let Some((vertex, burdens)) = open.pop() {
         match (tree.cut_of(vertex), tree.children_of(vertex)) {
@@ -200,14 +246,14 @@ fn weighed<'a>(tree: &DistributionTree, merging: &[RegionId], burdens: Vec<&'a B
             }
             _ => {
                 let load = burdens.iter().map(|burden| burden.weight).sum();
-                leaves.push(Weighed { leaf: vertex, load, burdens });
+                leaves.push(Weighed { leaf: vertex, load, capacity: capacity(vertex), burdens });
             }
         }
     }
     leaves
 }
 
-/// Returns the load of the busiest region, with the cost of having parts of cut islands.
+/// Returns the load of the busiest region for its capacity, with the cost of having parts of cut islands.
 fn busiest(leaves: &[Weighed<'_>], islands: usize) -> f64 {
     let mut in_leaves = vec![BTreeSet::new(); islands];
     for leaf in leaves {
@@ -217,7 +263,7 @@ fn busiest(leaves: &[Weighed<'_>], islands: usize) -> f64 {
     }
     let is_cut = |burden: &Burden| burden.island.is_some_and(|island| in_leaves[island].len() > 1);
     let cost = |burden: &&Burden| burden.weight * if is_cut(burden) { CUT_COST } else { 1.0 };
-    leaves.iter().map(|leaf| leaf.burdens.iter().map(cost).sum()).fold(0.0, f64::max)
+    leaves.iter().map(|leaf| leaf.burdens.iter().map(cost).sum::<f64>() / leaf.capacity).fold(0.0, f64::max)
 }
 
 /// Islands that are not worth a cut, by their places in the list of all: a box around each.
@@ -308,6 +354,7 @@ impl Whole {
 struct Weighed<'a> {
     leaf: RegionId,
     load: f64,
+    capacity: f64,
     burdens: Vec<&'a Burden>,
 }
 
@@ -316,6 +363,7 @@ struct Planner<'a> {
     settings: &'a Balance,
     merging: &'a [RegionId],
     whole: &'a Whole,
+    capacity: &'a dyn Fn(RegionId) -> f64,
     moves: Vec<TreeChange>,
 }
 
@@ -324,10 +372,14 @@ impl Planner<'_> {
         is_leaf(self.tree, self.merging, vertex)
     }
 
-    fn count(&self, vertex: RegionId) -> usize {
+    /// Returns how many regions a vertex has, and how much they can do together.
+    fn strength(&self, vertex: RegionId) -> (usize, f64) {
         match self.tree.children_of(vertex) {
-            Some((left, right)) if !self.is_leaf(vertex) => self.count(left) + self.count(right),
-            _ => 1,
+            Some((left, right)) if !self.is_leaf(vertex) => {
+                let (below, above) = (self.strength(left), self.strength(right));
+                (below.0 + above.0, below.1 + above.1)
+            }
+            _ => (1, (self.capacity)(vertex)),
         }
     }
 
@@ -342,11 +394,12 @@ impl Planner<'_> {
             return;
         }
         let i = axis.index();
-        let (below, above) = (self.count(left) as f64, self.count(right) as f64);
+        let ((below, weak), (above, strong)) = (self.strength(left), self.strength(right));
+        let (below, above) = (below as f64, above as f64);
         // What lies below needs room for its own planes, and so does what lies above.
         let edge = self.settings.smallest_edge_m;
         let (least, most) = (part.min[i] + edge * below, part.max[i] - edge * above);
-        let share = below / (below + above);
+        let share = weak / (weak + strong);
         let at = if least < most {
             let wished = |room| self.whole.quantile(&burdens, axis, share, (least, most), edge, room);
             // The planes of each side are to find room beside what is whole there.
@@ -377,16 +430,24 @@ impl Planner<'_> {
         let (vertex, left, right, below, above) =
             pairs.min_by(|a, b| (a.3 + a.4).total_cmp(&(b.3 + b.4)).then(a.0.cmp(&b.0)))?;
         let heir = if above > below { right } else { left };
-        (below + above < self.settings.merge_below).then_some(TreeChange::Merge { vertex, heir })
+        (below + above < self.settings.merge_below).then_some(TreeChange::Yield { vertex, heir })
     }
 }
 
 /// Cuts the heaviest region that is wide enough, in the middle of its load. A region is cut whatever that brings if there
 /// `must` be more of them.
-fn split_of(leaves: &[Weighed<'_>], whole: &Whole, settings: &Balance, must: bool) -> Option<TreeChange> {
-    let mut by_load: Vec<_> = leaves.iter().filter(|leaf| must || leaf.load > settings.split_above).collect();
-    by_load.sort_by(|a, b| b.load.total_cmp(&a.load).then(a.leaf.cmp(&b.leaf)));
-    by_load.into_iter().find_map(|Weighed { leaf, load, burdens }| {
+fn split_of(
+    tree: &DistributionTree,
+    leaves: &[Weighed<'_>],
+    whole: &Whole,
+    settings: &Balance,
+    must: bool,
+) -> Option<TreeChange> {
+    let may_be = |leaf: &&Weighed<'_>| tree.is_leaf(leaf.leaf) && (must || leaf.load > settings.split_above);
+    let mut by_load: Vec<_> = leaves.iter().filter(may_be).collect();
+    let busy = |leaf: &Weighed<'_>| leaf.load / leaf.capacity;
+    by_load.sort_by(|a, b| busy(b).total_cmp(&busy(a)).then(a.leaf.cmp(&b.leaf)));
+    by_load.into_iter().find_map(|Weighed { leaf, load, burdens, .. }| {
         let boxes = burdens.iter().map(|burden| Bounds::new(burden.place, burden.place));
         let around = boxes.reduce(|a, b| a.union(&b))?;
         let axis = around.longest_axis();
@@ -416,14 +477,20 @@ mod tests {
         (0..count).map(|i| Burden { place: [place(i), 0.0, 0.0], weight: 1.0, island: None }).collect()
     }
 
+    /// Applies a plan; what yields is merged at once.
     fn applied(tree: &mut DistributionTree, changes: &[TreeChange]) {
-        for change in changes {
-            match *change {
-                TreeChange::Move { vertex, at } => tree.move_plane(vertex, at).unwrap(),
-                TreeChange::Split { leaf, axis, at } => drop(tree.split_at(leaf, axis, at).unwrap()),
-                TreeChange::Merge { vertex, .. } => tree.merge(vertex).unwrap(),
-            }
-        }
+        tree.change(changes).unwrap();
+        let yielding: Vec<_> = tree.yielding().map(|(vertex, _)| TreeChange::Merge { vertex }).collect();
+        tree.change(&yielding).unwrap();
+    }
+
+    fn planned(
+        tree: &DistributionTree,
+        burdens: &[Burden],
+        islands: &[Bounds],
+        settings: &Balance,
+    ) -> Vec<TreeChange> {
+        plan(&Loads { tree, burdens, islands, capacity: &|_| 1.0 }, settings)
     }
 
     fn loads(tree: &DistributionTree, burdens: &[Burden]) -> Vec<usize> {
@@ -440,11 +507,11 @@ mod tests {
         let (mut tree, settings) = (road(8), Balance::keeping(8));
         for from in [0.0, 100.0, 450.0, 800.0] {
             let crowd = crowd(from, from + 200.0, 800);
-            let changes = plan(&tree, &crowd, &[], &settings, &[]);
+            let changes = planned(&tree, &crowd, &[], &settings);
             assert!(!changes.is_empty());
             applied(&mut tree, &changes);
             assert_eq!(loads(&tree, &crowd), [100; 8]);
-            assert_eq!(plan(&tree, &crowd, &[], &settings, &[]), []);
+            assert_eq!(planned(&tree, &crowd, &[], &settings), []);
         }
     }
 
@@ -453,10 +520,10 @@ mod tests {
         let tree = road(2);
         let mut crowd = crowd(0.0, 1000.0, 100);
         crowd.extend(std::iter::repeat_n(Burden { place: [1.0; 3], weight: 1.0, island: None }, 20));
-        assert_eq!(plan(&tree, &crowd, &[], &Balance::keeping(2), &[]), [], "70 of 120");
+        assert_eq!(planned(&tree, &crowd, &[], &Balance::keeping(2)), [], "70 of 120");
         crowd.extend(std::iter::repeat_n(Burden { place: [1.0; 3], weight: 1.0, island: None }, 60));
         assert!(matches!(
-            plan(&tree, &crowd, &[], &Balance::keeping(2), &[])[..],
+            planned(&tree, &crowd, &[], &Balance::keeping(2))[..],
             [TreeChange::Move { vertex: RegionId(0), .. }]
         ));
     }
@@ -465,7 +532,7 @@ mod tests {
     fn regions_stay_as_wide_as_asked() {
         let settings = Balance { smallest_edge_m: 10.0, ..Balance::keeping(8) };
         let (mut tree, crowd) = (road(8), crowd(500.0, 501.0, 100));
-        let changes = plan(&tree, &crowd, &[], &settings, &[]);
+        let changes = planned(&tree, &crowd, &[], &settings);
         applied(&mut tree, &changes);
         let narrowest = tree.leaves().map(|leaf| tree.part(leaf).size()[0]).fold(f64::INFINITY, f64::min);
         assert!(narrowest >= 10.0 - 1e-9, "{narrowest} m");
@@ -478,7 +545,7 @@ mod tests {
         let mut settle = |count: usize| {
             let crowd = crowd(0.0, 1000.0, count);
             for _ in 0..40 {
-                let changes = plan(&tree, &crowd, &[], &settings, &[]);
+                let changes = planned(&tree, &crowd, &[], &settings);
                 if changes.is_empty() {
                     return tree.leaf_count();
                 }
@@ -511,7 +578,7 @@ mod tests {
         settings: &Balance,
     ) -> Vec<f64> {
         for _ in 0..10 {
-            let changes = plan(tree, burdens, &[island], settings, &[]);
+            let changes = planned(tree, burdens, &[island], settings);
             if changes.is_empty() {
                 return tree.inner().filter_map(|vertex| Some(tree.cut_of(vertex)?.1)).collect();
             }
@@ -530,7 +597,7 @@ mod tests {
             assert!(!planes.iter().any(within), "{regions} regions: {planes:?}");
             let most = loads(&tree, &burdens).into_iter().max().unwrap();
             assert!(most < count + 60, "{regions} regions: {most}");
-            let again = plan(&tree, &burdens, &[Bounds { max: [520.5; 3], ..island }], &settings, &[]);
+            let again = planned(&tree, &burdens, &[Bounds { max: [520.5; 3], ..island }], &settings);
             assert_eq!(again, [], "an island that grows a little moves nothing");
         }
     }
@@ -557,19 +624,53 @@ mod tests {
 
     #[test]
     fn what_is_being_merged_counts_as_one_region() {
-        let (tree, settings) =
+        let (mut tree, settings) =
             (road(4), Balance { merge_below: 300.0, split_above: 1000.0, ..Balance::default() });
         let crowd = crowd(0.0, 1000.0, 400);
-        let [TreeChange::Merge { vertex, .. }] = plan(&tree, &crowd, &[], &settings, &[])[..] else {
-            panic!()
+        for expected in [RegionId(1), RegionId(2)] {
+            let changes = planned(&tree, &crowd, &[], &settings);
+            assert!(
+                matches!(changes[..], [TreeChange::Yield { vertex, .. }] if vertex == expected),
+                "{changes:?}"
+            );
+            tree.change(&changes).unwrap();
+        }
+        assert_eq!(tree.leaf_count(), 4, "none of them is empty yet");
+        assert_eq!(planned(&tree, &crowd, &[], &settings), []);
+    }
+
+    #[test]
+    fn regions_have_load_as_they_have_capacity() {
+        let (mut tree, crowd, settings) = (road(4), crowd(0.0, 1000.0, 1300), Balance::keeping(4));
+        let slow = tree.leaves().nth(2).unwrap();
+        let capacity = |leaf| if leaf == slow { 0.1 } else { 0.4 };
+        let loads_of = |tree: &DistributionTree| {
+            plan(&Loads { tree, burdens: &crowd, islands: &[], capacity: &capacity }, &settings)
         };
-        assert_eq!(vertex, RegionId(1));
-        let [TreeChange::Merge { vertex, .. }] = plan(&tree, &crowd, &[], &settings, &[RegionId(1)])[..]
-        else {
-            panic!()
+        let changes = loads_of(&tree);
+        applied(&mut tree, &changes);
+        assert_eq!(loads(&tree, &crowd), [400, 400, 100, 400]);
+        assert_eq!(loads_of(&tree), []);
+    }
+
+    #[test]
+    fn a_summary_is_short_and_says_how_much_lies_where() {
+        let (mut burdens, island) = crowd_with_island(3000);
+        burdens.iter_mut().enumerate().for_each(|(i, burden)| burden.place[1] = (i % 17) as f64);
+        let summary = summarised(burdens.clone(), 128);
+        assert!(summary.len() <= 130, "{}", summary.len());
+        let within = |burdens: &[Burden], from: f64, to: f64| {
+            let there = burdens.iter().filter(|burden| (from..to).contains(&burden.place[0]));
+            there.map(|burden| burden.weight).sum::<f64>()
         };
-        assert_eq!(vertex, RegionId(2));
-        assert_eq!(plan(&tree, &crowd, &[], &settings, &[RegionId(1), RegionId(2)]), []);
+        for (from, to) in [(-1.0, 1001.0), (-1.0, 500.0), (470.0, 530.0), (480.0, 490.0)] {
+            let (all, summed) = (within(&burdens, from, to), within(&summary, from, to));
+            assert!((all - summed).abs() < 0.03 * 3100.0, "{from} to {to}: {summed} of {all}");
+        }
+        let inside = |burden: &Burden| island.min[0] <= burden.place[0] && burden.place[0] <= island.max[0];
+        assert!(summary.iter().filter(|burden| burden.island.is_some()).all(inside));
+        assert_eq!(summarised(Vec::new(), 128), []);
+        assert_eq!(summarised(crowd(0.0, 1.0, 1), 128).len(), 1);
     }
 
     #[test]

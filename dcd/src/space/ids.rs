@@ -26,6 +26,21 @@ id!(
     /// A vertex of the distribution tree, and so a sub-region: root 0, children 2i+1 and 2i+2 (thesis 4.3.1.3).
     RegionId(u32), "r"
 );
+impl RegionId {
+    /// Returns the two vertices below this one, which must be one of a tree.
+    pub(crate) const fn children(self) -> (Self, Self) {
+        (Self(2 * self.0 + 1), Self(2 * self.0 + 2))
+    }
+
+    /// Returns the vertex above this one; the root has none.
+    pub(crate) const fn parent(self) -> Option<Self> {
+        match self.0 {
+            0 => None,
+            id => Some(Self((id - 1) / 2)),
+        }
+    }
+}
+
 id!(
     /// A process that computes regions. Given by the server in joining order; the lowest id of a group leads it.
     NodeId(u32), "n"

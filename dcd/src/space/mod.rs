@@ -10,8 +10,8 @@ mod mix;
 mod region_set;
 mod tree;
 
-pub use allocation::{Allocation, allocate};
-pub use balance::{Balance, Burden, Load, TreeChange, plan};
+pub use allocation::{Allocation, allocate, reallocate};
+pub use balance::{Balance, Burden, Load, Loads, balanced, plan, summarised};
 pub use cell::{Axis, Bounds, Cell};
 pub(crate) use groups::Groups;
 #[cfg(feature = "physics")]
@@ -19,4 +19,4 @@ pub(crate) use groups::PlaceGroups;
 pub use ids::{BodyId, ClientId, Epoch, GroupId, JointId, NodeId, RegionId, Tick};
 pub use mix::mixed;
 pub use region_set::{MAX_REGIONS, RegionSet};
-pub use tree::{DistributionTree, Limits, TreeError};
+pub use tree::{DistributionTree, Limits, TreeChange, TreeError, Yielding};

@@ -43,6 +43,11 @@ pub enum TreeError {
     /// The vertex does not have two leaves below it.
     #[error("{0} cannot be merged: its two children are not both leaves")]
     NotMergeable(RegionId),
+    /// Planes lie beyond those above them in the tree.
+    #[error(
+        "the planes do not fit into one another: each must cut the part of the world that its vertex covers"
+    )]
+    Crossed,
     /// The vertex is not cut.
     #[error("{0} has no plane to move: it is a region, or not in the tree")]
     NotCut(RegionId),
@@ -54,6 +59,48 @@ pub enum TreeError {
         /// Where, in metres.
         at: f64,
     },
+}
+
+/// A change of a distribution tree.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub enum TreeChange {
+    /// The plane of an inner vertex goes here.
+    Move {
+        /// Which vertex.
+        vertex: RegionId,
+        /// Metres along the axis of its cut.
+        at: f64,
+    },
+    /// A region is cut in two: the left one keeps what it has, the right one is new.
+    Split {
+        /// Which region.
+        leaf: RegionId,
+        /// Across which axis.
+        axis: Axis,
+        /// Where, metres.
+        at: f64,
+    },
+    /// One of two sibling regions takes over all of the other's, which is emptied before they are merged.
+    Yield {
+        /// Their parent.
+        vertex: RegionId,
+        /// The one that remains.
+        heir: RegionId,
+    },
+    /// Two sibling regions, one of them empty, become one.
+    Merge {
+        /// Their parent.
+        vertex: RegionId,
+    },
+}
+
+/// The two regions of a vertex that is to be one region again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Yielding {
+    /// Takes over all bodies of the other.
+    pub heir: RegionId,
+    /// Is given up once it is empty.
+    pub leaving: RegionId,
 }
 
 /// The distribution tree. Every member of a group holds an equal copy; ids name the same box to all.
@@ -129,8 +176,9 @@ impl DistributionTree {
             && self.cuts.keys().all(|vertex| vertex.0 < (1 << 30) - 1)
             && self.cuts.iter().all(|(&vertex, &(axis, at))| {
                 let part = self.part(vertex);
+                let yields = at.is_infinite() && self.has_two_leaves(vertex);
                 (vertex.0 == 0 || self.cuts.contains_key(&parent(vertex)))
-                    && (part.min[axis.index()] < at && at < part.max[axis.index()])
+                    && (yields || part.min[axis.index()] < at && at < part.max[axis.index()])
             })
     }
 
@@ -173,7 +221,7 @@ impl DistributionTree {
             return Err(TreeError::Plane { axis, at });
         }
         self.cuts.insert(leaf, (axis, at));
-        Ok(children(leaf))
+        Ok(leaf.children())
     }
 
     /// Moves the plane of an inner vertex. The planes below it that lie across the same axis must stay on their sides of it: move
@@ -189,9 +237,13 @@ impl DistributionTree {
         Ok(())
     }
 
-    /// Gives all of an inner vertex to one of its two children, so that the other can be emptied before they are merged.
+    /// Gives all of an inner vertex to one of its two children, both leaves, so that the other can be emptied before they are
+    /// merged.
     pub fn yield_to(&mut self, vertex: RegionId, heir: RegionId) -> Result<(), TreeError> {
-        let (left, right) = children(vertex);
+        if !self.has_two_leaves(vertex) {
+            return Err(TreeError::NotMergeable(vertex));
+        }
+        let (left, right) = vertex.children();
         match self.cuts.get_mut(&vertex) {
             Some((_, at)) if heir == left => *at = f64::INFINITY,
             Some((_, at)) if heir == right => *at = f64::NEG_INFINITY,
@@ -202,12 +254,47 @@ impl DistributionTree {
 
     /// Makes an inner vertex with two leaves a leaf again.
     pub fn merge(&mut self, vertex: RegionId) -> Result<(), TreeError> {
-        let (left, right) = children(vertex);
-        if !self.cuts.contains_key(&vertex) || !self.is_leaf(left) || !self.is_leaf(right) {
+        if !self.has_two_leaves(vertex) {
             return Err(TreeError::NotMergeable(vertex));
         }
         self.cuts.remove(&vertex);
         Ok(())
+    }
+
+    /// Changes the tree in this order, or not at all.
+    pub fn change(&mut self, changes: &[TreeChange]) -> Result<(), TreeError> {
+        let mut changed = self.clone();
+        for change in changes {
+            match *change {
+                TreeChange::Move { vertex, at } => changed.move_plane(vertex, at)?,
+                TreeChange::Split { leaf, axis, at } => drop(changed.split_at(leaf, axis, at)?),
+                TreeChange::Yield { vertex, heir } => changed.yield_to(vertex, heir)?,
+                TreeChange::Merge { vertex } => changed.merge(vertex)?,
+            }
+        }
+        if !changed.is_sound() {
+            return Err(TreeError::Crossed);
+        }
+        *self = changed;
+        Ok(())
+    }
+
+    /// Returns the inner vertices one of whose two regions is being emptied, in id order, each with the region that takes all over
+    /// and the one that is emptied.
+    pub fn yielding(&self) -> impl Iterator<Item = (RegionId, Yielding)> {
+        self.cuts.iter().filter(|(_, (_, at))| at.is_infinite()).map(|(&vertex, &(_, at))| {
+            let (left, right) = vertex.children();
+            let (heir, leaving) = if at > 0.0 { (left, right) } else { (right, left) };
+            (vertex, Yielding { heir, leaving })
+        })
+    }
+
+    fn has_two_leaves(&self, vertex: RegionId) -> bool {
+        // Ids from elsewhere may have no children.
+        self.cuts.contains_key(&vertex) && {
+            let (left, right) = vertex.children();
+            self.is_leaf(left) && self.is_leaf(right)
+        }
     }
 
     /// Returns whether the vertex is a region.
@@ -229,7 +316,7 @@ impl DistributionTree {
             self.cuts
                 .keys()
                 .flat_map(|&vertex| {
-                    let (left, right) = children(vertex);
+                    let (left, right) = vertex.children();
                     [left, right]
                 })
                 .filter(|&vertex| self.is_leaf(vertex))
@@ -243,7 +330,7 @@ impl DistributionTree {
     pub fn leaf_at(&self, point: [f64; 3]) -> RegionId {
         let mut vertex = RegionId(0);
         while let Some(&(axis, at)) = self.cuts.get(&vertex) {
-            let (left, right) = children(vertex);
+            let (left, right) = vertex.children();
             vertex = if point[axis.index()] < at { left } else { right };
         }
         vertex
@@ -258,7 +345,7 @@ impl DistributionTree {
                 found.push(vertex);
                 continue;
             };
-            let (left, right) = children(vertex);
+            let (left, right) = vertex.children();
             if bounds.min[axis.index()] < at {
                 open.push(left);
             }
@@ -284,8 +371,11 @@ impl DistributionTree {
     pub fn part(&self, vertex: RegionId) -> Bounds {
         let mut part = self.bounds;
         self.narrow(vertex, |axis, at, left| {
+            let i = axis.index();
+            // The plane of a vertex that yields lies at infinity.
+            let at = if at.is_infinite() { at.clamp(part.min[i], part.max[i]) } else { at };
             let face = if left { &mut part.max } else { &mut part.min };
-            face[axis.index()] = at;
+            face[i] = at;
         });
         part
     }
@@ -302,7 +392,7 @@ impl DistributionTree {
 
     /// The two parts of an inner vertex: below its plane and above it.
     pub fn children_of(&self, vertex: RegionId) -> Option<(RegionId, RegionId)> {
-        self.cuts.contains_key(&vertex).then(|| children(vertex))
+        self.cuts.contains_key(&vertex).then(|| vertex.children())
     }
 
     /// Calls `narrow(axis, at, is_left)` for every cut on the way from the root to the vertex.
@@ -315,7 +405,7 @@ impl DistributionTree {
         }
         for &child in path.iter().rev() {
             if let Some(&(axis, plane)) = self.cuts.get(&parent(child)) {
-                narrow(axis, plane, child == children(parent(child)).0);
+                narrow(axis, plane, child == parent(child).children().0);
             }
         }
     }
@@ -332,10 +422,6 @@ impl DistributionTree {
 }
 
 /// Left and right child of a vertex.
-pub(super) const fn children(vertex: RegionId) -> (RegionId, RegionId) {
-    (RegionId(2 * vertex.0 + 1), RegionId(2 * vertex.0 + 2))
-}
-
 const fn parent(vertex: RegionId) -> RegionId {
     RegionId((vertex.0 - 1) / 2)
 }

@@ -17,7 +17,7 @@ use super::world::{CutArgs, explained};
 use crate::runtime::measure::{Cast, Plan, Subject, run};
 use crate::runtime::{Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
-use crate::space::{Balance, MAX_REGIONS};
+use crate::space::MAX_REGIONS;
 
 /// Steps a scene on this machine and measures it
 ///
@@ -45,10 +45,6 @@ pub(super) struct Run {
     regions: Option<u16>,
     #[command(flatten)]
     cuts: CutArgs,
-    /// Regions follow the load: their planes move so that all have equal shares. With a range, as 1-8, regions are also cut
-    /// and merged as there is more or less to do
-    #[arg(long, value_name = "LEAST-MOST", num_args = 0..=1, default_missing_value = "", value_parser = range)]
-    balance: Option<Range>,
     /// Threads that step the world, in as many regions as it has; few awake bodies are stepped by one. The result does not
     /// depend on it [default: all cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -116,7 +112,7 @@ impl Run {
         if snapshot::is_one(&self.scene) {
             return self.resume(common);
         }
-        let needs = [("--save", self.save.is_some()), ("--balance", self.balance.is_some())];
+        let needs = [("--save", self.save.is_some()), ("--balance", self.cuts.balances())];
         if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {
             return Err(Failure::usage(format!(
                 "{name} takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out"
@@ -129,11 +125,7 @@ impl Run {
     }
 
     fn resume(&self, common: &Common) -> Result<(Cast, Plan, Subject), Failure> {
-        let given = [
-            ("--set", !self.set.is_empty()),
-            ("--regions", self.regions.is_some()),
-            ("--balance", self.balance.is_some()),
-        ];
+        let given = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
         let contradicts = given.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
         if let Some(name) = contradicts.or(self.cuts.first_given()) {
             return Err(Failure::usage(format!(
@@ -163,12 +155,6 @@ impl Run {
             return Ok(Plan { config: None, ticks });
         }
         let mut config = self.cuts.config(scene, self.regions)?;
-        let regions = config.tree().map_err(|error| explained(error.into(), scene))?.leaf_count();
-        if let Some(Range(range)) = self.balance {
-            let (least_regions, most_regions) = range.unwrap_or((regions, regions));
-            config.balance =
-                Some(Balance { least_regions, most_regions, ..config.balance.unwrap_or_default() });
-        }
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         config.threads = self.threads.map_or(cores, usize::from);
         Ok(Plan { config: Some(config), ticks })
@@ -184,23 +170,6 @@ fn after_help() -> String {
          with 1 when bodies were lost, doubled or quarantined.\n\n{}",
         scenes::overview()
     )
-}
-
-/// A range of region counts; none keeps as many as there are.
-#[derive(Clone, Copy)]
-struct Range(Option<(usize, usize)>);
-
-fn range(text: &str) -> Result<Range, String> {
-    let wrong = || format!("write the fewest and the most regions, as 1-8, each from 1 to {MAX_REGIONS}");
-    if text.is_empty() {
-        return Ok(Range(None));
-    }
-    let (least, most) = text.split_once('-').ok_or_else(wrong)?;
-    let number = |text: &str| text.trim().parse().ok().filter(|n| (1..=MAX_REGIONS).contains(n));
-    match (number(least), number(most)) {
-        (Some(least), Some(most)) if least <= most => Ok(Range(Some((least, most)))),
-        _ => Err(wrong()),
-    }
 }
 
 /// The longest run: 30 years; more would not end, and ticks are counted in whole numbers.

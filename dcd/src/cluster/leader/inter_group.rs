@@ -306,6 +306,7 @@ mod tests {
             tick: Tick(0),
             leader: NodeId(1),
             members: vec![member],
+            tree: sim_world(2).tree,
             allocation: Default::default(),
         };
         let mut leader = Leader::new(Duration::ZERO, &view, &sim_world(2));
@@ -317,7 +318,15 @@ mod tests {
     fn tick(leader: &mut Leader, state: SharedState) -> Dispatch {
         let (view, tick) = (leader.view, leader.tick);
         leader.report(Report { view, tick, states: vec![state] });
-        let done = Done { view, tick, rounds_wanted: 1, holds: None, events: Vec::new(), answers: vec![] };
+        let done = Done {
+            view,
+            tick,
+            rounds_wanted: 1,
+            holds: None,
+            events: Vec::new(),
+            answers: vec![],
+            load: None,
+        };
         leader.done(NodeId(1), done);
         leader.dispatch(Duration::from_secs(tick.0 + 1)).expect("it is alone")
     }

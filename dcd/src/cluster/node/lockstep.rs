@@ -10,8 +10,8 @@ use crate::cluster::{
     DelayMonitor, DelayRules, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds,
 };
 use crate::protocol::{
-    BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, Message, RegionEvents, Report,
-    ToNode, ToServer, View, WorldOp, split,
+    BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, EnvironmentProperties, Message,
+    RegionEvents, Repartition, Report, ToNode, ToServer, View, WorldOp, split,
 };
 use crate::space::{BodyId, NodeId, Tick};
 
@@ -191,7 +191,9 @@ impl Node {
         match event {
             PhysicsEvent::Speculated(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
             PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
-            PhysicsEvent::Settled { rounds_wanted, holds, events, answers, report, checkpoint, .. } => {
+            PhysicsEvent::Settled {
+                rounds_wanted, holds, events, answers, report, checkpoint, load, ..
+            } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
                 self.tick = tick;
@@ -216,7 +218,7 @@ impl Node {
                 let holds = (self.holds != holds)
                     .then(|| std::mem::replace(&mut self.holds, holds.clone()))
                     .map(|_| holds);
-                let done = Done { view, tick, rounds_wanted, holds, events, answers };
+                let done = Done { view, tick, rounds_wanted, holds, events, answers, load };
                 self.done = Some(done.clone());
                 self.tell_leader(Message::Done(done));
                 self.outputs.push_back(NodeOutput::Settled(tick));
@@ -226,7 +228,9 @@ impl Node {
                     && self.asked == Some(change.view)
                 {
                     let (view, tick) = (change.view, self.tick);
-                    self.send_server(ToServer::Survey { view, tick, claims });
+                    let present = self.view.as_ref().map(|view| (view.tree.clone(), view.allocation.clone()));
+                    let (tree, allocation) = present.expect("only members are surveyed");
+                    self.send_server(ToServer::Survey { view, tick, tree, allocation, claims });
                 }
             }
             PhysicsEvent::Found(bodies) => {
@@ -272,7 +276,7 @@ impl Node {
         let next = self.tick.next();
         let Some(change) = &mut self.change else {
             if let Some(dispatch) = self.dispatches.iter().find(|dispatch| dispatch.tick == next).cloned() {
-                self.step(dispatch);
+                self.step(now, dispatch);
             }
             return;
         };
@@ -281,7 +285,7 @@ impl Node {
             self.adopt(now, view, drop);
         } else if change.finish {
             if let Some(dispatch) = self.dispatches.iter().find(|dispatch| dispatch.tick == next).cloned() {
-                self.step(dispatch);
+                self.step(now, dispatch);
             } else if !change.drained {
                 self.drain(now);
             } else if !change.surveyed {
@@ -297,8 +301,14 @@ impl Node {
         }
     }
 
-    fn step(&mut self, Dispatch { tick, rounds, ops, .. }: Dispatch) {
+    fn step(&mut self, now: Duration, Dispatch { tick, rounds, ops, .. }: Dispatch) {
         assert_eq!(tick, self.tick.next(), "ticks follow one another");
+        let changes: Vec<_> = ops.iter().filter_map(WorldOp::repartition).collect();
+        // Messages name regions as they were when they were written.
+        if !changes.is_empty() && self.lag() > 0 && self.drained < self.tick {
+            return self.drain(now);
+        }
+        changes.into_iter().for_each(|change| self.repartition(tick, change));
         self.phase = Phase::Computing(tick, 0);
         self.end_speculation();
         self.ask(PhysicsCommand::Step { tick, rounds, ops });
@@ -337,10 +347,27 @@ impl Node {
         let mut placed = std::mem::take(&mut self.placed);
         placed.sort_by_key(|placed| placed.body.id);
         let joints = std::mem::take(&mut self.joints);
-        self.ask(PhysicsCommand::Rebuild { tick: view.tick, regions, placed, joints, drop });
+        let (tick, tree) = (view.tick, view.tree.clone());
+        self.ask(PhysicsCommand::Rebuild { tick, tree, regions, placed, joints, drop });
         self.view = Some(view);
         self.grant_early_inputs();
         self.tell_own_client();
+    }
+
+    /// Changes tree and allocation, as all members do before this tick.
+    fn repartition(&mut self, tick: Tick, change: &Repartition) {
+        let (me, view) = (self.config.id, self.view.as_mut().expect("only members compute"));
+        let is_member = view.members.iter().any(|member| member.node == change.newborn);
+        if !is_member || view.repartition(change).is_err() {
+            self.counters.refused += 1;
+            return;
+        }
+        if view.leader == me {
+            let (number, tree, allocation) = (view.number, view.tree.clone(), view.allocation.clone());
+            self.send_server(ToServer::Repartitioned { view: number, tick, tree, allocation });
+        }
+        let (changes, newborn_here) = (change.changes.clone(), change.newborn == me);
+        self.order(PhysicsCommand::Repartition { changes, newborn_here });
     }
 
     /// Sends the regions' border messages, and waits for the others' (a barrier).
@@ -437,7 +464,8 @@ impl Node {
         }
         self.end_speculation();
         self.phase = Phase::Computing(tick, round + 1);
-        self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint });
+        let load = self.world.as_ref().and_then(load_every).is_some_and(|every| tick.0.is_multiple_of(every));
+        self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint, load });
     }
 
     /// Returns whether the world has ended here.
@@ -477,14 +505,17 @@ impl Node {
         }
     }
 
-    /// Takes in the border messages of members' last ticks before a survey, for nothing must be on its way.
+    /// Takes in the border messages of members' last ticks before a survey, or a change of the tree: nothing must be on its way.
     fn drain(&mut self, now: Duration) {
         let Some(mut incoming) = self.unheard() else { return };
-        self.change.as_mut().expect("only a view change drains").drained = true;
+        let goes_on = self.dispatches.iter().any(|dispatch| dispatch.tick == self.tick.next());
+        if let Some(change) = self.change.as_mut().filter(|_| !goes_on) {
+            change.drained = true;
+        }
+        self.drained = self.tick;
         if incoming.is_empty() {
             return self.begin(now);
         }
-        self.drained = self.tick;
         self.amend(self.tick, &mut incoming);
         self.end_speculation();
         self.ask(PhysicsCommand::Drain { tick: self.tick, incoming });
@@ -556,6 +587,13 @@ impl Node {
         self.busy = true;
         self.order(command);
     }
+}
+
+/// Returns the ticks from one report of the load to the next, if the world is balanced: what a plan was made from, and what came of it,
+/// is with all members by then.
+fn load_every(world: &EnvironmentProperties) -> Option<u64> {
+    let every = u64::from(world.balance.as_ref()?.every_ticks);
+    Some(every.max(2 * world.protocol.lag_ticks() + 2))
 }
 
 /// Keeps what clients may want to hear of: contacts of avatars.

@@ -39,6 +39,7 @@ fn adopted(
         checkpoint_every: 1,
         patience: Duration::from_millis(100),
     };
+    let world_tree = world.tree.clone();
     let mut node = Node::new(config);
     node.handle(NOW, NodeEvent::Connected(Peer::Server));
     server(&mut node, ToNode::Welcome { id: NodeId(2), world });
@@ -52,6 +53,7 @@ fn adopted(
         tick: Tick(0),
         leader: NodeId(1),
         members: vec![member(1), member(2)],
+        tree: world_tree,
         allocation: [(RegionId(1), NodeId(1)), (RegionId(2), NodeId(2))].into(),
     };
     server(&mut node, ToNode::Adopt { view, drop: vec![] });
@@ -96,6 +98,7 @@ fn settle(node: &mut Node) -> Vec<NodeOutput> {
         answers: vec![],
         report: vec![],
         checkpoint: vec![],
+        load: None,
     };
     node.handle(NOW, NodeEvent::Physics(settled));
     drain(node)

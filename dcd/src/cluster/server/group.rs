@@ -11,7 +11,7 @@ use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use crate::cluster::{Life, Record};
 use crate::protocol::{ToClient, ToNode, ToServer, View, WorldOp};
-use crate::space::{BodyId, GroupId, JointId, NodeId, Tick};
+use crate::space::{Allocation, BodyId, DistributionTree, GroupId, JointId, NodeId, Tick};
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
 const HEARING: Duration = Duration::from_millis(50);
@@ -152,8 +152,8 @@ impl Group {
             ToServer::Settling { view, dispatches } if Some(view) == coming => {
                 return self.settling(common, node, dispatches);
             }
-            ToServer::Survey { view, tick, claims } if Some(view) == coming => {
-                return self.surveyed(common, node, tick, claims);
+            ToServer::Survey { view, tick, tree, allocation, claims } if Some(view) == coming => {
+                return self.surveyed(common, node, tick, (tree, allocation), claims);
             }
             ToServer::Found { view, bodies, last } if Some(view) == coming => {
                 return self.found(common, node, bodies, last);
@@ -163,6 +163,11 @@ impl Group {
                 self.confirmed = true;
                 self.hear_of_bodies(common, node, message);
             }
+            ToServer::Repartitioned { view, tree, allocation, .. }
+                if Some(view) == present && self.leads(node) =>
+            {
+                return self.repartitioned(common, tree, allocation);
+            }
             ToServer::LinkLost { view, node: other } if Some(view) == present && self.is_member(other) => {
                 self.complaints.insert((node, other));
                 // If the server misses it too, nobody else needs to be heard.
@@ -171,6 +176,28 @@ impl Group {
                 self.hearing = Some(self.hearing.map_or(at, |hearing| hearing.min(at)));
             }
             _ => return false,
+        }
+        true
+    }
+
+    fn leads(&self, node: NodeId) -> bool {
+        self.view.as_ref().is_some_and(|view| view.leader == node)
+    }
+
+    /// Takes in how the world is cut now, and who computes what: clients are told where to look for bodies. It need not outlive
+    /// the server: members know it.
+    fn repartitioned(&mut self, common: &mut Common, tree: DistributionTree, allocation: Allocation) -> bool {
+        let Some(view) = &mut self.view else { return false };
+        if !allocation.values().all(|node| view.members.iter().any(|member| member.node == *node)) {
+            return false;
+        }
+        let is_dealt_anew = view.allocation != allocation;
+        (view.tree, view.allocation) = (tree, allocation);
+        let view = view.clone();
+        common.outputs.push_back(ServerOutput::Repartitioned { group: self.id, view });
+        if is_dealt_anew {
+            let leader = self.leader_is();
+            common.send_clients(self.id, &leader);
         }
         true
     }

@@ -81,6 +81,13 @@ fn the_world_begins_when_enough_nodes_have_loaded_it() {
     assert!(placed.iter().all(|placed| placed.body.epoch == epoch), "beyond all of earlier views");
 }
 
+/// What a member says that owns this.
+fn survey(server: &Server, view: ViewNumber, tick: u64, claims: Vec<Claim>) -> ToServer {
+    let tree = server.common.config.world.tree.clone();
+    let allocation = tree.leaves().map(|region| (region, NodeId(1))).collect();
+    ToServer::Survey { view, tick: Tick(tick), tree, allocation, claims }
+}
+
 /// Answers of a node that computes nothing, until it is asked no more; what else was wanted.
 fn obey(server: &mut Server, node: u32, mut outputs: Vec<ServerOutput>) -> Vec<ServerOutput> {
     let mut seen = 0;
@@ -93,7 +100,7 @@ fn obey(server: &mut Server, node: u32, mut outputs: Vec<ServerOutput>) -> Vec<S
         let answer = match message {
             ToNode::WorldEnd => ToServer::Loaded,
             ToNode::Settle { view } => ToServer::Settling { view, dispatches: Vec::new() },
-            ToNode::Finish { view, .. } => ToServer::Survey { view, tick: Tick(0), claims: Vec::new() },
+            ToNode::Finish { view, .. } => survey(server, view, 0, Vec::new()),
             ToNode::Fetch { view, .. } => ToServer::Found { view, bodies: Vec::new(), last: true },
             _ => continue,
         };
@@ -270,7 +277,8 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     let answer = |server: &mut Server, claims| {
         let view = server.common.number;
         tell(server, 1, Message::ToServer(ToServer::Settling { view, dispatches: Vec::new() }));
-        tell(server, 1, Message::ToServer(ToServer::Survey { view, tick: Tick(0), claims }))
+        let survey = survey(server, view, 0, claims);
+        tell(server, 1, Message::ToServer(survey))
     };
     answer(&mut server, Vec::new());
     // It owns nothing and holds no copy: all comes from the record.
@@ -355,7 +363,8 @@ fn what_was_placed_in_a_view_that_nobody_came_to_compute_is_placed_again_from_wh
     while server.poll_output().is_some() {}
     let view = server.common.number;
     tell(&mut server, 1, Message::ToServer(ToServer::Settling { view, dispatches: Vec::new() }));
-    let outputs = tell(&mut server, 1, Message::ToServer(ToServer::Survey { view, tick: Tick(9), claims }));
+    let survey = survey(&server, view, 9, claims);
+    let outputs = tell(&mut server, 1, Message::ToServer(survey));
     let fetch = Message::ToNode(ToNode::Fetch { view, bodies: vec![id] });
     assert!(
         outputs

@@ -126,18 +126,15 @@ impl Pace {
         if news { self.wanted } else { 0 }
     }
 
-    /// Translates all ranks; a newborn region takes as many substeps as the one that it was cut from.
+    /// Translates all ranks.
     pub(in crate::physics) fn remap_ranks(&mut self, ranks: &RankRemap) {
         ranks.list(&mut self.steps, || (1, 1));
         ranks.list(&mut self.borders, BorderPace::idle);
-        if let Some((new, from)) = ranks.born {
-            self.steps[new] = self.steps[from];
-        }
     }
 
-    /// Returns the pace of a region that was cut from this one.
-    pub(in crate::physics) fn of_newborn(self) -> Self {
-        Self { borders: vec![BorderPace::idle(); self.borders.len()], ..self }
+    /// Lets all regions take so many substeps in the next tick; what this one wants beyond that it announces again.
+    pub(in crate::physics) fn restart(&mut self, steps: usize) {
+        self.steps.fill((steps as u8, steps as u8));
     }
 
     /// Returns whether this region, of rank `own`, has no new number of substeps to announce, and all its borders are at rung 0.

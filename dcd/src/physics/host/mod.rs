@@ -32,7 +32,7 @@ use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
 use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
-use crate::space::{BodyId, JointId, RegionId, Tick};
+use crate::space::{BodyId, JointId, RegionId, Tick, TreeError};
 
 /// An error of a [`RegionHost`].
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +40,9 @@ pub enum HostError {
     /// A shape cannot be held.
     #[error(transparent)]
     Shape(#[from] ShapeError),
+    /// The distribution tree cannot be changed so.
+    #[error(transparent)]
+    Tree(#[from] TreeError),
     /// The operating system gives no threads.
     #[error("cannot start {threads} threads: {cause}; ask for fewer")]
     Threads {

@@ -11,7 +11,7 @@ use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};
-use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
+use crate::space::{BodyId, DistributionTree, JointId, RegionId, RegionSet, Tick};
 
 impl RegionHost {
     /// Adds an empty region.
@@ -52,12 +52,16 @@ impl RegionHost {
         self.insert_placed(bodies, &owners, &whole, joints)
     }
 
-    /// Sets the regions that are computed here, as when membership changes. Kept regions keep their bodies; `placed` bodies (with
-    /// their regions, which may be elsewhere) supersede what is held of them; `dropped` ones go. All regions forget which others
-    /// hold replicas, so every shared body must be announced again by the exchange that follows: [`RegionHost::announce`],
+    /// Sets the tree and the regions that are computed here, as when membership changes. Kept regions keep their bodies; `placed`
+    /// bodies (with their regions, which may be elsewhere) supersede what is held of them; `dropped` ones go. All regions forget
+    /// which others hold replicas, so every shared body must be announced again by the exchange that follows: [`RegionHost::announce`],
     /// [`RegionHost::exchange`], [`RegionHost::drop_unconfirmed`].
+    ///
+    /// # Panics
+    /// When a region is kept and the tree has other leaves than before: members of one view change their trees alike.
     pub fn rebuild(
         &mut self,
+        tree: &DistributionTree,
         hosted: &[RegionId],
         placed: Vec<(RegionId, BodyRecord)>,
         joints: &[JointRecord],
@@ -68,6 +72,7 @@ impl RegionHost {
                 self.remove_region(region);
             }
         }
+        self.replant(tree)?;
         let mut placed = placed;
         // Immovable bodies are sent on joining, and stay.
         placed
@@ -121,6 +126,19 @@ impl RegionHost {
             }
         }
         self.insert_placed(bodies, &owners, &whole, &joints)
+    }
+
+    /// Takes over a tree: with the same leaves as before, or without a region here.
+    fn replant(&mut self, tree: &DistributionTree) -> Result<(), HostError> {
+        if tree == self.partition.tree() {
+            return Ok(());
+        }
+        let has_same_leaves = tree.leaves().eq(self.partition.leaves().iter().copied());
+        assert!(has_same_leaves || self.sides.is_empty(), "members of a view have the same tree");
+        Arc::make_mut(&mut self.partition).set_tree(tree.clone());
+        self.place_of = vec![None; self.partition.len()];
+        self.index();
+        self.refit(tree.clone())
     }
 
     /// Announces bodies inserted since the last step to the regions that must hold them; the next exchange carries it.

@@ -1,7 +1,6 @@
 //! Balances the load while the world runs: moves planes of the distribution tree, splits and merges regions. Whatever changes,
 //! bodies change owners as if they had crossed a border by themselves; a region is given up only when nothing is left in it.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -11,25 +10,16 @@ use super::{HostError, RegionHost};
 use crate::physics::coupling::Side;
 use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
-use crate::space::{Balance, Burden, DistributionTree, Load, RegionId, TreeChange, plan};
+use crate::space::{
+    Balance, Bounds, Burden, DistributionTree, Load, Loads, RegionId, TreeChange, TreeError, Yielding, plan,
+};
 
-/// The load balancer: its settings, and the merges under way.
+/// The load balancer of a world in one process.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Balancer {
     settings: Balance,
-    /// Regions that are being emptied into their siblings, by the vertex that is to be one region.
-    merging: BTreeMap<RegionId, Heir>,
     /// The most bodies of an island that stays whole, as the user has it.
     island_limit: usize,
-}
-
-/// The one of two sibling regions that takes over all bodies of the other.
-type Heir = RegionId;
-
-impl Balancer {
-    pub(super) fn new(settings: Balance, island_limit: usize) -> Self {
-        Self { settings, merging: BTreeMap::new(), island_limit }
-    }
 }
 
 /// The most bodies of an island that stays whole while the tree follows the load, however much there is to do.
@@ -47,7 +37,7 @@ impl RegionHost {
         assert_eq!(self.sides.len(), self.partition.len(), "balance needs all regions in one process");
         let island_limit = self.balancer.as_ref().map_or(self.settings.island_limit, |old| old.island_limit);
         self.settings.island_limit = island_limit;
-        self.balancer = settings.map(|settings| Balancer::new(settings, island_limit));
+        self.balancer = settings.map(|settings| Balancer { settings, island_limit });
         if self.balancer.is_some() {
             self.limit_islands(island_limit);
         }
@@ -68,26 +58,46 @@ impl RegionHost {
     /// Rebalances the tree between two ticks, when it is due: moves planes, splits or merges regions. Returns the regions that
     /// have new ids, as (old, new).
     pub fn rebalance(&mut self) -> Result<Vec<(RegionId, RegionId)>, HostError> {
-        let Some(mut balancer) = self.balancer.take() else { return Ok(Vec::new()) };
-        let is_due = self.tick.0.is_multiple_of(balancer.settings.every_ticks.into());
-        if is_due {
-            self.limit_islands(balancer.island_limit);
+        let Some(&Balancer { settings, island_limit }) = self.balancer.as_ref() else {
+            return Ok(Vec::new());
+        };
+        if !self.tick.0.is_multiple_of(settings.every_ticks.into()) {
+            return Ok(Vec::new());
         }
-        let renamed = if is_due { self.follow_load(&mut balancer) } else { Ok(Vec::new()) };
-        self.balancer = Some(balancer);
-        renamed
+        self.limit_islands(island_limit);
+        self.wake_left_behind();
+        let mut renamed = self.repartition(&self.mergeable(), true)?;
+        let (burdens, islands) = self.burdens(settings.load);
+        let (tree, capacity) = (self.partition.tree(), &|_| 1.0);
+        let changes = plan(&Loads { tree, burdens: &burdens, islands: &islands, capacity }, &settings);
+        // The world's bounds or the depth of its tree may leave no room.
+        match self.repartition(&changes, true) {
+            Ok(more) => renamed.extend(more),
+            Err(HostError::Tree(error)) => tracing::debug!(%error, "the regions stay as they are"),
+            Err(error) => return Err(error),
+        }
+        Ok(renamed)
     }
 
-    fn follow_load(&mut self, balancer: &mut Balancer) -> Result<Vec<(RegionId, RegionId)>, HostError> {
-        let mut renamed = Vec::new();
-        self.sides.iter_mut().for_each(|side| side.region.wake_left_behind());
-        self.finish_merging(balancer, &mut renamed)?;
-        let giants = self.giants();
-        let burdens = self.burdens(balancer.settings.load, &giants);
-        let merging: Vec<_> = balancer.merging.keys().copied().collect();
-        let changes = plan(self.partition.tree(), &burdens, &giants.boxes, &balancer.settings, &merging);
-        self.change_tree(&changes, balancer, &mut renamed)?;
-        Ok(renamed)
+    /// Wakes bodies that sleep far outside their region's cell, so that they move to where they belong; and those of which a region has
+    /// a ghost that is being emptied, since of what sleeps ghosts stay where they are.
+    pub fn wake_left_behind(&mut self) {
+        let yielding = self.partition.tree().yielding();
+        let leaving = yielding.filter_map(|(_, regions)| self.partition.rank_of(regions.leaving)).collect();
+        self.sides.iter_mut().for_each(|side| side.region.wake_left_behind(leaving));
+    }
+
+    /// Returns the merges that can be completed, as far as it is known here: nothing is left in the region that is given up.
+    fn mergeable(&self) -> Vec<TreeChange> {
+        let yielding = self.partition.tree().yielding();
+        let empty = yielding.filter(|(_, regions)| self.is_vacant(regions.leaving));
+        empty.map(|(vertex, _)| TreeChange::Merge { vertex }).collect()
+    }
+
+    /// Returns whether a region computed here holds nothing that can move, and owes no word of contacts that ended.
+    pub fn is_vacant(&self, region: RegionId) -> bool {
+        let here = self.partition.rank_of(region).and_then(|rank| self.region_at(rank));
+        here.is_some_and(|region| !region.holds_movable() && !region.owes_word())
     }
 
     /// Returns the load of a region, in the units of the balance.
@@ -98,9 +108,14 @@ impl RegionHost {
         }
     }
 
-    /// Returns every awake body with its part of its region's load, and the sleeping bodies of islands that are too large to move
-    /// whole.
-    fn burdens(&self, load: Load, giants: &Giants) -> Vec<Burden> {
+    /// Returns every awake body computed here with its part of its region's load, and the sleeping bodies of islands that are too
+    /// large to move whole; and boxes around those islands. Couplings that move no islands pay the cost of a cut at every border.
+    pub fn burdens(&self, load: Load) -> (Vec<Burden>, Vec<Bounds>) {
+        let giants = if self.settings.coupling.moves_islands() {
+            Giants::find(&self.sides, self.settings.island_limit.max(BALANCED_ISLAND))
+        } else {
+            Giants::default()
+        };
         let mut burdens = Vec::new();
         for region in self.regions() {
             let awake: Vec<_> = region.awake_places().collect();
@@ -116,105 +131,75 @@ impl RegionHost {
             let place = owned.map(|(region, body)| region.centre_of(body));
             burdens.extend(place.map(|place| Burden { place, weight: 0.0, island: Some(island) }));
         }
-        burdens
+        (burdens, giants.boxes)
     }
 
-    /// Returns the islands that are too large to move whole, if the coupling moves islands at all: to cut one takes more
-    /// substeps, and most of its bodies are held twice. Other couplings pay that at every border.
-    fn giants(&self) -> Giants {
-        if self.settings.coupling.moves_islands() {
-            Giants::find(&self.sides, self.settings.island_limit.max(BALANCED_ISLAND))
-        } else {
-            Giants::default()
-        }
-    }
-
-    fn change_tree(
+    /// Changes the tree between two ticks, all of this or none: every process that computes a part of the world does so with the
+    /// same changes. `newborn_here`: new regions are computed here. A region that is given up must hold nothing
+    /// ([`RegionHost::is_vacant`]). Returns the regions that have new ids, as (old, new).
+    pub fn repartition(
         &mut self,
         changes: &[TreeChange],
-        balancer: &mut Balancer,
-        renamed: &mut Vec<(RegionId, RegionId)>,
-    ) -> Result<(), HostError> {
+        newborn_here: bool,
+    ) -> Result<Vec<(RegionId, RegionId)>, HostError> {
         if changes.is_empty() {
-            return Ok(());
+            return Ok(Vec::new());
         }
+        let mut goal = self.partition.tree().clone();
+        goal.change(changes)?;
+        let mut renamed = Vec::new();
         let mut tree = self.partition.tree().clone();
         for change in changes {
             match *change {
-                TreeChange::Move { vertex, at } => {
-                    tree.move_plane(vertex, at).expect("a plan names planes of the tree")
+                TreeChange::Split { leaf, axis, at } => {
+                    let (left, right) = tree.split_at(leaf, axis, at)?;
+                    let newborn = newborn_here.then_some(right);
+                    self.adopt(tree.clone(), (leaf, left), newborn)?;
+                    renamed.push((leaf, left));
                 }
-                TreeChange::Merge { vertex, heir } => {
-                    tree.yield_to(vertex, heir).expect("a plan names siblings");
-                    balancer.merging.insert(vertex, heir);
-                }
-                TreeChange::Split { leaf, axis, at } => match tree.split_at(leaf, axis, at) {
-                    Ok((left, right)) => {
-                        self.adopt(tree.clone(), &[(leaf, left)], Some((right, left)))?;
-                        renamed.push((leaf, left));
+                TreeChange::Merge { vertex } => {
+                    let yielding = tree.yielding().find(|(other, _)| *other == vertex);
+                    let Yielding { heir, leaving } = yielding.ok_or(TreeError::NotMergeable(vertex))?.1;
+                    tree.merge(vertex)?;
+                    let place = self.regions().position(|region| region.id() == leaving);
+                    if let Some(place) = place {
+                        assert!(self.is_vacant(leaving), "{leaving} is given up while it holds bodies");
+                        self.sides.remove(place);
                     }
-                    // The world's bounds or the depth of its tree leave no room.
-                    Err(error) => tracing::debug!(%error, "a region stays whole"),
-                },
+                    self.adopt(tree.clone(), (heir, vertex), None)?;
+                    renamed.push((heir, vertex));
+                }
+                TreeChange::Move { vertex, at } => tree.move_plane(vertex, at)?,
+                TreeChange::Yield { vertex, heir } => tree.yield_to(vertex, heir)?,
             }
         }
-        self.refit(tree)
+        self.refit(tree)?;
+        Ok(renamed)
     }
 
-    /// Completes merges: gives up the regions that have been emptied.
-    fn finish_merging(
-        &mut self,
-        balancer: &mut Balancer,
-        renamed: &mut Vec<(RegionId, RegionId)>,
-    ) -> Result<(), HostError> {
-        for (vertex, heir) in balancer.merging.clone() {
-            let (left, right) =
-                self.partition.tree().children_of(vertex).expect("merged vertices are inner ones");
-            let leaving = if heir == left { right } else { left };
-            let place = self.regions().position(|region| region.id() == leaving).expect("all are here");
-            let region = &self.sides[place].region;
-            if region.holds_movable() || region.owes_word() {
-                continue;
-            }
-            balancer.merging.remove(&vertex);
-            let mut tree = self.partition.tree().clone();
-            tree.merge(vertex).expect("its children are regions");
-            self.sides.remove(place);
-            self.adopt(tree.clone(), &[(heir, vertex)], None)?;
-            renamed.push((heir, vertex));
-            self.refit(tree)?;
-        }
-        Ok(())
-    }
-
-    /// Adopts a tree that has other leaves: `names` maps old ids of regions to new ones, `born` names a region that is new and
-    /// the one that it was cut from.
+    /// Adopts a tree that has other leaves: one region has a new name, as (old, new), and one may be new here.
     fn adopt(
         &mut self,
         tree: DistributionTree,
-        names: &[(RegionId, RegionId)],
-        born: Option<(RegionId, RegionId)>,
+        (from, to): (RegionId, RegionId),
+        newborn: Option<RegionId>,
     ) -> Result<(), HostError> {
         let old = self.partition.leaves().clone();
         Arc::make_mut(&mut self.partition).set_tree(tree);
-        let name_of = |id: RegionId| names.iter().find(|(from, _)| *from == id).map_or(id, |(_, to)| *to);
-        let rank = |id| self.partition.rank_of(id);
+        let name_of = |id: RegionId| if id == from { to } else { id };
         let ranks = RankRemap {
-            to: old.iter().map(|&id| rank(name_of(id))).collect(),
+            to: old.iter().map(|&id| self.partition.rank_of(name_of(id))).collect(),
             leaves: self.partition.leaves().clone(),
-            born: born.and_then(|(new, from)| Some((rank(new)?, rank(from)?))),
         };
         self.sides.iter_mut().for_each(|side| side.remap_ranks(&ranks));
         self.sides.sort_by_key(|side| side.region.rank());
         self.place_of = vec![None; self.partition.len()];
-        if let Some((new, from)) = born {
-            self.add_region(new);
-            let place = |id| self.regions().position(|region| region.id() == id).expect("both are here");
-            let (new, from) = (place(new), place(from));
-            let (pace, anchor) = (self.sides[from].border.pace.clone(), self.sides[from].region.anchor());
-            let side = &mut self.sides[new];
-            side.border.pace = pace.of_newborn();
-            side.region.set_anchor(anchor);
+        // A region that is born elsewhere knows nothing of others' substeps: all begin again alike.
+        let steps = self.settings.coupling.first_steps(self.settings.exchanges);
+        self.sides.iter_mut().for_each(|side| side.border.pace.restart(steps));
+        if let Some(id) = newborn {
+            self.add_region(id);
+            let side = self.sides.iter_mut().find(|side| side.region.id() == id).expect("just added");
             self.statics.recover(&mut side.region, &self.shapes)?;
         }
         self.threads.suit(self.sides.len())?;
@@ -242,10 +227,12 @@ impl RegionHost {
 mod tests {
     use rapier3d::prelude::*;
 
-    use crate::protocol::WorldPose;
+    use super::*;
+    use crate::physics::Partition;
+    use crate::protocol::{Velocity, WorldPose};
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
-    use crate::scene::Scene;
-    use crate::space::{Axis, Balance, Bounds};
+    use crate::scene::{Params, Scene};
+    use crate::space::{Axis, BodyId};
 
     /// 600 boxes in courses of ten by ten, each on four others, so that all touch: 10.5 m wide, around the origin. Beside it
     /// stand twenty small stacks, four of them on the left.
@@ -293,6 +280,127 @@ mod tests {
             let heap = Bounds::new([-5.25, 0.0, -5.25], [5.25, 6.0, 5.25]);
             let touched = world.regions().filter(|region| region.cell().touches(&heap)).count();
             assert_eq!(touched, 1, "{regions} regions: {cells:?}");
+        }
+    }
+
+    /// Processes that compute the regions of a world together.
+    struct Processes(Vec<RegionHost>);
+
+    impl Processes {
+        /// Deals the regions of a world to so many processes in turn.
+        fn of(scene: &Scene, regions: usize, count: usize) -> Self {
+            let tree = DistributionTree::halved(scene.bounds, regions).unwrap();
+            let settings = WorldConfig::for_scene(scene).step;
+            let leaves: Vec<_> = tree.leaves().collect();
+            let host = |i: usize| {
+                let own: Vec<_> = leaves.iter().skip(i).step_by(count).copied().collect();
+                let mut host =
+                    RegionHost::new(Partition::new(tree.clone(), None), settings, 1, &own).unwrap();
+                let (bodies, joints) = scene.records(host.shapes_mut()).unwrap();
+                host.insert(bodies, &joints).unwrap();
+                host.announce();
+                host
+            };
+            let mut all = Self((0..count).map(host).collect());
+            all.exchange();
+            all.0.iter_mut().for_each(|host| host.clear_events());
+            all
+        }
+
+        fn exchange(&mut self) {
+            let said: Vec<_> = self.0.iter().flat_map(|host| host.outgoing().cloned()).collect();
+            for host in &mut self.0 {
+                for message in &said {
+                    if host.regions().any(|region| region.id() == message.to) {
+                        host.accept(message.clone());
+                    }
+                }
+                host.exchange().unwrap();
+            }
+        }
+
+        fn step(&mut self) {
+            let rounds = self.0.iter().map(RegionHost::rounds_wanted).max().unwrap();
+            self.0.iter_mut().for_each(|host| host.set_rounds(rounds));
+            for _ in 0..rounds {
+                self.0.iter_mut().for_each(RegionHost::compute);
+                self.exchange();
+            }
+            self.0.iter_mut().for_each(RegionHost::end_tick);
+        }
+
+        /// Changes the tree everywhere; a new region is computed by the process of this place, if there are so many.
+        fn repartition(&mut self, changes: &[TreeChange], newborn: usize) {
+            let newborn = newborn % self.0.len();
+            for (place, host) in self.0.iter_mut().enumerate() {
+                host.repartition(changes, place == newborn).unwrap();
+                host.wake_left_behind();
+            }
+        }
+
+        fn states(&self) -> Vec<(BodyId, RegionId, WorldPose, Velocity)> {
+            let mut states: Vec<_> = self.0.iter().flat_map(RegionHost::states).collect();
+            states.sort_by_key(|(id, ..)| *id);
+            states
+        }
+    }
+
+    #[test]
+    fn regions_that_are_cut_handed_over_and_merged_among_processes_compute_what_one_process_does() {
+        let terrain = Scene::named("terrain", &Params::new().with("n", 150)).unwrap();
+        let heap = Scene::named("heap", &Params::new().with("n", 120)).unwrap();
+        for scene in [terrain, heap] {
+            let mut runs = [1, 2, 3].map(|count| Processes::of(&scene, 3, count));
+            let count = runs[0].states().len();
+            let (mut handed_over, mut merged) = (None, 0);
+            for tick in 0..300 {
+                let tree = runs[0].0[0].partition().tree().clone();
+                let (axis, at) = tree.cut_of(RegionId(0)).unwrap();
+                let i = axis.index();
+                let mut changes = Vec::new();
+                match tick {
+                    20 | 200 => {
+                        let at = at + 0.1 * (tree.bounds().max[i] - at);
+                        changes.push(TreeChange::Move { vertex: RegionId(0), at });
+                    }
+                    40 | 80 => {
+                        let busiest = |id: &RegionId| runs[0].states().iter().filter(|s| s.1 == *id).count();
+                        let leaf = tree.leaves().max_by_key(busiest).unwrap();
+                        let part = tree.part(leaf);
+                        let axis = part.longest_axis();
+                        let at = part.centre()[axis.index()];
+                        changes.push(TreeChange::Split { leaf, axis, at });
+                        // The second one goes elsewhere as a whole.
+                        if tick == 80 {
+                            changes.push(TreeChange::Yield { vertex: leaf, heir: leaf.children().1 });
+                            handed_over = Some(leaf);
+                        }
+                    }
+                    _ if tick % 10 == 0 => {
+                        let is_vacant = |region| runs[0].0.iter().any(|host| host.is_vacant(region));
+                        let empty = tree.yielding().filter(|(_, regions)| is_vacant(regions.leaving));
+                        changes.extend(empty.map(|(vertex, _)| TreeChange::Merge { vertex }));
+                        merged += changes.len();
+                        if changes.is_empty() && tree.yielding().next().is_some() {
+                            runs.iter_mut().for_each(|run| run.repartition(&[], 0));
+                        }
+                    }
+                    _ => {}
+                }
+                for run in &mut runs {
+                    if !changes.is_empty() {
+                        run.repartition(&changes, 1);
+                    }
+                    run.step();
+                }
+                let states = runs[0].states();
+                assert_eq!(states.len(), count, "{}, tick {tick}", scene.name);
+                for run in &runs[1..] {
+                    assert!(run.states() == states, "{}, tick {tick}: {} processes", scene.name, run.0.len());
+                }
+            }
+            assert_eq!(merged, 1, "{}: {handed_over:?} was not emptied", scene.name);
+            assert!(runs[0].0[0].partition().tree().is_leaf(handed_over.unwrap()));
         }
     }
 }

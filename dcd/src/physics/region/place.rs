@@ -9,7 +9,7 @@ use super::{BodyRef, COVER_M, Ownership, Region, floating_origin};
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;
-use crate::space::{BodyId, Bounds, Cell};
+use crate::space::{BodyId, Bounds, Cell, RegionSet};
 
 /// A sleeping body may lie so far outside the cell without being woken.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
@@ -52,11 +52,12 @@ impl Region {
     }
 
     /// Wakes bodies that sleep far outside the cell, after a plane has passed over them, so that they move to their region. Those
-    /// that lie nearer stay this region's.
-    pub(in crate::physics) fn wake_left_behind(&mut self) {
+    /// that lie nearer stay this region's, unless a region that is being emptied holds them too.
+    pub(in crate::physics) fn wake_left_behind(&mut self, leaving: RegionSet) {
         for handle in self.own_sleepers() {
             let centre = convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass());
-            if self.cell.excess_m(centre) > LEFT_BEHIND_M {
+            let is_held_there = !self.slot(handle).holders.intersection(leaving).is_empty();
+            if is_held_there || self.cell.excess_m(centre) > LEFT_BEHIND_M {
                 self.world_mut().wake_up(handle, true);
             }
         }

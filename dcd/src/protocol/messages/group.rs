@@ -1,12 +1,17 @@
 //! Defines the messages between the server and the nodes of a group, and among those nodes.
 
+use std::collections::BTreeMap;
+
 use bincode::{Decode, Encode};
 
 use super::{Answer, Chunk, EnvironmentProperties, Input, Member, Query, View, ViewNumber};
 use crate::protocol::{
     BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
 };
-use crate::space::{BodyId, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
+use crate::space::{
+    Allocation, BodyId, Bounds, Burden, ClientId, DistributionTree, Epoch, JointId, NodeId, RegionId, Tick,
+    TreeChange, Yielding,
+};
 
 /// A message of the server to a node.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -128,8 +133,23 @@ pub enum ToServer {
         view: ViewNumber,
         /// The last completed tick.
         tick: Tick,
+        /// How the world is cut after it, and who computes which region: the same at all members.
+        tree: DistributionTree,
+        /// The second half of that.
+        allocation: Allocation,
         /// Every owned body, in id order.
         claims: Vec<Claim>,
+    },
+    /// From the leader: the tree or the allocation has changed within the view.
+    Repartitioned {
+        /// The present view.
+        view: ViewNumber,
+        /// Before which tick.
+        tick: Tick,
+        /// How the world is cut.
+        tree: DistributionTree,
+        /// Which member computes each region.
+        allocation: Allocation,
     },
     /// Answer to [`ToNode::Fetch`]; several, the last one marked.
     Found {
@@ -260,6 +280,79 @@ pub struct Dispatch {
     pub ops: Vec<WorldOp>,
 }
 
+/// A change of the tree within a view, agreed upon by the tick before which every member makes it.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct Repartition {
+    /// In this order, all or none.
+    pub changes: Vec<TreeChange>,
+    /// Who computes regions that are new: the right one of each [`TreeChange::Split`].
+    pub newborn: NodeId,
+}
+
+impl Repartition {
+    /// Returns the regions that have new names, as (old, new), in order; `tree` is as it was before.
+    pub fn renames(&self, tree: &DistributionTree) -> Vec<(RegionId, RegionId)> {
+        let renamed = |change: &TreeChange| match *change {
+            TreeChange::Split { leaf, .. } => Some((leaf, leaf.children().0)),
+            TreeChange::Merge { vertex } => {
+                let yielding = tree.yielding().find(|(other, _)| *other == vertex);
+                yielding.map(|(_, regions)| (regions.heir, vertex))
+            }
+            TreeChange::Move { .. } | TreeChange::Yield { .. } => None,
+        };
+        self.changes.iter().filter_map(renamed).collect()
+    }
+
+    /// Makes the same change to an allocation of the regions of `tree`, which is as it was before.
+    pub fn reallocate(&self, allocation: &mut Allocation, tree: &DistributionTree) {
+        let yielding: BTreeMap<_, _> = tree.yielding().collect();
+        let rename = |allocation: &mut Allocation, from, to, gone| {
+            let node = allocation.remove(&from);
+            allocation.remove(&gone);
+            allocation.extend(node.map(|node| (to, node)));
+        };
+        for change in &self.changes {
+            match *change {
+                TreeChange::Split { leaf, .. } => {
+                    let (left, right) = leaf.children();
+                    rename(allocation, leaf, left, right);
+                    allocation.insert(right, self.newborn);
+                }
+                TreeChange::Merge { vertex } => {
+                    if let Some(&Yielding { heir, leaving }) = yielding.get(&vertex) {
+                        rename(allocation, heir, vertex, leaving);
+                    }
+                }
+                TreeChange::Move { .. } | TreeChange::Yield { .. } => {}
+            }
+        }
+    }
+}
+
+/// What one member has to do, for its leader to balance.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct LoadReport {
+    /// Its regions, in id order.
+    pub regions: Vec<RegionLoad>,
+    /// Where the load of those is, summed up.
+    pub burdens: Vec<Burden>,
+    /// Boxes around the islands there that are too large to move whole.
+    pub islands: Vec<Bounds>,
+}
+
+/// What one region has to do.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct RegionLoad {
+    /// Which.
+    pub region: RegionId,
+    /// Awake bodies and their contacts.
+    pub activity: f64,
+    /// What a tick of it takes, smoothed, microseconds.
+    pub step_us: f64,
+    /// Whether nothing is left in it, so that it may be given up.
+    pub vacant: bool,
+}
+
 /// A change of the world from outside, applied by every member at the start of a tick to what it holds.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum WorldOp {
@@ -287,6 +380,8 @@ pub enum WorldOp {
         /// In id order.
         states: Vec<SharedState>,
     },
+    /// The tree changes before anything else of this tick.
+    Repartition(Repartition),
     /// A client queries bodies as they are after the tick; changes nothing.
     Ask {
         /// Whose question.
@@ -294,6 +389,16 @@ pub enum WorldOp {
         /// What it asks.
         question: Query,
     },
+}
+
+impl WorldOp {
+    /// Returns the change of the tree, if it is one.
+    pub const fn repartition(&self) -> Option<&Repartition> {
+        match self {
+            Self::Repartition(change) => Some(change),
+            _ => None,
+        }
+    }
 }
 
 /// A push on a dynamic body.
@@ -349,6 +454,8 @@ pub struct Done {
     pub events: Vec<RegionEvents>,
     /// Answers to the questions that came with the tick.
     pub answers: Vec<Answer>,
+    /// What it has to do, when that is due.
+    pub load: Option<LoadReport>,
 }
 
 /// A member's report of bodies that moved since its last report.

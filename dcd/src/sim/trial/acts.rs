@@ -57,6 +57,7 @@ impl Trial<'_> {
                     self.died(Peer::Server, back_after);
                 }
             }
+            Action::Populate(count) => self.populate(count),
             Action::Use(client) => self.use_client(client),
             Action::Look => self.look()?,
             Action::Plant => self.sim.drop_transfers(self.config.lost_transfers),
@@ -185,6 +186,19 @@ impl Trial<'_> {
         }
         self.hindered += 1;
         self.plan(until, Action::Healed);
+    }
+
+    /// Sets how many nodes there are to be: some leave, or the next look lets some begin.
+    fn populate(&mut self, count: u32) {
+        self.population = Some(count);
+        let nodes: Vec<_> = self.sim.nodes.keys().copied().collect();
+        let runs = |node: &NodeId| !self.sim.hosts[&Peer::Node(*node)].stopped;
+        let many = (nodes.len() as u32 + self.expected_nodes).saturating_sub(count) as usize;
+        let leaving: Vec<_> = nodes.into_iter().rev().filter(runs).take(many).collect();
+        for node in leaving {
+            self.sim.note(|| format!("{node} is to leave"));
+            self.sim.leave(node);
+        }
     }
 
     /// Lets a node join or leave, so that a view change begins.

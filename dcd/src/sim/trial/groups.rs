@@ -18,7 +18,7 @@ impl Trial<'_> {
     /// Returns how many nodes there are to be.
     pub(super) fn wanted_nodes(&self) -> u32 {
         match self.sites {
-            1 => self.config.nodes,
+            1 => self.population.unwrap_or(self.config.nodes),
             sites => sites * self.config.nodes.max(self.config.clients),
         }
     }

@@ -57,6 +57,7 @@ impl Trial<'_> {
         self.plan_in(LOOK, Action::Look);
         self.note_staleness();
         self.note_pause();
+        self.note_balance();
         self.check_members()?;
         self.check_clocks()?;
         self.check_queues()?;
@@ -134,6 +135,7 @@ impl Trial<'_> {
         let lack = self.lacks_groups(server);
         let lack =
             lack.or_else(|| server.views().find_map(|(group, view)| self.lacks_ticks(group, view, recently)));
+        let lack = lack.or_else(|| self.lacks_balance(server));
         if let Some(lack) = lack.or_else(|| self.lacks_agreement(server)) {
             return Some(lack);
         }
@@ -142,6 +144,30 @@ impl Trial<'_> {
             return Some("the record lists other bodies than the world has".into());
         }
         self.clients.iter().find_map(|&client| self.lacks_avatar(server, client))
+    }
+
+    /// Returns who has nothing to do though regions follow the load, or too much for its speed.
+    fn lacks_balance(&self, server: &Server) -> Option<String> {
+        self.sim.config.balance?;
+        let view = server.view()?;
+        if view.allocation.len() != view.members.len() {
+            return Some(format!("{} regions for {} nodes", view.allocation.len(), view.members.len()));
+        }
+        let idle =
+            view.members.iter().find(|member| !view.allocation.values().any(|node| *node == member.node));
+        if let Some(member) = idle {
+            return Some(format!("{} has no region", member.node));
+        }
+        let (slow, share) = self.slow_node.filter(|(node, _)| self.sim.nodes.contains_key(node))?;
+        (share > 0.5).then(|| format!("{slow} owns {share:.2} of what would be its share at full speed"))
+    }
+
+    /// Notes how much a slow node has to do, averaged over a second.
+    fn note_balance(&mut self) {
+        let Some((node, share)) = &mut self.slow_node else { return };
+        let Some(process) = self.sim.nodes.get(node) else { return };
+        let mean = self.sim.checker.owned() as f64 / self.sim.nodes.len() as f64;
+        *share += 0.05 * (process.physics.claims().len() as f64 / mean.max(1.0) - *share);
     }
 
     fn lacks_avatar(&self, server: &Server, client: ClientId) -> Option<String> {

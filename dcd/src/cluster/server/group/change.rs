@@ -9,7 +9,9 @@ use crate::cluster::Life;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
 use crate::protocol::{BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks};
-use crate::space::{Allocation, BodyId, Epoch, NodeId, RegionId, Tick, allocate};
+use crate::space::{
+    Allocation, BodyId, DistributionTree, Epoch, NodeId, RegionId, Tick, allocate, balanced, reallocate,
+};
 
 /// How long a member may keep a view change waiting before it is given up.
 const MUTE: Duration = Duration::from_secs(5);
@@ -24,6 +26,8 @@ pub(in crate::cluster::server) struct ViewChange {
     survivors: BTreeSet<NodeId>,
     settled: BTreeMap<NodeId, Vec<Dispatch>>,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
+    /// How the survivors have the world cut after their last tick, and who of them computes what: all alike.
+    division: Option<(DistributionTree, Allocation)>,
     /// Made when all surveys are in.
     plan: Option<Plan>,
 }
@@ -32,6 +36,7 @@ pub(in crate::cluster::server) struct ViewChange {
 #[derive(Clone, Debug)]
 struct Plan {
     members: Vec<Member>,
+    tree: DistributionTree,
     allocation: Allocation,
     owners: BTreeMap<BodyId, Owner>,
     /// Members that still owe bodies that were fetched.
@@ -56,7 +61,15 @@ impl Group {
             common.send_node(node, ToNode::Settle { view: number });
         }
         let (settled, surveys) = (BTreeMap::new(), BTreeMap::new());
-        self.change = Some(ViewChange { number, at: common.now, survivors, settled, surveys, plan: None });
+        self.change = Some(ViewChange {
+            number,
+            at: common.now,
+            survivors,
+            settled,
+            surveys,
+            division: None,
+            plan: None,
+        });
         self.finish(common);
     }
 
@@ -124,12 +137,14 @@ impl Group {
         common: &mut Common,
         node: NodeId,
         tick: Tick,
+        division: (DistributionTree, Allocation),
         claims: Vec<Claim>,
     ) -> bool {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.surveys.contains_key(&node) => {
                 change.at = common.now;
                 change.surveys.insert(node, claims);
+                change.division.get_or_insert(division);
                 self.tick = self.tick.max(tick);
                 self.plan(common);
                 true
@@ -150,11 +165,8 @@ impl Group {
             return self.audit();
         }
         let members: Vec<_> = self.wanted(common).map(|(_, entry)| entry.member.clone()).collect();
-        let tree = &common.config.world.tree;
-        let loads = self.record.loads(tree);
         let ids: Vec<_> = members.iter().map(|member| member.node).collect();
-        let allocation =
-            if ids.is_empty() { Allocation::new() } else { allocate(tree, &ids, |region| loads[&region]) };
+        let (tree, allocation) = self.divide(common, &ids, change.division.clone());
         let mut owners: BTreeMap<BodyId, Owner> = BTreeMap::new();
         for (&node, claims) in &change.surveys {
             for claim in claims {
@@ -185,9 +197,44 @@ impl Group {
             common.send_node(node, ToNode::Fetch { view: change.number, bodies });
         }
         if let Some(change) = &mut self.change {
-            change.plan = Some(Plan { members, allocation, owners, fetching });
+            change.plan = Some(Plan { members, tree, allocation, owners, fetching });
         }
         self.conclude(common);
+    }
+
+    /// Returns how the next view has the world cut, and who of its members computes what. Where the regions follow the load, members
+    /// keep what they have: the leader gives those their part that have none. A world that nobody computes is cut by where bodies lie.
+    fn divide(
+        &self,
+        common: &Common,
+        members: &[NodeId],
+        present: Option<(DistributionTree, Allocation)>,
+    ) -> (DistributionTree, Allocation) {
+        let world = &common.config.world;
+        let known = self.view.as_ref().map_or(&world.tree, |view| &view.tree);
+        if members.is_empty() {
+            return (present.map_or_else(|| known.clone(), |(tree, _)| tree), Allocation::new());
+        }
+        match (present, &world.balance) {
+            (Some((tree, former)), Some(_)) => {
+                let loads = self.record.loads(&tree);
+                let allocation = reallocate(&tree, &former, members, |region| loads[&region]);
+                (tree, allocation)
+            }
+            (present, balance) => {
+                let tree = match (present, balance) {
+                    (Some((tree, _)), _) => tree,
+                    (None, Some(balance)) => {
+                        let burdens: Vec<_> = self.record.burdens().collect();
+                        balanced(known.clone(), &burdens, &balance.among(members.len()))
+                    }
+                    (None, None) => known.clone(),
+                };
+                let loads = self.record.loads(&tree);
+                let allocation = allocate(&tree, members, |region| loads[&region]);
+                (tree, allocation)
+            }
+        }
     }
 
     /// Returns whether a body goes on where it is: its region is still its owner's, and nothing later was said of it, as in a
@@ -239,7 +286,7 @@ impl Group {
         let is_complete =
             |change: &mut ViewChange| change.plan.as_ref().is_some_and(|plan| plan.fetching.is_empty());
         let Some(change) = self.change.take_if(is_complete) else { return };
-        let Some(Plan { members, allocation, owners, .. }) = change.plan else { return };
+        let Some(Plan { members, tree, allocation, owners, .. }) = change.plan else { return };
         let mut homeless = BTreeSet::new();
         let mut moved = BTreeMap::new();
         let mut drop: BTreeSet<BodyId> = BTreeSet::new();
@@ -292,7 +339,7 @@ impl Group {
                 self.record.renew(id, change.number);
                 self.record.set_life(id, Life::Live);
             }
-            placed.extend(self.record.place(&common.config.world.tree, &homeless));
+            placed.extend(self.record.place(&tree, &homeless));
             for (id, region) in moved {
                 let body = self.record.body(id).expect("moved bodies are on record").clone();
                 placed.push(Placed { region, body });
@@ -304,6 +351,7 @@ impl Group {
                 tick: self.tick,
                 leader: members.iter().map(|member| member.node).min().expect("a group has a leader"),
                 members,
+                tree,
                 allocation,
             };
             self.adopt(common, view, placed, &drop, &owners, &change.surveys);

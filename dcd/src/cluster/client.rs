@@ -13,7 +13,7 @@ use crate::protocol::{
     Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash, ShapeRecord,
     SharedState, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
-use crate::space::{Allocation, BodyId, ClientId, Epoch, GroupId, NodeId, RegionId, Tick};
+use crate::space::{Allocation, BodyId, ClientId, DistributionTree, Epoch, GroupId, NodeId, RegionId, Tick};
 
 /// The most contacts, and handovers, kept for a user who does not fetch them; the oldest go first.
 const MAX_EVENTS: usize = 4_096;
@@ -191,6 +191,8 @@ pub struct Client {
     group: Option<GroupId>,
     leader: Option<Member>,
     /// The node that computes each region, as far as known.
+    /// The regions as last heard of, and who computes them.
+    tree: Option<DistributionTree>,
     allocation: Allocation,
     linked: bool,
     server_linked: bool,
@@ -229,6 +231,7 @@ impl Client {
             joints: Vec::new(),
             group: None,
             leader: None,
+            tree: None,
             allocation: Allocation::new(),
             linked: false,
             server_linked: false,
@@ -353,6 +356,11 @@ impl Client {
     /// Returns the leader, as far as known.
     pub fn leader(&self) -> Option<NodeId> {
         self.leader.as_ref().map(|member| member.node)
+    }
+
+    /// Returns how the world is cut into regions, as far as known.
+    pub fn tree(&self) -> Option<&DistributionTree> {
+        self.tree.as_ref().or(self.world.as_ref().map(|world| &world.tree))
     }
 
     /// Returns the node that computes a region, as far as known.
@@ -555,8 +563,11 @@ impl Client {
                 self.say_again();
                 self.outputs.push_back(ClientOutput::Joined);
             }
-            ToClient::LeaderIs { group, leader, allocation, .. } => {
-                self.allocation = allocation;
+            ToClient::Regions { tree, allocation } => {
+                (self.tree, self.allocation) = (Some(tree), allocation);
+            }
+            ToClient::LeaderIs { group, leader, tree, allocation, .. } => {
+                (self.tree, self.allocation) = (tree.or(self.tree.take()), allocation);
                 if self.group.replace(group) != Some(group) {
                     // Another lineage of epochs and owners: whatever it says first counts.
                     self.tick = Tick(0);

@@ -33,7 +33,7 @@ pub enum PhysicsCommand {
     Rebuild {
         /// The last completed tick.
         tick: Tick,
-        /// How the world is cut into regions.
+        /// The tree of the coming view.
         tree: DistributionTree,
         /// In id order.
         regions: Vec<RegionId>,
@@ -48,7 +48,7 @@ pub enum PhysicsCommand {
     Repartition {
         /// In this order; they suit the tree.
         changes: Vec<TreeChange>,
-        /// Whether regions that are new are computed here.
+        /// Regions that are new are computed here.
         newborn_here: bool,
     },
     /// Apply the operations and compute one tick (its first round); answered by [`PhysicsEvent::Computed`].
@@ -73,7 +73,7 @@ pub enum PhysicsCommand {
         report: Sampling,
         /// What it lists for the server.
         checkpoint: Sampling,
-        /// Whether it says what there is to do here.
+        /// A report of the load is wanted, too.
         load: bool,
     },
     /// Take in border messages that are not taken in yet, without computing, for membership changes. Answered by
@@ -121,7 +121,7 @@ pub enum PhysicsEvent {
         report: Vec<SharedState>,
         /// For the server, as sampled, in id order.
         checkpoint: Vec<BodyCheckpoint>,
-        /// What there is to do here, if it was asked.
+        /// The load of the regions here, if it was wanted.
         load: Option<LoadReport>,
     },
     /// To [`PhysicsCommand::Drain`].

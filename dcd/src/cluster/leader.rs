@@ -24,7 +24,7 @@ use crate::protocol::{
     Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Pace, Query, Refusal,
     RegionEvents, Repartition, Report, Thresholds, ToClient, View, ViewNumber, WorldOp, encoded_len,
 };
-use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Tick};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, RegionId, Renaming, Tick};
 
 /// How long an input waits for its avatar to appear, in ticks.
 const EARLY_TICKS: u64 = 60;
@@ -317,7 +317,7 @@ impl Leader {
         let balancing = self.balancing.as_mut()?;
         let before = balancing.tree().clone();
         let change = balancing.plan()?;
-        for (from, to) in change.renames(&before) {
+        for Renaming { from, to, .. } in change.renamings(&before) {
             self.contacts.rename(from, to);
         }
         Some(change)

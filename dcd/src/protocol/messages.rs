@@ -229,7 +229,7 @@ pub struct View {
     pub leader: NodeId,
     /// In id order.
     pub members: Vec<Member>,
-    /// How the world is cut into regions.
+    /// The tree of the world's regions; it may change within the view.
     pub tree: DistributionTree,
     /// Which member computes each region.
     pub allocation: Allocation,

@@ -662,6 +662,9 @@ impl Check for ToClient {
                 all(touches)?;
                 all(forces)
             }
+            Self::LeaderIs { tree: Some(tree), allocation, .. } | Self::Regions { tree, allocation } => {
+                suits(allocation, tree)
+            }
             Self::WorldEnd | Self::LeaderIs { .. } | Self::Removed(_) | Self::Rejected { .. } => Ok(()),
         }
     }

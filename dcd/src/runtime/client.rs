@@ -16,7 +16,7 @@ use crate::protocol::{
     Area, ContactForce, EnvironmentProperties, Handover, Query, QueryResult, Refusal, Touch, Velocity,
     WorldPose,
 };
-use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 
 /// The settings with which a process joins a served world.
 #[derive(Clone, Debug)]
@@ -140,6 +140,11 @@ impl ClientWorld {
     /// Returns this process's id as a node, for a participant.
     pub fn node(&self) -> Option<NodeId> {
         self.member.who.node()
+    }
+
+    /// Returns how the world is cut into regions, as the server last said.
+    pub fn tree(&self) -> Option<DistributionTree> {
+        self.member.shared.lock().client.as_ref()?.tree().cloned()
     }
 
     /// Returns the node that computes a region, as far as known: as the server or the leader last said.

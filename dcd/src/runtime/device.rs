@@ -14,9 +14,6 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, DistributionTree, Load, RegionId, Tick, summarised};
 
-/// The most places for each region to which its load is summed up.
-const BURDENS: usize = 128;
-
 /// The error with which the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
@@ -322,7 +319,7 @@ impl PhysicsDevice {
         });
         let regions: Vec<_> = regions.collect();
         let (burdens, islands) = host.burdens(Load::Counts);
-        LoadReport { burdens: summarised(burdens, BURDENS * regions.len()), regions, islands }
+        LoadReport { burdens: summarised(burdens, LoadReport::BURDENS * regions.len()), regions, islands }
     }
 
     fn claims(&mut self) -> Vec<Claim> {

@@ -24,6 +24,10 @@ pub mod measure;
 #[cfg(feature = "net")]
 mod member;
 #[cfg(feature = "net")]
+mod origin;
+#[cfg(feature = "net")]
+mod serve_config;
+#[cfg(feature = "net")]
 mod server;
 mod snapshot;
 
@@ -48,7 +52,11 @@ pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary};
 #[cfg(feature = "net")]
+pub use origin::Origin;
+#[cfg(feature = "net")]
+pub use serve_config::{GroupConfig, ServeConfig};
+#[cfg(feature = "net")]
 pub(crate) use server::SUSPENDED;
 #[cfg(feature = "net")]
-pub use server::{GroupConfig, Origin, ServeConfig, ServerProcess, ServerSummary};
+pub use server::{ServerProcess, ServerSummary};
 pub use snapshot::SnapshotError;

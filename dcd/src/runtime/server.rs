@@ -1,45 +1,33 @@
 //! Runs a server as a process: one thread feeds network events to the server's state machine and carries out its outputs.
 
-use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use rapier3d::prelude::IntegrationParameters;
 use tracing::{debug, error, info, warn};
 
 use super::end_request::EndRequests;
 use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
-use super::{
-    Connections, LocalWorld, Partitioning, ProcessError, RedbDirectory, Why, WorldConfig, WorldError,
-};
+use super::origin::{Beginning, world_of};
+use super::{Connections, Origin, ProcessError, RedbDirectory, ServeConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{
-    Grouping, ProgramOp, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED,
-};
+use crate::cluster::{ProgramOp, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::{
     Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
 };
-use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings, can_build};
-use crate::protocol::{
-    BodyKind, BodyRecord, EnvironmentProperties, JointRecord, Pace, ShapeRecord, StateHasher, SyncProtocol,
-    Thresholds, View,
-};
-use crate::scene::Scene;
-use crate::space::{Balance, DistributionTree, Epoch, Tick};
+use crate::physics::can_build;
+use crate::protocol::{BodyKind, StateHasher, View};
+use crate::space::{DistributionTree, Tick};
 
 /// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
 /// How long the loop sleeps when nothing is due.
 const IDLE: Duration = Duration::from_millis(500);
-/// How long avatars wait for their client.
-pub(crate) const AVATAR_EXPIRY: Duration = Duration::from_secs(3_600);
 /// Time-out of the last audit: dead members are found much sooner.
 const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
@@ -47,69 +35,6 @@ const QUEUE: usize = 4_096;
 
 /// What a server that keeps its world says at its end.
 pub(crate) const SUSPENDED: &str = "the server has stopped, and its data folder keeps the world";
-
-/// The initial state of a served world: a scene, or a copy of a local world.
-pub enum Origin<'a> {
-    /// A scene; of the configuration only the cut and the step settings count.
-    Scene(&'a Scene, &'a WorldConfig),
-    /// A world as it is now, with its cut and settings, copied. What is not a property of a body or joint stays behind:
-    /// contacts under load begin anew, and the tick begins at 0.
-    World(&'a LocalWorld),
-}
-
-/// The settings of a server.
-#[derive(Clone, Debug)]
-pub struct ServeConfig {
-    /// Where to listen; port 0 takes any free one.
-    pub listen: SocketAddr,
-    /// Folder of the authority (keys, used tokens) and of the world: a server that died and is started again with the same
-    /// origin and settings goes on with it.
-    pub data: PathBuf,
-    /// Begin anew, and forget a world that is stored there.
-    pub fresh: bool,
-    /// Nodes to wait for before the first tick.
-    pub nodes: usize,
-    /// How fast ticks follow one another.
-    pub pace: Pace,
-    /// Stop after this tick.
-    pub last_tick: Option<Tick>,
-    /// The fastest that avatars may be asked to move, m/s.
-    pub avatar_speed_limit: f32,
-    /// How long the avatars of a client that left wait for its return; then they are removed.
-    pub avatar_expiry: Duration,
-    /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
-    pub groups: GroupConfig,
-}
-
-impl ServeConfig {
-    /// Returns the usual settings: any free port of this machine alone, one node to wait for, in real time, until it is stopped,
-    /// avatars of up to 20 m/s that wait an hour for their client.
-    pub fn new(data: impl Into<PathBuf>) -> Self {
-        Self {
-            listen: SocketAddr::from(([127, 0, 0, 1], 0)),
-            data: data.into(),
-            fresh: false,
-            nodes: 1,
-            pace: Pace::RealTime,
-            last_tick: None,
-            avatar_speed_limit: 20.0,
-            avatar_expiry: AVATAR_EXPIRY,
-            groups: GroupConfig::default(),
-        }
-    }
-}
-
-/// The settings of groups of nodes: lockstep or not, thresholds, sizes, votes.
-#[derive(Clone, Debug, Default)]
-pub struct GroupConfig {
-    /// Members run ahead of one another by at most so many ticks and extrapolate (the thesis's unsynchronised mode); 0: lockstep.
-    /// With the coupling `owner` only.
-    pub lag_ticks: u32,
-    /// Thresholds of delay and distance of groups.
-    pub thresholds: Thresholds,
-    /// Sizes, policies, votes.
-    pub grouping: Grouping,
-}
 
 /// A summary of the world, from the server's record.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -157,8 +82,8 @@ pub struct ServerProcess {
     pub resumed: Option<Tick>,
     /// Of the first body and the first joint that its program may make.
     pub next_ids: (u32, u64),
-    /// The regions of the world.
-    pub tree: DistributionTree,
+    /// The regions with which the world began.
+    first_tree: DistributionTree,
 }
 
 struct Shared {
@@ -284,7 +209,7 @@ impl ServerProcess {
             address,
             resumed,
             next_ids,
-            tree,
+            first_tree: tree,
         })
     }
 
@@ -312,6 +237,11 @@ impl ServerProcess {
     /// Returns the membership, while nodes compute the world.
     pub fn view(&self) -> Option<View> {
         self.shared.lock().view.clone()
+    }
+
+    /// Returns how the world is cut into regions.
+    pub fn tree(&self) -> DistributionTree {
+        self.view().map_or_else(|| self.first_tree.clone(), |view| view.tree)
     }
 
     /// Waits until the condition holds for summary and membership, or the time is up; returns which.
@@ -384,103 +314,6 @@ impl Drop for ServerProcess {
             self.end();
         }
     }
-}
-
-/// The values that a served world begins with.
-struct Beginning {
-    tree: DistributionTree,
-    balance: Option<Balance>,
-    halo_m: Option<f64>,
-    step: StepSettings,
-    shapes: Vec<ShapeRecord>,
-    bodies: Vec<BodyRecord>,
-    joints: Vec<JointRecord>,
-}
-
-impl Beginning {
-    fn of(origin: Origin<'_>) -> Result<Self, ProcessError> {
-        match origin {
-            Origin::Scene(scene, config) => {
-                config.check()?;
-                let mut shapes = ShapeLibrary::default();
-                let (bodies, joints) = scene.records(&mut shapes)?;
-                let (tree, halo_m, step) = (config.tree()?, config.halo_m, config.step);
-                let is_uncut = matches!(config.partitioning, Partitioning::Auto);
-                let balance = config.balance.or_else(|| is_uncut.then(Balance::by_nodes));
-                Ok(Self { tree, balance, halo_m, step, shapes: shapes.records(), bodies, joints })
-            }
-            Origin::World(world) => {
-                let host = world.host();
-                let movable = host.owned_bodies().map(|(_, region, handle)| region.body_record(handle));
-                let mut bodies: Vec<_> = movable.chain(host.scenery().cloned()).collect();
-                bodies.sort_unstable_by_key(|body| body.id);
-                // Its owner in the other world means nothing in this one.
-                bodies.iter_mut().for_each(|body| body.epoch = Epoch(0));
-                let joints: BTreeMap<_, _> = bodies
-                    .iter()
-                    .flat_map(|body| host.joints_of(body.id))
-                    .map(|joint| (joint.id, joint))
-                    .collect();
-                let is_cut = matches!(world.chosen().why, Why::Asked | Why::Saved);
-                Ok(Self {
-                    tree: host.partition().tree().clone(),
-                    balance: host.balance().copied().or_else(|| (!is_cut).then(Balance::by_nodes)),
-                    // An empty world has none, unless it was given.
-                    halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
-                    step: *host.settings(),
-                    shapes: host.shapes().records(),
-                    bodies,
-                    joints: joints.into_values().collect(),
-                })
-            }
-        }
-    }
-}
-
-/// Returns the properties of the world as sent to all processes. The halo is that of a local world with the same bodies, so that
-/// both compute the same bits.
-fn world_of(
-    beginning: Beginning,
-    config: &ServeConfig,
-) -> Result<(EnvironmentProperties, Record), ProcessError> {
-    let Beginning { tree, balance, halo_m, step, shapes, bodies, joints } = beginning;
-    if step.integration != IntegrationParameters::default() {
-        let range = "a served world is stepped with Rapier's own parameters: leave them at their defaults";
-        let (what, value) = ("step.integration", "changed".to_owned());
-        return Err(WorldError::Setting { what, value, range }.into());
-    }
-    let mut host = RegionHost::new(Partition::new(tree.clone(), halo_m), step, 1, &[])?;
-    for record in &shapes {
-        host.shapes_mut().add(record.clone())?;
-    }
-    host.insert(bodies.clone(), &joints)?;
-    let record = Record::new(bodies, shapes, joints);
-    let lag_ticks = config.groups.lag_ticks;
-    if lag_ticks > 0 && step.coupling != Coupling::Owner {
-        return Err(ProcessError::Lag { coupling: step.coupling.name() });
-    }
-    let protocol = match lag_ticks {
-        0 => SyncProtocol::Synchronised,
-        lag_ticks => SyncProtocol::Unsynchronised { lag_ticks },
-    };
-    // With lag, bodies are sent later, so that the halo must reach farther ahead.
-    let ahead_m = f64::from(config.avatar_speed_limit * step.dt_s) * f64::from(lag_ticks);
-    // A world that its program fills later has the halo of what comes, as a local one.
-    let is_empty = record.present().all(|body| body.traits.kind == BodyKind::Fixed);
-    let halo_m = if is_empty && lag_ticks == 0 { halo_m } else { Some(host.partition().halo_m() + ahead_m) };
-    let environment = EnvironmentProperties {
-        world: record.fingerprint(),
-        step: step.record(),
-        tree,
-        balance,
-        halo_m,
-        avatar_speed_limit: config.avatar_speed_limit,
-        protocol,
-        thresholds: config.groups.thresholds,
-        pace: config.pace,
-        last_tick: config.last_tick,
-    };
-    Ok((environment, record))
 }
 
 /// Removes entries from a directory.

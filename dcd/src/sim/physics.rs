@@ -12,7 +12,7 @@ use crate::protocol::{
     WorldPose,
 };
 use crate::space::{
-    BodyId, Bounds, Burden, ClientId, Epoch, RegionId, RegionSet, Tick, TreeChange, Yielding,
+    BodyId, Bounds, Burden, ClientId, Epoch, RegionId, RegionSet, Renaming, Tick, TreeChange, summarised,
 };
 
 /// Width of the halo: how far beyond its box a region holds replicas, metres.
@@ -372,28 +372,15 @@ impl StandIn {
     /// Changes the tree: regions change their names, are new here, or are given up.
     fn repartition(&mut self, changes: &[TreeChange], newborn_here: bool) {
         let tree = &mut self.world.as_mut().expect("the world comes first").tree;
-        let yielding: BTreeMap<_, _> = tree.yielding().collect();
+        let renamings: Vec<_> = changes.iter().filter_map(|change| tree.renaming(change)).collect();
         tree.change(changes).expect("it suits the tree");
-        for change in changes {
-            let (from, to) = match *change {
-                TreeChange::Split { leaf, .. } => {
-                    let (left, right) = leaf.children();
-                    if newborn_here {
-                        self.regions.insert(right, Region::default());
-                    }
-                    (leaf, left)
-                }
-                TreeChange::Merge { vertex } => {
-                    let Yielding { heir, leaving } = yielding[&vertex];
-                    let left = self.regions.remove(&leaving);
-                    assert!(
-                        left.is_none_or(|region| region.is_vacant()),
-                        "{leaving} is given up with bodies"
-                    );
-                    (heir, vertex)
-                }
-                TreeChange::Move { .. } | TreeChange::Yield { .. } => continue,
-            };
+        for Renaming { from, to, born, gone } in renamings {
+            if let Some(born) = born.filter(|_| newborn_here) {
+                self.regions.insert(born, Region::default());
+            }
+            if let Some(region) = gone.and_then(|gone| self.regions.remove(&gone)) {
+                assert!(region.is_vacant(), "{gone:?} is given up with bodies");
+            }
             if let Some(region) = self.regions.remove(&from) {
                 self.regions.insert(to, region);
             }
@@ -414,7 +401,8 @@ impl StandIn {
         let owned = self.regions.values().flat_map(|region| region.owned.values());
         let burden =
             |owned: &Owned| Burden { place: owned.body.state.pose.translation, weight: 1.0, island: None };
-        LoadReport { regions: regions.collect(), burdens: owned.map(burden).collect(), islands: Vec::new() }
+        let burdens = summarised(owned.map(burden).collect(), LoadReport::BURDENS * self.regions.len());
+        LoadReport { regions: regions.collect(), burdens, islands: Vec::new() }
     }
 
     fn settled(&mut self, tick: Tick, report: Sampling, checkpoint: Sampling, load: bool) -> PhysicsEvent {

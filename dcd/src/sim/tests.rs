@@ -1,5 +1,6 @@
 //! Tests the cluster against its faults.
 
+mod balance;
 mod groups;
 mod hour;
 

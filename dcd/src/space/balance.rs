@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{Axis, Bounds, DistributionTree, RegionId, TreeChange};
+use super::{Axis, Bounds, DistributionTree, RegionId, TreeChange, TreeError};
 
 /// The settings of load balancing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Encode, Decode)]
@@ -176,13 +176,18 @@ pub fn balanced(mut tree: DistributionTree, burdens: &[Burden], settings: &Balan
     // Each plan cuts or merges one region, or levels all planes; some bodies cannot be levelled.
     for _ in 0..2 * super::MAX_REGIONS {
         let changes = plan(&Loads { tree: &tree, burdens, islands: &[], capacity: &|_| 1.0 }, settings);
-        if changes.is_empty() || tree.change(&changes).is_err() {
+        if changes.is_empty() || change_at_once(&mut tree, &changes).is_err() {
             break;
         }
-        let yielding: Vec<_> = tree.yielding().map(|(vertex, _)| TreeChange::Merge { vertex }).collect();
-        tree.change(&yielding).expect("what yields has two regions");
     }
     tree
+}
+
+/// Changes a tree by a plan where nothing is computed: what yields is merged at once.
+fn change_at_once(tree: &mut DistributionTree, changes: &[TreeChange]) -> Result<(), TreeError> {
+    tree.change(changes)?;
+    let yielding: Vec<_> = tree.yielding().map(|(vertex, _)| TreeChange::Merge { vertex }).collect();
+    tree.change(&yielding)
 }
 
 /// Sums burdens up to at most about so many, where they are near one another, none of them of two islands: a node tells its leader
@@ -203,8 +208,9 @@ fn sum_up(burdens: &mut [Burden], most: usize, summary: &mut Vec<Burden>) {
     let Some(around) = boxes.reduce(|a, b| a.union(&b)) else { return };
     if most > 1 && burdens.len() > 1 {
         let i = around.longest_axis().index();
-        burdens.sort_by(|a, b| a.place[i].total_cmp(&b.place[i]));
-        let (below, above) = burdens.split_at_mut(burdens.len() / 2);
+        let middle = burdens.len() / 2;
+        burdens.select_nth_unstable_by(middle, |a, b| a.place[i].total_cmp(&b.place[i]));
+        let (below, above) = burdens.split_at_mut(middle);
         sum_up(below, most / 2, summary);
         sum_up(above, most - most / 2, summary);
     } else {
@@ -477,11 +483,8 @@ mod tests {
         (0..count).map(|i| Burden { place: [place(i), 0.0, 0.0], weight: 1.0, island: None }).collect()
     }
 
-    /// Applies a plan; what yields is merged at once.
     fn applied(tree: &mut DistributionTree, changes: &[TreeChange]) {
-        tree.change(changes).unwrap();
-        let yielding: Vec<_> = tree.yielding().map(|(vertex, _)| TreeChange::Merge { vertex }).collect();
-        tree.change(&yielding).unwrap();
+        change_at_once(tree, changes).unwrap();
     }
 
     fn planned(
@@ -651,6 +654,18 @@ mod tests {
         applied(&mut tree, &changes);
         assert_eq!(loads(&tree, &crowd), [400, 400, 100, 400]);
         assert_eq!(loads_of(&tree), []);
+    }
+
+    #[test]
+    fn a_world_that_nobody_computes_is_cut_for_its_nodes_at_once() {
+        let crowd = crowd(0.0, 300.0, 800);
+        for (regions, nodes) in [(1, 8), (8, 3), (5, 5)] {
+            let tree = balanced(road(regions), &crowd, &Balance::by_nodes().among(nodes));
+            let loads = loads(&tree, &crowd);
+            assert_eq!(loads.len(), nodes);
+            let most = *loads.iter().max().unwrap() as f64;
+            assert!(most <= 1.2 * 800.0 / nodes as f64, "{regions} regions, {nodes} nodes: {loads:?}");
+        }
     }
 
     #[test]

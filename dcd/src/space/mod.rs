@@ -19,4 +19,4 @@ pub(crate) use groups::PlaceGroups;
 pub use ids::{BodyId, ClientId, Epoch, GroupId, JointId, NodeId, RegionId, Tick};
 pub use mix::mixed;
 pub use region_set::{MAX_REGIONS, RegionSet};
-pub use tree::{DistributionTree, Limits, TreeChange, TreeError, Yielding};
+pub use tree::{DistributionTree, Limits, Renaming, TreeChange, TreeError, Yielding};

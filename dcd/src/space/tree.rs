@@ -103,6 +103,19 @@ pub struct Yielding {
     pub leaving: RegionId,
 }
 
+/// What a change of the tree does to the names of regions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Renaming {
+    /// The region that goes on under another name.
+    pub from: RegionId,
+    /// Its new name.
+    pub to: RegionId,
+    /// A region that is new.
+    pub born: Option<RegionId>,
+    /// A region that is given up.
+    pub gone: Option<RegionId>,
+}
+
 /// The distribution tree. Every member of a group holds an equal copy; ids name the same box to all.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct DistributionTree {
@@ -264,19 +277,37 @@ impl DistributionTree {
     /// Changes the tree in this order, or not at all.
     pub fn change(&mut self, changes: &[TreeChange]) -> Result<(), TreeError> {
         let mut changed = self.clone();
-        for change in changes {
-            match *change {
-                TreeChange::Move { vertex, at } => changed.move_plane(vertex, at)?,
-                TreeChange::Split { leaf, axis, at } => drop(changed.split_at(leaf, axis, at)?),
-                TreeChange::Yield { vertex, heir } => changed.yield_to(vertex, heir)?,
-                TreeChange::Merge { vertex } => changed.merge(vertex)?,
-            }
-        }
+        changes.iter().try_for_each(|change| changed.change_unchecked(change))?;
         if !changed.is_sound() {
             return Err(TreeError::Crossed);
         }
         *self = changed;
         Ok(())
+    }
+
+    /// Makes one of several changes: planes may cross until all are made.
+    pub(crate) fn change_unchecked(&mut self, change: &TreeChange) -> Result<(), TreeError> {
+        match *change {
+            TreeChange::Move { vertex, at } => self.move_plane(vertex, at),
+            TreeChange::Split { leaf, axis, at } => self.split_at(leaf, axis, at).map(drop),
+            TreeChange::Yield { vertex, heir } => self.yield_to(vertex, heir),
+            TreeChange::Merge { vertex } => self.merge(vertex),
+        }
+    }
+
+    /// Returns what becomes of the regions' names by a change of this tree, before it is made; `None`: all keep them.
+    pub fn renaming(&self, change: &TreeChange) -> Option<Renaming> {
+        match *change {
+            TreeChange::Split { leaf, .. } => {
+                let (left, right) = leaf.children();
+                Some(Renaming { from: leaf, to: left, born: Some(right), gone: None })
+            }
+            TreeChange::Merge { vertex } => {
+                let (_, Yielding { heir, leaving }) = self.yielding().find(|(other, _)| *other == vertex)?;
+                Some(Renaming { from: heir, to: vertex, born: None, gone: Some(leaving) })
+            }
+            TreeChange::Move { .. } | TreeChange::Yield { .. } => None,
+        }
     }
 
     /// Returns the inner vertices one of whose two regions is being emptied, in id order, each with the region that takes all over

@@ -13,11 +13,10 @@ use crate::protocol::{
     BodyKind, BodyRecord, Check, Input, Invalid, JointRecord, Push, ShapeHash, Velocity, WorldPose,
 };
 use crate::runtime::{ServerProcess, WorldError};
-use crate::space::{BodyId, DistributionTree, JointId};
+use crate::space::{BodyId, JointId};
 
 /// What a server's program has done since the last step, and what nodes have not confirmed yet.
 pub(super) struct Author {
-    tree: DistributionTree,
     shapes: ShapeLibrary,
     /// Shapes that the server was sent.
     sent: BTreeSet<ShapeHash>,
@@ -46,7 +45,6 @@ impl Author {
     pub(super) fn new(server: &ServerProcess) -> Self {
         let (next_body, next_joint) = server.next_ids;
         Self {
-            tree: server.tree.clone(),
             shapes: ShapeLibrary::default(),
             sent: BTreeSet::new(),
             next_body,
@@ -242,12 +240,13 @@ impl Author {
         let ids = server.read(|record| record.present().map(|body| body.id).collect::<BTreeSet<_>>());
         let own = self.bodies.iter().map(|body| body.id).chain(self.awaited.keys().copied());
         let ids: BTreeSet<_> = ids.into_iter().chain(own).collect();
+        let tree = server.tree();
         let movable = |id| {
             let BodyRecord { state, traits, .. } =
                 self.known(server, id).filter(|body| body.traits.kind != BodyKind::Fixed)?;
             Some(MovableBody {
                 id,
-                region: self.tree.leaf_at(state.pose.translation),
+                region: tree.leaf_at(state.pose.translation),
                 pose: state.pose,
                 velocity: state.velocity,
                 user_data: traits.user_data,

@@ -92,6 +92,10 @@ impl Served {
     }
 
     fn listen(&mut self) {
+        // Regions of a served world follow its load.
+        if let Some(tree) = self.world.tree() {
+            self.environment.tree = tree;
+        }
         let heard = self.world.take_events();
         self.departed.clear();
         for &id in &heard.disappeared {

@@ -48,7 +48,10 @@ fn follow(client: &mut Client, node: u32) {
     let leader = Member { node: NodeId(node), address: ([127, 0, 0, 1], 1).into(), client: None };
     let view = crate::protocol::ViewNumber(node.into());
     let allocation = [(RegionId(1), NodeId(node))].into();
-    tell(client, ToClient::LeaderIs { group: GroupId(1), view, leader: Some(leader), allocation });
+    tell(
+        client,
+        ToClient::LeaderIs { group: GroupId(1), view, leader: Some(leader), tree: None, allocation },
+    );
     client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Node(NodeId(node))));
 }
 
@@ -212,7 +215,7 @@ fn a_body_that_another_region_owns_than_before_is_a_transfer() {
     // Another group has owners of its own.
     assert_eq!(client.computed_by(RegionId(1)), Some(NodeId(1)));
     let (view, allocation) = (crate::protocol::ViewNumber(9), [(RegionId(1), NodeId(7))].into());
-    tell(&mut client, ToClient::LeaderIs { group: GroupId(2), view, leader: None, allocation });
+    tell(&mut client, ToClient::LeaderIs { group: GroupId(2), view, leader: None, tree: None, allocation });
     assert_eq!((client.computed_by(RegionId(1)), client.computed_by(RegionId(2))), (Some(NodeId(7)), None));
     assert_eq!(client.body(id).unwrap().owner, None);
     assert_eq!(hear(&mut client, 2, 1, 1, false), (Some(1), vec![]));

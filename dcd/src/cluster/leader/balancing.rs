@@ -9,7 +9,7 @@ use crate::space::{
     plan,
 };
 
-/// How much of what a node's work cost is replaced by a new measurement.
+/// The part of a node's price that a new measurement replaces.
 const NEWS: f64 = 0.5;
 /// A node counts as at most so many times slower or faster than the mean.
 const LARGEST_RATIO: f64 = 100.0;
@@ -19,7 +19,7 @@ const LARGEST_RATIO: f64 = 100.0;
 pub(super) struct Balancing {
     settings: Balance,
     view: View,
-    /// Whether what one member says may be on its way to another when both have completed a tick.
+    /// What one member says may still be on its way to another when both have completed a tick.
     lags: bool,
     reports: BTreeMap<NodeId, (Tick, LoadReport)>,
     /// What a unit of work costs each node, microseconds.

@@ -81,8 +81,13 @@ impl Node {
     /// inputs again to the leader of the last view.
     pub(super) fn tell_own_client(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
-        let (leader, allocation) = (view.led_by().cloned(), view.allocation.clone());
-        let message = ToClient::LeaderIs { group: view.group, view: view.number, leader, allocation };
+        let message = ToClient::LeaderIs {
+            group: view.group,
+            view: view.number,
+            leader: view.led_by().cloned(),
+            tree: Some(view.tree.clone()),
+            allocation: view.allocation.clone(),
+        };
         self.outputs.push_back(NodeOutput::Client(message));
     }
 

@@ -362,7 +362,8 @@ impl Node {
             self.counters.refused += 1;
             return;
         }
-        if view.leader == me {
+        // Without changes it only wakes what sleeps in the way of regions that are given up.
+        if view.leader == me && !change.changes.is_empty() {
             let (number, tree, allocation) = (view.number, view.tree.clone(), view.allocation.clone());
             self.send_server(ToServer::Repartitioned { view: number, tick, tree, allocation });
         }

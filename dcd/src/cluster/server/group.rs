@@ -105,7 +105,8 @@ impl Group {
         let view = self.view.as_ref().filter(|_| !self.held);
         let leader = view.and_then(View::led_by).cloned();
         let allocation = view.map(|view| view.allocation.clone()).unwrap_or_default();
-        ToClient::LeaderIs { group: self.id, view: number, leader, allocation }
+        let tree = view.map(|view| view.tree.clone());
+        ToClient::LeaderIs { group: self.id, view: number, leader, tree, allocation }
     }
 
     /// Tells the leader what to do to the world; while membership changes, `Adopt` takes care of it.
@@ -191,14 +192,10 @@ impl Group {
         if !allocation.values().all(|node| view.members.iter().any(|member| member.node == *node)) {
             return false;
         }
-        let is_dealt_anew = view.allocation != allocation;
-        (view.tree, view.allocation) = (tree, allocation);
+        (view.tree, view.allocation) = (tree.clone(), allocation.clone());
         let view = view.clone();
         common.outputs.push_back(ServerOutput::Repartitioned { group: self.id, view });
-        if is_dealt_anew {
-            let leader = self.leader_is();
-            common.send_clients(self.id, &leader);
-        }
+        common.send_clients(self.id, &ToClient::Regions { tree, allocation });
         true
     }
 

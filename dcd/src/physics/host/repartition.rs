@@ -11,7 +11,7 @@ use crate::physics::coupling::Side;
 use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
 use crate::space::{
-    Balance, Bounds, Burden, DistributionTree, Load, Loads, RegionId, TreeChange, TreeError, Yielding, plan,
+    Balance, Bounds, Burden, DistributionTree, Load, Loads, RegionId, Renaming, TreeChange, plan,
 };
 
 /// The load balancer of a world in one process.
@@ -150,28 +150,18 @@ impl RegionHost {
         let mut renamed = Vec::new();
         let mut tree = self.partition.tree().clone();
         for change in changes {
-            match *change {
-                TreeChange::Split { leaf, axis, at } => {
-                    let (left, right) = tree.split_at(leaf, axis, at)?;
-                    let newborn = newborn_here.then_some(right);
-                    self.adopt(tree.clone(), (leaf, left), newborn)?;
-                    renamed.push((leaf, left));
-                }
-                TreeChange::Merge { vertex } => {
-                    let yielding = tree.yielding().find(|(other, _)| *other == vertex);
-                    let Yielding { heir, leaving } = yielding.ok_or(TreeError::NotMergeable(vertex))?.1;
-                    tree.merge(vertex)?;
-                    let place = self.regions().position(|region| region.id() == leaving);
-                    if let Some(place) = place {
-                        assert!(self.is_vacant(leaving), "{leaving} is given up while it holds bodies");
-                        self.sides.remove(place);
-                    }
-                    self.adopt(tree.clone(), (heir, vertex), None)?;
-                    renamed.push((heir, vertex));
-                }
-                TreeChange::Move { vertex, at } => tree.move_plane(vertex, at)?,
-                TreeChange::Yield { vertex, heir } => tree.yield_to(vertex, heir)?,
+            let renaming = tree.renaming(change);
+            tree.change_unchecked(change)?;
+            let Some(Renaming { from, to, born, gone }) = renaming else { continue };
+            if let Some(place) = gone.and_then(|gone| self.regions().position(|region| region.id() == gone)) {
+                assert!(
+                    !self.sides[place].region.holds_movable(),
+                    "{gone:?} is given up while it holds bodies"
+                );
+                self.sides.remove(place);
             }
+            self.adopt(tree.clone(), (from, to), born.filter(|_| newborn_here))?;
+            renamed.push((from, to));
         }
         self.refit(tree)?;
         Ok(renamed)

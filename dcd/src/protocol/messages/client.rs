@@ -6,7 +6,7 @@ use super::{Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber
 use crate::protocol::{
     BodyRecord, ContactForce, JointRecord, ShapeRecord, SharedState, Touch, Velocity, WorldPose,
 };
-use crate::space::{Allocation, BodyId, ClientId, GroupId, Tick};
+use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, Tick};
 
 /// A message of a client to its leader, or to the server when there is none.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -106,7 +106,16 @@ pub enum ToClient {
         view: ViewNumber,
         /// Whom to connect to.
         leader: Option<Member>,
+        /// The tree of the world's regions; `None` while nobody computes them.
+        tree: Option<DistributionTree>,
         /// Which member computes each region; none while nobody does.
+        allocation: Allocation,
+    },
+    /// The regions of the client's group have changed, or are dealt out anew, under the same leader.
+    Regions {
+        /// Their tree.
+        tree: DistributionTree,
+        /// Which member computes each region.
         allocation: Allocation,
     },
     /// A body appeared after the client joined.

@@ -1,7 +1,5 @@
 //! Defines the messages between the server and the nodes of a group, and among those nodes.
 
-use std::collections::BTreeMap;
-
 use bincode::{Decode, Encode};
 
 use super::{Answer, Chunk, EnvironmentProperties, Input, Member, Query, View, ViewNumber};
@@ -9,8 +7,8 @@ use crate::protocol::{
     BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
 };
 use crate::space::{
-    Allocation, BodyId, Bounds, Burden, ClientId, DistributionTree, Epoch, JointId, NodeId, RegionId, Tick,
-    TreeChange, Yielding,
+    Allocation, BodyId, Bounds, Burden, ClientId, DistributionTree, Epoch, JointId, NodeId, RegionId,
+    Renaming, Tick, TreeChange,
 };
 
 /// A message of the server to a node.
@@ -133,9 +131,9 @@ pub enum ToServer {
         view: ViewNumber,
         /// The last completed tick.
         tick: Tick,
-        /// How the world is cut after it, and who computes which region: the same at all members.
+        /// The tree after that tick, the same at all members.
         tree: DistributionTree,
-        /// The second half of that.
+        /// Which member computes each region, the same at all members.
         allocation: Allocation,
         /// Every owned body, in id order.
         claims: Vec<Claim>,
@@ -146,7 +144,7 @@ pub enum ToServer {
         view: ViewNumber,
         /// Before which tick.
         tick: Tick,
-        /// How the world is cut.
+        /// The tree from then on.
         tree: DistributionTree,
         /// Which member computes each region.
         allocation: Allocation,
@@ -290,41 +288,18 @@ pub struct Repartition {
 }
 
 impl Repartition {
-    /// Returns the regions that have new names, as (old, new), in order; `tree` is as it was before.
-    pub fn renames(&self, tree: &DistributionTree) -> Vec<(RegionId, RegionId)> {
-        let renamed = |change: &TreeChange| match *change {
-            TreeChange::Split { leaf, .. } => Some((leaf, leaf.children().0)),
-            TreeChange::Merge { vertex } => {
-                let yielding = tree.yielding().find(|(other, _)| *other == vertex);
-                yielding.map(|(_, regions)| (regions.heir, vertex))
-            }
-            TreeChange::Move { .. } | TreeChange::Yield { .. } => None,
-        };
-        self.changes.iter().filter_map(renamed).collect()
+    /// Returns what becomes of the names of the regions of `tree`, which is as it was before, in order.
+    pub fn renamings(&self, tree: &DistributionTree) -> impl Iterator<Item = Renaming> {
+        self.changes.iter().filter_map(|change| tree.renaming(change))
     }
 
     /// Makes the same change to an allocation of the regions of `tree`, which is as it was before.
     pub fn reallocate(&self, allocation: &mut Allocation, tree: &DistributionTree) {
-        let yielding: BTreeMap<_, _> = tree.yielding().collect();
-        let rename = |allocation: &mut Allocation, from, to, gone| {
+        for Renaming { from, to, born, gone } in self.renamings(tree) {
             let node = allocation.remove(&from);
-            allocation.remove(&gone);
+            gone.map(|gone| allocation.remove(&gone));
             allocation.extend(node.map(|node| (to, node)));
-        };
-        for change in &self.changes {
-            match *change {
-                TreeChange::Split { leaf, .. } => {
-                    let (left, right) = leaf.children();
-                    rename(allocation, leaf, left, right);
-                    allocation.insert(right, self.newborn);
-                }
-                TreeChange::Merge { vertex } => {
-                    if let Some(&Yielding { heir, leaving }) = yielding.get(&vertex) {
-                        rename(allocation, heir, vertex, leaving);
-                    }
-                }
-                TreeChange::Move { .. } | TreeChange::Yield { .. } => {}
-            }
+            allocation.extend(born.map(|born| (born, self.newborn)));
         }
     }
 }
@@ -340,6 +315,11 @@ pub struct LoadReport {
     pub islands: Vec<Bounds>,
 }
 
+impl LoadReport {
+    /// The most places for each region to which its load is summed up.
+    pub const BURDENS: usize = 128;
+}
+
 /// What one region has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct RegionLoad {
@@ -349,7 +329,7 @@ pub struct RegionLoad {
     pub activity: f64,
     /// What a tick of it takes, smoothed, microseconds.
     pub step_us: f64,
-    /// Whether nothing is left in it, so that it may be given up.
+    /// Nothing is left in it, so that it may be given up.
     pub vacant: bool,
 }
 

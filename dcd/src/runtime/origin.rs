@@ -1,0 +1,118 @@
+//! Makes of a scene, or of a world in this process, what a served world begins with.
+
+use std::collections::BTreeMap;
+
+use rapier3d::prelude::IntegrationParameters;
+
+use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
+use crate::cluster::Record;
+use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
+use crate::protocol::{BodyKind, BodyRecord, EnvironmentProperties, JointRecord, ShapeRecord, SyncProtocol};
+use crate::scene::Scene;
+use crate::space::{Balance, DistributionTree, Epoch};
+
+/// The initial state of a served world: a scene, or a copy of a local world.
+pub enum Origin<'a> {
+    /// A scene; of the configuration only the cut and the step settings count.
+    Scene(&'a Scene, &'a WorldConfig),
+    /// A world as it is now, with its cut and settings, copied. What is not a property of a body or joint stays behind:
+    /// contacts under load begin anew, and the tick begins at 0.
+    World(&'a LocalWorld),
+}
+
+/// The values that a served world begins with.
+pub(super) struct Beginning {
+    tree: DistributionTree,
+    balance: Option<Balance>,
+    halo_m: Option<f64>,
+    step: StepSettings,
+    shapes: Vec<ShapeRecord>,
+    bodies: Vec<BodyRecord>,
+    joints: Vec<JointRecord>,
+}
+
+impl Beginning {
+    pub(super) fn of(origin: Origin<'_>) -> Result<Self, ProcessError> {
+        match origin {
+            Origin::Scene(scene, config) => {
+                config.check()?;
+                let mut shapes = ShapeLibrary::default();
+                let (bodies, joints) = scene.records(&mut shapes)?;
+                let (tree, halo_m, step) = (config.tree()?, config.halo_m, config.step);
+                let is_uncut = matches!(config.partitioning, Partitioning::Auto);
+                let balance = config.balance.or_else(|| is_uncut.then(Balance::by_nodes));
+                Ok(Self { tree, balance, halo_m, step, shapes: shapes.records(), bodies, joints })
+            }
+            Origin::World(world) => {
+                let host = world.host();
+                let movable = host.owned_bodies().map(|(_, region, handle)| region.body_record(handle));
+                let mut bodies: Vec<_> = movable.chain(host.scenery().cloned()).collect();
+                bodies.sort_unstable_by_key(|body| body.id);
+                // Its owner in the other world means nothing in this one.
+                bodies.iter_mut().for_each(|body| body.epoch = Epoch(0));
+                let joints: BTreeMap<_, _> = bodies
+                    .iter()
+                    .flat_map(|body| host.joints_of(body.id))
+                    .map(|joint| (joint.id, joint))
+                    .collect();
+                let is_cut = matches!(world.chosen().why, Why::Asked | Why::Saved);
+                Ok(Self {
+                    tree: host.partition().tree().clone(),
+                    balance: host.balance().copied().or_else(|| (!is_cut).then(Balance::by_nodes)),
+                    // An empty world has none, unless it was given.
+                    halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
+                    step: *host.settings(),
+                    shapes: host.shapes().records(),
+                    bodies,
+                    joints: joints.into_values().collect(),
+                })
+            }
+        }
+    }
+}
+
+/// Returns the properties of the world as sent to all processes. The halo is that of a local world with the same bodies, so that
+/// both compute the same bits.
+pub(super) fn world_of(
+    beginning: Beginning,
+    config: &ServeConfig,
+) -> Result<(EnvironmentProperties, Record), ProcessError> {
+    let Beginning { tree, balance, halo_m, step, shapes, bodies, joints } = beginning;
+    if step.integration != IntegrationParameters::default() {
+        let range = "a served world is stepped with Rapier's own parameters: leave them at their defaults";
+        let (what, value) = ("step.integration", "changed".to_owned());
+        return Err(WorldError::Setting { what, value, range }.into());
+    }
+    let mut host = RegionHost::new(Partition::new(tree.clone(), halo_m), step, 1, &[])?;
+    for record in &shapes {
+        host.shapes_mut().add(record.clone())?;
+    }
+    host.insert(bodies.clone(), &joints)?;
+    let record = Record::new(bodies, shapes, joints);
+    let lag_ticks = config.groups.lag_ticks;
+    if lag_ticks > 0 && step.coupling != Coupling::Owner {
+        return Err(ProcessError::Lag { coupling: step.coupling.name() });
+    }
+    let protocol = match lag_ticks {
+        0 => SyncProtocol::Synchronised,
+        lag_ticks => SyncProtocol::Unsynchronised { lag_ticks },
+    };
+    // With lag, bodies are sent later, so that the halo must reach farther ahead.
+    let ahead_m = f64::from(config.avatar_speed_limit * step.dt_s) * f64::from(lag_ticks);
+    // A world that its program fills later has the halo of what comes, as a local one.
+    let is_empty = record.present().all(|body| body.traits.kind == BodyKind::Fixed);
+    let halo_m = if is_empty && lag_ticks == 0 { halo_m } else { Some(host.partition().halo_m() + ahead_m) };
+    let environment = EnvironmentProperties {
+        world: record.fingerprint(),
+        step: step.record(),
+        tree,
+        balance,
+        halo_m,
+        avatar_speed_limit: config.avatar_speed_limit,
+        protocol,
+        thresholds: config.groups.thresholds,
+        pace: config.pace,
+        last_tick: config.last_tick,
+    };
+    Ok((environment, record))
+}

@@ -1,0 +1,66 @@
+//! Configures a server: where it listens, what it keeps, how its world is paced, and who may share a group.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::cluster::Grouping;
+use crate::protocol::{Pace, Thresholds};
+use crate::space::Tick;
+
+/// How long avatars wait for their client.
+const AVATAR_EXPIRY: Duration = Duration::from_secs(3_600);
+
+/// The settings of a server.
+#[derive(Clone, Debug)]
+pub struct ServeConfig {
+    /// Where to listen; port 0 takes any free one.
+    pub listen: SocketAddr,
+    /// Folder of the authority (keys, used tokens) and of the world: a server that died and is started again with the same
+    /// origin and settings goes on with it.
+    pub data: PathBuf,
+    /// Begin anew, and forget a world that is stored there.
+    pub fresh: bool,
+    /// Nodes to wait for before the first tick.
+    pub nodes: usize,
+    /// How fast ticks follow one another.
+    pub pace: Pace,
+    /// Stop after this tick.
+    pub last_tick: Option<Tick>,
+    /// The fastest that avatars may be asked to move, m/s.
+    pub avatar_speed_limit: f32,
+    /// How long the avatars of a client that left wait for its return; then they are removed.
+    pub avatar_expiry: Duration,
+    /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
+    pub groups: GroupConfig,
+}
+
+impl ServeConfig {
+    /// Returns the usual settings: any free port of this machine alone, one node to wait for, in real time, until it is stopped,
+    /// avatars of up to 20 m/s that wait an hour for their client.
+    pub fn new(data: impl Into<PathBuf>) -> Self {
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 0)),
+            data: data.into(),
+            fresh: false,
+            nodes: 1,
+            pace: Pace::RealTime,
+            last_tick: None,
+            avatar_speed_limit: 20.0,
+            avatar_expiry: AVATAR_EXPIRY,
+            groups: GroupConfig::default(),
+        }
+    }
+}
+
+/// The settings of groups of nodes: lockstep or not, thresholds, sizes, votes.
+#[derive(Clone, Debug, Default)]
+pub struct GroupConfig {
+    /// Members run ahead of one another by at most so many ticks and extrapolate (the thesis's unsynchronised mode); 0: lockstep.
+    /// With the coupling `owner` only.
+    pub lag_ticks: u32,
+    /// Thresholds of delay and distance of groups.
+    pub thresholds: Thresholds,
+    /// Sizes, policies, votes.
+    pub grouping: Grouping,
+}

@@ -175,7 +175,7 @@ fn row(
         claimed: deviating.claimed,
         apart_ms: deviating.apart.as_secs_f64() * 1e3,
         between_bytes_s: bytes_s(Scope::BetweenGroups),
-        inside_bytes_s: bytes_s(Scope::InsideGroups),
+        inside_bytes_s: bytes_s(Scope::InsideGroups) + bytes_s(Scope::Borders),
         server_bytes_s: bytes_s(Scope::Server),
         client_bytes_s: bytes_s(Scope::Clients),
     }

@@ -102,6 +102,9 @@ pub enum PhysicsEvent {
     Computed {
         /// Messages to all regions, one's own included; empty ones may be left out.
         outgoing: Vec<BorderMessage>,
+        /// Regions of other nodes with which the regions here exchange messages in this tick, in id order; theirs know the same of
+        /// the regions here.
+        neighbours: Vec<RegionId>,
         /// Owned bodies that an operation removed, as they were.
         removed: Vec<BodyRecord>,
     },

@@ -129,7 +129,9 @@ pub struct Node {
     tick_takes: Duration,
     /// When the leader last said anything.
     since_leader: Option<Duration>,
-    /// When a leader that waits says so again (heartbeat).
+    /// When other members last said that they wait, too.
+    waiting: BTreeMap<NodeId, Duration>,
+    /// When this node, if it waits, says so again (heartbeat).
     reassure_at: Duration,
     complained_at: Duration,
     speculation: Speculation,
@@ -170,8 +172,18 @@ enum Phase {
     Resting,
     /// The physics computes a round, or takes the messages of one in.
     Computing(Tick, u32),
-    /// Waiting for border messages; those for this node's regions so far.
-    Exchanging(Tick, u32, BTreeMap<NodeId, Vec<BorderMessage>>),
+    Exchanging(Exchange),
+}
+
+/// The exchange of border messages after a round.
+#[derive(Clone, Debug)]
+struct Exchange {
+    tick: Tick,
+    round: u32,
+    /// The members whose messages are waited for, and get this node's.
+    with: BTreeSet<NodeId>,
+    /// Those for this node's regions so far; from its own regions too.
+    arrived: BTreeMap<NodeId, Vec<BorderMessage>>,
 }
 
 /// A view change as far as it has come here.
@@ -208,6 +220,7 @@ impl Node {
             since: Duration::ZERO,
             tick_takes: Duration::ZERO,
             since_leader: None,
+            waiting: BTreeMap::new(),
             reassure_at: Duration::ZERO,
             complained_at: Duration::ZERO,
             speculation: Speculation::default(),
@@ -405,6 +418,9 @@ impl Node {
                 Some(leader) if report.view == leader.view() => leader.report(report),
                 _ => self.counters.stale += 1,
             },
+            (Peer::Node(node), Message::Waiting(view)) if view == self.number() => {
+                self.waiting.insert(node, now);
+            }
             (_, Message::FromClient(client, message)) => self.hear_client(from, client, message),
             (Peer::Node(node), Message::ToClient(client, message)) => {
                 let leads = self.view.as_ref().is_some_and(|view| view.leader == node);

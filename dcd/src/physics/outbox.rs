@@ -44,15 +44,6 @@ impl Outbox {
         &mut self.messages[place].1
     }
 
-    /// Writes the same into the messages to all other regions.
-    pub(super) fn tell_all(&mut self, say: impl Fn(&mut BorderMessage)) {
-        for rank in 0..self.leaves.len() {
-            if self.leaves[rank] != self.from {
-                say(self.to(rank));
-            }
-        }
-    }
-
     /// Returns the messages begun so far, to be completed.
     pub(super) fn begun(&mut self) -> impl Iterator<Item = &mut BorderMessage> {
         self.messages.iter_mut().map(|(_, message)| message)
@@ -86,7 +77,5 @@ mod tests {
         assert_eq!(sent(&outbox), [(3, RegionId(3), Tick(4)), (7, RegionId(7), Tick(4))]);
         outbox.clear(Tick(5));
         assert!(sent(&outbox).is_empty());
-        outbox.tell_all(|message| message.steps = 2);
-        assert_eq!(sent(&outbox).len(), 8, "not to itself");
     }
 }

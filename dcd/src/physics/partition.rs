@@ -10,6 +10,9 @@ use crate::space::{Bounds, Cell, DistributionTree, RegionId, RegionSet};
 /// the hub's own AABB is used.
 pub(super) const HUB_REACH_M: f32 = 4.0;
 
+/// How much wider the halo is than the reach of any body but a hub, metres.
+const HALO_SLACK_M: f64 = 0.1;
+
 /// The margin beyond the halo that a replica must leave before it is dropped, metres, so that none flaps.
 pub(super) const HALO_HYSTERESIS_M: f64 = 0.25;
 
@@ -119,6 +122,13 @@ impl Partition {
         self.halo_m
     }
 
+    /// Returns the largest gap between the cells of two regions that may hold the same body when it lies in one of them, metres:
+    /// not by the halo as it is, which each process widens for the bodies that it knows of.
+    pub(super) fn near_m(&self) -> f64 {
+        f64::from(HUB_REACH_M)
+            + if self.fixed_halo { self.halo_m } else { f64::from(HUB_REACH_M) + HALO_SLACK_M }
+    }
+
     /// Returns the rank of the region whose cell contains the point.
     pub fn rank_at(&self, point: [f64; 3]) -> usize {
         let mut at = self.root();
@@ -164,7 +174,7 @@ impl Partition {
     /// owner can solve the contact; P's AABB comes as near to Q's cell as Q reaches out of it.
     pub fn widen_halo(&mut self, reach_m: f32) {
         if !self.fixed_halo && reach_m <= HUB_REACH_M {
-            self.halo_m = self.halo_m.max(f64::from(reach_m) + 0.1);
+            self.halo_m = self.halo_m.max(f64::from(reach_m) + HALO_SLACK_M);
         }
     }
 }

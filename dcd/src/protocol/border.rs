@@ -168,6 +168,8 @@ pub struct BorderMessage {
     pub nearby: Option<NearbyBodies>,
     /// Substeps that the sender takes in the next tick; 0: as many as before.
     pub steps: u8,
+    /// Whether the sender asks to exchange messages in every tick until all regions meet again.
+    pub asks: bool,
 }
 
 impl BorderMessage {
@@ -184,6 +186,7 @@ impl BorderMessage {
             && self.members.is_empty()
             && self.nearby.is_none()
             && self.steps == 0
+            && !self.asks
     }
 
     /// Returns whether all ranks in it exist in a world of so many regions.
@@ -249,6 +252,7 @@ impl BorderMessage {
         self.members.clear();
         self.nearby = None;
         self.steps = 0;
+        self.asks = false;
     }
 }
 

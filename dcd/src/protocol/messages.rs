@@ -53,8 +53,10 @@ pub enum Message {
     Done(Done),
     /// Member to leader, at a rate: bodies that moved.
     Report(Report),
-    /// Member to member, once per round.
+    /// Member to member, once per round, if they compute neighbours.
     Border(Border),
+    /// Member to member, at a rate: the sender waits for others in this view, and is not the one who hangs.
+    Waiting(ViewNumber),
     /// Client to leader, or to the server when there is none; also in this envelope over a participant's node.
     FromClient(ClientId, FromClient),
     /// Leader or server to client; also in this envelope over a participant's node.

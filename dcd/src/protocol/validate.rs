@@ -699,7 +699,7 @@ impl Check for Message {
             }
             Self::ToClient(_, message) => message.check(),
             Self::Program(program) => program.check(),
-            Self::Hello(_) | Self::Ping(_) | Self::Pong(_) => Ok(()),
+            Self::Hello(_) | Self::Waiting(_) | Self::Ping(_) | Self::Pong(_) => Ok(()),
         }
     }
 }

@@ -75,7 +75,11 @@ impl PhysicsDevice {
         let event = match command {
             PhysicsCommand::World(world) => {
                 *self = Self::new(self.threads);
-                self.host = Some(host_of(&world, self.threads, &[])?);
+                let mut host = host_of(&world, self.threads, &[])?;
+                if world.protocol.lag_ticks() > 0 {
+                    host.meet_always();
+                }
+                self.host = Some(host);
                 self.world = Some(world);
                 None
             }
@@ -93,7 +97,7 @@ impl PhysicsDevice {
                 host.announce();
                 self.avatars.extend(avatars);
                 self.rebuilding = true;
-                Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() })
+                Some(self.computed(Vec::new()))
             }
             PhysicsCommand::Repartition { changes, newborn_here } => {
                 let host = self.world();
@@ -121,7 +125,7 @@ impl PhysicsDevice {
                 self.avatars.extend(avatars);
                 (self.rebuilding, self.rounds_left) = (false, rounds - 1);
                 self.compute_us = 0;
-                Some(PhysicsEvent::Computed { outgoing: self.outgoing(), removed })
+                Some(self.computed(removed))
             }
             PhysicsCommand::Accept { tick, incoming, report, checkpoint, load, .. } => {
                 self.hear(tick, incoming);
@@ -218,8 +222,13 @@ impl PhysicsDevice {
         Ok(())
     }
 
-    fn outgoing(&mut self) -> Vec<BorderMessage> {
-        self.world().outgoing().cloned().collect()
+    fn computed(&mut self, removed: Vec<BodyRecord>) -> PhysicsEvent {
+        let host = self.world();
+        PhysicsEvent::Computed {
+            outgoing: host.outgoing().cloned().collect(),
+            neighbours: host.neighbours(),
+            removed,
+        }
     }
 
     /// Accepts border messages; states of earlier ticks are extrapolated to this one.
@@ -256,7 +265,7 @@ impl PhysicsDevice {
         } else if rounds_left > 0 {
             host.compute();
             self.rounds_left = rounds_left - 1;
-            return Ok(PhysicsEvent::Computed { outgoing: self.outgoing(), removed: Vec::new() });
+            return Ok(self.computed(Vec::new()));
         } else {
             host.end_tick();
         }
@@ -344,6 +353,10 @@ fn host_of(
 /// is only logged.
 fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecord> {
     let mut removed = Vec::new();
+    // Here as on nodes that hold nothing of what these concern.
+    if ops.iter().any(WorldOp::concerns_all) {
+        host.meet_all();
+    }
     for op in ops {
         match op {
             WorldOp::Insert { bodies, shapes, joints } => {

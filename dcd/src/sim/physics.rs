@@ -17,6 +17,8 @@ use crate::space::{
 
 /// Width of the halo: how far beyond its box a region holds replicas, metres.
 const HALO_M: f64 = 1.0;
+/// Every so many ticks each region exchanges messages with all.
+const MEET_EVERY: u64 = 8;
 /// Distance at which a body and an avatar touch, metres.
 const TOUCH_M: f64 = 1.0;
 
@@ -31,6 +33,8 @@ struct Owned {
 struct Region {
     owned: BTreeMap<BodyId, Owned>,
     replicas: BTreeMap<BodyId, BodyRecord>,
+    /// The owners of the replicas.
+    owners: BTreeMap<BodyId, RegionId>,
     touching: BTreeSet<ContactKey>,
 }
 
@@ -135,7 +139,7 @@ impl Engine for StandIn {
                 self.world.as_mut().expect("the world comes first").tree = tree;
                 self.rebuild(&regions, placed, &drop);
                 (self.rounds, self.rounds_left) = (0, 0);
-                Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() })
+                Some(self.speak(tick, Vec::new()))
             }
             PhysicsCommand::Repartition { changes, newborn_here } => {
                 self.repartition(&changes, newborn_here);
@@ -146,7 +150,7 @@ impl Engine for StandIn {
                 ops.into_iter().for_each(|op| self.apply(tick, op, &mut removed));
                 (self.rounds, self.rounds_left) = (rounds, rounds - 1);
                 self.fly();
-                Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed })
+                Some(self.speak(tick, removed))
             }
             PhysicsCommand::Drain { tick, incoming } => {
                 incoming.into_iter().for_each(|message| self.hear(tick, message));
@@ -157,7 +161,7 @@ impl Engine for StandIn {
                 if self.rounds_left > 0 {
                     self.rounds_left -= 1;
                     self.fly();
-                    return Some(PhysicsEvent::Computed { outgoing: self.speak(tick), removed: Vec::new() });
+                    return Some(self.speak(tick, Vec::new()));
                 }
                 Some(self.settled(tick, report, checkpoint, load))
             }
@@ -226,6 +230,7 @@ impl StandIn {
         }
         for region in self.regions.values_mut() {
             region.replicas.clear();
+            region.owners.clear();
             region.touching.clear();
             for id in drop.iter().chain(placed.iter().map(|placed| &placed.body.id)) {
                 region.owned.remove(id);
@@ -254,6 +259,7 @@ impl StandIn {
                 for region in self.regions.values_mut() {
                     removed.extend(region.owned.remove(&id).map(|owned| owned.body));
                     region.replicas.remove(&id);
+                    region.owners.remove(&id);
                 }
             }
             WorldOp::RemoveJoint(_) | WorldOp::Push(_) | WorldOp::Repartition(_) => {}
@@ -290,8 +296,23 @@ impl StandIn {
         }
     }
 
+    /// Returns the regions with which one here exchanges messages in a tick: those near it, those that hold what it holds, and now and
+    /// then all. Where members are not in step, always all.
+    fn neighbours(&self, tick: Tick, of: RegionId) -> BTreeSet<RegionId> {
+        let EnvironmentProperties { tree, protocol, .. } = self.world();
+        if tick.0.is_multiple_of(MEET_EVERY) || protocol.lag_ticks() > 0 {
+            return tree.leaves().collect();
+        }
+        let (cell, region) = (tree.cell(of), &self.regions[&of]);
+        let near = tree.leaves().filter(|&leaf| tree.cell(leaf).gap_m(&cell) <= HALO_M);
+        let holders = region.owned.values().flat_map(|owned| owned.holders.iter().copied());
+        near.chain(holders).chain(region.owners.values().copied()).collect()
+    }
+
     /// Returns the messages of every region, with the transfers that follow from positions: only to where a replica is already.
-    fn speak(&mut self, tick: Tick) -> Vec<BorderMessage> {
+    fn speak(&mut self, tick: Tick, removed: Vec<BodyRecord>) -> PhysicsEvent {
+        let neighbours: BTreeMap<_, _> =
+            self.regions.keys().map(|&region| (region, self.neighbours(tick, region))).collect();
         let tree = self.world().tree.clone();
         let mut messages: BTreeMap<(RegionId, RegionId), BorderMessage> = BTreeMap::new();
         for (&from, region) in &mut self.regions {
@@ -308,14 +329,16 @@ impl StandIn {
                 let mut wanted: BTreeSet<_> =
                     tree.leaves_touching(&Bounds::around(place, [HALO_M; 3])).into_iter().collect();
                 wanted.remove(&from);
+                let target = tree.leaf_at(place);
+                let leaves = target != from && holders.contains(&target);
+                // Who comes to hold a body that leaves would not know its owner.
+                wanted.retain(|new| holders.contains(new) || neighbours[&from].contains(new) && !leaves);
                 for &gone in holders.difference(&wanted) {
                     to(gone, &mut |message| message.drops.push(id));
                 }
                 for &new in wanted.difference(holders) {
                     to(new, &mut |message| message.replicas.push(body.clone()));
                 }
-                let target = tree.leaf_at(place);
-                let leaves = target != from && holders.contains(&target);
                 if leaves {
                     body.epoch = body.epoch.next();
                 }
@@ -333,14 +356,21 @@ impl StandIn {
                     }
                     let transfer = Transfer { body: body.clone(), holders: set, whole: false };
                     to(target, &mut |message| message.transfers.push(transfer.clone()));
-                    left.push(id);
+                    left.push((id, target));
                 }
             }
-            for id in left {
+            for (id, target) in left {
+                region.owners.insert(id, target);
                 region.replicas.extend(region.owned.remove(&id).map(|owned| (id, owned.body)));
             }
         }
-        messages.into_values().collect()
+        let elsewhere: BTreeSet<_> = neighbours.into_values().flatten().collect();
+        let elsewhere = elsewhere.into_iter().filter(|region| !self.regions.contains_key(region));
+        PhysicsEvent::Computed {
+            outgoing: messages.into_values().collect(),
+            neighbours: elsewhere.collect(),
+            removed,
+        }
     }
 
     fn hear(&mut self, tick: Tick, mut message: BorderMessage) {
@@ -349,20 +379,24 @@ impl StandIn {
         }
         let tree = self.world().tree.clone();
         let region = self.regions.get_mut(&message.to).expect("messages go to regions of this node");
+        region.owners.extend(message.replicas.iter().map(|replica| (replica.id, message.from)));
         region.replicas.extend(message.replicas.into_iter().map(|replica| (replica.id, replica)));
         for state in message.states {
             if let Some(body) = region.replicas.get_mut(&state.id) {
                 assert!(body.epoch <= state.epoch, "no state goes back in time");
                 body.epoch = state.epoch;
+                region.owners.insert(state.id, state.owner);
                 body.state.pose = state.pose;
                 body.state.velocity = state.velocity;
             }
         }
         for id in message.drops {
             region.replicas.remove(&id);
+            region.owners.remove(&id);
         }
         for Transfer { body, holders, .. } in message.transfers {
             region.replicas.remove(&body.id);
+            region.owners.remove(&body.id);
             let holders =
                 tree.leaves().enumerate().filter(|(rank, _)| holders.contains(*rank)).map(|(_, leaf)| leaf);
             region.owned.insert(body.id, Owned { body, holders: holders.collect() });
@@ -383,6 +417,11 @@ impl StandIn {
             }
             if let Some(region) = self.regions.remove(&from) {
                 self.regions.insert(to, region);
+            }
+            for owner in self.regions.values_mut().flat_map(|region| region.owners.values_mut()) {
+                if *owner == from {
+                    *owner = to;
+                }
             }
             for owned in self.regions.values_mut().flat_map(|region| region.owned.values_mut()) {
                 if owned.holders.remove(&from) {

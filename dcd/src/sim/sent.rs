@@ -7,8 +7,10 @@ use crate::protocol::{Message, ToNode, ToServer};
 pub enum Scope {
     /// Inter-group: state replication of bodies by way of the server, and which group is authoritative for them.
     BetweenGroups,
-    /// Members of a group keep their ticks in step and exchange their borders.
+    /// Members of a group keep their ticks in step.
     InsideGroups,
+    /// Members whose regions are neighbours exchange their borders.
+    Borders,
     /// Between nodes and the server, except inter-group messages: joining, views, checkpoints.
     Server,
     /// To and from clients.
@@ -32,11 +34,10 @@ impl Scope {
         match message {
             Message::ToServer(ToServer::InterGroup { .. } | ToServer::Touched { .. })
             | Message::ToNode(ToNode::InterGroup { .. } | ToNode::Authority { .. }) => Self::BetweenGroups,
-            Message::Dispatch(_) | Message::Done(_) | Message::Report(_) | Message::Border(_) => {
-                Self::InsideGroups
-            }
+            Message::Dispatch(_) | Message::Done(_) | Message::Report(_) => Self::InsideGroups,
+            Message::Border(_) => Self::Borders,
             Message::FromClient(..) | Message::ToClient(..) => Self::Clients,
-            Message::Ping(_) | Message::Pong(_) => Self::Pings,
+            Message::Waiting(_) | Message::Ping(_) | Message::Pong(_) => Self::Pings,
             _ => Self::Server,
         }
     }

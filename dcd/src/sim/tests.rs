@@ -12,6 +12,7 @@ use crate::protocol::{Refusal, Velocity};
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
 mod interest;
+mod neighbours;
 mod owners;
 mod questions;
 

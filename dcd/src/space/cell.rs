@@ -126,6 +126,14 @@ impl Cell {
         (0..3).all(|i| self.min[i] <= bounds.min[i] && bounds.max[i] < self.max[i])
     }
 
+    /// Returns how far two cells are from each other on the axis on which they are farthest apart, metres; not above 0 when they
+    /// touch.
+    pub fn gap_m(&self, other: &Self) -> f64 {
+        (0..3)
+            .map(|i| (self.min[i] - other.max[i]).max(other.min[i] - self.max[i]))
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Returns how far the point lies outside on the worst axis; negative inside (then the distance to the nearest face).
     pub fn excess_m(&self, point: [f64; 3]) -> f64 {
         (0..3).map(|i| (self.min[i] - point[i]).max(point[i] - self.max[i])).fold(f64::NEG_INFINITY, f64::max)

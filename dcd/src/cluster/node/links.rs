@@ -5,8 +5,8 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use super::{Node, NodeOutput};
-use crate::cluster::{Peer, Pinger};
+use super::{Node, NodeOutput, Phase};
+use crate::cluster::Peer;
 use crate::protocol::link::HANDSHAKE_TIMEOUT;
 use crate::protocol::{Border, Delay, Hello, JoinAs, Member, Message, Pong, ToServer, VERSION};
 use crate::space::NodeId;
@@ -246,36 +246,45 @@ impl Node {
     /// Returns when members that are linked, but send nothing, are complained of.
     pub(super) fn stalled_at(&self) -> Option<Duration> {
         let waits = self.view.is_some() && self.change.is_none() && self.link.server_up;
-        let since = match self.since_leader {
-            Some(heard) if self.leader.is_none() && self.is_resting() => self.since.max(heard),
-            _ => self.since,
+        let first = self.laggards().into_iter().map(|node| self.suspect_at(node)).min();
+        first.filter(|_| waits).map(|at| at.max(self.complained_at))
+    }
+
+    /// Returns until when a member may keep this node waiting: it may wait itself, and say so; but not for ever.
+    fn suspect_at(&self, node: NodeId) -> Duration {
+        let waited = self.waiting.get(&node).map_or(Duration::ZERO, |&at| at.min(self.since + 2 * STALL));
+        let heard = match self.since_leader {
+            Some(heard) if self.leader.is_none() && self.is_resting() => heard,
+            _ => Duration::ZERO,
         };
-        let waited = since + STALL + 20 * self.tick_takes;
-        (waits && !self.laggards().is_empty()).then(|| self.complained_at.max(waited))
+        self.since.max(waited).max(heard) + STALL + 20 * self.tick_takes
     }
 
     pub(super) fn complain_of_stalled(&mut self, now: Duration) {
         if self.stalled_at().is_some_and(|at| at <= now) {
             self.complained_at = now + AGAIN;
-            let laggards = self.laggards();
+            let mut laggards = self.laggards();
+            laggards.retain(|&node| self.suspect_at(node) <= now);
             self.complain(laggards);
         }
     }
 
-    /// Returns when a leader that waits for members is to say that it lives.
+    /// Returns when a node that waits for others is to say so.
     pub(super) fn reassurance_at(&self) -> Option<Duration> {
-        let waits = self.leader.as_ref().is_some_and(|leader| leader.missing().next().is_some());
+        let misses = self.leader.as_ref().is_some_and(|leader| leader.missing().next().is_some());
+        let waits = misses || matches!(self.phase, Phase::Exchanging(_));
         (waits && self.change.is_none()).then(|| self.reassure_at.max(self.since + STALL / 4))
     }
 
-    /// Sends members a ping as heartbeat: they hear that it is not the leader who hangs.
+    /// Sends the other members a heartbeat: they hear that it is not this node who hangs. Who waits for it may be no neighbour of the
+    /// one that it waits for.
     pub(super) fn reassure(&mut self, now: Duration) {
         if self.reassurance_at().is_none_or(|at| now < at) {
             return;
         }
         self.reassure_at = now + STALL / 4;
         for node in self.others.clone() {
-            self.send(Peer::Node(node), Pinger::ask(now));
+            self.send(Peer::Node(node), Message::Waiting(self.number()));
         }
     }
 

@@ -1,10 +1,10 @@
 //! Runs the ticks (lockstep) and view changes of a node: every event leads to [`Node::progress`], which does whatever the state
 //! now allows.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::{Node, NodeOutput, PendingView, Phase};
+use super::{Exchange, Node, NodeOutput, PendingView, Phase};
 use crate::cluster::leader::TELL_TICK;
 use crate::cluster::{
     DelayMonitor, DelayRules, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds,
@@ -13,7 +13,7 @@ use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, EnvironmentProperties, Message,
     RegionEvents, Repartition, Report, ToNode, ToServer, View, WorldOp, split,
 };
-use crate::space::{BodyId, NodeId, Tick};
+use crate::space::{BodyId, NodeId, RegionId, Tick};
 
 impl Node {
     pub(super) fn hear_server(&mut self, now: Duration, message: ToNode) {
@@ -55,7 +55,8 @@ impl Node {
                     self.dispatches = dispatches.into();
                     self.held.retain(|held| held.tick > self.dispatched);
                     self.others.retain(|node| survivors.contains(node));
-                    if let Phase::Exchanging(_, _, arrived) = &mut self.phase {
+                    if let Phase::Exchanging(Exchange { with, arrived, .. }) = &mut self.phase {
+                        with.retain(|node| survivors.contains(node));
                         arrived.retain(|node, _| survivors.contains(node));
                     }
                 }
@@ -149,7 +150,7 @@ impl Node {
     pub(super) fn keep_early(&mut self, from: NodeId, border: Border) {
         let next_round = match self.phase {
             Phase::Resting => (self.tick.next(), 0),
-            Phase::Computing(tick, round) | Phase::Exchanging(tick, round, _) => (tick, round),
+            Phase::Computing(tick, round) | Phase::Exchanging(Exchange { tick, round, .. }) => (tick, round),
         };
         let due = match self.heard_after(next_round.0) {
             Some(tick) => (self.number(), tick, if self.lag() == 0 { next_round.1 } else { 0 }),
@@ -190,7 +191,9 @@ impl Node {
         self.since = now;
         match event {
             PhysicsEvent::Speculated(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
-            PhysicsEvent::Computed { outgoing, removed } => self.exchange(outgoing, removed),
+            PhysicsEvent::Computed { outgoing, neighbours, removed } => {
+                self.exchange(outgoing, &neighbours, removed)
+            }
             PhysicsEvent::Settled {
                 rounds_wanted, holds, events, answers, report, checkpoint, load, ..
             } => {
@@ -321,6 +324,7 @@ impl Node {
         self.know(now, &view.members, false);
         self.tend_links(now);
         (self.since, self.done, self.report_all) = (now, None, false);
+        self.waiting.clear();
         self.early.retain(|_, queue| {
             queue.retain(|border| border.view >= view.number);
             !queue.is_empty()
@@ -371,8 +375,9 @@ impl Node {
         self.order(PhysicsCommand::Repartition { changes, newborn_here });
     }
 
-    /// Sends the regions' border messages, and waits for the others' (a barrier).
-    fn exchange(&mut self, outgoing: Vec<BorderMessage>, removed: Vec<BodyRecord>) {
+    /// Sends the regions' border messages to the members that compute neighbours of them, and waits for theirs (a barrier). At the
+    /// beginning of a view, and where messages are taken in later than they are written, all members exchange.
+    fn exchange(&mut self, outgoing: Vec<BorderMessage>, neighbours: &[RegionId], removed: Vec<BodyRecord>) {
         let view = self.view.as_ref().expect("only members compute");
         let number = view.number;
         let (tick, round) = match self.phase {
@@ -380,8 +385,14 @@ impl Node {
             _ => panic!("no round is being computed"),
         };
         let me = self.config.id;
+        let mut with = self.others.clone();
+        if tick > view.tick && self.lag() == 0 {
+            let near: BTreeSet<_> =
+                neighbours.iter().filter_map(|region| view.allocation.get(region)).collect();
+            with.retain(|node| near.contains(node));
+        }
         let mut by_node: BTreeMap<NodeId, Vec<BorderMessage>> =
-            self.others.iter().map(|&node| (node, Vec::new())).collect();
+            with.iter().map(|&node| (node, Vec::new())).collect();
         by_node.insert(me, Vec::new());
         for message in outgoing {
             // Messages to regions of the dead end here: the survey finds what they carried.
@@ -400,7 +411,7 @@ impl Node {
                 self.send(Peer::Node(node), Message::Border(border));
             }
         }
-        self.phase = Phase::Exchanging(tick, round, arrived);
+        self.phase = Phase::Exchanging(Exchange { tick, round, with, arrived });
         if !removed.is_empty() {
             self.send_server(ToServer::Removed { view: number, tick, bodies: removed });
         }
@@ -409,11 +420,11 @@ impl Node {
     /// Hands the round to the physics once the border messages of every other member have arrived.
     fn accept(&mut self) {
         let number = self.number();
-        let Phase::Exchanging(tick, round, _) = self.phase else { return };
+        let Phase::Exchanging(Exchange { tick, round, .. }) = self.phase else { return };
         let is_new = |heard: &Tick| self.lag() == 0 || *heard > self.drained;
         let heard = self.heard_after(tick).filter(is_new);
-        let Phase::Exchanging(_, _, arrived) = &mut self.phase else { return };
-        for node in &self.others {
+        let Phase::Exchanging(Exchange { with, arrived, .. }) = &mut self.phase else { return };
+        for node in with.iter() {
             let Some(said) = heard else {
                 arrived.entry(*node).or_default();
                 continue;
@@ -426,7 +437,7 @@ impl Node {
                 arrived.insert(*node, border.messages);
             }
         }
-        if !self.others.iter().all(|node| arrived.contains_key(node)) {
+        if !with.iter().all(|node| arrived.contains_key(node)) {
             return;
         }
         let view = self.view.as_ref().expect("only members exchange");
@@ -478,12 +489,9 @@ impl Node {
     pub(super) fn laggards(&self) -> Vec<NodeId> {
         let linked = |node: &NodeId| self.link.is_up(*node);
         match (&self.phase, &self.leader) {
-            (Phase::Exchanging(_, _, arrived), _) => self
-                .others
-                .iter()
-                .filter(|&node| linked(node) && !arrived.contains_key(node))
-                .copied()
-                .collect(),
+            (Phase::Exchanging(Exchange { with, arrived, .. }), _) => {
+                with.iter().filter(|&node| linked(node) && !arrived.contains_key(node)).copied().collect()
+            }
             (Phase::Resting, Some(leader)) => leader.missing().filter(linked).collect(),
             // A leader that waits for others says so.
             (Phase::Resting, None) => {

@@ -85,7 +85,14 @@ fn dispatch(tick: u64, ops: Vec<WorldOp>) -> Dispatch {
 
 /// The physics has computed, or taken in what the others said.
 fn computed(node: &mut Node) -> Vec<NodeOutput> {
-    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Computed { outgoing: vec![], removed: vec![] }));
+    node.handle(
+        NOW,
+        NodeEvent::Physics(PhysicsEvent::Computed {
+            outgoing: vec![],
+            neighbours: (0..9).map(RegionId).collect(),
+            removed: vec![],
+        }),
+    );
     drain(node)
 }
 

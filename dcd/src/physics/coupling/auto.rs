@@ -63,6 +63,8 @@ pub(in crate::physics) struct Pace {
     borders: Vec<BorderPace>,
     /// The number of substeps that this region will announce.
     wanted: u8,
+    /// By rank of the other region: the number that it was told last.
+    told: Vec<u8>,
 }
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -99,6 +101,7 @@ impl Pace {
             steps: vec![(steps, steps); regions],
             borders: vec![BorderPace::idle(); regions],
             wanted: steps,
+            told: vec![steps; regions],
         }
     }
 
@@ -119,27 +122,33 @@ impl Pace {
         }
     }
 
-    /// Returns the substeps that this region, of rank `own`, announces for the next tick; 0 when they are the same as announced before.
-    pub(super) fn tell(&mut self, own: usize) -> u8 {
-        let news = self.steps[own].1 != self.wanted;
-        self.steps[own].1 = self.wanted;
-        if news { self.wanted } else { 0 }
+    /// Returns the substeps that this region, of rank `own`, announces for the next tick, and those of these regions that have to be
+    /// told.
+    pub(super) fn tell(&mut self, own: usize, to: RegionSet) -> (u8, RegionSet) {
+        (self.steps[own].1, self.told[own]) = (self.wanted, self.wanted);
+        let unaware: RegionSet = to.iter().filter(|&rank| self.told[rank] != self.wanted).collect();
+        unaware.iter().for_each(|rank| self.told[rank] = self.wanted);
+        (self.wanted, unaware)
     }
 
     /// Translates all ranks.
     pub(in crate::physics) fn remap_ranks(&mut self, ranks: &RankRemap) {
         ranks.list(&mut self.steps, || (1, 1));
         ranks.list(&mut self.borders, BorderPace::idle);
+        ranks.list(&mut self.told, || 1);
     }
 
     /// Lets all regions take so many substeps in the next tick; what this one wants beyond that it announces again.
     pub(in crate::physics) fn restart(&mut self, steps: usize) {
         self.steps.fill((steps as u8, steps as u8));
+        self.told.fill(steps as u8);
     }
 
     /// Returns whether this region, of rank `own`, has no new number of substeps to announce, and all its borders are at rung 0.
     pub(in crate::physics) fn is_settled(&self, own: usize) -> bool {
-        self.steps[own] == (self.wanted, self.wanted) && self.borders.iter().all(|border| border.rung == 0)
+        self.steps[own] == (self.wanted, self.wanted)
+            && self.told.iter().all(|&told| told == self.wanted)
+            && self.borders.iter().all(|border| border.rung == 0)
     }
 
     /// Ends the tick: the substeps announced for the next tick are the present ones from now on.

@@ -5,12 +5,13 @@
 
 use rapier3d::prelude::*;
 
+use super::neighbours::{LOOKAHEAD_TICKS, Neighbours};
 use super::{Border, Side};
 use crate::physics::convert;
 use crate::physics::outbox::Outbox;
 use crate::physics::partition::{HALO_HYSTERESIS_M, HUB_REACH_M, OWNER_HYSTERESIS_M, Partition};
 use crate::physics::region::{BodyRef, Ownership, Region};
-use crate::protocol::{BodyRecord, Transfer};
+use crate::protocol::{BodyRecord, Membership, Transfer};
 use crate::space::{Bounds, RegionSet, Tick};
 
 /// Bodies far from any border are checked again after at most so many ticks.
@@ -60,8 +61,8 @@ fn tell_changes(
     tick: Tick,
     dt_s: f32,
 ) {
-    let Border { looked_at, changes, .. } = border;
-    find_changes(region, partition, tick, dt_s, looked_at.iter().copied(), changes);
+    let Border { looked_at, changes, neighbours, .. } = border;
+    find_changes(region, partition, neighbours, tick, dt_s, looked_at.iter().copied(), changes);
     for change in changes.drain(..) {
         tell_change(region, outbox, &change);
     }
@@ -71,6 +72,7 @@ fn tell_changes(
 fn find_changes(
     region: &mut Region,
     partition: &Partition,
+    neighbours: &mut Neighbours,
     tick: Tick,
     dt_s: f32,
     handles: impl Iterator<Item = RigidBodyHandle>,
@@ -96,22 +98,24 @@ fn find_changes(
         let com = region.physics().bodies[handle].center_of_mass();
         let centre = convert::world_point(region.anchor(), com);
         let link = BodyRef { id: slot.id, handle };
-        propose(region, link, near, new_owner(region, partition, centre), changes);
+        propose(region, neighbours, link, near, new_owner(region, partition, centre), changes);
     }
     assemblies.sort_unstable();
     assemblies.dedup();
     for index in assemblies {
         let members = region.assemblies()[index as usize].members.clone();
-        look_at_assembly(region, partition, &inner, &members, tick, dt_s, changes);
+        look_at_assembly(region, partition, neighbours, &inner, &members, tick, dt_s, changes);
     }
     changes.sort_unstable_by_key(|change| change.link.id);
     changes.dedup_by_key(|change| change.link.id);
 }
 
 /// Checks bodies that joints tie together: the holders that one of them needs, all get.
+#[expect(clippy::too_many_arguments, reason = "one look at one assembly")]
 fn look_at_assembly(
     region: &mut Region,
     partition: &Partition,
+    neighbours: &mut Neighbours,
     inner: &Inner,
     members: &[BodyRef],
     tick: Tick,
@@ -133,15 +137,26 @@ fn look_at_assembly(
     let lead = region.physics().bodies[members[0].handle].center_of_mass();
     let owner = new_owner(region, partition, convert::world_point(region.anchor(), lead));
     for &link in members {
-        propose(region, link, near, owner, changes);
+        propose(region, neighbours, link, near, owner, changes);
     }
 }
 
-fn propose(region: &Region, link: BodyRef, near: Near, owner: usize, changes: &mut Vec<HolderChange>) {
+fn propose(
+    region: &Region,
+    neighbours: &mut Neighbours,
+    link: BodyRef,
+    near: Near,
+    owner: usize,
+    changes: &mut Vec<HolderChange>,
+) {
     let own = RegionSet::only(region.rank());
     let held = region.slot(link.handle).holders;
     let still_near = held.intersection(near.within_hysteresis);
     let holders = near.within_halo.union(still_near).without(own);
+    neighbours.reached(region.rank(), near.soon);
+    let holders = neighbours.reached(region.rank(), holders);
+    let is_reached = !neighbours.reached(region.rank(), RegionSet::only(owner)).is_empty();
+    let owner = if is_reached { owner } else { region.rank() };
     if holders != held || owner != region.rank() {
         changes.push(HolderChange { link, holders, owner });
     }
@@ -180,6 +195,17 @@ fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) 
         let message = outbox.to(owner);
         message.transfers.push(Transfer { body, holders, whole: false });
         message.joints.extend(joints);
+        // Who holds the body must know from whom to expect its states.
+        let membership = Membership {
+            id: link.id,
+            epoch: epoch.next(),
+            owner: owner as u8,
+            holders,
+            warming: RegionSet::EMPTY,
+        };
+        for rank in holders.without(own).iter() {
+            outbox.to(rank).members.push(membership);
+        }
         region.set_role(link.handle, Ownership::Replica { owner }, RegionSet::EMPTY, epoch.next());
     } else {
         region.set_role(link.handle, Ownership::Owner, holders, epoch);
@@ -217,6 +243,8 @@ impl Inner {
 struct Near {
     within_halo: RegionSet,
     within_hysteresis: RegionSet,
+    /// Those whose halo it may touch before all regions meet again.
+    soon: RegionSet,
 }
 
 impl Near {
@@ -234,6 +262,7 @@ impl Near {
         Self {
             within_halo: partition.touching(&halo),
             within_hysteresis: partition.touching(&halo.grown(HALO_HYSTERESIS_M)),
+            soon: partition.touching(&halo.grown(f64::from(LOOKAHEAD_TICKS) * travel_m)),
         }
     }
 
@@ -241,6 +270,7 @@ impl Near {
         Self {
             within_halo: self.within_halo.union(other.within_halo),
             within_hysteresis: self.within_hysteresis.union(other.within_hysteresis),
+            soon: self.soon.union(other.soon),
         }
     }
 }

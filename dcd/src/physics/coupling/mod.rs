@@ -16,6 +16,7 @@ mod consensus;
 mod ghosts;
 mod halo;
 mod island;
+mod neighbours;
 mod overlap;
 mod owner;
 mod ownership;
@@ -27,6 +28,8 @@ mod shared;
 use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
 
+use self::neighbours::Neighbours;
+pub(super) use self::neighbours::meet_in;
 use self::shared::SharedBodies;
 use super::outbox::Outbox;
 use super::partition::{OWNER_HYSTERESIS_M, Partition};
@@ -75,6 +78,12 @@ impl Side {
         self.outbox = Outbox::new(self.region.id(), ranks.leaves.clone());
     }
 
+    /// Begins a tick, in which all regions meet or only neighbours exchange messages.
+    pub(super) fn meet(&mut self, regions: usize, all: bool) {
+        let Self { region, border, .. } = self;
+        border.neighbours.begin(region, &border.predicted, regions, all);
+    }
+
     /// Forgets which regions hold what, after membership has changed: all that is shared must be announced again.
     pub(super) fn forget_holders(&mut self, regions: usize, steps: usize) {
         self.region.forget_holders();
@@ -110,6 +119,9 @@ impl Coupling {
         } else {
             owner::gather(side, moment.partition, moment.tick, moment.dt_s);
         }
+        if moment.last {
+            side.border.neighbours.ask(side.region.rank(), &mut side.outbox);
+        }
     }
 
     /// Applies the messages of the neighbours, in rank order.
@@ -120,6 +132,9 @@ impl Coupling {
         ground: Ground<'_>,
         moment: Moment<'_>,
     ) -> Result<(), ShapeError> {
+        for message in inbox.clone().filter(|message| message.asks) {
+            side.border.neighbours.hear(ground.rank_of(message));
+        }
         match self {
             Self::Owner => owner::apply(side, inbox, ground),
             Self::Proxy => proxy::apply(side, inbox, ground),
@@ -142,6 +157,7 @@ pub(super) struct Border {
     ready_assemblies: Vec<bool>,
     /// The numbers of substeps that regions take.
     pub pace: auto::Pace,
+    pub neighbours: Neighbours,
     /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
     disagreement: Vec<Option<auto::Disagreement>>,
     /// Bodies to be checked once, asleep or not, because the border or another region's bodies have come to them.
@@ -255,4 +271,11 @@ pub(super) struct Ground<'a> {
     pub partition: &'a Partition,
     pub shapes: &'a ShapeLibrary,
     pub statics: &'a Statics,
+}
+
+impl Ground<'_> {
+    /// Returns the rank of a message's sender.
+    fn rank_of(&self, message: &BorderMessage) -> usize {
+        self.partition.rank_of(message.from).expect("messages come from regions of this tree")
+    }
 }

@@ -8,7 +8,6 @@
 
 use super::{Border, Ground, Moment, Side, consensus, ghosts, ownership, predicted_contacts, shared};
 use crate::physics::ShapeError;
-use crate::physics::partition::Partition;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BorderMessage, CopyState};
 use crate::space::RegionSet;
@@ -29,9 +28,9 @@ pub(super) fn gather(side: &mut Side, moment: Moment<'_>) {
     if moment.last {
         side.border.islands.tell(&side.region, &mut side.outbox);
         ownership::decide(side, moment);
-        let steps = side.border.pace.tell(side.region.rank());
-        if steps > 0 {
-            side.outbox.tell_all(|message| message.steps = steps);
+        let (steps, unaware) = side.border.pace.tell(side.region.rank(), side.border.neighbours.now());
+        for rank in unaware.iter() {
+            side.outbox.to(rank).steps = steps;
         }
     }
 }
@@ -52,7 +51,7 @@ pub(super) fn apply<'a>(
         border.islands.forget_told();
     }
     for message in inbox.clone() {
-        let sender = rank_of(ground.partition, message);
+        let sender = ground.rank_of(message);
         ghosts::arrive(region, border, message, sender, ground, true)?;
         hear(region, border, &message.copies, sender);
         predicted_contacts::see(region, border, sender, message);
@@ -82,10 +81,6 @@ fn cover_far(region: &mut Region, border: &Border, ground: Ground<'_>) -> Result
         }
     }
     Ok(())
-}
-
-fn rank_of(partition: &Partition, message: &BorderMessage) -> usize {
-    partition.rank_of(message.from).expect("messages come from regions of this tree")
 }
 
 /// Sends a copy to all regions that hold the body, a warm-up ghost of a split body to its owner alone; once only when it falls

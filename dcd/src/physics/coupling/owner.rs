@@ -8,8 +8,8 @@ use crate::physics::convert;
 use crate::physics::outbox::Outbox;
 use crate::physics::partition::Partition;
 use crate::physics::region::{BodyRef, Ownership, Region};
-use crate::protocol::{BorderMessage, SharedState};
-use crate::space::Tick;
+use crate::protocol::{BorderMessage, Membership, SharedState};
+use crate::space::{RegionSet, Tick};
 
 /// Below these a replica's pose is left alone: a pose written every step would never let it sleep.
 const DEAD_BAND_M: f32 = 2e-3;
@@ -38,9 +38,10 @@ pub(super) fn apply<'a>(
     let Side { region, border, .. } = side;
     ghosts::cover_hubs(region, ground)?;
     for message in inbox {
-        let sender = ground.partition.rank_of(message.from).expect("messages come from regions of this tree");
+        let sender = ground.rank_of(message);
         ghosts::arrive(region, border, message, sender, ground, false)?;
         write_states(region, &message.states, sender);
+        hear_owners(region, &message.members);
         ghosts::depart(region, message, sender);
     }
     Ok(())
@@ -73,6 +74,18 @@ fn tell_wakes(region: &Region, outbox: &mut Outbox) {
                 || (body.translation() - asleep_at.translation).length() > DEAD_BAND_M);
         if stirred {
             outbox.to(owner).wakes.push(link.id);
+        }
+    }
+}
+
+/// Notes which regions own bodies from now on of which this one holds replicas.
+fn hear_owners(region: &mut Region, members: &[Membership]) {
+    for member in members {
+        let Some(handle) = region.handle_of(member.id) else { continue };
+        let slot = region.slot(handle);
+        if slot.role != Ownership::Owner && member.epoch > slot.epoch {
+            let role = Ownership::Replica { owner: member.owner.into() };
+            region.set_role(handle, role, RegionSet::EMPTY, member.epoch);
         }
     }
 }

@@ -72,7 +72,7 @@ pub(super) fn announce(side: &mut Side, moment: Moment<'_>) {
     let fresh = share_fresh(side, moment);
     let Side { region, border, outbox } = side;
     predicted_contacts::look(region, &mut border.predicted, moment, &fresh);
-    predicted_contacts::show(region, &mut border.predicted, outbox, moment);
+    predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
 }
 
 /// Finds after a step the bodies near the border, the islands there, and the new bodies.
@@ -99,7 +99,7 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
 /// Decides, after [`survey`], on holders and owners, and sends the decisions to all regions concerned.
 pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Side { region, border, outbox } = side;
-    predicted_contacts::show(region, &mut border.predicted, outbox, moment);
+    predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
     let Border { reach, islands, pace, predicted, shared, .. } = border;
     let joining = predicted.joining(region, shared);
     let met = predicted.meetings.iter().filter(|meeting| meeting.island > 0);
@@ -129,7 +129,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     for link in candidates {
         leaving.extend(decide_on(side, moment, link));
     }
-    leaving.extend(articulated_leaving(&side.region, &side.border, moment));
+    leaving.extend(articulated_leaving(&side.region, &mut side.border, moment));
     for (link, owner) in &leaving {
         hand_over(&side.region, &mut side.outbox, *link, *owner);
     }
@@ -194,6 +194,7 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
         };
         let travel_m = f64::from(region.physics().bodies[handle].linvel().length() * moment.settings.dt_s);
         let near = moment.partition.touching(&bounds.grown(moment.partition.halo_m() + travel_m));
+        let near = border.neighbours.reached(region.rank(), near);
         let holders = near.union(region.slot(handle).holders).without(own);
         if !holders.is_empty() {
             let members = holders.union(own);
@@ -246,7 +247,8 @@ fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
 /// Decides on one body. Returns it with its new owner if it is to be transferred at once.
 fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(BodyRef, usize)> {
     let Side { region, border, outbox } = side;
-    let desired = desired_membership(region, border, moment, link.handle);
+    let (desired, strangers) = desired_membership(region, border, moment, link.handle);
+    border.neighbours.want(strangers);
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
     let away = note_away(region, link, desired.owner, moment);
@@ -323,21 +325,24 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(Body
     None
 }
 
+/// Returns what a body should have by the neighbours of this tick, and the regions that it should have too and cannot.
 fn desired_membership(
     region: &Region,
     border: &Border,
     moment: Moment<'_>,
     handle: RigidBodyHandle,
-) -> Desired {
+) -> (Desired, RegionSet) {
     let own = RegionSet::only(region.rank());
     let body = &region.physics().bodies[handle];
     let island = border.islands.of(handle).filter(|island| !island.big);
-    let owner = match island {
+    let goal = match island {
         Some(island) => island.target,
         // A sleeping body stays where it is.
         None if body.is_sleeping() => region.rank(),
         None => moment.home_of(region, handle),
     };
+    let neighbours = border.neighbours.now();
+    let owner = if neighbours.contains(goal) { goal } else { region.rank() };
     let pressed = island.map_or_else(|| region.is_pressed(handle), |island| island.pressed);
     let ready = match (island, region.slot(handle).assembly) {
         (Some(island), _) if !island.large || region.is_articulated(handle) => island.ready,
@@ -351,14 +356,16 @@ fn desired_membership(
         .meetings_of(id)
         .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)).union(meeting.goes));
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
-    let reached = border.reach.of(handle).union(met).without(own);
+    let all = border.reach.of(handle).union(met).without(own);
+    let reached = all.intersection(neighbours);
+    let strangers = all.union(RegionSet::only(goal)).without(neighbours).without(own);
     let lively = island.is_some_and(|island| island.large)
         && region.slot(handle).assembly.is_none()
         && body.linvel().length() > LIVELY_M_S;
     let there = if lively { RegionSet::EMPTY } else { RegionSet::only(owner) };
     let holders = reached.union(there).without(own);
     let split = splits(border, moment, id, handle);
-    Desired { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }
+    (Desired { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }, strangers)
 }
 
 /// Notes that a body is due to move to another region; returns for how many ticks it has been so before.
@@ -463,7 +470,7 @@ fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) 
 
 /// Returns the multibodies that move elsewhere, with all that is tied to them: they are never shared, so that they move in one piece,
 /// at the cost of the warm start of their contacts.
-fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<(BodyRef, usize)> {
+fn articulated_leaving(region: &Region, border: &mut Border, moment: Moment<'_>) -> Vec<(BodyRef, usize)> {
     let mut leaving = Vec::new();
     for assembly in region.assemblies().iter().filter(|assembly| assembly.articulated) {
         let lead = assembly.members[0].handle;
@@ -472,13 +479,13 @@ fn articulated_leaving(region: &Region, border: &Border, moment: Moment<'_>) -> 
             continue;
         }
         let island = border.islands.of(lead).filter(|island| !island.big);
-        let owner = match island {
-            Some(_) => {
-                let desired = desired_membership(region, border, moment, lead);
-                if desired.ready { desired.owner } else { region.rank() }
-            }
+        let goal = match island {
+            Some(island) if island.ready => island.target,
+            Some(_) => region.rank(),
             None => moment.home_of(region, lead),
         };
+        let is_reached = !border.neighbours.reached(region.rank(), RegionSet::only(goal)).is_empty();
+        let owner = if is_reached { goal } else { region.rank() };
         if owner != region.rank() {
             leaving.extend(assembly.members.iter().map(|&link| (link, owner)));
         }

@@ -6,6 +6,7 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::neighbours::{LOOKAHEAD_TICKS, Neighbours};
 use super::shared::SharedBodies;
 use super::{Border, Moment};
 use crate::physics::convert;
@@ -199,6 +200,16 @@ impl PredictedContacts {
         found
     }
 
+    /// Returns the regions with which lists were exchanged that are not empty, and those of which these said that they visit the same
+    /// cell. Of both, the other region knows as well.
+    pub(super) fn acquainted(&self) -> RegionSet {
+        let listed = |lists: &[NearbyBodies], rank: usize| lists[rank] != NearbyBodies::default();
+        let listed =
+            (0..self.seen.len()).filter(|&rank| listed(&self.shown, rank) || listed(&self.seen, rank));
+        let visitors = self.seen.iter().map(|nearby| nearby.visitors);
+        visitors.fold(listed.collect(), RegionSet::union)
+    }
+
     /// Returns the regions to which the extent of this region's bodies is sent: the regions it touches, and those whose bodies reach
     /// there too, as the regions there report. So no region receives what happens far away.
     fn audience(&self, extent: &Bounds, partition: &Partition) -> RegionSet {
@@ -365,14 +376,16 @@ fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
     })
 }
 
-/// Sends every other region the bodies near its border, if that list changed.
+/// Sends every neighbour the bodies near its border, if that list changed.
 pub(super) fn show(
     region: &Region,
     predicted: &mut PredictedContacts,
+    neighbours: &mut Neighbours,
     outbox: &mut Outbox,
     moment: Moment<'_>,
 ) {
     let own = RegionSet::only(region.rank());
+    let has_strangers = neighbours.now().len() + 1 < moment.partition.len();
     let mut extent: Option<Bounds> = None;
     let fast: Vec<_> = predicted.seen.iter().map(|nearby| fast_bounds(nearby, predicted.tick_s)).collect();
     for near in &predicted.near {
@@ -385,6 +398,11 @@ pub(super) fn show(
             if nearby.extent.is_some_and(|extent| extent.touches(&bounds)) {
                 viewers.insert(rank);
             }
+        }
+        if has_strangers {
+            let ahead_s = (AHEAD_TICKS + LOOKAHEAD_TICKS) * predicted.tick_s;
+            let soon = swept(&near.bounds, near.velocity.to_array(), ahead_s.into());
+            neighbours.reached(region.rank(), moment.partition.touching(&soon).union(viewers));
         }
         let slot = region.slot(near.link.handle);
         let dynamic = slot.traits.kind == BodyKind::Dynamic;
@@ -407,9 +425,11 @@ pub(super) fn show(
         }
     }
     let audience = extent.map_or(RegionSet::EMPTY, |extent| predicted.audience(&extent, moment.partition));
+    let now = neighbours.now();
     let visitors = predicted.visitors(region);
     for (rank, list) in predicted.lists.iter_mut().enumerate() {
-        if rank == region.rank() {
+        if !now.contains(rank) {
+            list.clear();
             continue;
         }
         let extent = extent.filter(|_| audience.contains(rank));

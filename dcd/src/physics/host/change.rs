@@ -225,6 +225,7 @@ impl RegionHost {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
         }
+        self.meet_all();
         if let Some(body) = self.statics.body(id) {
             let mut body = body.clone();
             body.state.pose = pose;

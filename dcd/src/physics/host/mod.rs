@@ -5,6 +5,8 @@ mod borders;
 mod change;
 mod giants;
 mod place;
+#[cfg(test)]
+pub(super) mod processes;
 mod repartition;
 mod replace;
 mod rounds;
@@ -22,7 +24,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::threads::{Threads, Trial, WORTH_WAKING};
-use super::coupling::{Ground, Moment, Side};
+use super::coupling::{Ground, Moment, Side, meet_in};
 use super::hooks::ContactHooks;
 use super::outbox::Outbox;
 use super::owner_index::{Home, OwnerIndex};
@@ -32,7 +34,7 @@ use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
 use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
-use crate::space::{BodyId, JointId, RegionId, Tick, TreeError};
+use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick, TreeError};
 
 /// An error of a [`RegionHost`].
 #[derive(Debug, thiserror::Error)]
@@ -102,6 +104,9 @@ pub struct RegionHost {
     /// Messages from regions computed elsewhere, for the next exchange.
     incoming: Vec<BorderMessage>,
     balancer: Option<repartition::Balancer>,
+    /// Whether all regions meet in the next tick, not only neighbours; and whether they do in every tick.
+    meets: bool,
+    meets_always: bool,
     tick: Tick,
     /// Rounds of the tick to come, and how many of them are done.
     rounds: usize,
@@ -136,6 +141,8 @@ impl RegionHost {
             trial: Trial::default(),
             incoming: Vec::new(),
             balancer: None,
+            meets: true,
+            meets_always: false,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
             round: 0,
@@ -226,6 +233,7 @@ impl RegionHost {
                 let rests = side.is_idle();
                 side.region.begin_tick(rests);
             }
+            self.meet(self.meets || self.meets_always || meet_in(tick));
         }
         let is_due =
             move |side: &Side, moment: &Moment<'_>| !side.region.rests() && moment.is_due(side.steps());
@@ -277,6 +285,47 @@ impl RegionHost {
         }
     }
 
+    /// Has all regions exchange messages in the next tick, not only neighbours. All processes that compute a part of the world must
+    /// do so before the same tick: what is inserted, and what comes to lie elsewhere at once, may concern any region.
+    pub fn meet_all(&mut self) {
+        self.meets = true;
+    }
+
+    /// Has all regions exchange messages in every tick, for processes that do not take in messages in the tick in which they were
+    /// written.
+    pub fn meet_always(&mut self) {
+        self.meets_always = true;
+    }
+
+    /// Chooses the neighbours of every region here for the tick to come, or has all meet.
+    fn meet(&mut self, all: bool) {
+        let regions = self.partition.len();
+        for side in &mut self.sides {
+            if self.meets {
+                side.border.neighbours.settle(&side.region, &self.partition);
+            }
+            side.meet(regions, all);
+        }
+        debug_assert!(self.strangers().next().is_none(), "of neighbours each knows the other");
+    }
+
+    /// Returns the pairs of regions here of which only one takes the other for a neighbour.
+    fn strangers(&self) -> impl Iterator<Item = (RegionId, RegionId)> {
+        let known = |side: &Side, other: &Side| side.border.neighbours.now().contains(other.region.rank());
+        let pairs = self.sides.iter().flat_map(|one| self.sides.iter().map(move |other| (one, other)));
+        let unequal = pairs.filter(move |(one, other)| known(one, other) && !known(other, one));
+        unequal.map(|(one, other)| (one.region.id(), other.region.id()))
+    }
+
+    /// Returns the regions computed elsewhere with which regions here exchange messages in the present tick, in id order. Theirs do
+    /// so with those here.
+    pub fn neighbours(&self) -> Vec<RegionId> {
+        let all =
+            self.sides.iter().fold(RegionSet::EMPTY, |all, side| all.union(side.border.neighbours.now()));
+        let leaves = self.partition.leaves();
+        all.iter().filter(|&rank| self.place_of[rank].is_none()).map(|rank| leaves[rank]).collect()
+    }
+
     /// Returns the messages of regions here to regions computed elsewhere, non-empty ones only.
     pub fn outgoing(&self) -> impl Iterator<Item = &BorderMessage> {
         let letters = self.sides.iter().flat_map(|side| side.outbox.letters());
@@ -306,6 +355,12 @@ impl RegionHost {
 
     fn exchange_here(&mut self) -> Result<(), HostError> {
         if self.partition.len() > 1 {
+            debug_assert!(
+                self.sides.iter().all(|side| {
+                    side.outbox.letters().all(|(rank, _)| side.border.neighbours.now().contains(rank))
+                }),
+                "a region sends to its neighbours"
+            );
             let outboxes: Vec<_> =
                 self.sides.iter_mut().map(|side| std::mem::take(&mut side.outbox)).collect();
             let ground = Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
@@ -386,6 +441,7 @@ impl RegionHost {
     pub fn end_tick(&mut self) {
         self.tick = self.tick.next();
         self.rounds_done = std::mem::take(&mut self.round);
+        self.meets = false;
         #[cfg(feature = "validate")]
         assert_eq!(self.validate(), [], "after tick {}", self.tick.0);
     }

@@ -42,6 +42,9 @@ impl RegionHost {
     /// wherever it reaches. Replicas come with the exchange after [`RegionHost::announce`]; [`RegionHost::step`] sees to that
     /// before it steps, once for all that was inserted. Nothing is inserted when anything is refused.
     pub fn insert(&mut self, mut bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
+        if !bodies.is_empty() {
+            self.meet_all();
+        }
         bodies.sort_by_key(|body| body.id);
         self.check(&bodies, joints)?;
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
@@ -73,6 +76,7 @@ impl RegionHost {
             }
         }
         self.replant(tree)?;
+        self.meet_all();
         let mut placed = placed;
         // Immovable bodies are sent on joining, and stay.
         placed
@@ -143,6 +147,8 @@ impl RegionHost {
 
     /// Announces bodies inserted since the last step to the regions that must hold them; the next exchange carries it.
     pub fn announce(&mut self) {
+        self.meet_all();
+        self.meet(true);
         let settings = self.settings;
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0);
         let all = self.sides.iter_mut().collect();

@@ -200,6 +200,7 @@ impl RegionHost {
     /// Adopts a tree with the same leaves whose planes have moved: gives every region its cell, with the immovable bodies there.
     pub(crate) fn refit(&mut self, tree: DistributionTree) -> Result<(), HostError> {
         Arc::make_mut(&mut self.partition).set_tree(tree);
+        self.meet_all();
         for Side { region, border, .. } in &mut self.sides {
             let cell = *self.partition.cell(region.rank());
             if *region.cell() != cell {
@@ -218,11 +219,11 @@ mod tests {
     use rapier3d::prelude::*;
 
     use super::*;
-    use crate::physics::Partition;
-    use crate::protocol::{Velocity, WorldPose};
+    use crate::physics::host::processes::Processes;
+    use crate::protocol::WorldPose;
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
-    use crate::space::{Axis, BodyId};
+    use crate::space::Axis;
 
     /// 600 boxes in courses of ten by ten, each on four others, so that all touch: 10.5 m wide, around the origin. Beside it
     /// stand twenty small stacks, four of them on the left.
@@ -273,74 +274,13 @@ mod tests {
         }
     }
 
-    /// Processes that compute the regions of a world together.
-    struct Processes(Vec<RegionHost>);
-
-    impl Processes {
-        /// Deals the regions of a world to so many processes in turn.
-        fn of(scene: &Scene, regions: usize, count: usize) -> Self {
-            let tree = DistributionTree::halved(scene.bounds, regions).unwrap();
-            let settings = WorldConfig::for_scene(scene).step;
-            let leaves: Vec<_> = tree.leaves().collect();
-            let host = |i: usize| {
-                let own: Vec<_> = leaves.iter().skip(i).step_by(count).copied().collect();
-                let mut host =
-                    RegionHost::new(Partition::new(tree.clone(), None), settings, 1, &own).unwrap();
-                let (bodies, joints) = scene.records(host.shapes_mut()).unwrap();
-                host.insert(bodies, &joints).unwrap();
-                host.announce();
-                host
-            };
-            let mut all = Self((0..count).map(host).collect());
-            all.exchange();
-            all.0.iter_mut().for_each(|host| host.clear_events());
-            all
-        }
-
-        fn exchange(&mut self) {
-            let said: Vec<_> = self.0.iter().flat_map(|host| host.outgoing().cloned()).collect();
-            for host in &mut self.0 {
-                for message in &said {
-                    if host.regions().any(|region| region.id() == message.to) {
-                        host.accept(message.clone());
-                    }
-                }
-                host.exchange().unwrap();
-            }
-        }
-
-        fn step(&mut self) {
-            let rounds = self.0.iter().map(RegionHost::rounds_wanted).max().unwrap();
-            self.0.iter_mut().for_each(|host| host.set_rounds(rounds));
-            for _ in 0..rounds {
-                self.0.iter_mut().for_each(RegionHost::compute);
-                self.exchange();
-            }
-            self.0.iter_mut().for_each(RegionHost::end_tick);
-        }
-
-        /// Changes the tree everywhere; a new region is computed by the process of this place, if there are so many.
-        fn repartition(&mut self, changes: &[TreeChange], newborn: usize) {
-            let newborn = newborn % self.0.len();
-            for (place, host) in self.0.iter_mut().enumerate() {
-                host.repartition(changes, place == newborn).unwrap();
-                host.wake_left_behind();
-            }
-        }
-
-        fn states(&self) -> Vec<(BodyId, RegionId, WorldPose, Velocity)> {
-            let mut states: Vec<_> = self.0.iter().flat_map(RegionHost::states).collect();
-            states.sort_by_key(|(id, ..)| *id);
-            states
-        }
-    }
-
     #[test]
     fn regions_that_are_cut_handed_over_and_merged_among_processes_compute_what_one_process_does() {
         let terrain = Scene::named("terrain", &Params::new().with("n", 150)).unwrap();
         let heap = Scene::named("heap", &Params::new().with("n", 120)).unwrap();
         for scene in [terrain, heap] {
-            let mut runs = [1, 2, 3].map(|count| Processes::of(&scene, 3, count));
+            let mut runs =
+                [1, 2, 3].map(|count| Processes::of(&scene, WorldConfig::for_scene(&scene).step, 3, count));
             let count = runs[0].states().len();
             let (mut handed_over, mut merged) = (None, 0);
             for tick in 0..300 {

@@ -379,6 +379,11 @@ impl WorldOp {
             _ => None,
         }
     }
+
+    /// Returns whether it may concern regions that are far from each other: what appears somewhere, or is moved there at once.
+    pub fn concerns_all(&self) -> bool {
+        matches!(self, Self::Insert { .. } | Self::Input(Input { pose: Some(_), .. }))
+    }
 }
 
 /// A push on a dynamic body.

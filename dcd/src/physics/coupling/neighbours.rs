@@ -1,0 +1,192 @@
+//! Chooses with which regions a region exchanges messages in a tick: with its neighbours, not with all, so that what a tick costs
+//! grows with the borders and not with the world.
+//!
+//! Both sides of a pair must choose alike, without asking: one waits for what the other sends. So it follows from what both know.
+//! Two regions are neighbours in a tick when
+//! - their cells are near each other,
+//! - both hold a body, or one has told the other of bodies near it,
+//! - a third region has told both that they may meet in its cell, or
+//! - one of them asked for it when they last met. All regions meet every [`MEET_EVERY`] ticks, and after each change of the tree
+//!   or of membership and with each insertion. This is the lookahead of conservative simulation (Chandy and Misra 1979), with a
+//!   fixed period.
+//!
+//! A body that is thrown so far within that time that it comes to a region that is no neighbour is sent there when they meet.
+
+use serde::{Deserialize, Serialize};
+
+use super::predicted_contacts::PredictedContacts;
+use crate::physics::outbox::Outbox;
+use crate::physics::partition::Partition;
+use crate::physics::region::{Ownership, Region};
+use crate::space::{RegionSet, Tick};
+
+/// All regions meet in ticks that are multiples of this.
+const MEET_EVERY: u64 = 8;
+
+/// Returns whether all regions meet in a tick whatever happens.
+pub(in crate::physics) fn meet_in(tick: Tick) -> bool {
+    tick.0.is_multiple_of(MEET_EVERY)
+}
+
+/// For how many ticks a region must look ahead to ask in time for a neighbour.
+pub(super) const LOOKAHEAD_TICKS: f32 = MEET_EVERY as f32;
+
+/// The neighbours of a region, by rank.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(in crate::physics) struct Neighbours {
+    /// Those of the present tick.
+    now: RegionSet,
+    /// Regions whose cells are near this one's.
+    beside: RegionSet,
+    /// Regions that this one has a reason to be a neighbour of, and is not.
+    wanted: RegionSet,
+    /// Whether all regions meet in the present tick, and who asked whom there: this region others, or others it.
+    meet: bool,
+    asking: RegionSet,
+    /// Who had asked at the last meeting.
+    asked: RegionSet,
+}
+
+impl Neighbours {
+    /// Finds the regions whose cells are near; to be called whenever the tree has changed.
+    pub(in crate::physics) fn settle(&mut self, region: &Region, partition: &Partition) {
+        let cell = region.cell();
+        let near = |rank: &usize| cell.gap_m(partition.cell(*rank)) <= partition.near_m();
+        self.beside = (0..partition.len()).filter(near).collect();
+    }
+
+    /// Begins a tick, in which all regions meet or only neighbours do.
+    pub(super) fn begin(
+        &mut self,
+        region: &Region,
+        predicted: &PredictedContacts,
+        regions: usize,
+        meet: bool,
+    ) {
+        if std::mem::replace(&mut self.meet, meet) {
+            self.asked = std::mem::take(&mut self.asking);
+        }
+        self.now = if meet {
+            (0..regions).collect()
+        } else {
+            self.beside.union(self.asked).union(held_with(region)).union(predicted.acquainted())
+        };
+        self.now.remove(region.rank());
+    }
+
+    /// Returns the neighbours of the present tick.
+    pub(in crate::physics) fn now(&self) -> RegionSet {
+        self.now
+    }
+
+    /// Returns those of these regions that are neighbours, or the region of this rank itself; the others are asked for.
+    pub(super) fn reached(&mut self, own: usize, regions: RegionSet) -> RegionSet {
+        let reached = regions.intersection(self.now.union(RegionSet::only(own)));
+        self.want(regions.without(reached));
+        reached
+    }
+
+    /// Notes regions that are to be neighbours from the next meeting on.
+    pub(super) fn want(&mut self, regions: RegionSet) {
+        self.wanted = self.wanted.union(regions);
+    }
+
+    /// Asks, if all regions meet, those that are wanted.
+    pub(super) fn ask(&mut self, own: usize, outbox: &mut Outbox) {
+        if self.meet {
+            self.wanted.remove(own);
+            for rank in self.wanted.iter() {
+                outbox.to(rank).asks = true;
+            }
+            self.asking = self.asking.union(std::mem::take(&mut self.wanted));
+        }
+    }
+
+    /// Notes that the region of this rank has asked.
+    pub(super) fn hear(&mut self, rank: usize) {
+        self.asking.insert(rank);
+    }
+}
+
+/// Returns the regions that hold or own a body that is held here too.
+fn held_with(region: &Region) -> RegionSet {
+    region.held_elsewhere().fold(RegionSet::EMPTY, |all, link| {
+        let slot = region.slot(link.handle);
+        let all = all.union(slot.holders);
+        match slot.role {
+            Ownership::Replica { owner } => all.union(RegionSet::only(owner)),
+            _ => all,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use crate::physics::host::processes::Processes;
+    use crate::physics::{Coupling, RegionHost};
+    use crate::protocol::WorldPose;
+    use crate::runtime::WorldConfig;
+    use crate::scene::Scene;
+    use crate::space::{BodyId, Bounds};
+
+    const REGIONS: usize = 12;
+
+    /// A corridor of 240 m with a floor, in which balls fly both ways, up to 80 m/s, over boxes that rest, and through one another.
+    /// A platform of 60 m moves along it.
+    fn corridor() -> Scene {
+        let mut scene = Scene::empty("corridor");
+        scene.push_fixed_box([0.0, -0.5, 0.0], [120.0, 0.5, 5.0], &ColliderBuilder::ball(1.0));
+        let mut push = |at: [f64; 3], body: RigidBodyBuilder, collider: ColliderBuilder| {
+            scene.push(WorldPose::at(at), body, collider);
+        };
+        for i in 0..30 {
+            let x = 7.9 * f64::from(i) - 115.0;
+            push([x, 0.5, 0.0], RigidBodyBuilder::dynamic(), ColliderBuilder::cuboid(0.5, 0.5, 0.5));
+        }
+        for i in 0..40_u8 {
+            let (x, to) = (5.7 * f64::from(i) - 112.0, if i % 2 == 0 { 2.0 } else { -2.0 });
+            let body = RigidBodyBuilder::dynamic().gravity_scale(0.0).can_sleep(false);
+            let body = body.linvel(Vector::new(to * f32::from(i), 0.0, 0.0));
+            push([x, 2.0 + 0.1 * f64::from(i % 7), 1.5], body, ColliderBuilder::ball(0.3).restitution(0.9));
+        }
+        let platform = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::new(4.0, 0.0, 0.0));
+        push([-70.0, 6.0, 0.0], platform, ColliderBuilder::cuboid(30.0, 0.2, 2.0));
+        scene.bounds = Bounds::new([-120.0, -1.0, -5.0], [120.0, 9.0, 5.0]);
+        scene
+    }
+
+    #[test]
+    fn processes_that_hear_of_their_neighbours_only_compute_what_one_process_does() {
+        let scene = corridor();
+        for coupling in [Coupling::Auto, Coupling::Overlap, Coupling::Owner] {
+            let step = WorldConfig::for_scene(&scene).step.with_coupling(coupling);
+            let mut runs = [1, 4, REGIONS].map(|count| Processes::of(&scene, step, REGIONS, count));
+            let count = runs[0].states().len();
+            let (mut heard, ticks) = (0, 240);
+            for tick in 0..ticks {
+                for run in &mut runs {
+                    // To the other end at once.
+                    if tick == 100 {
+                        for host in &mut run.0 {
+                            host.meet_all();
+                            host.move_copies(BodyId::persistent(3), WorldPose::at([110.0, 3.0, 0.0]));
+                        }
+                    }
+                    run.step();
+                }
+                heard += runs[2].0.iter().map(|host| host.neighbours().len()).sum::<usize>();
+                let states = runs[0].states();
+                assert_eq!(states.len(), count, "{coupling:?}, tick {tick}");
+                for run in &runs[1..] {
+                    assert!(run.states() == states, "{coupling:?}, tick {tick}: {} processes", run.0.len());
+                }
+            }
+            let transfers: u64 = runs[2].0.iter().map(RegionHost::transfers).sum();
+            assert!(transfers > 100, "{coupling:?}: {transfers} transfers");
+            let heard = heard as f64 / f64::from(ticks) / REGIONS as f64;
+            assert!(heard < 6.0, "{coupling:?}: a region hears of {heard:.1} of {} others", REGIONS - 1);
+        }
+    }
+}

@@ -15,6 +15,7 @@ mod peers;
 mod results;
 mod scale;
 mod speed;
+mod thesis;
 mod timing;
 
 use std::process::ExitCode;
@@ -54,6 +55,10 @@ enum Suite {
     /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
     #[command(alias = "scaling")]
     Speed(speed::Speed),
+    /// The experiments of the thesis of 2006 again: a server and 1 to 32 participants, theirs and ours side by side.
+    Thesis(thesis::Thesis),
+    #[command(hide = true)]
+    ThesisParticipant(thesis::ThesisParticipant),
     /// Heat maps of where couplings fail, beside one bare Rapier world.
     Maps(maps::Maps),
 }
@@ -71,6 +76,8 @@ fn main() -> ExitCode {
         Suite::Scale(scale) => scale.run().map(done),
         Suite::ScaleWorker(worker) => worker.run().map(done),
         Suite::Speed(speed) => speed.run().map(done),
+        Suite::Thesis(thesis) => thesis.run().map(done),
+        Suite::ThesisParticipant(participant) => participant.run().map(done),
         Suite::Maps(maps) => maps.run().map(done),
     };
     result.unwrap_or_else(|error| {

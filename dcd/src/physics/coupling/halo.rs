@@ -200,7 +200,7 @@ fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) 
             id: link.id,
             epoch: epoch.next(),
             owner: owner as u8,
-            holders,
+            holders: holders.union(target),
             warming: RegionSet::EMPTY,
         };
         for rank in holders.without(own).iter() {

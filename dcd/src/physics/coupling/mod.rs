@@ -81,7 +81,7 @@ impl Side {
     /// Begins a tick, in which all regions meet or only neighbours exchange messages.
     pub(super) fn meet(&mut self, regions: usize, all: bool) {
         let Self { region, border, .. } = self;
-        border.neighbours.begin(region, &border.predicted, regions, all);
+        border.neighbours.begin(region, border.predicted.acquainted(), regions, all);
     }
 
     /// Forgets which regions hold what, after membership has changed: all that is shared must be announced again.

@@ -14,7 +14,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::predicted_contacts::PredictedContacts;
 use crate::physics::outbox::Outbox;
 use crate::physics::partition::Partition;
 use crate::physics::region::{Ownership, Region};
@@ -55,21 +54,15 @@ impl Neighbours {
         self.beside = (0..partition.len()).filter(near).collect();
     }
 
-    /// Begins a tick, in which all regions meet or only neighbours do.
-    pub(super) fn begin(
-        &mut self,
-        region: &Region,
-        predicted: &PredictedContacts,
-        regions: usize,
-        meet: bool,
-    ) {
+    /// Begins a tick, in which all regions meet or only neighbours do: also those that it is `acquainted` with by its predicted contacts.
+    pub(super) fn begin(&mut self, region: &Region, acquainted: RegionSet, regions: usize, meet: bool) {
         if std::mem::replace(&mut self.meet, meet) {
             self.asked = std::mem::take(&mut self.asking);
         }
         self.now = if meet {
             (0..regions).collect()
         } else {
-            self.beside.union(self.asked).union(held_with(region)).union(predicted.acquainted())
+            self.beside.union(self.asked).union(held_with(region)).union(acquainted)
         };
         self.now.remove(region.rank());
     }

@@ -3,7 +3,7 @@
 use super::RegionHost;
 use crate::physics::region::Region;
 use crate::physics::{Partition, StepSettings};
-use crate::protocol::{Velocity, WorldPose};
+use crate::protocol::{Check, Velocity, WorldPose};
 use crate::scene::Scene;
 use crate::space::{BodyId, DistributionTree, RegionId, TreeChange};
 
@@ -31,6 +31,7 @@ impl Processes {
 
     fn exchange(&mut self) {
         let said: Vec<_> = self.0.iter().flat_map(|host| host.outgoing().cloned()).collect();
+        assert!(said.iter().all(|message| message.check().is_ok()), "others take in what is sent");
         let neighbours: Vec<_> = self.0.iter().map(RegionHost::neighbours).collect();
         for (host, near) in self.0.iter().zip(&neighbours) {
             let here: Vec<_> = host.regions().map(Region::id).collect();

@@ -418,3 +418,15 @@ fn what_is_wrong_on_entering_is_said() {
     drop(server);
     assert!(client.wait_update(u64::MAX - 1, LIMIT) || client.check().is_err());
 }
+
+#[test]
+fn a_node_that_is_alone_and_waits_for_no_clock_hears_that_the_world_ends() {
+    let (server, _data) = serve(&rain(), 1, 1, Pace::Unpaced, None);
+    let node = start_node(&server);
+    assert!(server.wait(LIMIT, |summary, _| summary.tick >= Tick(300)));
+    let last = server.summary().tick;
+    let summary = server.stop();
+    assert_eq!((summary.lost, summary.doubled, summary.unaudited), (0, 0, false));
+    let told = node.finish().unwrap().tick;
+    assert!(told >= last && told.0 < last.0 + 3_000, "{told:?} after {last:?}");
+}

@@ -207,6 +207,7 @@ impl Member {
             connections: connections.clone(),
             release_by: None,
             give_up: config.give_up,
+            has_more: false,
             lost: None,
             unheard: None,
             unheard_leader: None,
@@ -352,6 +353,8 @@ struct Loop {
     /// When the process leaves without the server, after its user asked to leave.
     release_by: Option<Duration>,
     give_up: Duration,
+    /// Outputs may be left to carry out.
+    has_more: bool,
     /// Since when the server is out of reach, and why.
     lost: Option<(Duration, String)>,
     /// Since when a client hears no leader, and why.
@@ -376,10 +379,14 @@ impl Loop {
             if self.links.flush(Instant::now()) {
                 wait = wait.min(RETRY);
             }
-            match inputs.recv_timeout(wait) {
+            let has_more = std::mem::take(&mut self.has_more);
+            match inputs.recv_timeout(if has_more { Duration::ZERO } else { wait }) {
                 Ok(input) => self.take(input),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
+            }
+            if has_more {
+                inputs.try_iter().take(QUEUE).for_each(|input| self.take(input));
             }
             let now = self.start.elapsed();
             if let Some(node) = &mut self.node
@@ -565,11 +572,16 @@ impl Loop {
         }
     }
 
-    /// Carries out the outputs of the state machines, until there are none.
+    /// Carries out the outputs of the state machines, until there are none or a tick is complete: a node that waits for nobody would
+    /// hear nobody else.
     fn pump(&mut self) {
         while self.end.is_none() {
             if let Some(output) = self.node.as_mut().and_then(Node::poll_output) {
+                self.has_more = matches!(output, NodeOutput::Settled(_));
                 self.node_output(output);
+                if self.has_more {
+                    return;
+                }
                 continue;
             }
             let output = self.shared.lock().client.as_mut().and_then(Client::poll_output);

@@ -430,3 +430,42 @@ fn a_node_that_is_alone_and_waits_for_no_clock_hears_that_the_world_ends() {
     let told = node.finish().unwrap().tick;
     assert!(told >= last && told.0 < last.0 + 3_000, "{told:?} after {last:?}");
 }
+
+#[test]
+fn an_avatar_that_is_sent_to_the_other_end_of_the_world_gets_there_and_all_nodes_go_on() {
+    let mut scene = Scene::empty("corridor");
+    scene.push_fixed_box([0.0, -0.5, 0.0], [120.0, 0.5, 5.0], &ColliderBuilder::ball(1.0));
+    for i in 0..24 {
+        let at = WorldPose::at([10.0 * f64::from(i) - 115.0, 1.0, 0.0]);
+        scene.push(at, RigidBodyBuilder::dynamic().can_sleep(false), ColliderBuilder::ball(0.5));
+    }
+    scene.bounds = dcd::space::Bounds::new([-120.0, -1.0, -5.0], [120.0, 9.0, 5.0]);
+    let (server, _data) = serve(&scene, 8, 4, Pace::RealTime, None);
+    let nodes: Vec<_> = (0..4).map(|_| start_node(&server)).collect();
+    assert!(server.wait(LIMIT, |summary, _| summary.tick >= Tick(1)));
+    let mut client = connect(&server);
+    let avatar = client
+        .spawn(
+            WorldPose::at([-100.0, 4.0, 0.0]),
+            &RigidBodyBuilder::dynamic().build(),
+            &[ColliderBuilder::ball(0.5)],
+        )
+        .unwrap();
+    assert!(client.wait_body(avatar, LIMIT));
+    for x in [100.0, -100.0, 30.0, -60.0, 110.0] {
+        client.send_input(avatar, Velocity::default(), Some(WorldPose::at([x, 4.0, 0.0]))).unwrap();
+        let is_there = |client: &ClientWorld| {
+            (client.body(avatar).unwrap().body.state.pose.translation[0] - x).abs() < 2.0
+        };
+        let mut seen = client.updates();
+        while !is_there(&client) {
+            assert!(client.wait_update(seen, LIMIT), "the world goes on");
+            seen = client.updates();
+        }
+    }
+    let summary = server.stop();
+    // One for each node that came, at most.
+    assert!(summary.views <= 4, "{summary:?}");
+    assert_eq!((summary.lost, summary.doubled), (0, 0));
+    nodes.into_iter().for_each(|node| drop(node.finish().unwrap()));
+}

@@ -414,8 +414,10 @@ impl Node {
                 Some(leader) if done.view == leader.view() => leader.done(node, done),
                 _ => self.counters.stale += 1,
             },
-            (Peer::Node(_), Message::Report(report)) => match &mut self.leader {
-                Some(leader) if report.view == leader.view() => leader.report(report),
+            (Peer::Node(node), Message::Report(report)) => match &mut self.leader {
+                Some(leader) if report.view == leader.view() => {
+                    self.counters.refused += leader.report(node, report);
+                }
                 _ => self.counters.stale += 1,
             },
             (Peer::Node(node), Message::Waiting(view)) if view == self.number() => {

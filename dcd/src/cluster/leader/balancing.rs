@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::protocol::{LoadReport, Repartition, View};
 use crate::space::{
-    Balance, Bounds, Burden, DistributionTree, Load, Loads, NodeId, RegionId, Tick, TreeChange, Yielding,
-    plan,
+    Allocation, Balance, Bounds, Burden, DistributionTree, Load, Loads, NodeId, RegionId, Tick, TreeChange,
+    Yielding, plan,
 };
 
 /// The part of a node's price that a new measurement replaces.
@@ -43,6 +43,11 @@ impl Balancing {
     /// Returns the tree as it is after the last dispatch.
     pub(super) fn tree(&self) -> &DistributionTree {
         &self.view.tree
+    }
+
+    /// Returns who computes which regions after the last dispatch.
+    pub(super) fn allocation(&self) -> &Allocation {
+        &self.view.allocation
     }
 
     /// Takes in what a member has to do after a tick.

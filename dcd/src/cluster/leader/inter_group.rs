@@ -307,7 +307,7 @@ mod tests {
             leader: NodeId(1),
             members: vec![member],
             tree: sim_world(2).tree,
-            allocation: Default::default(),
+            allocation: [(RegionId(1), NodeId(1))].into(),
         };
         let mut leader = Leader::new(Duration::ZERO, &view, &sim_world(2));
         leader.authority(false, false, Vec::new());
@@ -317,7 +317,7 @@ mod tests {
     /// The next tick, after which the body is where `state` says.
     fn tick(leader: &mut Leader, state: SharedState) -> Dispatch {
         let (view, tick) = (leader.view, leader.tick);
-        leader.report(Report { view, tick, states: vec![state] });
+        leader.report(NodeId(1), Report { view, tick, states: vec![state] });
         let done = Done {
             view,
             tick,

@@ -582,7 +582,9 @@ impl Node {
         let leader = self.leader.as_mut().expect("the leader leads");
         match message {
             Message::Done(done) => leader.done(self.config.id, done),
-            Message::Report(report) => leader.report(report),
+            Message::Report(report) => {
+                leader.report(self.config.id, report);
+            }
             _ => unreachable!("members only report to their leader"),
         }
     }

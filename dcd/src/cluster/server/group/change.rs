@@ -349,7 +349,7 @@ impl Group {
                 group: self.id,
                 number: change.number,
                 tick: self.tick,
-                leader: members.iter().map(|member| member.node).min().expect("a group has a leader"),
+                leader: leader_among(&members),
                 members,
                 tree,
                 allocation,
@@ -397,5 +397,31 @@ impl Group {
         common.outputs.push_back(ServerOutput::Began { group: self.id, view: view.clone() });
         self.view = Some(view);
         self.catch_up(common);
+    }
+}
+
+/// Chooses the leader: a dedicated node, as long as there is one; of equals the one with the lowest id. A participant's process is its
+/// user's.
+fn leader_among(members: &[Member]) -> NodeId {
+    let first = members.iter().min_by_key(|member| (member.client.is_some(), member.node));
+    first.expect("a group has a leader").node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::ClientId;
+
+    #[test]
+    fn a_participant_leads_only_where_no_dedicated_node_is() {
+        let member = |id: u32, client: Option<u32>| Member {
+            node: NodeId(id),
+            address: ([127, 0, 0, 1], 1).into(),
+            client: client.map(ClientId),
+        };
+        let players = [member(3, Some(1)), member(2, Some(2))];
+        assert_eq!(leader_among(&players), NodeId(2));
+        let [one, two] = players;
+        assert_eq!(leader_among(&[one, two, member(9, None), member(8, None)]), NodeId(8));
     }
 }

@@ -1,0 +1,299 @@
+//! Tests what a leader dispatches, believes, and tells clients.
+
+use super::*;
+use crate::protocol::{ContactKey, Member, SharedState, Touch, Velocity, WorldPose};
+use crate::sim::{sim_body, sim_world};
+
+const CLIENT: ClientId = ClientId(4);
+const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
+
+/// Returns a leader of two members that has one client with one avatar; the first tick may be dispatched.
+fn leader() -> Leader {
+    let member = |id| Member { node: NodeId(id), address: ([127, 0, 0, 1], 1).into(), client: None };
+    let view = View {
+        group: GroupId(1),
+        number: ViewNumber(1),
+        tick: Tick(0),
+        leader: NodeId(1),
+        members: vec![member(1), member(2)],
+        tree: sim_world(2).tree,
+        allocation: [(RegionId(1), NodeId(1)), (RegionId(2), NodeId(2))].into(),
+    };
+    let mut leader = Leader::new(Duration::ZERO, &view, &sim_world(2));
+    leader.admit(CLIENT);
+    leader.apply(vec![WorldOp::Insert {
+        bodies: vec![sim_body(AVATAR, [1.0; 3])],
+        shapes: vec![],
+        joints: vec![],
+    }]);
+    both_done(&mut leader, 0, vec![], vec![]);
+    leader
+}
+
+fn both_done(leader: &mut Leader, tick: u64, one: Vec<Touch>, two: Vec<Touch>) {
+    for (id, touches) in [(1, one), (2, two)] {
+        let events =
+            RegionEvents { region: RegionId(id), tick: Tick(tick), touches, ..RegionEvents::default() };
+        let view = ViewNumber(1);
+        let done = Done {
+            view,
+            tick: Tick(tick),
+            rounds_wanted: id,
+            holds: None,
+            events: vec![events],
+            answers: vec![],
+            load: None,
+        };
+        leader.done(NodeId(id), done);
+    }
+}
+
+fn input(logical_time: u64, speed: f32) -> Input {
+    let velocity = Velocity { linear: [0.0, speed, 0.0], angular: [0.0; 3] };
+    Input { body: AVATAR, logical_time, velocity, pose: Some(WorldPose::default()) }
+}
+
+#[test]
+fn a_tick_waits_for_all_members_and_for_its_time() {
+    let mut leader = leader();
+    let first = leader.dispatch(Duration::ZERO).unwrap();
+    assert_eq!((first.tick, first.ops.len()), (Tick(1), 1));
+    assert_eq!(leader.dispatch(Duration::from_secs(9)), None, "nobody is done");
+    both_done(&mut leader, 1, vec![], vec![]);
+    assert_eq!(leader.dispatch(Duration::from_millis(1)), None, "too early");
+    let due = leader.timeout().unwrap();
+    assert_eq!(due, Duration::from_secs_f32(1.0 / 60.0));
+    assert_eq!(leader.dispatch(due).unwrap().tick, Tick(2));
+}
+
+#[test]
+fn operations_that_no_message_has_room_for_wait_for_the_next_tick_in_order() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO);
+    let corners = vec![[0.5; 3]; 100_000];
+    let op = |i: u32| WorldOp::Insert {
+        bodies: vec![sim_body(BodyId::persistent(100 + i), [1.0; 3])],
+        shapes: vec![crate::protocol::ShapeRecord::ConvexPolyhedron(corners.clone(), Vec::new())],
+        joints: vec![],
+    };
+    let ops: Vec<_> = (0..30).map(op).collect();
+    leader.apply(ops.clone());
+    let mut told = Vec::new();
+    for tick in 1..20 {
+        both_done(&mut leader, tick, vec![], vec![]);
+        let dispatch = leader.dispatch(Duration::from_secs(tick)).unwrap();
+        assert!(encoded_len(&dispatch) < crate::protocol::MAX_MESSAGE_BYTES / 2);
+        told.extend(dispatch.ops);
+    }
+    assert_eq!(told.len(), ops.len());
+    assert!(told == ops, "none is lost, and none overtaken");
+}
+
+#[test]
+fn a_tick_takes_as_many_rounds_as_a_member_wanted_after_the_one_before() {
+    let mut leader = leader();
+    assert_eq!(leader.dispatch(Duration::ZERO).unwrap().rounds, 2, "the members want 1 and 2");
+    for (id, rounds_wanted) in [(1, 3), (2, 1)] {
+        let view = ViewNumber(1);
+        leader.done(
+            NodeId(id),
+            Done {
+                view,
+                tick: Tick(1),
+                rounds_wanted,
+                holds: None,
+                events: vec![],
+                answers: vec![],
+                load: None,
+            },
+        );
+    }
+    assert_eq!(leader.dispatch(Duration::from_secs(1)).unwrap().rounds, 3);
+    both_done(&mut leader, 2, vec![], vec![]);
+    assert_eq!(leader.dispatch(Duration::from_secs(2)).unwrap().rounds, 2, "what was is forgotten");
+}
+
+#[test]
+fn only_the_newest_input_of_an_avatar_is_dispatched() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO);
+    assert_eq!(leader.accept_input(CLIENT, input(5, 1.0)), Ok(()));
+    assert_eq!(leader.accept_input(CLIENT, input(7, 2.0)), Ok(()));
+    assert_eq!(leader.accept_input(CLIENT, input(6, 3.0)), Err(Refusal::Late));
+    assert_eq!(leader.accept_input(CLIENT, input(8, 20.5)), Err(Refusal::TooFast));
+    assert_eq!(leader.accept_input(ClientId(5), input(9, 1.0)), Err(Refusal::NotYours));
+    both_done(&mut leader, 1, vec![], vec![]);
+    let ops = leader.dispatch(Duration::from_secs(1)).unwrap().ops;
+    assert_eq!(ops, [WorldOp::Input(input(7, 2.0))]);
+}
+
+#[test]
+fn an_input_that_waited_for_its_avatar_does_not_undo_a_later_one() {
+    let mut leader = leader();
+    assert_eq!(leader.accept_input(CLIENT, input(5, 1.0)), Ok(()), "the avatar has not appeared yet");
+    let (id, epoch) = (AVATAR, crate::space::Epoch(0));
+    let state = SharedState {
+        id,
+        owner: RegionId(1),
+        epoch,
+        pose: WorldPose::default(),
+        velocity: Velocity::default(),
+        sleeping: false,
+    };
+    leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(0), states: vec![state] });
+    assert_eq!(leader.accept_input(CLIENT, input(6, 2.0)), Ok(()));
+    let ops = leader.dispatch(Duration::ZERO).unwrap().ops;
+    let inputs: Vec<_> = ops.iter().filter(|op| matches!(op, WorldOp::Input(_))).collect();
+    assert_eq!(inputs, [&WorldOp::Input(input(6, 2.0))]);
+}
+
+#[test]
+fn of_two_inputs_for_an_avatar_not_heard_of_yet_the_newer_counts_whichever_came_first() {
+    let mut leader = leader();
+    let early = BodyId::avatar(CLIENT, 7);
+    for time in [6, 5] {
+        let input = Input { body: early, ..input(time, time as f32) };
+        assert_eq!(leader.accept_input(CLIENT, input), Ok(()));
+    }
+    let inputs = leader.into_inputs();
+    assert_eq!(inputs, [(CLIENT, FromClient::Input(Input { body: early, ..input(6, 6.0) }))]);
+}
+
+#[test]
+fn an_interest_counts_from_the_tick_on_is_handed_on_and_goes_with_the_link() {
+    let mut leader = leader();
+    let body = BodyId::persistent(1);
+    let told_at = |leader: &mut Leader, tick: u64, x: f64| {
+        leader.dispatch(Duration::from_secs(tick)).unwrap();
+        let pose = WorldPose::at([x, 0.0, 0.0]);
+        let (epoch, velocity) = (crate::space::Epoch(0), Velocity::default());
+        let states =
+            vec![SharedState { id: body, owner: RegionId(1), epoch, pose, velocity, sleeping: false }];
+        leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(tick), states });
+        leader.take_messages();
+        both_done(leader, tick, vec![], vec![]);
+        let states = |(client, message)| match message {
+            ToClient::States { states, .. } => Some((client, states.len())),
+            _ => None,
+        };
+        leader.take_messages().into_iter().filter_map(states).collect::<Vec<_>>()
+    };
+    let area = Area { centre: [0.0; 3], radius_m: 10.0 };
+    let other = ClientId(5);
+    leader.admit(other);
+    assert_eq!(told_at(&mut leader, 1, 50.0), [(CLIENT, 1), (other, 1)]);
+    leader.take_interest(CLIENT, Some(area));
+    leader.take_interest(ClientId(6), Some(area));
+    assert_eq!(told_at(&mut leader, 2, 51.0), [(other, 1)]);
+    assert_eq!(told_at(&mut leader, 3, 5.0), [(CLIENT, 1), (other, 1)]);
+    let handed_on = leader.clone().into_inputs();
+    assert_eq!(handed_on, [(CLIENT, FromClient::Interest(Some(area)))]);
+    leader.take_interest(CLIENT, None);
+    assert_eq!(told_at(&mut leader, 4, 60.0), [(CLIENT, 1), (CLIENT, 1), (other, 1)], "all at once, and on");
+    leader.take_interest(CLIENT, Some(area));
+    told_at(&mut leader, 5, 70.0);
+    leader.admit(CLIENT);
+    assert_eq!(told_at(&mut leader, 6, 71.0), [(CLIENT, 1), (other, 1)], "it has not said it again yet");
+}
+
+#[test]
+fn a_member_is_believed_of_its_own_regions_only() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO).unwrap();
+    let state = |id: u32, owner: u32| SharedState {
+        id: BodyId::persistent(id),
+        owner: RegionId(owner),
+        epoch: crate::space::Epoch(0),
+        pose: WorldPose::default(),
+        velocity: Velocity::default(),
+        sleeping: false,
+    };
+    let states = vec![state(1, 1), state(2, 2), state(3, 7)];
+    let report = Report { view: ViewNumber(1), tick: Tick(1), states };
+    assert_eq!(leader.report(NodeId(2), report), 2);
+    let known: Vec<_> = leader.latest.keys().copied().collect();
+    assert_eq!(known, [BodyId::persistent(2)]);
+    let key = ContactKey { a: BodyId::persistent(3), b: AVATAR, collider_a: 0, collider_b: 0 };
+    let touch = Touch { key, began: true, sensor: false, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 };
+    // Node 2 says so of region 1.
+    let events =
+        RegionEvents { region: RegionId(1), tick: Tick(1), touches: vec![touch], ..RegionEvents::default() };
+    let done = Done {
+        view: ViewNumber(1),
+        tick: Tick(1),
+        rounds_wanted: 1,
+        holds: None,
+        events: vec![events],
+        answers: vec![],
+        load: None,
+    };
+    leader.take_messages();
+    leader.done(NodeId(2), done.clone());
+    leader.done(NodeId(1), Done { events: vec![], ..done });
+    let told = leader.take_messages();
+    assert!(told.iter().all(|(_, said)| !matches!(said, ToClient::Contacts { .. })), "{told:?}");
+}
+
+#[test]
+fn a_teleport_is_told_to_all_members_and_a_velocity_to_those_that_hold_the_avatar() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO).unwrap();
+    both_done(&mut leader, 1, vec![], vec![]);
+    leader.holders.now_holds(NodeId(1), vec![AVATAR]);
+    for (time, pose, told) in [(1, None, 0), (2, Some(WorldPose::default()), 1)] {
+        leader.accept_input(CLIENT, Input { pose, ..input(time, 1.0) }).unwrap();
+        let dispatch = leader.dispatch(Duration::from_secs(time)).unwrap();
+        assert_eq!(leader.for_member(NodeId(1), &dispatch).ops.len(), 1);
+        assert_eq!(leader.for_member(NodeId(2), &dispatch).ops.len(), told);
+        both_done(&mut leader, 1 + time, vec![], vec![]);
+    }
+}
+
+#[test]
+fn clients_hear_now_and_then_that_time_goes_on_though_nothing_moves() {
+    let mut leader = leader();
+    let mut told = Vec::new();
+    leader.take_messages();
+    for tick in 1..=100 {
+        leader.dispatch(Duration::from_secs(tick)).unwrap();
+        // Of what moves it is told in place of that.
+        let (id, epoch) = (AVATAR, crate::space::Epoch(0));
+        let (pose, velocity) = (WorldPose::default(), Velocity::default());
+        let states = vec![SharedState { id, owner: RegionId(1), epoch, pose, velocity, sleeping: false }];
+        if tick == 40 {
+            leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(tick), states });
+        }
+        both_done(&mut leader, tick, vec![], vec![]);
+        for (client, message) in leader.take_messages() {
+            let ToClient::States { stamp, states } = message else { continue };
+            told.push((client, stamp.tick.0, states.len()));
+        }
+    }
+    assert_eq!(told, [(CLIENT, 30, 0), (CLIENT, 40, 1), (CLIENT, 70, 0), (CLIENT, 100, 0)]);
+}
+
+#[test]
+fn a_contact_seen_by_two_regions_begins_and_ends_once() {
+    let mut leader = leader();
+    let key = ContactKey { a: BodyId::persistent(3), b: AVATAR, collider_a: 0, collider_b: 0 };
+    let touch =
+        |began| vec![Touch { key, began, sensor: false, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 }];
+    let mut told = Vec::new();
+    let script = [
+        (touch(true), touch(true)),
+        (vec![], vec![]),
+        (touch(false), vec![]),
+        (vec![], touch(false)),
+        (touch(true), vec![]),
+    ];
+    leader.take_messages();
+    for (tick, (one, two)) in (1..).zip(script) {
+        leader.dispatch(Duration::from_secs(tick)).unwrap();
+        both_done(&mut leader, tick, one, two);
+        for (client, message) in leader.take_messages() {
+            let ToClient::Contacts { tick, touches, .. } = message else { continue };
+            told.extend(touches.iter().map(|touch| (client, tick, touch.began)));
+        }
+    }
+    assert_eq!(told, [(CLIENT, Tick(1), true), (CLIENT, Tick(4), false), (CLIENT, Tick(5), true)]);
+}

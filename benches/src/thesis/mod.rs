@@ -79,6 +79,8 @@ pub(crate) struct Row {
     bytes: f64,
     /// Copies of others' bodies at a member.
     replicas: f64,
+    /// In a tick: as many as the border takes that takes most.
+    exchanges: f64,
     /// Of copies at borders, at most, m/s.
     disagreement_m_s: f32,
     /// Pairs that touch in a tick, in a world in one process.
@@ -178,6 +180,7 @@ fn row(objects: usize, nodes: usize, groups: &[Group], collisions: f64) -> Row {
         messages: members(|member| member.messages),
         bytes: members(|member| member.bytes),
         replicas: members(|member| member.replicas),
+        exchanges: members(|member| member.exchanges),
         disagreement_m_s: all.map(|member| member.disagreement_m_s).fold(0.0, f32::max),
         collisions,
     }

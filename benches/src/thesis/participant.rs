@@ -40,8 +40,9 @@ pub(super) struct Report {
     /// Messages and bytes sent, a tick.
     pub(super) messages: f64,
     pub(super) bytes: f64,
-    /// Copies of other regions' bodies, mean.
+    /// Copies of other regions' bodies, mean, and exchanges a tick.
     pub(super) replicas: f64,
+    pub(super) exchanges: f64,
     /// How far copies disagreed at most, m/s.
     pub(super) disagreement_m_s: f32,
 }
@@ -113,6 +114,7 @@ impl ThesisParticipant {
             messages: per_tick((last.messages - first.messages) as f64),
             bytes: per_tick((last.bytes - first.bytes) as f64),
             replicas: summary.replicas_sum as f64 / summary.tick.0.max(1) as f64,
+            exchanges: summary.exchanges_sum as f64 / summary.tick.0.max(1) as f64,
             disagreement_m_s: summary.disagreement_max_m_s,
         };
         println!("{}", serde_json::to_string(&report)?);

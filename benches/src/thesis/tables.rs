@@ -105,6 +105,7 @@ fn groups(rows: &[Measured<Row>]) -> String {
             short(row.messages),
             short(row.bytes),
             short(row.replicas),
+            short(row.exchanges),
             short(row.disagreement_m_s.into()),
         ]
     });
@@ -119,6 +120,7 @@ fn groups(rows: &[Measured<Row>]) -> String {
         "messages a tick",
         "bytes a tick",
         "replicas",
+        "exchanges",
         "copies disagree, m/s",
     ];
     markdown_table(&head, lines)
@@ -183,6 +185,7 @@ mod tests {
             messages: 8.0,
             bytes: 900.0,
             replicas: 10.0,
+            exchanges: 1.0,
             disagreement_m_s: 0.01,
             collisions: 15.0,
         };

@@ -10,6 +10,7 @@ mod state_replication;
 #[cfg(test)]
 mod tests;
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
@@ -280,14 +281,24 @@ impl Leader {
                 refused += 1;
                 continue;
             }
-            let known = self.latest.get(&state.id);
-            if known.is_none_or(|(old, tick)| (old.epoch, *tick) <= (state.epoch, report.tick)) {
-                self.moved.entry(state.id).or_insert(known.map(|(old, _)| old.pose.translation));
-                self.latest.insert(state.id, (state, report.tick));
-                self.moved_here(state.id);
-                if state.id.client().is_some() {
-                    self.avatars.entry(state.id).or_default();
+            let before = match self.latest.entry(state.id) {
+                Entry::Vacant(entry) => {
+                    entry.insert((state, report.tick));
+                    None
                 }
+                Entry::Occupied(mut entry) => {
+                    let (old, tick) = *entry.get();
+                    if (old.epoch, tick) > (state.epoch, report.tick) {
+                        continue;
+                    }
+                    entry.insert((state, report.tick));
+                    Some(old.pose.translation)
+                }
+            };
+            self.moved.entry(state.id).or_insert(before);
+            self.moved_here(state.id);
+            if state.id.client().is_some() {
+                self.avatars.entry(state.id).or_default();
             }
         }
         refused

@@ -18,6 +18,20 @@ pub(super) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
 /// Bodies that moved since states were last sent, and where they were before, if that was sent.
 pub(super) type Moved = BTreeMap<BodyId, Option<[f64; 3]>>;
 
+/// A body that moved, as it is now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct News {
+    state: SharedState,
+    /// Where it was before, if that was sent.
+    before: Option<[f64; 3]>,
+}
+
+/// Returns what has become of the bodies that moved, in id order.
+pub(super) fn news(moved: &Moved, latest: &Latest) -> Vec<News> {
+    let of = |(id, &before): (&BodyId, _)| Some(News { state: latest.get(id)?.0, before });
+    moved.iter().filter_map(of).collect()
+}
+
 /// One client's area of interest, and what it was sent.
 #[derive(Clone, Debug)]
 pub(super) struct Audience {
@@ -73,49 +87,77 @@ impl Audience {
 
     /// Returns the states to send: of bodies that moved in the area, of bodies that came into it or left it, and of some that
     /// rest.
-    pub(super) fn batch(&mut self, moved: &Moved, latest: &Latest) -> Vec<SharedState> {
-        let state_of = |id: &BodyId| latest.get(id).map(|&(state, _)| state);
+    pub(super) fn batch(&mut self, moved: &[News], latest: &Latest) -> Vec<SharedState> {
+        let client = self.client;
+        let from = moved.partition_point(|news| news.state.id < BodyId::avatar(client, 0));
+        let own = moved[from..].iter().take_while(|news| news.state.id.client() == Some(client));
         let mut strayed = false;
-        for &id in moved.keys() {
-            if id.client() == Some(self.client)
-                && let Some(state) = state_of(&id)
-            {
-                strayed |= self.follow(id, &state);
-            }
+        for News { state, .. } in own {
+            strayed |= self.follow(state.id, state);
         }
         if strayed {
             self.look(latest);
         }
-        let mut told = BTreeSet::new();
-        for (&id, &before) in moved {
-            let Some(state) = state_of(&id) else { continue };
-            if self.reaches(&state) {
-                self.inside.insert(id);
-                self.stale.remove(&id);
-                told.insert(id);
-            } else if self.inside.remove(&id) {
-                self.owed.insert(id, TIMES);
-            } else if !self.owed.contains_key(&id) && !self.stale.contains_key(&id) {
-                match before {
-                    // The area has come to where the client has it.
-                    Some(before) if self.spans(before) => drop(self.owed.insert(id, TIMES)),
-                    Some(before) => drop(self.stale.insert(id, before)),
-                    // Nobody knows what an earlier leader sent.
-                    None => drop(told.insert(id)),
-                }
-            }
-        }
+        let mut told = self.tell(moved);
         self.pay(&mut told);
         if !moved.is_empty() {
             self.remind(&mut told);
         }
-        told.iter().filter_map(state_of).collect()
+        told.iter().filter_map(|id| latest.get(id)).map(|&(state, _)| state).collect()
+    }
+
+    /// Notes what has become of bodies that moved; returns those to be sent. All lists are in id order: walked side by side, so that
+    /// the many that move where the client does not look cost it no look-up.
+    fn tell(&mut self, moved: &[News]) -> BTreeSet<BodyId> {
+        let (mut inside, mut stale) = (self.inside.iter(), self.stale.keys());
+        let (mut next_inside, mut next_stale) = (inside.next(), stale.next());
+        let (mut told, mut come, mut gone, mut owed, mut strays) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for &News { state, before } in moved {
+            let id = state.id;
+            while next_inside.is_some_and(|&other| other < id) {
+                next_inside = inside.next();
+            }
+            while next_stale.is_some_and(|&other| other < id) {
+                next_stale = stale.next();
+            }
+            let (is_inside, is_stale) = (next_inside == Some(&id), next_stale == Some(&id));
+            if self.reaches_to(&state, is_inside) {
+                told.push(id);
+                if !is_inside || is_stale {
+                    come.push(id);
+                }
+            } else if is_inside {
+                gone.push(id);
+            } else if !is_stale && !self.owed.contains_key(&id) {
+                match before {
+                    // The area has come to where the client has it.
+                    Some(before) if self.spans(before) => owed.push(id),
+                    Some(before) => strays.push((id, before)),
+                    // Nobody knows what an earlier leader sent.
+                    None => told.push(id),
+                }
+            }
+        }
+        for id in come {
+            self.inside.insert(id);
+            self.stale.remove(&id);
+        }
+        for id in &gone {
+            self.inside.remove(id);
+        }
+        self.owed.extend(gone.into_iter().chain(owed).map(|id| (id, TIMES)));
+        self.stale.extend(strays);
+        told.into_iter().collect()
     }
 
     /// Returns whether a body is sent where this state has it.
     pub(super) fn reaches(&self, state: &SharedState) -> bool {
+        self.reaches_to(state, self.inside.contains(&state.id))
+    }
+
+    fn reaches_to(&self, state: &SharedState, is_inside: bool) -> bool {
         let (id, at) = (state.id, state.pose.translation);
-        let is_inside = self.inside.contains(&id);
         let reach = |area: &Area| if is_inside { area.keeps(at) } else { area.enters(at) };
         id.client() == Some(self.client) || reach(&self.area) || self.near.values().any(reach)
     }
@@ -252,7 +294,8 @@ mod tests {
 
         /// Returns the bodies that the client is sent at the end of a tick.
         fn tell(&mut self) -> Vec<BodyId> {
-            let told = self.audience.batch(&std::mem::take(&mut self.moved), &self.latest);
+            let moved = news(&std::mem::take(&mut self.moved), &self.latest);
+            let told = self.audience.batch(&moved, &self.latest);
             self.believed.extend(told.iter().map(|state| (state.id, state.pose.translation)));
             told.iter().map(|state| state.id).collect()
         }

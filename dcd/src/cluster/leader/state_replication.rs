@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
-use super::interest::{Audience, Moved};
+use super::interest::{Audience, Moved, news};
 use crate::protocol::{ContactForce, ContactKey, SharedState, Stamp, ToClient, Touch, WorldEvents};
 use crate::space::{ClientId, Tick};
 
@@ -49,8 +49,9 @@ impl Leader {
             return;
         }
         self.turn_audiences();
+        let news = if self.audiences.is_empty() { Vec::new() } else { news(&moved, &self.latest) };
         for (client, mut audience) in std::mem::take(&mut self.audiences) {
-            let states = audience.batch(&moved, &self.latest);
+            let states = audience.batch(&news, &self.latest);
             self.audiences.insert(client, audience);
             if !states.is_empty() {
                 self.tell(client, self.tick, false, states);

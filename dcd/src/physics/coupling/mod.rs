@@ -39,7 +39,7 @@ use super::settings::{Coupling, StepSettings};
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
 use crate::protocol::BorderMessage;
-use crate::space::{RegionId, Tick};
+use crate::space::{RegionId, RegionSet, Tick};
 
 /// A region with the state of its borders and the messages to its neighbours.
 #[derive(Serialize, Deserialize)]
@@ -82,6 +82,19 @@ impl Side {
     pub(super) fn meet(&mut self, regions: usize, all: bool) {
         let Self { region, border, .. } = self;
         border.neighbours.begin(region, border.predicted.acquainted(), regions, all);
+    }
+
+    /// Returns the regions with which this one exchanges messages in a round: with all neighbours in the last one of a tick, before
+    /// that with those that step as often.
+    pub(super) fn exchanges_with(&self, moment: &Moment<'_>) -> RegionSet {
+        if moment.last {
+            return self.border.neighbours.now();
+        }
+        let own = RegionSet::only(self.region.rank());
+        let pace = &self.border.pace;
+        self.border
+            .neighbours
+            .in_round(|rank| moment.is_due(pace.exchanges_among(own.union(RegionSet::only(rank)))))
     }
 
     /// Forgets which regions hold what, after membership has changed: all that is shared must be announced again.
@@ -186,6 +199,7 @@ impl Border {
     fn remap_ranks(&mut self, region: &Region, ranks: &RankRemap) {
         self.shared.remap_ranks(region, ranks);
         self.predicted.remap_ranks(ranks);
+        self.neighbours.remap_ranks(ranks);
         self.pace.remap_ranks(ranks);
         self.islands.remap_ranks(ranks);
         ranks.list(&mut self.disagreement, || None);

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::physics::outbox::Outbox;
 use crate::physics::partition::Partition;
+use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::{Ownership, Region};
 use crate::space::{RegionSet, Tick};
 
@@ -35,6 +36,9 @@ pub(super) const LOOKAHEAD_TICKS: f32 = MEET_EVERY as f32;
 pub(in crate::physics) struct Neighbours {
     /// Those of the present tick.
     now: RegionSet,
+    /// Those of them that are so for another reason than that all meet; and those that were not so in the tick before.
+    near: RegionSet,
+    fresh: RegionSet,
     /// Regions whose cells are near this one's.
     beside: RegionSet,
     /// Regions that this one has a reason to be a neighbour of, and is not.
@@ -59,12 +63,22 @@ impl Neighbours {
         if std::mem::replace(&mut self.meet, meet) {
             self.asked = std::mem::take(&mut self.asking);
         }
-        self.now = if meet {
-            (0..regions).collect()
-        } else {
-            self.beside.union(self.asked).union(held_with(region)).union(acquainted)
-        };
+        let mut near = self.beside.union(self.asked).union(held_with(region)).union(acquainted);
+        near.remove(region.rank());
+        self.fresh = near.without(std::mem::replace(&mut self.near, near));
+        self.now = if meet { (0..regions).collect() } else { near };
         self.now.remove(region.rank());
+    }
+
+    /// Translates all ranks, after ranks have changed; all regions meet in the next tick.
+    pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
+        *self = Self { wanted: ranks.set(self.wanted), meet: self.meet, ..Self::default() };
+    }
+
+    /// Returns the neighbours of a round before the last of a tick: those for which something is due. One that is new may not know yet
+    /// how many substeps this region takes.
+    pub(super) fn in_round(&self, is_due: impl Fn(usize) -> bool) -> RegionSet {
+        self.near.iter().filter(|&rank| self.fresh.contains(rank) || is_due(rank)).collect()
     }
 
     /// Returns the neighbours of the present tick.

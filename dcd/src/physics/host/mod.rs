@@ -309,19 +309,32 @@ impl RegionHost {
         debug_assert!(self.strangers().next().is_none(), "of neighbours each knows the other");
     }
 
-    /// Returns the pairs of regions here of which only one takes the other for a neighbour.
+    /// Returns the pairs of regions here of which only one takes the other for a neighbour, in any round.
     fn strangers(&self) -> impl Iterator<Item = (RegionId, RegionId)> {
-        let known = |side: &Side, other: &Side| side.border.neighbours.now().contains(other.region.rank());
-        let pairs = self.sides.iter().flat_map(|one| self.sides.iter().map(move |other| (one, other)));
-        let unequal = pairs.filter(move |(one, other)| known(one, other) && !known(other, one));
-        unequal.map(|(one, other)| (one.region.id(), other.region.id()))
+        let settings = self.settings;
+        let rounds = (1..=self.rounds).map(move |round| {
+            let moment = Moment::new(&self.partition, &settings, self.tick.next(), self.rounds, round);
+            self.sides.iter().map(|side| (&side.region, side.exchanges_with(&moment))).collect::<Vec<_>>()
+        });
+        rounds.flat_map(|sides| {
+            let mut unequal = Vec::new();
+            for (one, of_one) in &sides {
+                let strangers = sides.iter().filter(|(other, of_other)| {
+                    of_one.contains(other.rank()) && !of_other.contains(one.rank())
+                });
+                unequal.extend(strangers.map(|(other, _)| (one.id(), other.id())));
+            }
+            unequal
+        })
     }
 
-    /// Returns the regions computed elsewhere with which regions here exchange messages in the present tick, in id order. Theirs do
+    /// Returns the regions computed elsewhere with which regions here exchange messages in the present round, in id order. Theirs do
     /// so with those here.
     pub fn neighbours(&self) -> Vec<RegionId> {
-        let all =
-            self.sides.iter().fold(RegionSet::EMPTY, |all, side| all.union(side.border.neighbours.now()));
+        let settings = self.settings;
+        let moment = Moment::new(&self.partition, &settings, self.tick.next(), self.rounds, self.round);
+        let of = |side: &Side| side.exchanges_with(&moment);
+        let all = self.sides.iter().map(of).fold(RegionSet::EMPTY, RegionSet::union);
         let leaves = self.partition.leaves();
         all.iter().filter(|&rank| self.place_of[rank].is_none()).map(|rank| leaves[rank]).collect()
     }
@@ -355,18 +368,19 @@ impl RegionHost {
 
     fn exchange_here(&mut self) -> Result<(), HostError> {
         if self.partition.len() > 1 {
-            debug_assert!(
-                self.sides.iter().all(|side| {
-                    side.outbox.letters().all(|(rank, _)| side.border.neighbours.now().contains(rank))
-                }),
-                "a region sends to its neighbours"
-            );
             let outboxes: Vec<_> =
                 self.sides.iter_mut().map(|side| std::mem::take(&mut side.outbox)).collect();
             let ground = Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
             let (incoming, place_of, settings) = (&self.incoming, &self.place_of, self.settings);
             let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
             let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
+            debug_assert!(
+                self.sides.iter().zip(&outboxes).all(|(side, outbox)| {
+                    let neighbours = side.exchanges_with(&moment);
+                    outbox.letters().all(|(rank, _)| neighbours.contains(rank))
+                }),
+                "a region sends to its neighbours"
+            );
             let failure = std::sync::Mutex::new(None);
             let mut inboxes = vec![Vec::new(); self.sides.len()];
             let here = outboxes.iter().flat_map(Outbox::letters);

@@ -469,3 +469,31 @@ fn an_avatar_that_is_sent_to_the_other_end_of_the_world_gets_there_and_all_nodes
     assert_eq!((summary.lost, summary.doubled), (0, 0));
     nodes.into_iter().for_each(|node| drop(node.finish().unwrap()));
 }
+
+#[test]
+fn a_node_that_others_cannot_reach_stops_nobody() {
+    let (server, _data) = serve(&rain(), 4, 2, Pace::RealTime, None);
+    let nodes: Vec<_> = (0..2).map(|_| start_node(&server)).collect();
+    assert!(server.wait(LIMIT, |summary, _| summary.tick >= Tick(60)));
+    let views = server.summary().views;
+    let token = server.token(JoinRole::Node, LIMIT).unwrap();
+    let identity = JoinConfig::new(server.address, token).join(JoinRole::Node).unwrap();
+    // Nobody listens there.
+    let nowhere = Some(([127, 0, 0, 1], 9).into());
+    let stranger =
+        Member::start(MemberConfig { advertise: nowhere, ..MemberConfig::new(server.address, identity) })
+            .unwrap();
+    // It computes the world by itself, while the others go on in the membership that they have.
+    let alone = stranger.who.node().unwrap();
+    let begins = std::time::Instant::now();
+    while stranger.summary().regions < 4 {
+        assert!(begins.elapsed() < LIMIT, "{alone:?} computes nothing");
+        let tick = server.summary().tick.0;
+        assert!(server.wait(LIMIT, |summary, _| summary.tick.0 >= tick + 6), "the world goes on");
+        assert_eq!(server.summary().views, views);
+        assert!(server.view().unwrap().members.iter().all(|member| member.node != alone));
+    }
+    assert_eq!(server.stop().lost, 0);
+    drop(stranger.finish());
+    nodes.into_iter().for_each(|node| drop(node.finish().unwrap()));
+}

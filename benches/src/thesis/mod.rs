@@ -70,8 +70,6 @@ pub(crate) struct Row {
     leader_ms: f64,
     members_ms: f64,
     slowest_ms: f64,
-    /// In the physics alone, mean of all members.
-    compute_ms: f64,
     /// By the clock.
     wall_ms: f64,
     /// Sent by a member in a tick.
@@ -175,7 +173,6 @@ fn row(objects: usize, nodes: usize, groups: &[Group], collisions: f64) -> Row {
         leader_ms: mean(&leader),
         members_ms: members(|member| member.cpu_ms),
         slowest_ms: mean(&|group| group.members.iter().map(|member| member.cpu_ms).fold(0.0, f64::max)),
-        compute_ms: members(|member| member.compute_ms),
         wall_ms: members(|member| member.wall_ms),
         messages: members(|member| member.messages),
         bytes: members(|member| member.bytes),

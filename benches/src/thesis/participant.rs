@@ -33,9 +33,8 @@ pub(crate) struct ThesisParticipant {
 pub(super) struct Report {
     pub(super) node: u32,
     pub(super) ticks: u64,
-    /// Milliseconds a tick: of the processor, on all threads; of those in the physics alone; by the clock.
+    /// Milliseconds a tick: of the processor, on all threads; by the clock.
     pub(super) cpu_ms: f64,
-    pub(super) compute_ms: f64,
     pub(super) wall_ms: f64,
     /// Messages and bytes sent, a tick.
     pub(super) messages: f64,
@@ -102,14 +101,10 @@ impl ThesisParticipant {
         let first = first.ok_or("the world ended before it had begun")?;
         let ticks = last.tick.saturating_sub(first.tick).max(1);
         let per_tick = |value: f64| value / ticks as f64;
-        let computed = &summary.compute_us[summary.compute_us.len().saturating_sub(ticks as usize)..];
         let report = Report {
             node,
             ticks,
             cpu_ms: per_tick(last.cpu_ms - first.cpu_ms),
-            compute_ms: computed.iter().map(|&us| f64::from(us)).sum::<f64>()
-                / 1e3
-                / computed.len().max(1) as f64,
             wall_ms: per_tick((last.at - first.at).as_secs_f64() * 1e3),
             messages: per_tick((last.messages - first.messages) as f64),
             bytes: per_tick((last.bytes - first.bytes) as f64),

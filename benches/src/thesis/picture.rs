@@ -51,7 +51,7 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
         panels: vec![
             panel("Scale-up by the slowest member", "times", ups),
             panel("A tick of the slowest member", "ms", ours(&|row| Some(row.slowest_ms))),
-            panel("Of it physics, mean of members", "ms", ours(&|row| Some(row.compute_ms))),
+            panel("A tick of the leader", "ms", ours(&|row| Some(row.leader_ms))),
             panel(
                 "Messages sent by a member in a tick",
                 "messages",

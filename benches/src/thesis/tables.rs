@@ -99,7 +99,6 @@ fn groups(rows: &[Measured<Row>]) -> String {
             row.nodes.to_string(),
             theirs(step_ms),
             [row.members_ms, row.slowest_ms, row.leader_ms].map(short).join(", "),
-            short(row.compute_ms),
             theirs(up),
             theirs(scale_up(rows, row)),
             short(row.messages),
@@ -114,7 +113,6 @@ fn groups(rows: &[Measured<Row>]) -> String {
         "nodes",
         "thesis, ms",
         "ours, ms: mean, slowest, leader",
-        "of it physics",
         "thesis, scale-up",
         "ours, by the slowest",
         "messages a tick",
@@ -153,17 +151,10 @@ fn beyond(rows: &[Measured<Row>]) -> String {
             row.objects.to_string(),
             row.nodes.to_string(),
             [row.members_ms, row.slowest_ms, row.leader_ms].map(short).join(", "),
-            short(row.compute_ms),
             theirs(scale_up(rows, row)),
         ]
     });
-    let head = [
-        "more cubes",
-        "nodes",
-        "ours, ms: mean, slowest, leader",
-        "of it physics",
-        "scale-up by the slowest",
-    ];
+    let head = ["more cubes", "nodes", "ours, ms: mean, slowest, leader", "scale-up by the slowest"];
     markdown_table(&head, lines)
 }
 
@@ -180,7 +171,6 @@ mod tests {
             leader_ms,
             members_ms,
             slowest_ms,
-            compute_ms: 0.1,
             wall_ms: 1.0,
             messages: 8.0,
             bytes: 900.0,

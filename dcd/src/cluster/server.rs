@@ -129,6 +129,8 @@ pub enum ServerOutput {
     Dissolved(GroupId),
     /// A node was expelled from its view: it could not be reached, or is to be in another group.
     Expelled(NodeId),
+    /// A node that is new, or begins anew, and that some members do not reach: it computes the world by itself until they do.
+    Unreached(NodeId),
     /// An audit of what all members together own, when the world is to end; over all groups.
     Audited {
         /// Bodies of the world that no node owns.

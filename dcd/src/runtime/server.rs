@@ -434,6 +434,11 @@ impl Loop {
                 }
                 ServerOutput::Dissolved(group) => info!(%group, "a group is no more"),
                 ServerOutput::Expelled(node) => warn!(%node, "the world goes on without a node"),
+                ServerOutput::Unreached(node) => warn!(
+                    %node,
+                    "other nodes do not reach a new one at the address that it gave: it computes the world by itself until they do; \
+                     check its --advertise, and what is between"
+                ),
                 ServerOutput::Began { group, view } if group != self.server().main_group() => {
                     info!(%group, view = view.number.0, members = view.members.len(), "a view begins");
                 }

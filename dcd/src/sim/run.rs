@@ -283,6 +283,7 @@ impl Sim {
                     }
                     self.note(|| format!("{node} is expelled"));
                 }
+                ServerOutput::Unreached(node) => self.note(|| format!("{node} is not reached by all")),
                 ServerOutput::Audited { .. } | ServerOutput::Ended | ServerOutput::Suspended => {}
             }
         }

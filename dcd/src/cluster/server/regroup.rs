@@ -49,15 +49,26 @@ impl Server {
         GroupRules { threshold_ms, max_size, policy }
     }
 
-    /// Returns the delay from one node to another, as far as groups depend on it: if they do not, a node that is not known to
-    /// be out of reach is near.
+    /// Returns the delay from one node to another, as far as groups depend on it. If they do not, those are near that reach each other;
+    /// before the world has begun also those of which it is not known.
     fn delay_ms(&self, from: NodeId, to: NodeId) -> Option<f64> {
-        let unknown = match self.common.config.world.thresholds.delay {
-            None => Some(0.0),
-            Some(_) => None,
-        };
         let told = self.common.nodes.get(&from).and_then(|entry| entry.delays.get(&to));
-        told.map_or(unknown, |delay| delay.map(f64::from))
+        match self.common.config.world.thresholds.delay {
+            Some(_) => told.copied().flatten().map(f64::from),
+            None if self.common.begun => self.reaches(from, to).then_some(0.0),
+            None => told.map_or(Some(0.0), |delay| delay.map(f64::from)),
+        }
+    }
+
+    /// Returns whether two nodes are known to reach each other. One side's word is enough: what the other once said may have been
+    /// forgotten with a rejoin.
+    fn reaches(&self, a: NodeId, b: NodeId) -> bool {
+        let told =
+            |of: NodeId, to: NodeId| self.common.nodes.get(&of).and_then(|entry| entry.delays.get(&to));
+        match (told(a, b), told(b, a)) {
+            (Some(None), _) | (_, Some(None)) | (None, None) => false,
+            (Some(Some(_)), _) | (_, Some(Some(_))) => true,
+        }
     }
 
     /// Returns whether all is known that a node's group depends on, or it took too long to find out.
@@ -65,6 +76,12 @@ impl Server {
         let Some(entry) = self.common.nodes.get(&node) else { return false };
         let others = self.common.nodes.iter().filter(|&(&other, entry)| entry.linked && other != node);
         let by_delay = self.common.config.world.thresholds.delay.is_some();
+        if !by_delay && self.common.begun {
+            // A member that nobody reaches would stop the world: first it must be reached.
+            let mut members = others.filter(|(_, entry)| entry.group.is_some());
+            return entry.in_group_since + MEASURE <= self.common.now
+                || members.all(|(&other, _)| self.reaches(node, other));
+        }
         let knows = |from: NodeId, to: NodeId| match self.common.nodes[&from].delays.get(&to) {
             None => !by_delay,
             // Its link may be on its way back.
@@ -108,7 +125,12 @@ impl Server {
                 Some(group) => group,
                 // Whom the world waits for.
                 None if !members.contains_key(&self.main) => self.main,
-                None => self.new_group(),
+                None => {
+                    if self.common.config.world.thresholds.delay.is_none() {
+                        self.common.outputs.push_back(ServerOutput::Unreached(node));
+                    }
+                    self.new_group()
+                }
             };
             self.put(node, group);
         }
@@ -144,16 +166,10 @@ impl Server {
         members.retain(|id, _| is_calm(id));
         let rank = |id: &GroupId| (members[id].len(), *id == self.main, std::cmp::Reverse(*id));
         let Some(largest) = members.keys().copied().max_by_key(|id| rank(id)) else { return };
-        // One side's word is enough: what the other once said may have been forgotten with a rejoin.
-        let told = |of: NodeId, to: NodeId| self.common.nodes[&of].delays.get(&to).copied();
-        let reaches = |a: NodeId, b: NodeId| match (told(a, b), told(b, a)) {
-            (Some(None), _) | (_, Some(None)) | (None, None) => false,
-            (Some(Some(_)), _) | (_, Some(Some(_))) => true,
-        };
         let returning =
             members.iter().filter(|(id, _)| **id != largest).flat_map(|(_, nodes)| nodes).find(|&&node| {
                 self.common.nodes[&node].in_group_since + APART <= now
-                    && members[&largest].iter().all(|&other| reaches(node, other))
+                    && members[&largest].iter().all(|&other| self.reaches(node, other))
             });
         if let Some(&node) = returning
             && members[&largest].len() < self.common.config.grouping.max_size

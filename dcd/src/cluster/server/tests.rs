@@ -215,7 +215,8 @@ fn what_was_said_of_a_node_that_came_anew_is_forgotten() {
         1,
         Message::ToServer(ToServer::Delays(vec![Delay { node: NodeId(2), delay_ms: None }])),
     );
-    let outputs = hello(&mut server, 2, VERSION);
+    let mut outputs = hello(&mut server, 2, VERSION);
+    outputs.extend(reaches(&mut server, 2, 1));
     let outputs = obey(&mut server, 2, outputs);
     obey(&mut server, 1, outputs);
     assert_eq!(server.view().map(|view| view.members.len()), Some(2));
@@ -226,7 +227,8 @@ fn what_was_said_of_a_node_that_came_anew_is_forgotten() {
 fn a_member_that_the_server_misses_too_goes_at_once() {
     let mut server = server();
     for node in [1, 2] {
-        let outputs = hello(&mut server, node, VERSION);
+        let mut outputs = hello(&mut server, node, VERSION);
+        outputs.extend(reaches(&mut server, node, 3 - node));
         let outputs = obey(&mut server, node, outputs);
         obey(&mut server, 1, outputs);
     }
@@ -301,11 +303,42 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     assert_eq!(server.poll_output(), None, "it ends once");
 }
 
+/// A node says that it reaches another.
+fn reaches(server: &mut Server, node: u32, other: u32) -> Vec<ServerOutput> {
+    let delays = vec![Delay { node: NodeId(other), delay_ms: Some(1.0) }];
+    tell(server, node, Message::ToServer(ToServer::Delays(delays)))
+}
+
+#[test]
+fn who_is_not_reached_is_no_member_and_does_not_stop_the_world() {
+    for (says, members) in [(Some(1.0), 2), (None, 1)] {
+        let mut server = server();
+        for node in [1, 2] {
+            let outputs = hello(&mut server, node, VERSION);
+            let outputs = obey(&mut server, node, outputs);
+            obey(&mut server, 1, outputs);
+        }
+        let members_of = |server: &Server| server.view().unwrap().members.len();
+        assert_eq!(members_of(&server), 1, "nobody has reached it yet");
+        let delays = vec![Delay { node: NodeId(2), delay_ms: says }];
+        let outputs = tell(&mut server, 1, Message::ToServer(ToServer::Delays(delays)));
+        obey(&mut server, 1, outputs);
+        let mut said = Vec::new();
+        for tenth in 1..=30 {
+            server.handle_timeout(Duration::from_millis(100 * tenth));
+            said.extend(std::iter::from_fn(|| server.poll_output()));
+        }
+        assert_eq!(members_of(&server), members, "{said:?}");
+        assert_eq!(said.contains(&ServerOutput::Unreached(NodeId(2))), members == 1, "{said:?}");
+    }
+}
+
 /// Returns a server whose nodes 1 and 2 compute the world.
 fn server_of_two() -> Server {
     let mut server = server();
     for node in [1, 2] {
-        let outputs = hello(&mut server, node, VERSION);
+        let mut outputs = hello(&mut server, node, VERSION);
+        outputs.extend(reaches(&mut server, node, 3 - node));
         let outputs = obey(&mut server, node, outputs);
         obey(&mut server, 1, outputs);
     }

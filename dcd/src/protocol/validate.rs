@@ -603,9 +603,9 @@ impl Check for ToServer {
     fn check(&self) -> Result<(), Invalid> {
         match self {
             Self::Settling { dispatches, .. } => all(dispatches),
-            Self::Survey { claims, tree, allocation, .. } => {
+            Self::Survey { claims, division, .. } => {
                 ascending(claims, |claim| claim.id, "survey.claims")?;
-                suits(allocation, tree)
+                division.iter().try_for_each(|(tree, allocation)| suits(allocation, tree))
             }
             Self::Repartitioned { tree, allocation, .. } => suits(allocation, tree),
             Self::Found { bodies, .. } | Self::Removed { bodies, .. } => all(bodies),

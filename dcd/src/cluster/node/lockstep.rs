@@ -231,9 +231,9 @@ impl Node {
                     && self.asked == Some(change.view)
                 {
                     let (view, tick) = (change.view, self.tick);
-                    let present = self.view.as_ref().map(|view| (view.tree.clone(), view.allocation.clone()));
-                    let (tree, allocation) = present.expect("only members are surveyed");
-                    self.send_server(ToServer::Survey { view, tick, tree, allocation, claims });
+                    let division =
+                        self.view.as_ref().map(|view| (view.tree.clone(), view.allocation.clone()));
+                    self.send_server(ToServer::Survey { view, tick, division, claims });
                 }
             }
             PhysicsEvent::Found(bodies) => {

@@ -153,8 +153,8 @@ impl Group {
             ToServer::Settling { view, dispatches } if Some(view) == coming => {
                 return self.settling(common, node, dispatches);
             }
-            ToServer::Survey { view, tick, tree, allocation, claims } if Some(view) == coming => {
-                return self.surveyed(common, node, tick, (tree, allocation), claims);
+            ToServer::Survey { view, tick, division, claims } if Some(view) == coming => {
+                return self.surveyed(common, node, tick, division, claims);
             }
             ToServer::Found { view, bodies, last } if Some(view) == coming => {
                 return self.found(common, node, bodies, last);

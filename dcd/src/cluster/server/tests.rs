@@ -85,7 +85,7 @@ fn the_world_begins_when_enough_nodes_have_loaded_it() {
 fn survey(server: &Server, view: ViewNumber, tick: u64, claims: Vec<Claim>) -> ToServer {
     let tree = server.common.config.world.tree.clone();
     let allocation = tree.leaves().map(|region| (region, NodeId(1))).collect();
-    ToServer::Survey { view, tick: Tick(tick), tree, allocation, claims }
+    ToServer::Survey { view, tick: Tick(tick), division: Some((tree, allocation)), claims }
 }
 
 /// Answers of a node that computes nothing, until it is asked no more; what else was wanted.

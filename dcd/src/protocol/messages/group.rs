@@ -131,10 +131,9 @@ pub enum ToServer {
         view: ViewNumber,
         /// The last completed tick.
         tick: Tick,
-        /// The tree after that tick, the same at all members.
-        tree: DistributionTree,
-        /// Which member computes each region, the same at all members.
-        allocation: Allocation,
+        /// The tree after that tick, and which member computes each region, the same at all members. `None`: the node has begun anew
+        /// since the server took it for a member.
+        division: Option<(DistributionTree, Allocation)>,
         /// Every owned body, in id order.
         claims: Vec<Claim>,
     },

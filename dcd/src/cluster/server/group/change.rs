@@ -137,14 +137,14 @@ impl Group {
         common: &mut Common,
         node: NodeId,
         tick: Tick,
-        division: (DistributionTree, Allocation),
+        division: Option<(DistributionTree, Allocation)>,
         claims: Vec<Claim>,
     ) -> bool {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.surveys.contains_key(&node) => {
                 change.at = common.now;
                 change.surveys.insert(node, claims);
-                change.division.get_or_insert(division);
+                change.division = change.division.take().or(division);
                 self.tick = self.tick.max(tick);
                 self.plan(common);
                 true

@@ -39,9 +39,9 @@ pub(in crate::physics) struct Neighbours {
     /// Those of them that are so for another reason than that all meet; and those that were not so in the tick before.
     near: RegionSet,
     fresh: RegionSet,
-    /// Regions whose cells are near this one's.
+    /// Regions whose cells are near this one's, itself among them.
     beside: RegionSet,
-    /// Regions that this one has a reason to be a neighbour of, and is not.
+    /// Regions that this one has a reason to be a neighbour of, besides those.
     wanted: RegionSet,
     /// Whether all regions meet in the present tick, and who asked whom there: this region others, or others it.
     meet: bool,
@@ -86,16 +86,21 @@ impl Neighbours {
         self.now
     }
 
-    /// Returns those of these regions that are neighbours, or the region of this rank itself; the others are asked for.
+    /// Returns those of these regions that are neighbours, or the region of this rank itself. All that are not neighbours for good are
+    /// asked for: those that were asked for already, too, for as long as they are needed.
     pub(super) fn reached(&mut self, own: usize, regions: RegionSet) -> RegionSet {
-        let reached = regions.intersection(self.now.union(RegionSet::only(own)));
-        self.want(regions.without(reached));
-        reached
+        self.want(regions);
+        regions.intersection(self.now.union(RegionSet::only(own)))
+    }
+
+    /// Returns whether any of so many regions is not a neighbour for good.
+    pub(super) fn has_strangers(&self, regions: usize) -> bool {
+        self.beside.len() < regions
     }
 
     /// Notes regions that are to be neighbours from the next meeting on.
     pub(super) fn want(&mut self, regions: RegionSet) {
-        self.wanted = self.wanted.union(regions);
+        self.wanted = self.wanted.union(regions.without(self.beside));
     }
 
     /// Asks, if all regions meet, those that are wanted.
@@ -131,12 +136,15 @@ fn held_with(region: &Region) -> RegionSet {
 mod tests {
     use rapier3d::prelude::*;
 
+    use super::{Neighbours, meet_in};
     use crate::physics::host::processes::Processes;
+    use crate::physics::outbox::Outbox;
+    use crate::physics::region::Region;
     use crate::physics::{Coupling, RegionHost};
     use crate::protocol::WorldPose;
     use crate::runtime::WorldConfig;
     use crate::scene::Scene;
-    use crate::space::{BodyId, Bounds};
+    use crate::space::{BodyId, Bounds, Cell, RegionId, RegionSet, Tick};
 
     const REGIONS: usize = 12;
 
@@ -162,6 +170,27 @@ mod tests {
         push([-70.0, 6.0, 0.0], platform, ColliderBuilder::cuboid(30.0, 0.2, 2.0));
         scene.bounds = Bounds::new([-120.0, -1.0, -5.0], [120.0, 9.0, 5.0]);
         scene
+    }
+
+    #[test]
+    fn who_is_asked_for_stays_a_neighbour_as_long_as_there_is_a_reason() {
+        let part = Bounds::around([0.0; 3], [1.0; 3]);
+        let region = Region::new(RegionId(0), 0, Cell::EVERYWHERE, &part, [0.0; 3]);
+        let mut neighbours = Neighbours { beside: RegionSet::only(0), ..Neighbours::default() };
+        let mut outbox = Outbox::new(RegionId(0), (0..9).map(RegionId).collect());
+        let is_neighbour = (0..48).map(|tick| {
+            neighbours.begin(&region, RegionSet::EMPTY, 9, meet_in(Tick(tick)));
+            let now = neighbours.now().contains(5);
+            if (1..30).contains(&tick) {
+                assert_eq!(neighbours.reached(0, RegionSet::only(5)).contains(5), now);
+            }
+            neighbours.ask(0, &mut outbox);
+            now
+        });
+        let is_neighbour: Vec<_> = is_neighbour.collect();
+        assert!(is_neighbour[1..8].iter().all(|now| !now), "not met yet");
+        assert!(is_neighbour[8..=40].iter().all(|now| *now), "{is_neighbour:?}");
+        assert!(is_neighbour[41..].iter().all(|now| !now), "no reason any more");
     }
 
     #[test]

@@ -247,8 +247,8 @@ fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
 /// Decides on one body. Returns it with its new owner if it is to be transferred at once.
 fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(BodyRef, usize)> {
     let Side { region, border, outbox } = side;
-    let (desired, strangers) = desired_membership(region, border, moment, link.handle);
-    border.neighbours.want(strangers);
+    let (desired, wanted) = desired_membership(region, border, moment, link.handle);
+    border.neighbours.want(wanted);
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
     let away = note_away(region, link, desired.owner, moment);
@@ -325,7 +325,7 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(Body
     None
 }
 
-/// Returns what a body should have by the neighbours of this tick, and the regions that it should have too and cannot.
+/// Returns what a body should have by the neighbours of this tick, and the regions that it should have whether they are or not.
 fn desired_membership(
     region: &Region,
     border: &Border,
@@ -358,14 +358,14 @@ fn desired_membership(
     let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
     let all = border.reach.of(handle).union(met).without(own);
     let reached = all.intersection(neighbours);
-    let strangers = all.union(RegionSet::only(goal)).without(neighbours).without(own);
+    let wanted = all.union(RegionSet::only(goal));
     let lively = island.is_some_and(|island| island.large)
         && region.slot(handle).assembly.is_none()
         && body.linvel().length() > LIVELY_M_S;
     let there = if lively { RegionSet::EMPTY } else { RegionSet::only(owner) };
     let holders = reached.union(there).without(own);
     let split = splits(border, moment, id, handle);
-    (Desired { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }, strangers)
+    (Desired { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }, wanted)
 }
 
 /// Notes that a body is due to move to another region; returns for how many ticks it has been so before.

@@ -385,7 +385,7 @@ pub(super) fn show(
     moment: Moment<'_>,
 ) {
     let own = RegionSet::only(region.rank());
-    let has_strangers = neighbours.now().len() + 1 < moment.partition.len();
+    let has_strangers = neighbours.has_strangers(moment.partition.len());
     let mut extent: Option<Bounds> = None;
     let fast: Vec<_> = predicted.seen.iter().map(|nearby| fast_bounds(nearby, predicted.tick_s)).collect();
     for near in &predicted.near {

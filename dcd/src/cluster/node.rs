@@ -150,6 +150,8 @@ pub struct Node {
     leader: Option<Leader>,
     /// What clients sent before this node leads.
     inputs: Vec<(ClientId, FromClient)>,
+    /// What nodes that are no members yet passed on of their clients.
+    early_words: Vec<(NodeId, ClientId, FromClient)>,
     /// The newest interest of the client in this process.
     interest: Option<FromClient>,
     links: BTreeSet<Peer>,
@@ -235,6 +237,7 @@ impl Node {
             early: BTreeMap::new(),
             leader: None,
             inputs: Vec::new(),
+            early_words: Vec::new(),
             interest: None,
             links: BTreeSet::new(),
             link: Links::default(),

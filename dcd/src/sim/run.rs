@@ -328,7 +328,8 @@ impl Sim {
                             load.regions.iter_mut().for_each(|region| region.step_us *= times);
                         }
                         let takes = self.config.physics.draw(&mut self.random).mul_f64(times);
-                        let time = self.now + takes;
+                        let time = self.now.max(process.physics_until) + takes;
+                        process.physics_until = time;
                         self.network.physics(time, id, event);
                     }
                 }

@@ -83,6 +83,8 @@ impl Default for SimConfig {
 pub(super) struct NodeProcess {
     pub(super) machine: Node,
     pub(super) physics: Box<dyn Engine>,
+    /// When its last answer comes: it does one thing after the other.
+    pub(super) physics_until: Duration,
     /// The client in the same process.
     pub(super) client: Option<ClientId>,
 }
@@ -276,7 +278,10 @@ impl Sim {
             checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),
         });
-        self.nodes.insert(id, NodeProcess { machine, physics: (self.engine)(), client });
+        self.nodes.insert(
+            id,
+            NodeProcess { machine, physics: (self.engine)(), physics_until: Duration::ZERO, client },
+        );
         self.host(Peer::Node(id), self.now.is_zero());
         self.network.dial(self.now, Peer::Node(id), Peer::Server);
         id

@@ -41,10 +41,14 @@ impl Node {
             }),
             Peer::Server => true,
         };
-        if speaks_for {
-            self.lead_client(client, message);
-        } else {
-            self.counters.refused += 1;
+        let changes = self.view.is_none() || self.change.is_some();
+        match from {
+            _ if speaks_for => self.lead_client(client, message),
+            // It may be a member of the coming view, which has begun there.
+            Peer::Node(node) if changes && self.early_words.len() < EARLY_INPUTS => {
+                self.early_words.push((node, client, message));
+            }
+            _ => self.counters.refused += 1,
         }
     }
 
@@ -73,6 +77,11 @@ impl Node {
         for (client, message) in std::mem::take(&mut self.inputs) {
             if self.leader.is_some() {
                 self.lead_client(client, message);
+            }
+        }
+        for (node, client, message) in std::mem::take(&mut self.early_words) {
+            if self.leader.is_some() {
+                self.hear_client(Peer::Node(node), client, message);
             }
         }
     }

@@ -335,3 +335,68 @@ fn when_the_view_changes_all_that_is_on_its_way_arrives_and_once() {
     let outputs = change_view(&mut node, 3);
     assert!(matches!(outputs[..], [NodeOutput::Physics(PhysicsCommand::Survey)]), "{outputs:?}");
 }
+
+#[test]
+fn who_began_anew_and_is_still_taken_for_a_member_is_surveyed_without_a_view() {
+    let mut node = member();
+    server(&mut node, ToNode::Welcome { id: NodeId(2), world: sim_world(2) });
+    let (view, survivors) = (ViewNumber(2), vec![NodeId(1), NodeId(2)]);
+    server(&mut node, ToNode::Settle { view });
+    server(&mut node, ToNode::Finish { view, dispatches: vec![], survivors });
+    drain(&mut node);
+    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Surveyed(vec![])));
+    let said = drain(&mut node);
+    let is_survey = |output: &NodeOutput| {
+        matches!(
+            output,
+            NodeOutput::Send { message: Message::ToServer(ToServer::Survey { division: None, .. }), .. }
+        )
+    };
+    assert!(said.iter().any(is_survey), "{said:?}");
+}
+
+#[test]
+fn border_messages_go_to_members_with_neighbours_and_only_theirs_are_waited_for() {
+    let mut node = member();
+    border(&mut node, 1, 0, vec![]);
+    settle(&mut node);
+    let from = Peer::Node(NodeId(1));
+    node.handle(NOW, NodeEvent::Message { from, message: Message::Dispatch(dispatch(1, vec![])) });
+    drain(&mut node);
+    let alone = PhysicsEvent::Computed { outgoing: vec![], neighbours: vec![], removed: vec![] };
+    node.handle(NOW, NodeEvent::Physics(alone));
+    let said = drain(&mut node);
+    let is_border =
+        |output: &NodeOutput| matches!(output, NodeOutput::Send { message: Message::Border(_), .. });
+    assert!(!said.iter().any(is_border), "{said:?}");
+    let goes_on = |output: &NodeOutput| matches!(output, NodeOutput::Physics(PhysicsCommand::Accept { .. }));
+    assert!(said.iter().any(goes_on), "nobody is waited for: {said:?}");
+}
+
+#[test]
+fn the_interest_of_a_participant_that_begins_the_view_before_its_leader_is_not_lost() {
+    let (mut node, client) = (member(), ClientId(5));
+    let area = crate::protocol::Area { centre: [0.0; 3], radius_m: 3.0 };
+    let interest = || NodeEvent::Message {
+        from: Peer::Node(NodeId(3)),
+        message: Message::FromClient(client, FromClient::Interest(Some(area))),
+    };
+    node.handle(NOW, interest());
+    assert_eq!(node.counters().refused, 1, "it is no member, and none is to come");
+    border(&mut node, 1, 0, vec![]);
+    settle(&mut node);
+    let view = ViewNumber(2);
+    server(&mut node, ToNode::Settle { view });
+    node.handle(NOW, interest());
+    let survivors = vec![NodeId(1), NodeId(2)];
+    server(&mut node, ToNode::Finish { view, dispatches: vec![], survivors });
+    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Surveyed(vec![])));
+    let member = |id, client| Member { node: NodeId(id), address: ([127, 0, 0, 1], 1).into(), client };
+    let present = node.view().unwrap().clone();
+    let members = vec![member(1, None), member(2, None), member(3, Some(client))];
+    let view = View { number: view, leader: NodeId(2), members, ..present };
+    server(&mut node, ToNode::Adopt { view, drop: vec![] });
+    assert_eq!(node.counters().refused, 1);
+    let handed_on = node.leader.clone().unwrap().into_inputs();
+    assert_eq!(handed_on, [(client, FromClient::Interest(Some(area)))]);
+}

@@ -51,7 +51,7 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
         panels: vec![
             panel("Scale-up by the slowest member", "times", ups),
             panel("A tick of the slowest member", "ms", ours(&|row| Some(row.slowest_ms))),
-            panel("A tick of the leader", "ms", ours(&|row| Some(row.leader_ms))),
+            panel("A tick of a member, mean", "ms", ours(&|row| Some(row.members_ms))),
             panel(
                 "Messages sent by a member in a tick",
                 "messages",

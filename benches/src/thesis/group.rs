@@ -14,13 +14,13 @@ use super::participant::Report;
 
 const LIMIT: Duration = Duration::from_secs(300);
 
-/// What one group did.
+/// The reports of one group.
 pub(super) struct Group {
     pub(super) leader: u32,
     pub(super) members: Vec<Report>,
 }
 
-/// How long a group runs: both have to be over.
+/// The length of a run: it ends when both are over.
 #[derive(Clone, Copy)]
 pub(super) struct Length {
     pub(super) ticks: u64,

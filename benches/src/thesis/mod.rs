@@ -46,7 +46,7 @@ pub(crate) struct Thesis {
     /// Where the results go [default: benches/results; with `--quick` a temporary folder].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// How often each group is run; the mean counts, as in the thesis.
+    /// Runs each group so often; the mean counts, as in the thesis.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
     /// Only worlds of so many cubes; rows of others stay in the file. May be given several times.

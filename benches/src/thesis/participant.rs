@@ -28,7 +28,7 @@ pub(crate) struct ThesisParticipant {
     at: Vec<f64>,
 }
 
-/// What a participant says when the world has ended.
+/// The report of a participant when the world has ended.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Report {
     pub(super) node: u32,
@@ -42,11 +42,11 @@ pub(super) struct Report {
     /// Copies of other regions' bodies, mean, and exchanges a tick.
     pub(super) replicas: f64,
     pub(super) exchanges: f64,
-    /// How far copies disagreed at most, m/s.
+    /// The largest disagreement of copies, m/s.
     pub(super) disagreement_m_s: f32,
 }
 
-/// What has been used up to a tick.
+/// The processor time and traffic used up to a tick.
 #[derive(Clone, Copy)]
 struct Reading {
     tick: u64,

@@ -79,6 +79,7 @@ fn find_changes(
     changes: &mut Vec<HolderChange>,
 ) {
     let inner = Inner::of(region, partition);
+    let looks_ahead = neighbours.has_strangers(partition.len());
     let mut assemblies = Vec::new();
     for handle in handles {
         let slot = region.slot(handle);
@@ -94,7 +95,7 @@ fn find_changes(
             region.rest_until(handle, tick.0 as u32 + rest);
             continue;
         }
-        let near = Near::of(region, partition, handle, dt_s);
+        let near = Near::of(region, partition, handle, dt_s, looks_ahead);
         let com = region.physics().bodies[handle].center_of_mass();
         let centre = convert::world_point(region.anchor(), com);
         let link = BodyRef { id: slot.id, handle };
@@ -130,9 +131,11 @@ fn look_at_assembly(
         }
         return;
     }
+    let looks_ahead = neighbours.has_strangers(partition.len());
     let near = members
         .iter()
-        .fold(Near::default(), |near, link| near.union(Near::of(region, partition, link.handle, dt_s)));
+        .map(|link| Near::of(region, partition, link.handle, dt_s, looks_ahead))
+        .fold(Near::default(), Near::union);
     // The lowest member leads: where it goes, all go.
     let lead = region.physics().bodies[members[0].handle].center_of_mass();
     let owner = new_owner(region, partition, convert::world_point(region.anchor(), lead));
@@ -243,12 +246,18 @@ impl Inner {
 struct Near {
     within_halo: RegionSet,
     within_hysteresis: RegionSet,
-    /// Those whose halo it may touch before all regions meet again.
+    /// Those whose halo it may touch before all regions meet again; none where all are neighbours for good.
     soon: RegionSet,
 }
 
 impl Near {
-    fn of(region: &Region, partition: &Partition, handle: RigidBodyHandle, dt_s: f32) -> Self {
+    fn of(
+        region: &Region,
+        partition: &Partition,
+        handle: RigidBodyHandle,
+        dt_s: f32,
+        looks_ahead: bool,
+    ) -> Self {
         let slot = region.slot(handle);
         let body = &region.physics().bodies[handle];
         let travel_m = f64::from(body.linvel().length() * dt_s);
@@ -262,7 +271,11 @@ impl Near {
         Self {
             within_halo: partition.touching(&halo),
             within_hysteresis: partition.touching(&halo.grown(HALO_HYSTERESIS_M)),
-            soon: partition.touching(&halo.grown(f64::from(LOOKAHEAD_TICKS) * travel_m)),
+            soon: if looks_ahead {
+                partition.touching(&halo.grown(f64::from(LOOKAHEAD_TICKS) * travel_m))
+            } else {
+                RegionSet::EMPTY
+            },
         }
     }
 

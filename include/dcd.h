@@ -217,7 +217,7 @@
 // In DcdBodyChange.reason: an avatar with this id is waiting for its return; make another.
 #define DCD_REFUSED_EXISTS 4
 
-// In DcdBodyChange.reason: the velocity is above the limit that the server sets.
+// In DcdBodyChange.reason: the velocity is above the limit that the server sets, or the spin above a quarter of a turn per tick.
 #define DCD_REFUSED_TOO_FAST 5
 
 // In DcdBodyChange.reason: a newer input had arrived before.
@@ -233,6 +233,10 @@
 // In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
 // from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners.
 #define DCD_REFUSED_COSTLY 9
+
+// In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit of
+// speed that the server sets.
+#define DCD_REFUSED_TOO_FAR 10
 
 // In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 #define DCD_EVENTS_LOST 1
@@ -399,6 +403,12 @@ typedef struct DcdClientDef {
     const char *identity_path;
     // Your own; dcd_world_info gives it back.
     uint64_t user_data;
+    // The centre of the area of interest to begin with, metres of world space.
+    double interest_centre[3];
+    // Its radius, metres. You are told the bodies in it, the scenery that reaches into it, and the shapes and joints of those; later what
+    // comes there, or where dcd_interest_set moves it to, appears (DCD_BODY_APPEARED). 0: you are told the whole world, whatever
+    // your interest is later on.
+    double interest_radius;
 } DcdClientDef;
 
 // The definition of a participant that joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
@@ -419,6 +429,10 @@ typedef struct DcdParticipantDef {
     uint32_t threads;
     // 0.
     uint32_t reserved;
+    // As in DcdClientDef.
+    double interest_centre[3];
+    // As in DcdClientDef.
+    double interest_radius;
 } DcdParticipantDef;
 
 // A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
@@ -1634,7 +1648,7 @@ DCD_API bool dcd_world_is_valid(DcdWorld world);
 DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 
 // Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
-// whole world, as it is on its record: up to two seconds old, of tick 0, and without who computes what, until the first states
+// whole world, or what is near of it, as it is on its record: up to two seconds old, of tick 0, and without who computes what, until the first states
 // have come from the nodes. It need not have nodes yet: the world stands still until it has.
 //
 // The handle is used like that of a local world; what differs:
@@ -1657,7 +1671,9 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 // Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a malformed address or token or a token for another role,
 // DCD_ERR_TIMEOUT when nobody answers, DCD_ERR_NETWORK when the server refuses (a used or expired token, another version) or
 // cannot be reached, DCD_ERR_IO for the identity file, DCD_ERR_LIMIT without threads.
-DCD_API DcdStatus dcd_client_connect(const DcdClientDef *def, DcdWorld *out);
+DCD_API
+DcdStatus dcd_client_connect(const DcdClientDef *def,
+                             DcdWorld *out);
 
 // Joins as a participant: a client as dcd_client_connect makes it, whose process also computes a share of the world.
 //
@@ -1680,7 +1696,9 @@ DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, si
 // for your program: of dcd_events, connections and messages. Your program may change the world by the handle: make, move and
 // destroy bodies, and tie new ones (dcd_bodies_create, dcd_joint_create); what it did since the last dcd_step is sent with the next,
 // is on record before anybody hears of it, and is computed alike by all nodes. Bodies are read from the record: as nodes last told,
-// at most half a second ago; to see them move, join the world, also from the same process. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
+// at most half a second ago; to see them move, join the world, also from the same process. What is submitted (dcd_rays_submit and the like)
+// the nodes answer, after what your program did before; dcd_events tells of the contacts of all bodies that ask for them, but for
+// some while nodes join or leave. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
 // that ends without, one that is made in the same way goes on with it. The folder keeps its keys (authority.pem), the list of
 // used tokens (joins.log), locks, and the world (world.redb).
 //
@@ -1878,7 +1896,7 @@ DcdStatus dcd_body_set_target(DcdWorld world,
 
 // Wakes a body. Bodies wake by themselves when something that moves touches them.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world but for its server, which wakes movable bodies.
 DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
 
 // Puts a body to sleep: it stops, and costs nothing until something wakes it.
@@ -1933,7 +1951,7 @@ DCD_API DcdStatus dcd_body_properties(DcdWorld world, DcdBodyId body, DcdBodyPro
 //
 // `properties` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, or to fix a link of a
-// multibody; DCD_ERR_UNSUPPORTED in a served world.
+// multibody; DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies and lets them be movable.
 DCD_API
 DcdStatus dcd_body_set_properties(DcdWorld world,
                                   DcdBodyId body,
@@ -1953,7 +1971,7 @@ DcdStatus dcd_collider_properties(DcdWorld world,
 //
 // `properties` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there or a member out of
-// range, DCD_ERR_UNSUPPORTED in a served world.
+// range, DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
 DCD_API
 DcdStatus dcd_collider_set_properties(DcdWorld world,
                                       DcdBodyId body,
@@ -1995,7 +2013,7 @@ DcdStatus dcd_collider_set_shape(DcdWorld world,
 //
 // Of a contact that is there already, the end is told only if the beginning was.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
-// DCD_ERR_UNSUPPORTED in a served world.
+// DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
 DCD_API
 DcdStatus dcd_body_set_events(DcdWorld world,
                               DcdBodyId body,
@@ -2007,7 +2025,7 @@ DcdStatus dcd_body_set_events(DcdWorld world,
 // dcd_body_set_events.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or a coefficient out of range,
-// DCD_ERR_UNSUPPORTED in a served world.
+// DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
 DCD_API
 DcdStatus dcd_body_set_material(DcdWorld world,
                                 DcdBodyId body,
@@ -2019,7 +2037,7 @@ DcdStatus dcd_body_set_material(DcdWorld world,
 // dcd_body_set_events.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED in a served
-// world.
+// world but for its server, which changes movable bodies.
 DCD_API
 DcdStatus dcd_body_set_groups(DcdWorld world,
                               DcdBodyId body,
@@ -2028,7 +2046,7 @@ DcdStatus dcd_body_set_groups(DcdWorld world,
                               uint32_t mask);
 
 // Creates a joint between two bodies of a local world, or of a server's own: those that it made since its last dcd_step, or one of
-// them and a fixed one. Clients and nodes have no joints (DCD_ERR_UNSUPPORTED), and a server cannot change one, only destroy it. What
+// them and a fixed one. Clients and nodes have no joints (DCD_ERR_UNSUPPORTED); a server may drive and destroy any. What
 // joints tie together is owned and moved whole by one region, so keep it small against a region.
 //
 // `def` is read during the call. The joint is gone when either body is destroyed.
@@ -2346,13 +2364,13 @@ DcdStatus dcd_overlap_boxes(DcdWorld world,
                             size_t *total);
 
 // Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
-// client or participant asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
+// client, a participant or the server's program asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
 // the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
 //
 // `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
 // Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_COST, and for what is longer than 64 KiB on its
 // way, shapes and filter included, as so many rays are with as many bodies in the filter; DCD_ERR_BUSY with DCD_MAX_OPEN_QUERIES or
-// DCD_MAX_OPEN_COST open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+// DCD_MAX_OPEN_COST open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a node.
 DCD_API
 DcdStatus dcd_rays_submit(DcdWorld world,
                           const DcdRay *rays,
@@ -2465,15 +2483,16 @@ DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 // Sets the area of interest of a client or participant, what it hears of from now on: bodies whose origin is within `radius`
 // metres of `centre` (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is
 // farther off may touch an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such
-// bodies in it. It saves bytes and time where the world is large. A radius of 0 or less, or of infinity, is everything, as at
+// bodies in it. It saves bytes and time where the world is large, more where you join with one
+// (DcdClientDef.interest_radius). A radius of 0 or less, or of infinity, is everything, as at
 // first; `centre` may be null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius
 // of where it was said last, nothing is sent.
 //
 // Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
-// DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What
+// DcdStateView.flags and DcdBodyInfo.outside; that they are removed or touch your avatars is told all the same, and that they
+// appear, unless you joined with an interest. What
 // leaves is told so; what comes in, by its own motion or as the interest moves over it, is told within a few steps, also when
-// it rests by then, and counts as outside until it is. Some bodies a little beyond the radius are told of too. When nodes
-// join or leave, everything is told once.
+// it rests by then, and counts as outside until it is. Some bodies a little beyond the radius are told of too.
 //
 // A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,
@@ -2583,9 +2602,9 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \
-    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0 }
+    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
 #define DCD_PARTICIPANT_DEF_INIT \
-    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0 }
 
 /* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
 #define DCD_GROUP_DEF_INIT \
@@ -2679,14 +2698,16 @@ DCD_ASSERT_(offsetof(DcdWorldInfo, regions) == 24);
 DCD_ASSERT_(offsetof(DcdWorldInfo, dt) == 28);
 DCD_ASSERT_(offsetof(DcdWorldInfo, gravity) == 32);
 DCD_ASSERT_(offsetof(DcdWorldInfo, client) == 44);
-DCD_ASSERT_(sizeof(DcdClientDef) == 40);
+DCD_ASSERT_(sizeof(DcdClientDef) == 72);
 DCD_ASSERT_(offsetof(DcdClientDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdClientDef, timeout_ms) == 4);
 DCD_ASSERT_(offsetof(DcdClientDef, server) == 8);
 DCD_ASSERT_(offsetof(DcdClientDef, token) == 16);
 DCD_ASSERT_(offsetof(DcdClientDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdClientDef, user_data) == 32);
-DCD_ASSERT_(sizeof(DcdParticipantDef) == 48);
+DCD_ASSERT_(offsetof(DcdClientDef, interest_centre) == 40);
+DCD_ASSERT_(offsetof(DcdClientDef, interest_radius) == 64);
+DCD_ASSERT_(sizeof(DcdParticipantDef) == 80);
 DCD_ASSERT_(offsetof(DcdParticipantDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdParticipantDef, timeout_ms) == 4);
 DCD_ASSERT_(offsetof(DcdParticipantDef, server) == 8);
@@ -2695,6 +2716,8 @@ DCD_ASSERT_(offsetof(DcdParticipantDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdParticipantDef, user_data) == 32);
 DCD_ASSERT_(offsetof(DcdParticipantDef, threads) == 40);
 DCD_ASSERT_(offsetof(DcdParticipantDef, reserved) == 44);
+DCD_ASSERT_(offsetof(DcdParticipantDef, interest_centre) == 48);
+DCD_ASSERT_(offsetof(DcdParticipantDef, interest_radius) == 72);
 DCD_ASSERT_(sizeof(DcdGroupDef) == 24);
 DCD_ASSERT_(offsetof(DcdGroupDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdGroupDef, lag_ticks) == 4);

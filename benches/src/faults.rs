@@ -21,9 +21,12 @@ const FILE: &str = "faults.csv";
 /// How many seeds are run.
 #[derive(Args)]
 pub(crate) struct Faults {
-    /// Two seeds a row instead of a thousand.
+    /// Two seeds a row.
     #[arg(long)]
     quick: bool,
+    /// Seeds a row.
+    #[arg(long, default_value_t = 1_000, conflicts_with = "quick")]
+    seeds: u64,
     /// Where the results go [default: benches/results; with `--quick` a temporary folder].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
@@ -65,7 +68,7 @@ impl Faults {
 
     fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
         let machine = Machine::here();
-        let seeds = 0..if self.quick { 2 } else { 1_000 };
+        let seeds = 0..if self.quick { 2 } else { self.seeds };
         let bar = ProgressBar::new(seeds.end * FaultProfile::TABLE.len() as u64)
             .with_style(ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} runs, {eta}")?);
         // A machine that panics is a violation, which is reported with its seed.

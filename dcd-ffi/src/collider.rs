@@ -291,7 +291,7 @@ pub unsafe extern "C" fn dcd_collider_properties(
 ///
 /// `properties` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there or a member out of
-/// range, DCD_ERR_UNSUPPORTED in a served world.
+/// range, DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_collider_set_properties(
     world: DcdWorld,
@@ -338,7 +338,7 @@ pub unsafe extern "C" fn dcd_collider_add(
         };
         properties.check()?;
         with(world, |world| {
-            world.dcd.changes_colliders()?;
+            world.dcd.shapes_bodies()?;
             let (id, shape) = (registry::find(world, body)?, shape::find(world, shape)?.clone());
             let collider = world.dcd.collider_count(id);
             if collider >= DCD_MAX_COLLIDERS as usize {
@@ -364,7 +364,7 @@ pub unsafe extern "C" fn dcd_collider_add(
 pub extern "C" fn dcd_collider_remove(world: DcdWorld, body: DcdBodyId, collider: u32) -> DcdStatus {
     guard("dcd_collider_remove", || {
         with(world, |world| {
-            world.dcd.changes_colliders()?;
+            world.dcd.shapes_bodies()?;
             let id = registry::find(world, body)?;
             if world.dcd.collider_count(id) == 1 && collider == 0 {
                 return Err(Failure::argument(
@@ -389,7 +389,7 @@ pub extern "C" fn dcd_collider_set_shape(
 ) -> DcdStatus {
     guard("dcd_collider_set_shape", || {
         with(world, |world| {
-            world.dcd.changes_colliders()?;
+            world.dcd.shapes_bodies()?;
             let (id, shape) = (registry::find(world, body)?, shape::find(world, shape)?.clone());
             world
                 .dcd
@@ -404,7 +404,7 @@ pub extern "C" fn dcd_collider_set_shape(
 ///
 /// Of a contact that is there already, the end is told only if the beginning was.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
-/// DCD_ERR_UNSUPPORTED in a served world.
+/// DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_events(
     world: DcdWorld,
@@ -427,7 +427,7 @@ pub extern "C" fn dcd_body_set_events(
 /// dcd_body_set_events.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or a coefficient out of range,
-/// DCD_ERR_UNSUPPORTED in a served world.
+/// DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_material(
     world: DcdWorld,
@@ -450,7 +450,7 @@ pub extern "C" fn dcd_body_set_material(
 /// dcd_body_set_events.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED in a served
-/// world.
+/// world but for its server, which changes movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_groups(
     world: DcdWorld,

@@ -108,7 +108,7 @@ pub const DCD_REFUSED_NOT_YOURS: u32 = 2;
 pub const DCD_REFUSED_UNKNOWN: u32 = 3;
 /// In DcdBodyChange.reason: an avatar with this id is waiting for its return; make another.
 pub const DCD_REFUSED_EXISTS: u32 = 4;
-/// In DcdBodyChange.reason: the velocity is above the limit that the server sets.
+/// In DcdBodyChange.reason: the velocity is above the limit that the server sets, or the spin above a quarter of a turn per tick.
 pub const DCD_REFUSED_TOO_FAST: u32 = 5;
 /// In DcdBodyChange.reason: a newer input had arrived before.
 pub const DCD_REFUSED_LATE: u32 = 6;
@@ -120,6 +120,9 @@ pub const DCD_REFUSED_TOO_MANY: u32 = 8;
 /// In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
 /// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners.
 pub const DCD_REFUSED_COSTLY: u32 = 9;
+/// In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit of
+/// speed that the server sets.
+pub const DCD_REFUSED_TOO_FAR: u32 = 10;
 
 /// A change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
 /// told of, and nothing is in a local world.
@@ -307,6 +310,7 @@ fn code_of(refusal: Refusal) -> u32 {
         Refusal::Unknown => DCD_REFUSED_UNKNOWN,
         Refusal::Exists => DCD_REFUSED_EXISTS,
         Refusal::TooFast => DCD_REFUSED_TOO_FAST,
+        Refusal::TooFar => DCD_REFUSED_TOO_FAR,
         Refusal::Late => DCD_REFUSED_LATE,
         Refusal::Shape => DCD_REFUSED_SHAPE,
         Refusal::TooMany => DCD_REFUSED_TOO_MANY,

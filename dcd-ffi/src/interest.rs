@@ -11,15 +11,16 @@ use crate::status::{DcdStatus, Failure};
 /// Sets the area of interest of a client or participant, what it hears of from now on: bodies whose origin is within `radius`
 /// metres of `centre` (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is
 /// farther off may touch an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such
-/// bodies in it. It saves bytes and time where the world is large. A radius of 0 or less, or of infinity, is everything, as at
+/// bodies in it. It saves bytes and time where the world is large, more where you join with one
+/// (DcdClientDef.interest_radius). A radius of 0 or less, or of infinity, is everything, as at
 /// first; `centre` may be null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius
 /// of where it was said last, nothing is sent.
 ///
 /// Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
-/// DcdStateView.flags and DcdBodyInfo.outside; that they appear, are removed or touch your avatars is told all the same. What
+/// DcdStateView.flags and DcdBodyInfo.outside; that they are removed or touch your avatars is told all the same, and that they
+/// appear, unless you joined with an interest. What
 /// leaves is told so; what comes in, by its own motion or as the interest moves over it, is told within a few steps, also when
-/// it rests by then, and counts as outside until it is. Some bodies a little beyond the radius are told of too. When nodes
-/// join or leave, everything is told once.
+/// it rests by then, and counts as outside until it is. Some bodies a little beyond the radius are told of too.
 ///
 /// A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,

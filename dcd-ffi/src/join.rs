@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use dcd::World as Dcd;
 use dcd::network::JoinConfig;
+use dcd::protocol::{Area, WORLD_REACH_M};
 
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
-use crate::pointer::{self, Out, Room, Sized32};
+use crate::pointer::{self, Out, Room, Sized32, check_point};
 use crate::registry::{self, with};
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_NULL, DCD_ERR_TIMEOUT, DcdStatus, Failure};
 use crate::world;
@@ -31,6 +32,12 @@ pub struct DcdClientDef {
     pub identity_path: *const c_char,
     /// Your own; dcd_world_info gives it back.
     pub user_data: u64,
+    /// The centre of the area of interest to begin with, metres of world space.
+    pub interest_centre: [f64; 3],
+    /// Its radius, metres. You are told the bodies in it, the scenery that reaches into it, and the shapes and joints of those; later what
+    /// comes there, or where dcd_interest_set moves it to, appears (DCD_BODY_APPEARED). 0: you are told the whole world, whatever
+    /// your interest is later on.
+    pub interest_radius: f64,
 }
 
 /// The definition of a participant that joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
@@ -53,6 +60,10 @@ pub struct DcdParticipantDef {
     pub threads: u32,
     /// 0.
     pub reserved: u32,
+    /// As in DcdClientDef.
+    pub interest_centre: [f64; 3],
+    /// As in DcdClientDef.
+    pub interest_radius: f64,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
@@ -65,7 +76,7 @@ unsafe impl Sized32 for DcdParticipantDef {
 }
 
 /// Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
-/// whole world, as it is on its record: up to two seconds old, of tick 0, and without who computes what, until the first states
+/// whole world, or what is near of it, as it is on its record: up to two seconds old, of tick 0, and without who computes what, until the first states
 /// have come from the nodes. It need not have nodes yet: the world stands still until it has.
 ///
 /// The handle is used like that of a local world; what differs:
@@ -95,6 +106,7 @@ pub unsafe extern "C" fn dcd_client_connect(def: *const DcdClientDef, out: *mut 
         let (entry, out) = unsafe {
             let def = pointer::read_sized(def, "def")?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
+            let entry = entry.near(&def.interest_centre, def.interest_radius)?;
             (entry, Out::new(out, "out")?)
         };
         entry.enter(1, out, Dcd::connect)
@@ -117,6 +129,7 @@ pub unsafe extern "C" fn dcd_participant_join(
             let def = pointer::read_sized(def, "def")?;
             pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
+            let entry = entry.near(&def.interest_centre, def.interest_radius)?;
             (entry, def.threads, Out::new(out, "out")?)
         };
         let threads = world::asked_threads(threads)?;
@@ -153,6 +166,7 @@ pub(crate) struct Entry {
     identity: Option<std::path::PathBuf>,
     timeout: Duration,
     user_data: u64,
+    interest: Option<Area>,
 }
 
 impl Entry {
@@ -177,8 +191,22 @@ impl Entry {
                 },
                 timeout: Duration::from_millis(if timeout_ms == 0 { 10_000 } else { timeout_ms.into() }),
                 user_data,
+                interest: None,
             })
         }
+    }
+
+    /// Joins with an area of interest, unless the radius is 0.
+    fn near(self, centre: &[f64; 3], radius_m: f64) -> Result<Self, Failure> {
+        let range = 0.0..=WORLD_REACH_M;
+        if !range.contains(&radius_m) {
+            let message =
+                format!("interest_radius is {radius_m}; give metres up to 1e9, or 0 for the whole world");
+            return Err(Failure::argument(message));
+        }
+        check_point(centre, "interest_centre")?;
+        let area = Area { centre: *centre, radius_m };
+        Ok(Self { interest: (radius_m > 0.0).then_some(area), ..self })
     }
 
     /// Tries each address that the server's name stands for until one answers.
@@ -199,6 +227,7 @@ impl Entry {
                 identity: self.identity.clone(),
                 timeout: deadline.saturating_duration_since(Instant::now()) / left,
                 threads,
+                interest: self.interest,
                 ..JoinConfig::new(server, "")
             };
             match join(&config).map_err(Failure::from) {

@@ -212,7 +212,7 @@ pub unsafe extern "C" fn dcd_body_set_target(
 
 /// Wakes a body. Bodies wake by themselves when something that moves touches them.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world but for its server, which wakes movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     guard("dcd_body_wake", || {
@@ -260,7 +260,7 @@ pub(crate) fn set_velocity(world: &mut World, id: BodyId, velocity: DcdVelocity)
 }
 
 pub(crate) fn set_target(world: &mut World, id: BodyId, pose: DcdPose) -> Result<(), Failure> {
-    world.dcd.changes_bodies()?;
+    world.dcd.sends_bodies()?;
     check_pose(&pose)?;
     let Some(body) = world.dcd.body(id).filter(|body| body.kind == BodyKind::KinematicPosition) else {
         return Err(Failure::argument(

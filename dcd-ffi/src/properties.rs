@@ -307,7 +307,7 @@ pub unsafe extern "C" fn dcd_body_properties(
 ///
 /// `properties` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, or to fix a link of a
-/// multibody; DCD_ERR_UNSUPPORTED in a served world.
+/// multibody; DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies and lets them be movable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_properties(
     world: DcdWorld,

@@ -123,7 +123,9 @@ unsafe impl Sized32 for DcdNodeDef {
 /// for your program: of dcd_events, connections and messages. Your program may change the world by the handle: make, move and
 /// destroy bodies, and tie new ones (dcd_bodies_create, dcd_joint_create); what it did since the last dcd_step is sent with the next,
 /// is on record before anybody hears of it, and is computed alike by all nodes. Bodies are read from the record: as nodes last told,
-/// at most half a second ago; to see them move, join the world, also from the same process. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
+/// at most half a second ago; to see them move, join the world, also from the same process. What is submitted (dcd_rays_submit and the like)
+/// the nodes answer, after what your program did before; dcd_events tells of the contacts of all bodies that ask for them, but for
+/// some while nodes join or leave. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
 /// that ends without, one that is made in the same way goes on with it. The folder keeps its keys (authority.pem), the list of
 /// used tokens (joins.log), locks, and the world (world.redb).
 ///

@@ -56,9 +56,12 @@ fn layouts() -> Vec<Layout> {
             exchanges, depth, island_limit, tolerance
         }
         DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, client }
-        DcdClientDef { struct_size, timeout_ms, server, token, identity_path, user_data }
+        DcdClientDef {
+            struct_size, timeout_ms, server, token, identity_path, user_data, interest_centre, interest_radius
+        }
         DcdParticipantDef {
-            struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved
+            struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved, interest_centre,
+            interest_radius
         }
         DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
         DcdServerDef {
@@ -179,9 +182,9 @@ const MACROS: &str = "
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \\
-    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0 }
+    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
 #define DCD_PARTICIPANT_DEF_INIT \\
-    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0 }
 
 /* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
 #define DCD_GROUP_DEF_INIT \\

@@ -52,6 +52,8 @@ fn serve_origin(
             pace,
             last_tick: last_tick.map(Tick),
             groups,
+            // Avatars of these tests may jump anywhere.
+            avatar_speed_limit: 1e4,
             ..ServeConfig::new(data.path().to_owned())
         },
     )
@@ -429,6 +431,17 @@ fn a_node_that_is_alone_and_waits_for_no_clock_hears_that_the_world_ends() {
     assert_eq!((summary.lost, summary.doubled, summary.unaudited), (0, 0, false));
     let told = node.finish().unwrap().tick;
     assert!(told >= last && told.0 < last.0 + 3_000, "{told:?} after {last:?}");
+}
+
+#[test]
+fn a_participant_that_is_alone_and_waits_for_no_clock_sees_what_it_computes() {
+    let (server, _data) = serve(&rain(), 1, 1, Pace::Unpaced, None);
+    let token = server.token(JoinRole::Participant, LIMIT).unwrap();
+    let player = ClientWorld::participate(&JoinConfig::new(server.address, token)).unwrap();
+    let seen = player.updates();
+    assert!(player.wait_update(seen, LIMIT), "{:?}", player.check());
+    assert!(player.tick() > Tick(0));
+    server.stop();
 }
 
 #[test]

@@ -95,9 +95,14 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
     let refusal = refused(node.insert(RigidBodyBuilder::dynamic(), ball()));
     assert_eq!((refusal.role, refusal.instead), (Role::Node, Instead::JoinAsClient));
     assert_eq!(refused(node.suspend()).instead, Instead::ServerKeeps);
-    for (world, role) in [(&mut server, Role::Server), (&mut node, Role::Node)] {
+    assert_eq!(refused(server.queries().map(drop)).instead, Instead::SubmitQuery);
+    assert_eq!(refused(node.queries().map(drop)).instead, Instead::ComputeAlone);
+    // A server changes what moves; this is fixed.
+    let changes =
+        [(&mut server, Role::Server, Instead::InsertAnew), (&mut node, Role::Node, Instead::JoinAsClient)];
+    for (world, role, instead) in changes {
         assert_eq!(world.role(), role);
-        assert_eq!(refused(world.update(id, |body| body.wake_up(true))).instead, Instead::ComputeAlone);
+        assert_eq!(refused(world.update(id, |body| body.wake_up(true))).instead, instead);
         assert_eq!(refused(world.set_interest(None)).instead, Instead::JoinAsClient);
         assert_eq!(refused(world.state_hash()).instead, Instead::ComputeAlone);
     }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use dcd::network::{JoinConfig, JoinRole, ServeConfig};
 use dcd::prelude::*;
 use dcd::protocol::Pace;
+use dcd::query::{Query, QueryResult, RayQuery};
 use dcd::{Axis, Instead, Push, Tick};
 
 const LIMIT: Duration = Duration::from_secs(30);
@@ -225,5 +226,176 @@ fn what_a_program_cannot_do_is_refused_with_a_remedy() {
     assert!(text(server.set_velocity(first, Velocity::default())).contains("is not in the world"));
     // A ray is for those who compute, or for clients.
     let Err(Error::Unsupported(refused)) = server.queries().map(drop) else { panic!("it computes nothing") };
-    assert_eq!(refused.instead, Instead::ComputeAlone);
+    assert_eq!(refused.instead, Instead::SubmitQuery);
+}
+
+/// Takes the answer to a query once it has come.
+fn answered(world: &mut World, number: u64) -> QueryResult {
+    let deadline = Instant::now() + LIMIT;
+    loop {
+        if let Some(answer) = world.answer(number).unwrap() {
+            return answer;
+        }
+        assert!(Instant::now() < deadline, "the query is not answered within {LIMIT:?}");
+        world.poll(Duration::from_millis(5));
+        world.step().unwrap();
+    }
+}
+
+/// Walls on both sides of the border, and what is asked of them: rays, a ball that is cast, and an overlap.
+fn walls_and_queries(world: &mut World) -> Vec<Query> {
+    for x in [-6.0, 4.0, 9.0] {
+        let wall = RigidBodyBuilder::fixed().translation(Vector::new(x, 2.0, 0.0));
+        world.insert(wall, ColliderBuilder::cuboid(0.5, 2.0, 3.0)).unwrap();
+    }
+    let ray = |x: f64, towards: f32| RayQuery::new([x, 1.0, 0.0], [towards, 0.0, 0.0]).up_to(50.0);
+    let reach = Query::intersect_shape(&SharedShape::ball(5.5), WorldPose::at([-1.0, 2.0, 0.0])).unwrap();
+    vec![Query::rays([ray(0.0, 1.0), ray(0.0, -1.0), ray(20.0, -1.0), ray(20.0, 1.0)]), reach]
+}
+
+#[test]
+fn a_servers_program_asks_by_rays_and_shapes_and_is_answered_as_by_a_local_world() {
+    let mut local = World::new(cut()).unwrap();
+    let queries = walls_and_queries(&mut local);
+    local.step().unwrap();
+    let mut ask = |query| {
+        let number = local.submit(query).unwrap();
+        answered(&mut local, number)
+    };
+    let expected: Vec<_> = queries.into_iter().map(&mut ask).collect();
+    let QueryResult::Rays(hits) = &expected[0] else { panic!("rays were asked for") };
+    assert_eq!(hits.iter().filter(|hit| hit.is_some()).count(), 3);
+
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig { nodes: 2, ..ServeConfig::new(folder.path()) });
+    // Nobody computes the world yet; what was made before is there for those who answer.
+    let queries = walls_and_queries(&mut server);
+    let early: Vec<_> = queries.iter().map(|query| server.submit(query.clone()).unwrap()).collect();
+    let gone = server.submit(queries[0].clone()).unwrap();
+    server.forget(gone);
+    let mut first = node(&server);
+    let _second = node(&server);
+    let answers = |server: &mut World, numbers: Vec<u64>| {
+        numbers.into_iter().map(|number| answered(server, number)).collect::<Vec<_>>()
+    };
+    assert_eq!(answers(&mut server, early.clone()), expected);
+    assert_eq!(server.answer(early[0]).unwrap(), None, "an answer is given once");
+    let block = RigidBodyBuilder::fixed().translation(Vector::new(2.0, 1.0, 0.0));
+    let block = server.insert(block, ColliderBuilder::ball(0.5)).unwrap();
+    let number = server.submit(queries[0].clone()).unwrap();
+    let QueryResult::Rays(hits) = answered(&mut server, number) else { panic!("rays were asked for") };
+    assert_eq!(hits[0].map(|hit| hit.body), Some(block), "what was inserted before it is there");
+    // Whoever leads answers: the first to join leads, and leaves.
+    first.step().unwrap();
+    drop(first);
+    server.remove(block).unwrap();
+    server.step().unwrap();
+    let again: Vec<_> = queries.into_iter().map(|query| server.submit(query).unwrap()).collect();
+    assert_eq!(answers(&mut server, again), expected);
+    assert_eq!(server.answer(gone).unwrap(), None, "it was cancelled");
+}
+
+#[test]
+fn a_servers_program_hears_each_contact_once_that_a_body_asks_for() {
+    let hears = |events: bool| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut server = serve(ServeConfig { nodes: 2, events, ..ServeConfig::new(folder.path()) });
+        let _nodes = [node(&server), node(&server)];
+        until("the world runs", &mut [&mut server], |worlds| worlds[0].tick() > Tick(0));
+        let ground =
+            server.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+        let ball = |x: f32| RigidBodyBuilder::dynamic().translation(Vector::new(x, 2.0, 0.0));
+        let quiet = server.insert(ball(3.0), ColliderBuilder::ball(0.5)).unwrap();
+        let asks = ColliderBuilder::ball(0.5)
+            .active_events(ActiveEvents::COLLISION_EVENTS | ActiveEvents::CONTACT_FORCE_EVENTS)
+            .contact_force_event_threshold(1.0);
+        // On the border: both regions see it.
+        let loud = server.insert(ball(0.0), asks).unwrap();
+        let (mut began, mut forces) = (Vec::new(), Vec::new());
+        until("both lie on the ground", &mut [&mut server], |worlds| {
+            began
+                .extend(worlds[0].events().touches.iter().filter(|touch| touch.began).map(|touch| touch.key));
+            forces.extend(worlds[0].events().forces.iter().map(|force| force.key));
+            let lies = |id| worlds[0].pose(id).is_some_and(|pose| pose.translation[1] < 1.02);
+            // A contact is told of at once, the record half a second later.
+            lies(quiet)
+                && lies(loud)
+                && worlds[0].velocity(loud).is_some_and(|now| now.linear[1].abs() < 0.01)
+        });
+        let is_of = |key: &dcd::protocol::ContactKey| [key.a, key.b] == [ground, loud];
+        assert!(began.iter().chain(&forces).all(is_of), "{began:?}");
+        (began.len(), forces.is_empty())
+    };
+    assert_eq!(hears(true), (1, false));
+    assert_eq!(hears(false), (0, true), "it does not listen");
+}
+
+#[test]
+fn a_servers_program_changes_what_bodies_and_joints_are_and_whoever_computes_them_next_knows() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig::new(folder.path()));
+    let first = node(&server);
+    let mut client = client(&server);
+    until("the world runs", &mut [&mut server, &mut client], |worlds| worlds[0].tick() > Tick(0));
+    let bodies = build(&mut server);
+    let [ground, falling, weight] = [bodies[0], bodies[1], bodies[23]];
+    server.update(falling, |body| body.set_gravity_scale(-1.0, true)).unwrap();
+    until("it falls upwards", &mut [&mut server, &mut client], |worlds| {
+        worlds[1].pose(falling).is_some_and(|pose| pose.translation[1] > 8.0)
+    });
+    let lies = bodies[2];
+    server.update_collider(lies, |collider| collider.set_sensor(true)).unwrap();
+    server.step().unwrap();
+    // It builds on what was done in the step before, whether the server has that on record yet or not.
+    server.update(lies, |body| body.user_data = 77).unwrap();
+    assert_eq!(server.body(lies).unwrap().user_data, 77, "what was done is seen at once");
+    until("a sensor falls through the ground", &mut [&mut server, &mut client], |worlds| {
+        worlds[1].body(lies).is_some_and(|body| body.pose.translation[1] < -3.0 && body.user_data == 77)
+    });
+    let rope = server.joints_of(weight)[0];
+    server.update_joint(rope, |joint| joint.set_enabled(false)).unwrap();
+    assert!(!server.joint(rope).unwrap().enabled);
+    until("the weight falls off", &mut [&mut server, &mut client], |worlds| {
+        worlds[1].pose(weight).is_some_and(|pose| pose.translation[1] < 1.0)
+    });
+
+    // What is refused changes nothing, and says what to do.
+    let refused = |result: Result<(), Error>| match result {
+        Err(Error::Unsupported(refused)) => refused.instead,
+        other => panic!("{other:?}"),
+    };
+    let moving = server.update(lies, |body| body.set_linvel(Vector::Y, true));
+    assert_eq!(refused(moving), Instead::MoveByName);
+    let fixing = server.update(lies, |body| body.set_body_type(RigidBodyType::Fixed, true));
+    assert_eq!(refused(fixing), Instead::InsertAnew);
+    assert_eq!(refused(server.update(ground, |body| body.user_data = 1)), Instead::InsertAnew);
+    let shape = server.update_collider(lies, |collider| collider.set_shape(SharedShape::ball(1.0)));
+    assert_eq!(refused(shape), Instead::InsertAnew);
+    let text = |result: Result<(), Error>| result.unwrap_err().to_string();
+    assert!(
+        text(server.update(lies, |body| body.set_gravity_scale(f32::NAN, true))).contains("gravity_scale")
+    );
+    assert!(text(server.update_collider((lies, 3), |_| {})).contains("collider"));
+    assert_eq!(refused(client.update(lies, |_| {})), Instead::DriveAvatars);
+
+    // A node that dies takes nothing of it along, whether it knew or not; nor does a server that begins again.
+    let last = bodies[3];
+    drop(first);
+    server.update(last, |body| body.set_gravity_scale(-0.5, true)).unwrap();
+    server.step().unwrap();
+    let second = node(&server);
+    until("another box falls upwards", &mut [&mut server], |worlds| {
+        worlds[0].pose(last).is_some_and(|pose| pose.translation[1] > 8.0)
+    });
+    drop(second);
+    server.suspend().unwrap();
+    drop((server, client));
+    let mut server = serve(ServeConfig::new(folder.path()));
+    assert_eq!(server.body(lies).unwrap().user_data, 77);
+    assert!(!server.joint(rope).unwrap().enabled);
+    let height = server.pose(last).unwrap().translation[1];
+    let _third = node(&server);
+    until("it falls upwards still", &mut [&mut server], |worlds| {
+        worlds[0].pose(last).is_some_and(|pose| pose.translation[1] > height + 5.0)
+    });
 }

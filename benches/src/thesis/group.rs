@@ -34,7 +34,7 @@ pub(super) fn run(nodes: usize, objects: usize, seed: u64, length: Length) -> Re
     let balance = Some(Balance { load: Load::Counts, ..Balance::by_nodes() });
     let world = WorldConfig { balance, ..WorldConfig::for_scene(&scene) };
     let data = tempfile::tempdir()?;
-    let config = ServeConfig { nodes, pace: Pace::Unpaced, ..ServeConfig::new(data.path()) };
+    let config = ServeConfig { nodes, pace: Pace::Unpaced, events: false, ..ServeConfig::new(data.path()) };
     let server = ServerProcess::start(Origin::Scene(&scene, &world), config)?;
     let mut participants = Participants::default();
     let (low, high) = (scene.bounds.min, scene.bounds.max);

@@ -52,13 +52,13 @@ const _: () = assert!(
 );
 
 /// Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
-/// client or participant asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
+/// client, a participant or the server's program asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
 /// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
 ///
 /// `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
 /// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_COST, and for what is longer than 64 KiB on its
 /// way, shapes and filter included, as so many rays are with as many bodies in the filter; DCD_ERR_BUSY with DCD_MAX_OPEN_QUERIES or
-/// DCD_MAX_OPEN_COST open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+/// DCD_MAX_OPEN_COST open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_rays_submit(
     world: DcdWorld,

@@ -115,6 +115,8 @@ impl Client {
         let join = JoinConfig {
             identity: self.identity,
             give_up: self.give_up,
+            // It goes with the first avatar from then on.
+            interest: self.interest.map(|radius| Area { centre: [0.0; 3], radius_m: radius.into() }),
             listen: self.listen,
             advertise: self.advertise,
             ..JoinConfig::new(self.server, self.token)

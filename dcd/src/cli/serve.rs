@@ -113,6 +113,8 @@ impl Serve {
             pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
             last_tick,
             avatar_speed_limit: self.avatar_speed,
+            // Nobody here listens.
+            events: false,
             avatar_expiry: self.keep_avatars,
             groups: self.groups()?,
         };

@@ -1,16 +1,18 @@
 //! Implements a client, a process that hosts avatars: it joins at the server, sends avatar inputs to the leader, and keeps its
 //! copy of the world up to date.
 
+mod surroundings;
 #[cfg(test)]
 mod tests;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
+use self::surroundings::Surroundings;
 use super::Peer;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, Chunk, ContactForce, EnvironmentProperties, FromClient, Handover, Hello,
-    Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash, ShapeRecord,
+    Alteration, Area, BodyKind, BodyRecord, Chunk, ContactForce, EnvironmentProperties, FromClient, Handover,
+    Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash, ShapeRecord,
     SharedState, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, Epoch, GroupId, NodeId, RegionId, Tick};
@@ -206,6 +208,7 @@ pub struct Client {
     answers: BTreeMap<u64, QueryResult>,
     /// Its area of interest, as sent to the leader; `None` is everything.
     area: Option<Area>,
+    surroundings: Surroundings,
     now: Duration,
     /// Requests that the server has not answered yet, in order: sent again when it is back.
     unanswered: Vec<FromClient>,
@@ -216,9 +219,9 @@ pub struct Client {
 }
 
 impl Client {
-    /// Returns a client without links; `node` is the node in the same process, if there is one. The first event is
-    /// [`ClientEvent::Connected`] with [`Peer::Server`].
-    pub fn new(id: ClientId, node: Option<NodeId>) -> Self {
+    /// Returns a client without links; `node` is the node in the same process, if there is one. With an area of interest it is told
+    /// of the world's part there alone. The first event is [`ClientEvent::Connected`] with [`Peer::Server`].
+    pub fn new(id: ClientId, node: Option<NodeId>, area: Option<Area>) -> Self {
         Self {
             id,
             node,
@@ -241,7 +244,8 @@ impl Client {
             newest: BTreeMap::new(),
             asked: BTreeMap::new(),
             answers: BTreeMap::new(),
-            area: None,
+            area,
+            surroundings: Surroundings::of(area),
             now: Duration::ZERO,
             unanswered: Vec::new(),
             touches: VecDeque::new(),
@@ -258,7 +262,10 @@ impl Client {
             ClientEvent::Connected(Peer::Server) => {
                 self.server_linked = true;
                 self.dial_server_at = None;
-                self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role: JoinAs::Client }));
+                let interest = self.area.filter(|_| !self.surroundings.is_whole());
+                self.surroundings = Surroundings::of(interest);
+                let role = JoinAs::Client { interest };
+                self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role }));
             }
             ClientEvent::Connected(peer) if self.is_leader(peer) => {
                 self.linked = true;
@@ -266,9 +273,7 @@ impl Client {
                 for input in self.newest.values().map(|&(input, _)| input).collect::<Vec<_>>() {
                     self.send_input(input);
                 }
-                if self.area.is_some() {
-                    self.send_interest();
-                }
+                self.send_interest();
                 self.ask_again(now, now + ASK_AGAIN);
             }
             ClientEvent::Disconnected(Peer::Server) => {
@@ -507,9 +512,12 @@ impl Client {
             *outside |= hearing.misses(body);
         }
         self.send_interest();
+        if let Some(message) = self.surroundings.turn_to(area) {
+            self.ask_server(message);
+        }
     }
 
-    /// Sends the area of interest to the leader alone; the next one is sent it anew.
+    /// Sends the area of interest to the leader; the next one is sent it anew.
     fn send_interest(&mut self) {
         self.tell_leader(FromClient::Interest(self.area));
     }
@@ -583,9 +591,7 @@ impl Client {
                     for input in fresh.map(|&(input, _)| input).collect::<Vec<_>>() {
                         self.send_input(input);
                     }
-                    if self.area.is_some() {
-                        self.send_interest();
-                    }
+                    self.send_interest();
                     self.ask_again(now, now + ASK_AGAIN);
                 }
             }
@@ -604,9 +610,20 @@ impl Client {
                 self.joints.retain(|joint| joint.a != id && joint.b != id);
                 self.outputs.push_back(ClientOutput::Removed(id));
             }
+            ToClient::Altered(Alteration::Body { body, traits, .. }) => {
+                if let Some(view) = self.bodies.get_mut(&body) {
+                    view.body.traits = traits;
+                }
+            }
+            ToClient::Altered(Alteration::Joint(joint)) => {
+                for known in self.joints.iter_mut().filter(|known| known.id == joint.id) {
+                    known.clone_from(&joint);
+                }
+            }
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.tick = self.tick.max(stamp.tick);
                 let hearing = self.hearing();
+                let mut strangers = Vec::new();
                 for state in states {
                     let outside = !hearing.follows(state.id, &state.pose);
                     // Nobody would take a speculative state back there.
@@ -616,7 +633,13 @@ impl Client {
                     if let Some(view) = self.bodies.get_mut(&state.id) {
                         let handover = view.learn(&state, stamp.tick, stamp.speculative, outside);
                         keep_newest(&mut self.handovers, handover);
+                    } else if !outside {
+                        strangers.push(state.id);
                     }
+                }
+                let strangers = self.surroundings.ask(self.now, strangers);
+                if !strangers.is_empty() {
+                    self.ask_server(FromClient::Introduce(strangers));
                 }
             }
             // A leader that is no longer ours.

@@ -3,6 +3,7 @@
 
 mod balancing;
 mod holders;
+mod inputs;
 mod inter_group;
 mod interest;
 mod questions;
@@ -16,21 +17,21 @@ use std::time::Duration;
 
 use self::balancing::Balancing;
 use self::holders::Holders;
+use self::inputs::Inputs;
 pub use self::inter_group::Deviations;
 use self::inter_group::InterGroup;
 use self::interest::{Audience, Latest, Moved};
 use self::questions::Questions;
 pub(super) use self::state_replication::TELL_TICK;
 
-use super::{MAX_AVATARS, Peer};
+use super::Peer;
 use crate::protocol::{
-    Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Pace, Query, Refusal,
-    RegionEvents, Repartition, Report, Thresholds, ToClient, View, ViewNumber, WorldOp, encoded_len,
+    Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Member, Pace, Query,
+    Refusal, RegionEvents, Repartition, Report, Thresholds, ToClient, ToServer, View, ViewNumber, WorldOp,
+    encoded_len,
 };
 use crate::space::{Allocation, BodyId, ClientId, GroupId, NodeId, RegionId, Renaming, Tick};
 
-/// How long an input waits for its avatar to appear, in ticks.
-const EARLY_TICKS: u64 = 60;
 /// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
 const OPS_BYTES: usize = 4 << 20;
 /// Allocations kept, of which late reports may speak.
@@ -44,7 +45,6 @@ pub struct Leader {
     members: BTreeSet<NodeId>,
     dt: Duration,
     pace: Pace,
-    speed_limit: f32,
     /// The last dispatched tick; that of the view before the first.
     tick: Tick,
     last_tick: Option<Tick>,
@@ -58,16 +58,16 @@ pub struct Leader {
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
-    inputs: BTreeMap<BodyId, Input>,
-    /// Newest inputs for avatars not heard of yet, and since when they wait.
-    early: BTreeMap<BodyId, (Input, Tick)>,
-    /// Avatars in the world and the logical time of their newest input.
-    avatars: BTreeMap<BodyId, Option<u64>>,
+    inputs: Inputs,
     latest: Latest,
     moved: Moved,
     reminded: BodyId,
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
+    /// This leader, as clients are told of it.
+    introduction: Option<Member>,
+    /// Clients that have not said yet what they want to hear of: they are told no states.
+    undecided: BTreeSet<ClientId>,
     /// The tick that each client was last sent.
     told: BTreeMap<ClientId, Tick>,
     questions: Questions,
@@ -76,6 +76,9 @@ pub struct Leader {
     /// Audiences of clients that have an area of interest.
     audiences: BTreeMap<ClientId, Audience>,
     messages: Vec<(ClientId, ToClient)>,
+    server_messages: Vec<ToServer>,
+    /// Whether the server's program hears of all contacts.
+    events_to_server: bool,
     thresholds: Thresholds,
     /// The state between groups, while there are other groups.
     inter_group: Option<InterGroup>,
@@ -90,13 +93,13 @@ impl Leader {
     pub fn new(now: Duration, view: &View, world: &EnvironmentProperties) -> Self {
         let participants =
             view.members.iter().filter_map(|member| Some((member.client?, Peer::Node(member.node))));
+        let clients: BTreeMap<_, _> = participants.collect();
         Self {
             view: view.number,
             group: view.group,
             members: view.members.iter().map(|member| member.node).collect(),
             dt: Duration::from_secs_f32(world.step.dt_s),
             pace: world.pace,
-            speed_limit: world.avatar_speed_limit,
             tick: view.tick,
             last_tick: world.last_tick,
             done: BTreeMap::new(),
@@ -106,19 +109,21 @@ impl Leader {
             events: BTreeMap::new(),
             next_due: now,
             ops: Vec::new(),
-            inputs: BTreeMap::new(),
-            early: BTreeMap::new(),
-            avatars: BTreeMap::new(),
+            inputs: Inputs::new(world),
             latest: Latest::new(),
             moved: Moved::new(),
             reminded: BodyId::default(),
             contacts: ContactLedger::default(),
-            clients: participants.collect(),
+            undecided: clients.keys().copied().collect(),
+            clients,
+            introduction: view.led_by().cloned(),
             told: BTreeMap::new(),
             questions: Questions::default(),
             interests: BTreeMap::new(),
             audiences: BTreeMap::new(),
             messages: Vec::new(),
+            server_messages: Vec::new(),
+            events_to_server: view.events,
             thresholds: world.thresholds,
             inter_group: None,
             balancing: world
@@ -138,11 +143,11 @@ impl Leader {
         self.ops.extend(ops);
     }
 
-    /// Admits a client that is linked directly; it is sent every body at once, and sends its interest again.
+    /// Admits a client that is linked directly; it says what it wants to hear of.
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
         self.uninterest(client);
-        self.tell_everything(client);
+        self.undecided.insert(client);
     }
 
     /// Takes in a client's area of interest; `None` is everything. It counts after the present tick, so that however often it
@@ -161,8 +166,14 @@ impl Leader {
         }
     }
 
+    /// Takes in a question of the server's program, perhaps once more; the answer goes to the server.
+    pub fn ask_for_server(&mut self, question: Query) {
+        self.questions.ask(ClientId::NOBODY, question);
+    }
+
     fn turn_audiences(&mut self) {
         for (client, area) in std::mem::take(&mut self.interests) {
+            let is_first = self.undecided.remove(&client);
             match (self.audiences.get_mut(&client), area) {
                 (Some(audience), Some(area)) => audience.turn_to(area, &self.latest),
                 (None, Some(area)) => {
@@ -172,6 +183,7 @@ impl Leader {
                     self.audiences.remove(&client);
                     self.tell_everything(client);
                 }
+                (None, None) if is_first => self.tell_everything(client),
                 (None, None) => {}
             }
         }
@@ -192,6 +204,7 @@ impl Leader {
         if self.clients.get(&client) == Some(&Peer::Client(client)) {
             self.clients.remove(&client);
             self.told.remove(&client);
+            self.undecided.remove(&client);
             self.uninterest(client);
             self.questions.forget(client);
         }
@@ -202,37 +215,10 @@ impl Leader {
         self.clients.get(&client).copied()
     }
 
-    /// Accepts a client's input for an avatar if that is its own, and the input is within the speed limit and newer than the
-    /// last one.
+    /// Accepts a client's input for an avatar of its own that is newer than the last one, and within the world's limits of speed, spin and
+    /// jumps.
     pub fn accept_input(&mut self, client: ClientId, input: Input) -> Result<(), Refusal> {
-        if input.body.client() != Some(client) {
-            return Err(Refusal::NotYours);
-        }
-        if !input.velocity.is_within(self.speed_limit) {
-            return Err(Refusal::TooFast);
-        }
-        let Some(last) = self.avatars.get_mut(&input.body) else {
-            // A new leader, or one whom the input reached before the server's word, may yet hear of the avatar.
-            let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
-            if self.early.range(range).count() >= MAX_AVATARS {
-                return Err(Refusal::TooMany);
-            }
-            let (known, _) = self.early.entry(input.body).or_insert((input, self.tick));
-            if known.logical_time < input.logical_time {
-                *known = input;
-            }
-            return Ok(());
-        };
-        // Sent again because it might have been lost.
-        if *last == Some(input.logical_time) {
-            return Ok(());
-        }
-        if last.is_some_and(|last| input.logical_time < last) {
-            return Err(Refusal::Late);
-        }
-        *last = Some(input.logical_time);
-        self.inputs.insert(input.body, input);
-        Ok(())
+        self.inputs.accept(client, input, self.tick)
     }
 
     /// Returns whether a member computes a region after a tick.
@@ -277,7 +263,9 @@ impl Leader {
     pub fn report(&mut self, from: NodeId, report: Report) -> u64 {
         let mut refused = 0;
         for state in report.states {
-            if !self.computes(from, state.owner, report.tick) {
+            let is_own = self.computes(from, state.owner, report.tick);
+            // Which views there are of other groups, by which bodies are placed too, the server alone knows.
+            if !is_own || state.epoch.transfers() > report.tick.0 {
                 refused += 1;
                 continue;
             }
@@ -298,7 +286,7 @@ impl Leader {
             self.moved.entry(state.id).or_insert(before);
             self.moved_here(state.id);
             if state.id.client().is_some() {
-                self.avatars.entry(state.id).or_default();
+                self.inputs.see(state.id, state.pose.translation, report.tick);
             }
         }
         refused
@@ -325,15 +313,18 @@ impl Leader {
             match op {
                 WorldOp::Insert { bodies, .. } => {
                     for body in bodies.iter().filter(|body| body.id.client().is_some()) {
-                        self.avatars.entry(body.id).or_default();
+                        self.inputs.see(body.id, body.state.pose.translation, self.tick);
                     }
                 }
                 WorldOp::Remove(id) => self.forget(*id),
                 _ => {}
             }
         }
-        self.sort_early();
-        ops.extend(std::mem::take(&mut self.inputs).into_values().map(WorldOp::Input));
+        for (body, reason) in self.inputs.sort_early(self.tick) {
+            let refusal = ToClient::Rejected { body: Some(body), reason };
+            self.messages.extend(body.client().map(|client| (client, refusal)));
+        }
+        ops.extend(self.inputs.take_next().map(WorldOp::Input));
         ops.extend(self.corrections());
         ops.extend(self.questions.dispatch(&self.members));
         self.questions.allow();
@@ -372,27 +363,23 @@ impl Leader {
         std::mem::replace(&mut self.ops, later)
     }
 
-    /// Inputs for avatars that have appeared count now; those that waited too long are refused.
-    fn sort_early(&mut self) {
-        for (id, (input, since)) in std::mem::take(&mut self.early) {
-            if let Some(last) = self.avatars.get_mut(&id) {
-                // A later input may have come since the avatar appeared.
-                if *last < Some(input.logical_time) {
-                    *last = Some(input.logical_time);
-                    self.inputs.insert(id, input);
-                }
-            } else if self.tick.0 - since.0 < EARLY_TICKS {
-                self.early.insert(id, (input, since));
-            } else if let Some(client) = id.client() {
-                let refusal = ToClient::Rejected { body: Some(id), reason: Refusal::Unknown };
-                self.messages.push((client, refusal));
-            }
-        }
-    }
-
     /// Returns the messages for clients since the last call.
     pub fn take_messages(&mut self) -> Vec<(ClientId, ToClient)> {
-        std::mem::take(&mut self.messages)
+        let mut for_clients = std::mem::take(&mut self.messages);
+        let view = self.view;
+        let answers = for_clients.extract_if(.., |(client, _)| *client == ClientId::NOBODY);
+        self.server_messages.extend(answers.filter_map(|(_, message)| match message {
+            ToClient::Answer { number, found } => Some(ToServer::Answer { view, number, found }),
+            _ => None,
+        }));
+        for_clients
+    }
+
+    /// Returns the messages for the server since the last call.
+    pub fn take_server_messages(&mut self) -> Vec<ToServer> {
+        let mut messages = std::mem::take(&mut self.server_messages);
+        messages.extend(self.inter_group.as_mut().map(InterGroup::take_messages).unwrap_or_default());
+        messages
     }
 
     /// The newest tick that all members have completed.
@@ -420,8 +407,7 @@ impl Leader {
     }
 
     fn forget(&mut self, id: BodyId) {
-        self.avatars.remove(&id);
-        self.inputs.remove(&id);
+        self.inputs.forget(id);
         self.latest.remove(&id);
         self.moved.remove(&id);
         self.audiences.values_mut().for_each(|audience| audience.forget(id));
@@ -432,15 +418,17 @@ impl Leader {
 
     /// Returns the inputs that are not dispatched yet, for speculative ticks.
     pub fn inputs(&self) -> impl Iterator<Item = Input> {
-        self.inputs.values().copied()
+        self.inputs.next()
     }
 
     /// Returns what another leader must know of clients: inputs that are not dispatched yet, and their interests.
     pub fn into_inputs(self) -> Vec<(ClientId, FromClient)> {
-        let early = self.early.into_values().map(|(input, _)| input);
-        let inputs = self.inputs.into_values().chain(early);
-        let inputs = inputs.filter_map(|input| Some((input.body.client()?, FromClient::Input(input))));
-        let areas = self.audiences.into_iter().map(|(client, audience)| (client, Some(audience.area())));
+        let inputs = self
+            .inputs
+            .into_untaken()
+            .filter_map(|input| Some((input.body.client()?, FromClient::Input(input))));
+        let decided = self.clients.into_keys().filter(|client| !self.undecided.contains(client));
+        let areas = decided.map(|client| (client, self.audiences.get(&client).map(Audience::area)));
         let interests = areas.chain(self.interests);
         inputs.chain(interests.map(|(client, area)| (client, FromClient::Interest(area)))).collect()
     }

@@ -14,6 +14,7 @@
 //! messages alone; answer with all owned bodies) → `Fetch` (bodies that nobody owns, and those that move to another
 //! node) → `Adopt` (build and drop; one border exchange; `Done` of the view's own tick to the new leader, who goes on).
 
+mod avatar_limits;
 mod client;
 mod correction;
 mod device;

@@ -16,8 +16,8 @@ use self::links::Links;
 use self::speculation::Speculation;
 use super::{DelayMonitor, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
 use crate::protocol::{
-    Border, BorderMessage, Dispatch, Done, EnvironmentProperties, Farewell, FromClient, JointRecord, Member,
-    Message, Placed, ToClient, ToServer, View, ViewNumber,
+    Area, Border, BorderMessage, Dispatch, Done, EnvironmentProperties, Farewell, FromClient, JointRecord,
+    Member, Message, Placed, ToClient, ToServer, View, ViewNumber,
 };
 use crate::space::{BodyId, ClientId, NodeId, Tick};
 
@@ -33,6 +33,8 @@ pub struct NodeConfig {
     pub address: SocketAddr,
     /// The client in the same process, if any.
     pub client: Option<ClientId>,
+    /// The area of interest of that client at first.
+    pub interest: Option<Area>,
     /// Ticks between reports of moved bodies to the leader.
     pub report_every: u64,
     /// Ticks between checkpoints of moved bodies to the server; at most 0.5 s worth.
@@ -115,6 +117,8 @@ pub struct Node {
     config: NodeConfig,
     world: Option<EnvironmentProperties>,
     view: Option<View>,
+    /// How often the tree has changed in the view.
+    division: u32,
     /// Members whose border messages are waited for; not this node.
     others: BTreeSet<NodeId>,
     tick: Tick,
@@ -209,10 +213,13 @@ impl Node {
     /// Returns a node without links. The first event is [`NodeEvent::Connected`] with [`Peer::Server`].
     pub fn new(config: NodeConfig) -> Self {
         assert!(config.report_every > 0 && config.checkpoint_every > 0, "samples are at least a tick apart");
+        // Until its client says otherwise.
+        let interest = config.client.map(|_| FromClient::Interest(config.interest));
         Self {
             config,
             world: None,
             view: None,
+            division: 0,
             others: BTreeSet::new(),
             tick: Tick(0),
             phase: Phase::Resting,
@@ -238,7 +245,7 @@ impl Node {
             leader: None,
             inputs: Vec::new(),
             early_words: Vec::new(),
-            interest: None,
+            interest,
             links: BTreeSet::new(),
             link: Links::default(),
             done: None,

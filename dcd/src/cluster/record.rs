@@ -7,8 +7,8 @@ use bincode::{Decode, Encode};
 
 use super::{CanBuild, Key};
 use crate::protocol::{
-    BodyCheckpoint, BodyKind, BodyRecord, Check, Chunk, Invalid, JointRecord, Placed, ShapeHash, ShapeRecord,
-    ViewNumber, chunks, encode_value,
+    Alteration, BodyCheckpoint, BodyKind, BodyRecord, BodyTraits, Check, Chunk, Invalid, JointRecord, Placed,
+    ShapeHash, ShapeRecord, ViewNumber, chunks, encode_value,
 };
 use crate::space::{BodyId, Burden, ClientId, DistributionTree, Epoch, Groups, JointId, RegionId, Tick};
 
@@ -187,6 +187,28 @@ impl Record {
         self.joints.insert(joint.id, joint);
     }
 
+    /// Changes what a movable body or a joint is; returns whether it is on record.
+    pub(super) fn alter(&mut self, alteration: &Alteration) -> bool {
+        match alteration {
+            Alteration::Body { body, traits, wakes } => {
+                let Some(StoredBody { body, .. }) = self.bodies.get_mut(body) else { return false };
+                let is_movable = |traits: &BodyTraits| traits.kind != BodyKind::Fixed;
+                if !is_movable(&body.traits) || !is_movable(traits) {
+                    return false;
+                }
+                body.traits = traits.clone();
+                body.state.sleeping &= !wakes;
+                self.changes.lives.insert(body.id);
+            }
+            Alteration::Joint(joint) => {
+                let Some(known) = self.joints.get_mut(&joint.id) else { return false };
+                known.clone_from(joint);
+                self.changes.joints.insert(joint.id);
+            }
+        }
+        true
+    }
+
     /// Forgets a joint; returns whether there was one.
     pub(super) fn remove_joint(&mut self, id: JointId) -> bool {
         self.changes.joints.insert(id);
@@ -224,6 +246,27 @@ impl Record {
         new.map(|shape| encode_value(shape).len()).sum()
     }
 
+    /// Returns a shape that is on record.
+    pub fn shape(&self, hash: ShapeHash) -> Option<&ShapeRecord> {
+        self.shapes.get(&hash)
+    }
+
+    /// Returns how far a body reaches from its origin at most, metres.
+    pub(super) fn reach_m(&self, body: &BodyRecord) -> f64 {
+        let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let of = |hash: &ShapeHash| self.shape(*hash).map_or(0.0, ShapeRecord::reach_m);
+        let reach = body.traits.colliders.iter().map(|collider| {
+            let own = match self.shape(collider.shape) {
+                Some(ShapeRecord::Compound(parts)) => {
+                    parts.iter().map(|(pose, hash)| length(pose.translation) + of(hash)).fold(0.0, f32::max)
+                }
+                _ => of(&collider.shape),
+            };
+            length(collider.pose.translation) + own
+        });
+        f64::from(reach.fold(0.0, f32::max))
+    }
+
     /// Returns a shape that is on record, or brought by a new avatar.
     pub(super) fn shape_or<'a>(
         &'a self,
@@ -256,6 +299,14 @@ impl Record {
             .values()
             .filter(|entry| matches!(entry.life, Life::Live | Life::Waiting))
             .map(|entry| &entry.body)
+    }
+
+    /// Returns a client's avatars that are still on their way out and come back: they stand where they were until then.
+    pub(super) fn returning(&self, client: ClientId) -> impl Iterator<Item = &BodyRecord> {
+        let avatars = self.avatars(client).into_iter();
+        avatars.filter_map(|(id, life)| {
+            self.body(id).filter(|_| matches!(life, Life::Removing { back: true, .. }))
+        })
     }
 
     /// Returns the movable bodies with their lives; immovable ones have no owner, every node is sent them on joining.
@@ -307,7 +358,8 @@ impl Record {
             && (entry.body.epoch, entry.tick) <= (body.epoch, tick)
         {
             self.changes.states.insert(body.id);
-            entry.body = body;
+            // What it is, the server knows best.
+            entry.body = BodyRecord { traits: entry.body.traits.clone(), ..body };
             entry.tick = tick;
         }
     }
@@ -320,7 +372,7 @@ impl Record {
         {
             self.changes.states.insert(body.id);
             let epoch = body.epoch.max(entry.body.epoch);
-            entry.body = BodyRecord { epoch, ..body };
+            entry.body = BodyRecord { epoch, traits: entry.body.traits.clone(), ..body };
             entry.tick = tick;
         }
     }
@@ -397,5 +449,39 @@ impl Record {
             *loads.entry(tree.leaf_at(body.state.pose.translation)).or_default() += 1.0;
         }
         loads
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::protocol::WorldPose;
+    use crate::sim::sim_body;
+
+    #[test]
+    fn owners_know_best_where_a_body_is_and_the_record_what_it_is() {
+        let id = BodyId::persistent(0);
+        let old = sim_body(id, [1.0; 3]);
+        let mut record = Record::new(vec![old.clone()], Vec::new(), Vec::new());
+        let traits = Arc::new(BodyTraits { gravity_scale: 0.5, ..(*old.traits).clone() });
+        let body =
+            |traits: &Arc<BodyTraits>| Alteration::Body { body: id, traits: traits.clone(), wakes: false };
+        assert!(record.alter(&body(&traits)));
+        let mut moved = old.clone();
+        moved.state.pose = WorldPose::at([2.0; 3]);
+        let is = |record: &Record, x: f64| {
+            let known = record.body(id).unwrap();
+            assert_eq!((known.traits.gravity_scale, known.state.pose.translation[0]), (0.5, x));
+        };
+        record.freshen(Tick(3), moved.clone());
+        is(&record, 2.0);
+        moved.state.pose = WorldPose::at([3.0; 3]);
+        record.reclaim(Tick(4), moved);
+        is(&record, 3.0);
+        let fixed = Arc::new(BodyTraits { kind: BodyKind::Fixed, ..(*traits).clone() });
+        assert!(!record.alter(&body(&fixed)), "it has an owner");
+        is(&record, 3.0);
     }
 }

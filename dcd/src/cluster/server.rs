@@ -8,10 +8,12 @@ mod common;
 mod group;
 mod nodes;
 mod program;
+mod questions;
 mod regroup;
 mod stored;
 #[cfg(test)]
 mod tests;
+mod vicinity;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -19,10 +21,12 @@ use std::time::Duration;
 use self::common::{ABSENCE, ClientEntry, Common};
 use self::group::Group;
 use self::nodes::Resumption;
-use super::{Batch, Life, Peer, Pinger, Polls, Record};
+use self::questions::Questions;
+use self::vicinity::Vicinity;
+use super::{Batch, Peer, Pinger, Polls, Record};
 use crate::protocol::{
-    Chunk, EnvironmentProperties, Farewell, Hello, JoinAs, Member, Message, Refusal, ShapeHash, ShapeRecord,
-    ToClient, VERSION, View, ViewNumber, chunks,
+    Area, Chunk, EnvironmentProperties, Farewell, Hello, JoinAs, Member, Message, Query, QueryResult,
+    Refusal, ShapeHash, ShapeRecord, ToClient, VERSION, View, ViewNumber, WorldEvents, chunks,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
@@ -51,6 +55,8 @@ pub struct ServerConfig {
     pub grouping: Grouping,
     /// How long the avatars of a client that left wait for its return.
     pub avatar_expiry: Duration,
+    /// Whether its program hears of the contacts of bodies that ask for them ([`ServerOutput::Contacts`]).
+    pub events: bool,
     /// Whether nodes can build the shapes of an avatar: one that they cannot, once on record, would stop all that join later.
     pub can_build: CanBuild,
 }
@@ -84,6 +90,10 @@ pub enum ServerEvent {
     Stop,
     /// The server's program changes the world, in this order.
     Program(Vec<ProgramOp>),
+    /// It queries bodies; the question's number is unlike those of questions before.
+    Ask(Query),
+    /// It does not want the answer any more.
+    Forget(u64),
     /// The server is to stop, and its world to go on: what is known is written down, and nobody is told.
     Suspend,
 }
@@ -138,6 +148,15 @@ pub enum ServerOutput {
         /// Bodies that more than one node owns.
         doubled: Vec<BodyId>,
     },
+    /// The answer to [`ServerEvent::Ask`].
+    Answered {
+        /// The question's.
+        number: u64,
+        /// What was found.
+        found: QueryResult,
+    },
+    /// Contacts of bodies that ask for them, each pair once.
+    Contacts(WorldEvents),
     /// The world has ended and all have been told; what is stored of it is of no use any more.
     Ended,
     /// All that is known has been stored: the server may stop.
@@ -154,6 +173,7 @@ pub struct Server {
     last_group: GroupId,
     arbiter: arbiter::Arbiter,
     polls: Polls,
+    questions: Questions,
     /// How long it was stopped, ever. That time does not count: what others sent meanwhile is yet to be heard.
     stopped: Duration,
     /// Whether it was before the last event. A server that is late each time is slow, and its time passes.
@@ -176,7 +196,7 @@ impl Server {
             now: Duration::ZERO,
             nodes: BTreeMap::new(),
             clients: BTreeMap::new(),
-            brought: BTreeMap::new(),
+            allowances: BTreeMap::new(),
             number: ViewNumber(0),
             begun: false,
             stopping: false,
@@ -193,6 +213,7 @@ impl Server {
         let polls = Polls::new(common.config.grouping.votes);
         Self {
             polls,
+            questions: Questions::default(),
             stopped: Duration::ZERO,
             was_stopped: false,
             looked_at: Duration::ZERO,
@@ -250,6 +271,8 @@ impl Server {
                 }
             }
             ServerEvent::Program(ops) => ops.into_iter().for_each(|op| self.obey(op)),
+            ServerEvent::Ask(question) => self.ask(question),
+            ServerEvent::Forget(number) => self.unask(number),
             ServerEvent::Stop => self.common.stopping = true,
             ServerEvent::Suspend => {
                 (self.common.world_changed, self.store_at) = (true, Some(Duration::ZERO));
@@ -293,6 +316,7 @@ impl Server {
             self.begin_anew(node);
         }
         self.handle_regrouping();
+        self.ask_leader();
         self.finish(mark);
     }
 
@@ -310,6 +334,7 @@ impl Server {
             .chain(clients)
             .chain(groups)
             .chain(self.store_at)
+            .chain(self.questions.due())
             .chain(self.takeover_at())
             .chain(self.regrouping_at())
             .min()
@@ -366,6 +391,11 @@ impl Server {
         self.common.stale
     }
 
+    /// Returns whether a node leads the main group in this view.
+    fn is_led_by(&self, node: NodeId, view: ViewNumber) -> bool {
+        self.view().is_some_and(|present| present.leader == node && present.number == view)
+    }
+
     fn main(&self) -> &Group {
         &self.groups[&self.main]
     }
@@ -416,12 +446,14 @@ impl Server {
         }
     }
 
+    /// Returns whether a process may pass on what a client says: its own, its node's, or that of the leader it plays with.
     fn speaks_for(&self, from: Peer, client: ClientId) -> bool {
         match from {
             Peer::Client(linked) => linked == client,
             Peer::Node(node) => {
-                let leads = |group: &Group| group.view.as_ref().is_some_and(|view| view.leader == node);
-                self.groups.values().any(leads)
+                let entry = self.common.clients.get(&client);
+                let group = entry.and_then(|entry| self.groups.get(&entry.group));
+                group.is_some_and(|group| group.leads(node))
                     || self.common.nodes.get(&node).is_some_and(|entry| entry.member.client == Some(client))
             }
             Peer::Server => false,
@@ -451,10 +483,11 @@ impl Server {
                             entry.delays.remove(&node);
                         }
                         self.welcome_node(member);
+                        self.is_anew(node);
                     }
                 }
             }
-            (Peer::Client(client), JoinAs::Client) => self.welcome_client(client),
+            (Peer::Client(client), JoinAs::Client { interest }) => self.welcome_client(client, interest),
             _ => {
                 let reason = "its certificate is for another role than the one it wants to play".to_owned();
                 self.common.close(from, Farewell::Refused, reason);
@@ -462,11 +495,16 @@ impl Server {
         }
     }
 
-    fn welcome_client(&mut self, client: ClientId) {
+    fn welcome_client(&mut self, client: ClientId, interest: Option<Area>) {
+        if !self.common.allowances.entry(client).or_default().welcome(self.common.now) {
+            self.common.send_client(client, ToClient::Rejected { body: None, reason: Refusal::TooMany });
+            self.common.close(Peer::Client(client), Farewell::Refused, Refusal::TooMany.to_string());
+            return self.part(client);
+        }
         let group = self.group_for(client);
-        let entry = ClientEntry { linked: true, absent_until: None, group };
-        // It is told of the whole world below, and not of its parts before.
-        let _ = self.common.clients.insert(client, ClientEntry { linked: false, ..entry });
+        // It is told of the world below, and not of its parts before.
+        let entry = ClientEntry { linked: false, absent_until: None, group, vicinity: None };
+        let _ = self.common.clients.insert(client, entry);
         // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
         self.bring_back(client);
         let world = self.common.config.world.clone();
@@ -475,13 +513,20 @@ impl Server {
         let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
         self.common.send_client(client, ToClient::Welcome { id: client, logical_time, world });
         let Some(group) = self.groups.get(&group) else { return };
-        let mut parts = group.record.shape_chunks(&mut BTreeSet::new());
-        // Those that are still on their way out stand where they were until they are back.
-        let returning = group.record.avatars(client).into_iter().filter_map(|(id, life)| {
-            group.record.body(id).filter(|_| matches!(life, Life::Removing { back: true, .. }))
-        });
-        parts.extend(chunks(group.record.present().chain(returning).cloned(), Chunk::Bodies));
-        parts.extend(group.record.joint_chunks(|_| true));
+        let record = &group.record;
+        let (vicinity, parts) = match interest {
+            Some(interest) => {
+                let (vicinity, parts) = Vicinity::joining(client, interest, record);
+                (Some(vicinity), parts)
+            }
+            None => {
+                let mut parts = record.shape_chunks(&mut BTreeSet::new());
+                let bodies = record.present().chain(record.returning(client)).cloned();
+                parts.extend(chunks(bodies, Chunk::Bodies));
+                parts.extend(record.joint_chunks(|_| true));
+                (None, parts)
+            }
+        };
         for chunk in parts {
             self.common.send_client(client, ToClient::Chunk(chunk));
         }
@@ -489,7 +534,7 @@ impl Server {
         let leader = group.leader_is();
         self.common.send_client(client, leader);
         if let Some(entry) = self.common.clients.get_mut(&client) {
-            entry.linked = true;
+            (entry.linked, entry.vicinity) = (true, vicinity);
         }
     }
 

@@ -27,6 +27,9 @@ pub struct Limits {
     pub frame_bytes: usize,
     /// The longest frame from a process that is a client only.
     pub client_frame_bytes: usize,
+    /// How many frames per second are read from a process that is a client only, after a second's worth at once; of 256 bytes, a longer
+    /// one counts as several. More wait at their sender.
+    pub client_frames_per_s: u32,
     /// How much may wait for a slow server or node, beside what is in flight; then sending is refused.
     pub queue_bytes: usize,
     /// How much may wait for a slow client, and again as much in flight.
@@ -48,6 +51,7 @@ impl Default for Limits {
             linger: link::LINGER,
             frame_bytes: link::FRAME_BYTES,
             client_frame_bytes: link::CLIENT_FRAME_BYTES,
+            client_frames_per_s: link::CLIENT_FRAMES_PER_S,
             queue_bytes: link::QUEUE_BYTES,
             client_queue_bytes: link::CLIENT_QUEUE_BYTES,
             connections: 4096,
@@ -69,6 +73,11 @@ impl Limits {
     /// Returns how long a frame *from* `who` may be.
     pub(super) fn frame_bytes_of(&self, who: PeerName) -> usize {
         if is_client_only(who) { self.client_frame_bytes } else { self.frame_bytes }
+    }
+
+    /// Returns how many frames per second are read from `who`; `None`: all that come.
+    pub(super) fn frames_per_s_of(&self, who: PeerName) -> Option<u32> {
+        is_client_only(who).then_some(self.client_frames_per_s)
     }
 
     /// Returns how many bytes may wait *for* `who`.

@@ -19,6 +19,7 @@ mod key;
 mod lanes;
 mod ledger;
 mod limits;
+mod pace;
 mod peer;
 mod quic_config;
 mod renewal;

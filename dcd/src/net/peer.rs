@@ -3,6 +3,7 @@
 use std::future::poll_fn;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::time::Instant;
 
 use quinn::{Connection, ConnectionError, RecvStream, SendStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -10,6 +11,7 @@ use tokio::task::JoinSet;
 
 use super::events::Delivery;
 use super::lanes::{FrameStart, LANES, LaneError, LaneSender, SendFailure, read_body, read_length};
+use super::pace::Pace;
 use super::stats::{Counters, count};
 use super::{
     CloseCause, CloseCode, Lane, Limits, MAX_DATAGRAM_BYTES, NetEvent, PROTOCOL_VERSION, PeerKey, PeerName,
@@ -30,6 +32,7 @@ pub(super) struct Peer {
     inbox_bytes: usize,
     /// The longest frame accepted from the peer.
     frame_limit: usize,
+    pace: Pace,
     counters: Counters,
     /// The rule that the peer broke, if it did.
     violation: Mutex<Option<String>>,
@@ -128,6 +131,7 @@ impl Peer {
             program_queue: Queue::new(link::PROGRAM_WINDOW_BYTES),
             inbox_bytes: limits.inbox_bytes_of(who),
             frame_limit: limits.frame_bytes_of(who),
+            pace: Pace::new(limits.frames_per_s_of(who)),
             counters: Counters::default(),
             violation: Mutex::new(None),
         });
@@ -252,6 +256,13 @@ impl Peer {
         let FrameStart::Length(length) = read_length(stream, lane, self.frame_limit).await? else {
             return Ok(None);
         };
+        if let Some(at) = self.pace.count(Instant::now(), length) {
+            self.counters.frames_held_back.fetch_add(1, Ordering::Relaxed);
+            tokio::select! {
+                () = tokio::time::sleep_until(at.into()) => {}
+                _ = self.connection.closed() => {}
+            }
+        }
         let share = share_of(length, self.inbox_bytes);
         let share = inbox.clone().acquire_many_owned(share).await.map_err(|_| LaneError::Gone)?;
         Ok(Some((read_body(stream, lane, length).await?, share)))

@@ -16,6 +16,8 @@ pub struct PeerStats {
     pub frames_in: u64,
     /// Frames given to send.
     pub frames_out: u64,
+    /// Frames that a client sent faster than it may, and that were read later therefore.
+    pub frames_held_back: u64,
     /// Datagrams received.
     pub datagrams_in: u64,
     /// Datagrams given to send.
@@ -56,6 +58,7 @@ impl PeerStats {
         self.bytes_out += other.bytes_out;
         self.frames_in += other.frames_in;
         self.frames_out += other.frames_out;
+        self.frames_held_back += other.frames_held_back;
         self.datagrams_in += other.datagrams_in;
         self.datagrams_out += other.datagrams_out;
         self.datagrams_dropped += other.datagrams_dropped;
@@ -73,6 +76,7 @@ pub(super) struct Counters {
     pub(super) bytes_out: AtomicU64,
     pub(super) frames_in: AtomicU64,
     pub(super) frames_out: AtomicU64,
+    pub(super) frames_held_back: AtomicU64,
     pub(super) datagrams_in: AtomicU64,
     pub(super) datagrams_out: AtomicU64,
     pub(super) datagrams_dropped: AtomicU64,
@@ -86,6 +90,7 @@ impl Counters {
             bytes_out: value(&self.bytes_out),
             frames_in: value(&self.frames_in),
             frames_out: value(&self.frames_out),
+            frames_held_back: value(&self.frames_held_back),
             datagrams_in: value(&self.datagrams_in),
             datagrams_out: value(&self.datagrams_out),
             datagrams_dropped: value(&self.datagrams_dropped),

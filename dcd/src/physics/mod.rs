@@ -1,5 +1,6 @@
 //! Computes a world as many Rapier worlds, one per region: bodies and their ghosts, coupling across borders, contacts, queries.
 
+mod alter;
 mod articulation;
 mod choice;
 mod collider_id;
@@ -23,6 +24,8 @@ mod region;
 mod settings;
 mod shapes;
 mod statics;
+#[cfg(feature = "net")]
+mod trial;
 
 pub use crate::protocol::Handover;
 pub use articulation::LinkSettings;
@@ -43,3 +46,5 @@ pub use settings::{Coupling, Preset, StepSettings};
 #[cfg(feature = "net")]
 pub(crate) use shapes::can_build;
 pub use shapes::{ShapeError, ShapeLibrary};
+#[cfg(feature = "net")]
+pub(crate) use trial::{try_on_body, try_on_collider, try_on_joint};

@@ -87,14 +87,23 @@ pub(crate) fn build(
     anchor: [f64; 3],
     shapes: &ShapeLibrary,
 ) -> Result<(RigidBody, Vec<Collider>), ShapeError> {
-    let (traits, state) = (&record.traits, &record.state);
-    let kind = match traits.kind {
+    let colliders = record.traits.colliders.iter();
+    let colliders = colliders.map(|collider| build_collider(collider, shapes)).collect::<Result<_, _>>()?;
+    Ok((build_body(record, anchor), colliders))
+}
+
+pub(super) fn body_type(kind: BodyKind) -> RigidBodyType {
+    match kind {
         BodyKind::Dynamic => RigidBodyType::Dynamic,
         BodyKind::Fixed => RigidBodyType::Fixed,
         BodyKind::KinematicPosition => RigidBodyType::KinematicPositionBased,
         BodyKind::KinematicVelocity => RigidBodyType::KinematicVelocityBased,
-    };
-    let mut builder = RigidBodyBuilder::new(kind)
+    }
+}
+
+pub(super) fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
+    let (traits, state) = (&record.traits, &record.state);
+    let mut builder = RigidBodyBuilder::new(body_type(traits.kind))
         .pose(convert::region_from_world(anchor, &state.pose))
         .linvel(vector(state.velocity.linear))
         .angvel(vector(state.velocity.angular))
@@ -127,9 +136,7 @@ pub(crate) fn build(
     activation.angular_threshold = traits.sleep_angular_threshold;
     activation.time_until_sleep = traits.sleep_after_s;
     activation.time_since_can_sleep = state.still_s;
-    let colliders =
-        traits.colliders.iter().map(|collider| build_collider(collider, shapes)).collect::<Result<_, _>>()?;
-    Ok((body, colliders))
+    body
 }
 
 /// Returns the AABB of the colliders of a body in its recorded pose, in world space; infinite for half-spaces.
@@ -223,7 +230,7 @@ pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider, heavier: boo
     }
 }
 
-fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Collider, ShapeError> {
+pub(super) fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Collider, ShapeError> {
     let builder = ColliderBuilder::new(shapes.shape(record.shape)?)
         .position(convert::pose(record.pose))
         .friction(record.friction)
@@ -274,7 +281,7 @@ fn groups(groups: InteractionGroups) -> Groups {
     }
 }
 
-fn rapier_groups(groups: Groups) -> InteractionGroups {
+pub(super) fn rapier_groups(groups: Groups) -> InteractionGroups {
     let mode = if groups.any { InteractionTestMode::Or } else { InteractionTestMode::And };
     InteractionGroups::new(
         Group::from_bits_retain(groups.memberships),
@@ -294,7 +301,7 @@ fn combine_rule(rule: CoefficientCombineRule) -> CombineRule {
     }
 }
 
-fn rapier_rule(rule: CombineRule) -> CoefficientCombineRule {
+pub(super) fn rapier_rule(rule: CombineRule) -> CoefficientCombineRule {
     match rule {
         CombineRule::Average => CoefficientCombineRule::Average,
         CombineRule::Min => CoefficientCombineRule::Min,

@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{BodyRecord, Check, Input, JointRecord, Velocity, WorldPose};
+use super::{Alteration, BodyRecord, Check, Input, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
 /// The owner's state of a body, sent to a region that holds a replica of it.
@@ -236,6 +236,24 @@ impl BorderMessage {
         if let Some(Transfer { body, .. }) = of {
             body.state.velocity = input.velocity;
             body.state.pose = input.pose.unwrap_or(body.state.pose);
+        }
+    }
+
+    /// Changes what the body or the joint is, if it is being handed over or copied in this message.
+    pub fn alter(&mut self, alteration: &Alteration) {
+        match alteration {
+            Alteration::Body { body: id, traits, wakes } => {
+                let handed_over = self.transfers.iter_mut().map(|transfer| &mut transfer.body);
+                for body in handed_over.chain(&mut self.replicas).filter(|body| body.id == *id) {
+                    body.traits = traits.clone();
+                    body.state.sleeping &= !wakes;
+                }
+            }
+            Alteration::Joint(record) => {
+                for joint in self.joints.iter_mut().filter(|joint| joint.id == record.id) {
+                    joint.clone_from(record);
+                }
+            }
         }
     }
 

@@ -22,6 +22,8 @@ pub const LINGER: Duration = Duration::from_millis(500);
 pub const FRAME_BYTES: usize = 16 << 20;
 /// The longest frame from a process that is a client only.
 pub const CLIENT_FRAME_BYTES: usize = 64 << 10;
+/// The most frames per second from a process that is a client only: an input for each of 1,024 avatars in each of 60 ticks, and more.
+pub const CLIENT_FRAMES_PER_S: u32 = 64_000;
 /// The most bytes in flight to a server or node.
 pub const WINDOW_BYTES: usize = 8 << 20;
 /// The most bytes that wait for a slow server or node beside those.

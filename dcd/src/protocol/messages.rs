@@ -15,7 +15,7 @@ use crate::space::{
     Allocation, Balance, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick, TreeError,
 };
 
-pub use client::{Area, Costs, FromClient, Input, Refusal, Stamp, ToClient};
+pub use client::{Area, Costs, FromClient, Input, MAX_INTRODUCED, Refusal, Stamp, ToClient};
 pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, LoadReport, Motion, Push, RegionLoad,
     Repartition, Report, Stance, ToNode, ToServer, WorldOp,
@@ -69,7 +69,8 @@ pub enum Message {
     Program(Program),
 }
 
-/// The lane on which a message travels: reliable or datagram. Order holds within a lane only.
+/// The lane on which a message travels: reliable or datagram. Order holds within a lane only, and a dispatch or a border message may come
+/// once more in a datagram, before or after what was sent with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Lane {
     /// Reliable and ordered: membership, world, dispatch, clients' inputs.
@@ -97,7 +98,7 @@ impl Message {
 }
 
 /// The first message of a process that joins. Its id is that of its certificate; the runtime knows it as the peer of the link.
-#[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Hello {
     /// [`VERSION`](super::VERSION) of the sender.
     pub version: u32,
@@ -106,7 +107,7 @@ pub struct Hello {
 }
 
 /// The role in which a process joins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub enum JoinAs {
     /// Computes regions.
     Node {
@@ -118,7 +119,10 @@ pub enum JoinAs {
         resume: Option<ViewNumber>,
     },
     /// Hosts avatars.
-    Client,
+    Client {
+        /// The area that it wants to be told of; `None`: the whole world. An own avatar is told wherever it is.
+        interest: Option<Area>,
+    },
 }
 
 /// The properties of a world that every process must know (the thesis's `EnvironmentProperties`), sent whole on joining.
@@ -235,6 +239,8 @@ pub struct View {
     pub tree: DistributionTree,
     /// Which member computes each region.
     pub allocation: Allocation,
+    /// Whether the server's program hears of the contacts of all bodies that ask for them; else clients do of their own.
+    pub events: bool,
 }
 
 impl View {

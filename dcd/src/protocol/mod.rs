@@ -1,5 +1,6 @@
 //! Defines everything that is sent: bodies, shapes, joints and border messages as plain values, and their encoding. Pure; no Rapier.
 
+mod alteration;
 mod body;
 mod border;
 mod codec;
@@ -12,6 +13,7 @@ mod shape;
 mod step;
 mod validate;
 
+pub use alteration::Alteration;
 pub use body::{
     BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ExtraMass,
     Groups, MassRecord, Pose, Velocity, WorldPose,
@@ -32,9 +34,9 @@ pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     Answer, Area, BodyCheckpoint, Border, CastAnswer, CastQuery, Chunk, Claim, Costs, Delay, DelayThresholds,
     Dispatch, Done, EnvironmentProperties, Farewell, FilterRecord, FromClient, Hello, Input, JoinAs, Lane,
-    LoadReport, MAX_COST, MAX_FOUND, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES, MAX_TURN,
-    MAX_TURNING_M, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery, Pace, PartFilter, Ping,
-    Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult, RayAnswer, RayQuery, Refusal,
+    LoadReport, MAX_COST, MAX_FOUND, MAX_INTRODUCED, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES,
+    MAX_TURN, MAX_TURNING_M, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery, Pace, PartFilter,
+    Ping, Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult, RayAnswer, RayQuery, Refusal,
     RegionLoad, Repartition, Report, SHAPE_COST, Stamp, Stance, SyncProtocol, Thresholds, ToClient, ToNode,
     ToServer, View, ViewNumber, WorldOp,
 };

@@ -138,6 +138,26 @@ impl ShapeRecord {
         }
     }
 
+    /// Returns how far it reaches from its origin at most, metres; infinity for a half-space. Parts of a compound have their own.
+    pub fn reach_m(&self) -> f32 {
+        let of = |points: &[[f32; 3]]| points.as_flattened().iter().fold(0.0f32, |most, v| most.max(v.abs()));
+        let largest_m = match self {
+            Self::TriMesh(vertices, ..) | Self::Polyline(vertices, ..) => of(vertices),
+            Self::HeightField(heights, _, _, scale, ..) => {
+                let height = heights.iter().fold(0.0f32, |most, v| most.max(v.abs()));
+                of(&[[0.5 * scale[0], height * scale[1], 0.5 * scale[2]]])
+            }
+            Self::Voxels(edges, cells) => {
+                let cell = cells.as_flattened().iter().fold(0, |most, v| v.unsigned_abs().max(most)) + 1;
+                cell as f32 * of(&[*edges])
+            }
+            // A rounded cylinder or a cone is as far across as it is high.
+            _ => self.largest_m(),
+        };
+        // A corner is farther off than along its largest axis.
+        3f32.sqrt() * largest_m
+    }
+
     /// Returns how many corners it has, 1 for what is round or made of other shapes: what a contact with it costs.
     pub fn corner_count(&self) -> usize {
         match self {

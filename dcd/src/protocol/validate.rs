@@ -450,6 +450,7 @@ impl Check for WorldOp {
             Self::Remove(_) | Self::RemoveJoint(_) | Self::Repartition(_) => Ok(()),
             Self::Input(input) => input.check(),
             Self::Push(push) => push.check(),
+            Self::Alter(alteration) => alteration.check(),
             Self::Correct { states, .. } => all(states),
             Self::Ask { question, .. } => question.check(),
         }
@@ -587,6 +588,7 @@ impl Check for ToNode {
             Self::Finish { dispatches, .. } => all(dispatches),
             Self::Adopt { view, .. } => view.check(),
             Self::Apply { ops, .. } => all(ops),
+            Self::Ask { question, .. } => question.check(),
             Self::Roster(members) => ascending(members, |member| member.node, "roster"),
             Self::InterGroup { states, .. } => all(states),
             Self::Authority { stances, .. } => ascending(stances, |stance| stance.body, "stances"),
@@ -610,6 +612,11 @@ impl Check for ToServer {
             Self::Repartitioned { tree, allocation, .. } => suits(allocation, tree),
             Self::Found { bodies, .. } | Self::Removed { bodies, .. } => all(bodies),
             Self::Checkpoint { bodies, .. } => all(bodies),
+            Self::Answer { found, .. } => found.check(),
+            Self::Contacts { events, .. } => {
+                all(&events.touches)?;
+                all(&events.forces)
+            }
             Self::Delays(delays) => {
                 ascending(delays, |delay| delay.node, "delays")?;
                 delays.iter().try_for_each(|delay| not_negative(delay.delay_ms.as_slice(), "delay_ms"))
@@ -632,6 +639,9 @@ impl Check for FromClient {
             }
             Self::Ask(question) => question.check(),
             Self::Interest(area) => area.map_or(Ok(()), |area| area.check()),
+            Self::Introduce(ids) => {
+                must(ids.len() <= MAX_INTRODUCED, "introduce", "at most 1,024 bodies at once")
+            }
             Self::Despawn(_) | Self::Leave => Ok(()),
         }
     }
@@ -656,6 +666,7 @@ impl Check for ToClient {
                 all(shapes)?;
                 all(joints)
             }
+            Self::Altered(alteration) => alteration.check(),
             Self::States { states, .. } => all(states),
             Self::Answer { found, .. } => found.check(),
             Self::Contacts { touches, forces, .. } => {

@@ -31,6 +31,10 @@ pub struct JoinConfig {
     pub timeout: Duration,
     /// How long the server may be out of reach later on before the process gives up. Meanwhile it dials again and again.
     pub give_up: Duration,
+    /// The area of interest to begin with: the process is sent the bodies there, the scenery that reaches into it, and the shapes and joints
+    /// of those, and later what comes there or where the area is moved to. `None`: it is sent the whole world, whatever its interest
+    /// is later on.
+    pub interest: Option<Area>,
     /// Regions that a participant's node steps at a time.
     pub threads: usize,
     /// Where others reach a participant's node; `None`: any free port, on the interface that leads to the server.
@@ -47,6 +51,7 @@ impl JoinConfig {
             token: token.into(),
             identity: None,
             timeout: Duration::from_secs(10),
+            interest: None,
             give_up: GIVE_UP,
             threads: 1,
             listen: None,
@@ -118,6 +123,7 @@ impl ClientWorld {
             give_up: config.give_up,
             listen: config.listen.unwrap_or(usual.listen),
             advertise: config.advertise,
+            interest: config.interest,
             ..usual
         })?;
         let left = config.timeout.saturating_sub(start.elapsed());

@@ -290,7 +290,8 @@ impl PhysicsDevice {
             .into_iter()
             .filter_map(|id| {
                 let (region, handle) = host.owned(id)?;
-                Some(BodyCheckpoint { id, epoch: region.epoch_of(handle), state: region.body_state(handle) })
+                let (epoch, state) = (region.epoch_of(handle), region.body_state(handle));
+                Some(BodyCheckpoint { id, region: region.id(), epoch, state })
             })
             .collect();
         let transfers = host.transfers();
@@ -377,6 +378,11 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             WorldOp::Input(input) => steer(host, &input),
             WorldOp::Push(push) => {
                 host.push(&push);
+            }
+            WorldOp::Alter(alteration) => {
+                if let Err(error) = host.alter(&alteration) {
+                    warn!(?alteration, %error, "nothing is changed");
+                }
             }
             // Done before the tick began; answered when it is over.
             WorldOp::Repartition(_) | WorldOp::Ask { .. } => {}

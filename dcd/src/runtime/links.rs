@@ -6,7 +6,8 @@
 //! - for a client: a whole world while it receives its first snapshot, and nothing afterwards;
 //! - for no peer anything, once it has taken in nothing for [`STUCK`] while its link was up.
 //!
-//! States, which go in datagrams, never wait: the oldest are dropped.
+//! States, which go in datagrams, never wait: the oldest are dropped. What a tick waits for is sent twice over links that lose packets
+//! ([`repeats`](super::repeats)).
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
@@ -16,6 +17,7 @@ use tracing::{debug, warn};
 
 use super::connections::{Connections, Delivery, Sent};
 use super::ending::{Cause, Ending, Reason};
+use super::repeats::Repeats;
 use crate::cluster::Peer;
 use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, JoinAs, Lane, Message, ToClient};
@@ -31,6 +33,9 @@ const PROGRAM_DATAGRAMS_WAITING: usize = 8 << 10;
 
 /// How often the user's traffic counters are refreshed.
 const COUNT: Duration = Duration::from_millis(100);
+
+/// A message is repeated only if at most this many bytes of datagrams wait on its link.
+const REPEATS_WAITING: usize = 8 << 10;
 
 /// States of a speculative tick are sent only if at most this many bytes of datagrams wait on their link.
 const GUESSES_WAITING: usize = 8 << 10;
@@ -67,6 +72,7 @@ pub(super) struct Links {
     told: BTreeMap<Peer, bool>,
     given_up: Vec<LinkEvent>,
     world_bytes: usize,
+    repeats: Repeats,
     /// Whether this process sends to a participant as a client too: only the server does.
     is_server: bool,
 }
@@ -94,6 +100,7 @@ impl Links {
             told: BTreeMap::new(),
             given_up: Vec::new(),
             world_bytes: WORLD_BYTES,
+            repeats: Repeats::default(),
             is_server,
         }
     }
@@ -149,6 +156,7 @@ impl Links {
         if let Some(ends) = is_world {
             self.told.insert(to, ends);
         }
+        self.repeats.sent(Instant::now(), to, message, &bytes);
         self.send_frame(to, lane, bytes);
         self.forget_told(to);
     }
@@ -165,10 +173,20 @@ impl Links {
         if self.count_at.is_none_or(|at| at <= now) {
             self.count_at = Some(now + COUNT);
             self.connections.refresh(now, |link| self.net.stats(link));
+            self.count_losses();
+        }
+        while let Some((to, bytes)) = self.repeats.due(now) {
+            // A link that is full loses packets by itself.
+            let key = self.keys.get(&to).filter(|&&key| self.net.datagrams_waiting(key) <= REPEATS_WAITING);
+            if let Some(&key) = key
+                && let Err(error) = self.net.send_datagram(key, bytes)
+            {
+                debug!(?to, %error, "a message is not repeated");
+            }
         }
         let peers: Vec<_> =
             self.waiting.keys().filter(|peer| self.keys.contains_key(peer)).copied().collect();
-        let mut left = self.send_programs();
+        let mut left = self.send_programs() || self.repeats.is_waiting();
         for peer in peers {
             let Some(mut waiting) = self.waiting.remove(&peer) else { continue };
             let (key, before) = (self.keys[&peer], waiting.frames.len());
@@ -199,6 +217,15 @@ impl Links {
             }
         }
         left
+    }
+
+    fn count_losses(&mut self) {
+        self.repeats.retain(|peer| self.keys.contains_key(peer));
+        for (&peer, &key) in self.keys.iter().filter(|(peer, _)| matches!(peer, Peer::Node(_))) {
+            if let Some(stats) = self.net.stats(key) {
+                self.repeats.count(peer, &stats);
+            }
+        }
     }
 
     /// Sends waiting messages of programs, as far as there is room. Returns whether something is to be tried again soon.
@@ -407,7 +434,7 @@ impl Links {
         let node = |node: NodeId| Peer::Node(node);
         let is_own = |client: ClientId| {
             matches!(message, Message::FromClient(other, _) if *other == client)
-                || matches!(message, Message::Hello(hello) if hello.role == JoinAs::Client)
+                || matches!(message, Message::Hello(hello) if matches!(hello.role, JoinAs::Client { .. }))
         };
         match who {
             PeerName::Server => Peer::Server,

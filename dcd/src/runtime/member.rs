@@ -18,7 +18,7 @@ use crate::cluster::{
     PhysicsEvent, WORLD_ENDED,
 };
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
-use crate::protocol::{Farewell, Message, Refusal};
+use crate::protocol::{Area, Farewell, Message, Refusal};
 use crate::space::{BodyId, NodeId, Tick};
 
 /// How often sending is tried again where a link had no room.
@@ -52,6 +52,8 @@ pub struct MemberConfig {
     pub patience: Duration,
     /// How long the server may be out of reach before the process gives up. Meanwhile a node computes on.
     pub give_up: Duration,
+    /// The area that a client wants to be told of; `None`: the whole world.
+    pub interest: Option<Area>,
 }
 
 impl MemberConfig {
@@ -67,6 +69,7 @@ impl MemberConfig {
             checkpoint_every: 12,
             patience: Duration::from_millis(100),
             give_up: GIVE_UP,
+            interest: None,
         }
     }
 }
@@ -167,12 +170,13 @@ impl Member {
         let (net, events) = Net::start(net)?;
         let address = net.local_addr();
         let advertised = config.advertise.unwrap_or_else(|| reachable(address, config.server));
-        let client = who.client().map(|client| Client::new(client, who.node()));
+        let client = who.client().map(|client| Client::new(client, who.node(), config.interest));
         let node = who.node().map(|id| {
             Node::new(NodeConfig {
                 id,
                 address: advertised,
                 client: who.client(),
+                interest: config.interest,
                 report_every: config.report_every,
                 checkpoint_every: config.checkpoint_every,
                 patience: config.patience,
@@ -575,13 +579,12 @@ impl Loop {
     /// Carries out the outputs of the state machines, until there are none or a tick is complete: a node that waits for nobody would
     /// hear nobody else.
     fn pump(&mut self) {
+        self.has_more = false;
         while self.end.is_none() {
-            if let Some(output) = self.node.as_mut().and_then(Node::poll_output) {
+            let of_node = if self.has_more { None } else { self.node.as_mut().and_then(Node::poll_output) };
+            if let Some(output) = of_node {
                 self.has_more = matches!(output, NodeOutput::Settled(_));
                 self.node_output(output);
-                if self.has_more {
-                    return;
-                }
                 continue;
             }
             let output = self.shared.lock().client.as_mut().and_then(Client::poll_output);

@@ -26,6 +26,8 @@ mod member;
 #[cfg(feature = "net")]
 mod origin;
 #[cfg(feature = "net")]
+mod repeats;
+#[cfg(feature = "net")]
 mod serve_config;
 #[cfg(feature = "net")]
 mod server;

@@ -31,6 +31,9 @@ pub struct ServeConfig {
     pub avatar_speed_limit: f32,
     /// How long the avatars of a client that left wait for its return; then they are removed.
     pub avatar_expiry: Duration,
+    /// Whether the program hears of the contacts of all bodies that ask for them (`World::events`), over the network. Each client hears of
+    /// those of its avatars anyway.
+    pub events: bool,
     /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
     pub groups: GroupConfig,
 }
@@ -48,6 +51,7 @@ impl ServeConfig {
             last_tick: None,
             avatar_speed_limit: 20.0,
             avatar_expiry: AVATAR_EXPIRY,
+            events: true,
             groups: GroupConfig::default(),
         }
     }

@@ -1,5 +1,6 @@
 //! Runs a server as a process: one thread feeds network events to the server's state machine and carries out its outputs.
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
@@ -21,7 +22,7 @@ use crate::net::{
     Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
 };
 use crate::physics::can_build;
-use crate::protocol::{BodyKind, StateHasher, View};
+use crate::protocol::{BodyKind, Query, QueryResult, StateHasher, View, WorldEvents};
 use crate::space::{DistributionTree, Tick};
 
 /// How often sending is tried again where a link had no room.
@@ -32,6 +33,9 @@ const IDLE: Duration = Duration::from_millis(500);
 const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
+
+/// The most contacts, and forces, kept for a program that does not fetch them; the oldest go first.
+const MAX_EVENTS: usize = 65_536;
 
 /// What a server that keeps its world says at its end.
 pub(crate) const SUSPENDED: &str = "the server has stopped, and its data folder keeps the world";
@@ -95,6 +99,9 @@ struct Shared {
 struct State {
     summary: ServerSummary,
     view: Option<View>,
+    /// Answers to questions of the program, by number, and contacts that it has not taken.
+    answers: BTreeMap<u64, QueryResult>,
+    events: WorldEvents,
     traffic: PeerStats,
     over: bool,
     suspended: bool,
@@ -106,6 +113,8 @@ enum Input {
     Stop,
     Suspend,
     Program(Vec<ProgramOp>),
+    Ask(Query),
+    Forget(u64),
     /// Wakes the loop: there is work for its connections.
     Wake,
 }
@@ -156,6 +165,7 @@ impl ServerProcess {
             min_nodes: config.nodes.max(1),
             grouping: config.groups.grouping,
             avatar_expiry: config.avatar_expiry,
+            events: config.events,
             can_build,
         };
         let (mut stored, mut resumed) = (None, None);
@@ -276,6 +286,27 @@ impl ServerProcess {
         let _ = self.inbox.send(Input::Program(ops));
     }
 
+    /// Sends a query to the nodes; [`ServerProcess::take_answer`] has the answer some ticks later, or when there are nodes. Its number must
+    /// differ from those of other queries.
+    pub fn ask(&self, question: Query) {
+        let _ = self.inbox.send(Input::Ask(question));
+    }
+
+    /// Takes the answer to a query, if it has come. It is given once.
+    pub fn take_answer(&self, number: u64) -> Option<QueryResult> {
+        self.shared.lock().answers.remove(&number)
+    }
+
+    /// Cancels a query: its answer is dropped.
+    pub fn forget(&self, number: u64) {
+        let _ = self.inbox.send(Input::Forget(number));
+    }
+
+    /// Takes the contacts of bodies that ask for them since the last call: the newest, if they are many ([`ServeConfig::events`]).
+    pub fn take_events(&self) -> WorldEvents {
+        std::mem::take(&mut self.shared.lock().events)
+    }
+
     /// Reads the record of the world: every body as the nodes last told, at most half a second ago.
     pub fn read<R>(&self, read: impl FnOnce(&Record) -> R) -> R {
         read(self.server.lock().unwrap_or_else(PoisonError::into_inner).record())
@@ -356,6 +387,11 @@ impl Loop {
                 Ok(Input::Stop) => self.stop(now),
                 Ok(Input::Suspend) => self.server().handle(now, ServerEvent::Suspend),
                 Ok(Input::Program(ops)) => self.server().handle(now, ServerEvent::Program(ops)),
+                Ok(Input::Ask(question)) => self.server().handle(now, ServerEvent::Ask(question)),
+                Ok(Input::Forget(number)) => {
+                    self.server().handle(now, ServerEvent::Forget(number));
+                    self.shared.lock().answers.remove(&number);
+                }
                 Ok(Input::Wake) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
@@ -472,6 +508,14 @@ impl Loop {
                     (state.summary.lost, state.summary.doubled) = (lost.len(), doubled.len());
                     self.audited = true;
                 }
+                ServerOutput::Answered { number, found } => {
+                    self.shared.lock().answers.insert(number, found);
+                }
+                ServerOutput::Contacts(events) => {
+                    let mut state = self.shared.lock();
+                    keep_newest(&mut state.events.touches, events.touches);
+                    keep_newest(&mut state.events.forces, events.forces);
+                }
                 ServerOutput::Ended => {
                     self.forget();
                     self.over = true;
@@ -545,6 +589,11 @@ impl Loop {
         shared.changed.notify_all();
         connections.end(reason);
     }
+}
+
+fn keep_newest<T>(kept: &mut Vec<T>, new: Vec<T>) {
+    kept.extend(new);
+    kept.drain(..kept.len().saturating_sub(MAX_EVENTS));
 }
 
 fn movable(server: &Server) -> impl Iterator<Item = &crate::protocol::BodyRecord> {

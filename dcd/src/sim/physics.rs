@@ -262,7 +262,7 @@ impl StandIn {
                     region.owners.remove(&id);
                 }
             }
-            WorldOp::RemoveJoint(_) | WorldOp::Push(_) | WorldOp::Repartition(_) => {}
+            WorldOp::RemoveJoint(_) | WorldOp::Push(_) | WorldOp::Alter(_) | WorldOp::Repartition(_) => {}
             WorldOp::Ask { client, question } => self.questions.push((client, question)),
             WorldOp::Correct { tick: told, states } => {
                 let (dt_s, band_m) = {
@@ -467,7 +467,10 @@ impl StandIn {
         let report =
             sample(report, &owned, &mut self.reported).map(|body| shared(body, owner_of(body.id))).collect();
         let checkpoint = sample(checkpoint, &owned, &mut self.checkpointed)
-            .map(|body| BodyCheckpoint { id: body.id, epoch: body.epoch, state: body.state })
+            .map(|body| {
+                let (id, region) = (body.id, owner_of(body.id));
+                BodyCheckpoint { id, region, epoch: body.epoch, state: body.state }
+            })
             .collect();
         let rounds_wanted = self.rounds_wanted();
         let holds =

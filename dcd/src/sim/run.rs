@@ -284,7 +284,11 @@ impl Sim {
                     self.note(|| format!("{node} is expelled"));
                 }
                 ServerOutput::Unreached(node) => self.note(|| format!("{node} is not reached by all")),
-                ServerOutput::Audited { .. } | ServerOutput::Ended | ServerOutput::Suspended => {}
+                ServerOutput::Audited { .. }
+                | ServerOutput::Answered { .. }
+                | ServerOutput::Contacts(_)
+                | ServerOutput::Ended
+                | ServerOutput::Suspended => {}
             }
         }
         self.has_stored = false;

@@ -15,7 +15,7 @@ use crate::cluster::{
     Client, ClientEvent, ClientOutput, Grouping, Node, NodeConfig, NodeEvent, Peer, Record, Server,
     ServerConfig,
 };
-use crate::protocol::{BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
+use crate::protocol::{Area, BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
 use crate::space::{Balance, BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// The configuration of a run.
@@ -205,6 +205,7 @@ impl Sim {
             min_nodes: config.nodes.max(1) as usize,
             grouping: config.grouping.clone(),
             avatar_expiry: Duration::from_secs(3_600),
+            events: false,
             can_build: |_, _| true,
         };
         let server = Server::new(server_config.clone(), record);
@@ -260,7 +261,7 @@ impl Sim {
     pub fn start_participant(&mut self, again: Option<ClientId>) -> (NodeId, ClientId) {
         let client = again.unwrap_or_else(|| self.new_client_id());
         let node = self.start_process(Some(client));
-        self.clients.insert(client, Client::new(client, Some(node)));
+        self.clients.insert(client, Client::new(client, Some(node), None));
         self.host(Peer::Client(client), false);
         self.network.dial(self.now, Peer::Client(client), Peer::Server);
         (node, client)
@@ -274,6 +275,7 @@ impl Sim {
             id,
             address,
             client,
+            interest: None,
             report_every: self.config.report_every,
             checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),
@@ -290,7 +292,17 @@ impl Sim {
     /// Starts a client, which joins; with an id, one that was there before.
     pub fn start_client(&mut self, again: Option<ClientId>) -> ClientId {
         let id = again.unwrap_or_else(|| self.new_client_id());
-        self.clients.insert(id, Client::new(id, None));
+        self.start_client_near(id, None)
+    }
+
+    /// Starts a client that wants to be told of the world's part in an area.
+    pub fn start_client_in(&mut self, area: Area) -> ClientId {
+        let id = self.new_client_id();
+        self.start_client_near(id, Some(area))
+    }
+
+    fn start_client_near(&mut self, id: ClientId, area: Option<Area>) -> ClientId {
+        self.clients.insert(id, Client::new(id, None, area));
         self.host(Peer::Client(id), false);
         self.network.dial(self.now, Peer::Client(id), Peer::Server);
         id

@@ -49,6 +49,12 @@ id!(
     /// A process that hosts avatars. Given by the server; 0 is nobody (it names persistent bodies).
     ClientId(u32), "c"
 );
+
+impl ClientId {
+    /// Nobody: questions of the server's program are asked in this name.
+    pub(crate) const NOBODY: Self = Self(0);
+}
+
 id!(
     /// A consistency group: nodes that compute the whole world together (thesis 3.3.7). Given by the server.
     GroupId(u32), "g"
@@ -140,6 +146,17 @@ impl Epoch {
     /// Returns the first epoch of bodies that the server places in the view of this number.
     pub const fn placed_in(view: u64) -> Self {
         Self(view << Self::TRANSFER_BITS)
+    }
+
+    /// Returns how often the body has changed owner since it was placed.
+    pub const fn transfers(self) -> u64 {
+        self.0 & ((1 << Self::TRANSFER_BITS) - 1)
+    }
+
+    /// Returns whether a body can have this epoch after this tick when no view has a higher number than this: it was placed in one of
+    /// those, and transferred at most once per tick.
+    pub const fn is_possible(self, newest_view: u64, tick: Tick) -> bool {
+        self.0 >> Self::TRANSFER_BITS <= newest_view && self.transfers() <= tick.0
     }
 
     /// Returns the epoch after one more transfer.

@@ -1,6 +1,7 @@
 //! Collects what the program of a server does to its world between two steps, and reads the server's record.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
@@ -8,9 +9,10 @@ use super::error::Error;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::cluster::{Life, ProgramOp, Record};
-use crate::physics::{ShapeLibrary, joint_record};
+use crate::physics::{ShapeLibrary, joint_record, try_on_body, try_on_collider, try_on_joint};
 use crate::protocol::{
-    BodyKind, BodyRecord, Check, Input, Invalid, JointRecord, Push, ShapeHash, Velocity, WorldPose,
+    Alteration, BodyKind, BodyRecord, BodyTraits, Check, Input, Invalid, JointRecord, Push, ShapeHash,
+    ShapeRecord, Velocity, WorldPose,
 };
 use crate::runtime::{ServerProcess, WorldError};
 use crate::space::{BodyId, JointId};
@@ -25,6 +27,10 @@ pub(super) struct Author {
     /// New bodies of this step, in id order.
     bodies: Vec<BodyRecord>,
     joints: Vec<JointRecord>,
+    /// Changes of this step, and of earlier ones that are not on record yet: what is changed next builds on them.
+    altered_bodies: BTreeMap<BodyId, Altered>,
+    /// Likewise, and whether each was sent.
+    altered_joints: BTreeMap<JointId, (JointRecord, bool)>,
     moves: BTreeMap<BodyId, Move>,
     pushes: Vec<Push>,
     removed_joints: Vec<JointId>,
@@ -33,6 +39,12 @@ pub(super) struct Author {
     awaited: BTreeMap<BodyId, BodyRecord>,
     /// Bodies that were removed and are on record still.
     leaving: BTreeSet<BodyId>,
+}
+
+struct Altered {
+    traits: Arc<BodyTraits>,
+    wakes: bool,
+    sent: bool,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -51,6 +63,8 @@ impl Author {
             next_joint,
             bodies: Vec::new(),
             joints: Vec::new(),
+            altered_bodies: BTreeMap::new(),
+            altered_joints: BTreeMap::new(),
             moves: BTreeMap::new(),
             pushes: Vec::new(),
             removed_joints: Vec::new(),
@@ -65,14 +79,36 @@ impl Author {
         server.read(|record| {
             self.awaited.retain(|id, _| record.body(*id).is_none());
             self.leaving.retain(|id| record.body(*id).is_some());
+            self.altered_bodies.retain(|id, Altered { traits, sent, .. }| {
+                let is_done =
+                    record.body(*id).map_or(!self.awaited.contains_key(id), |b| b.traits == *traits);
+                !(*sent && is_done)
+            });
+            let joints: BTreeMap<_, _> = match self.altered_joints.is_empty() {
+                true => BTreeMap::new(),
+                false => record.joints().map(|joint| (joint.id, joint)).collect(),
+            };
+            self.altered_joints
+                .retain(|id, (joint, sent)| !(*sent && joints.get(id).is_none_or(|known| *known == joint)));
         });
         let mut ops = Vec::new();
         let (bodies, joints) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.joints));
         if !bodies.is_empty() {
-            let new = |shape: &crate::protocol::ShapeRecord| self.sent.insert(shape.hash());
+            let new = |shape: &ShapeRecord| self.sent.insert(shape.hash());
             let shapes = self.shapes.records().into_iter().filter(new).collect();
             self.awaited.extend(bodies.iter().map(|body| (body.id, body.clone())));
             ops.push(ProgramOp::Insert { bodies, shapes, joints });
+        }
+        for (&body, Altered { traits, wakes, sent }) in &mut self.altered_bodies {
+            if !std::mem::replace(sent, true) {
+                let (traits, wakes) = (traits.clone(), std::mem::take(wakes));
+                ops.push(ProgramOp::Alter(Alteration::Body { body, traits, wakes }));
+            }
+        }
+        for (joint, sent) in self.altered_joints.values_mut() {
+            if !std::mem::replace(sent, true) {
+                ops.push(ProgramOp::Alter(Alteration::Joint(Box::new(joint.clone()))));
+            }
         }
         for (body, Move { velocity, pose }) in std::mem::take(&mut self.moves) {
             let known = self.known(server, body).map(|known| known.state.velocity);
@@ -104,6 +140,7 @@ impl Author {
     pub(super) fn remove(&mut self, server: &ServerProcess, id: BodyId) -> Result<(), Error> {
         self.found(server, id)?;
         self.moves.remove(&id);
+        self.altered_bodies.remove(&id);
         self.pushes.retain(|push| push.body != id);
         match self.fresh(id) {
             Some(place) => {
@@ -126,7 +163,7 @@ impl Author {
         velocity: Velocity,
     ) -> Result<(), Error> {
         velocity.check().map_err(refused)?;
-        self.movable(server, id)?;
+        self.movable(server, id, "move fixed bodies")?;
         match self.fresh(id) {
             Some(place) => self.bodies[place].state.velocity = velocity,
             None => self.moves.entry(id).or_default().velocity = Some(velocity),
@@ -141,7 +178,7 @@ impl Author {
         pose: WorldPose,
     ) -> Result<(), Error> {
         pose.check().map_err(refused)?;
-        self.movable(server, id)?;
+        self.movable(server, id, "move fixed bodies")?;
         match self.fresh(id) {
             Some(place) => self.bodies[place].state.pose = pose,
             None => self.moves.entry(id).or_default().pose = Some(pose),
@@ -155,6 +192,104 @@ impl Author {
             return Err(unsupported("push bodies that are not dynamic", Instead::SetVelocity));
         }
         self.pushes.push(*push);
+        Ok(())
+    }
+
+    /// Lets the program change what a movable body is.
+    pub(super) fn update(
+        &mut self,
+        server: &ServerProcess,
+        id: BodyId,
+        change: &mut dyn FnMut(&mut RigidBody),
+    ) -> Result<(), Error> {
+        let known = self.movable(server, id, "change fixed bodies")?;
+        self.learn(server, &known)?;
+        let tried = try_on_body(&known, &self.shapes, change)?;
+        if tried.moves {
+            return Err(unsupported(
+                "move bodies, or put them to sleep, by changing them",
+                Instead::MoveByName,
+            ));
+        }
+        if tried.traits.kind == BodyKind::Fixed {
+            return Err(unsupported("fix what moves", Instead::InsertAnew));
+        }
+        self.alter(&known, tried.traits, tried.wakes)
+    }
+
+    /// Lets the program change a collider of a movable body.
+    pub(super) fn update_collider(
+        &mut self,
+        server: &ServerProcess,
+        id: BodyId,
+        index: usize,
+        change: &mut dyn FnMut(&mut Collider),
+    ) -> Result<(), Error> {
+        let known = self.movable(server, id, "change fixed bodies")?;
+        let count = known.traits.colliders.len();
+        if index >= count {
+            return Err(WorldError::NoCollider { body: id, index, count }.into());
+        }
+        self.learn(server, &known)?;
+        let Some(collider) = try_on_collider(&known, index, &self.shapes, change)? else {
+            return Err(unsupported(
+                "change where colliders are and how they are shaped",
+                Instead::InsertAnew,
+            ));
+        };
+        let mut traits = (*known.traits).clone();
+        traits.colliders[index] = collider;
+        self.alter(&known, traits, false)
+    }
+
+    fn alter(&mut self, known: &BodyRecord, traits: BodyTraits, wakes: bool) -> Result<(), Error> {
+        traits.check().map_err(refused)?;
+        let traits = Arc::new(traits);
+        match self.fresh(known.id) {
+            Some(place) => {
+                let body = &mut self.bodies[place];
+                body.traits = traits;
+                body.state.sleeping &= !wakes;
+            }
+            None => {
+                let woken = self.altered_bodies.get(&known.id).is_some_and(|altered| altered.wakes);
+                self.altered_bodies.insert(known.id, Altered { traits, wakes: wakes || woken, sent: false });
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes over the shapes of a body from the server's record, parts before compounds.
+    fn learn(&mut self, server: &ServerProcess, body: &BodyRecord) -> Result<(), Error> {
+        let mut shapes = Vec::new();
+        server.read(|record| {
+            let hashes = body.traits.colliders.iter().map(|collider| collider.shape);
+            for shape in hashes.filter_map(|hash| record.shape(hash)) {
+                shapes.extend(shape.parts().filter_map(|part| record.shape(part)).chain([shape]).cloned());
+            }
+        });
+        for shape in shapes.into_iter().filter(|shape| self.sent.insert(shape.hash())) {
+            self.shapes.add(shape)?;
+        }
+        Ok(())
+    }
+
+    /// Lets the program drive a joint.
+    pub(super) fn update_joint(
+        &mut self,
+        server: &ServerProcess,
+        id: JointId,
+        change: &mut dyn FnMut(&mut GenericJoint),
+    ) -> Result<(), Error> {
+        let known = self.joints(server).into_iter().find(|joint| joint.id == id);
+        let joint = try_on_joint(&known.ok_or(WorldError::NoJoint(id))?, change);
+        joint.check().map_err(refused)?;
+        match self.joints.iter_mut().find(|known| known.id == id) {
+            Some(known) => *known = joint,
+            None => {
+                self.altered_joints.insert(id, (joint, false));
+            }
+        }
         Ok(())
     }
 
@@ -193,6 +328,7 @@ impl Author {
         if !is_there || server.read(|record| record.joints().all(|joint| joint.id != id)) {
             return Err(WorldError::NoJoint(id).into());
         }
+        self.altered_joints.remove(&id);
         self.removed_joints.push(id);
         Ok(())
     }
@@ -200,7 +336,10 @@ impl Author {
     /// Returns the joints on record and those of this step.
     pub(super) fn joints(&self, server: &ServerProcess) -> Vec<JointRecord> {
         let is_left = |joint: &&JointRecord| !self.removed_joints.contains(&joint.id);
-        let mut joints: Vec<_> = server.read(|record| record.joints().filter(is_left).cloned().collect());
+        let now = |joint: &JointRecord| {
+            self.altered_joints.get(&joint.id).map_or(joint, |(altered, _)| altered).clone()
+        };
+        let mut joints: Vec<_> = server.read(|record| record.joints().filter(is_left).map(now).collect());
         joints.extend(self.joints.iter().cloned());
         joints
     }
@@ -214,6 +353,9 @@ impl Author {
         let mut body = fresh
             .or_else(|| server.read(|record| present(record, id).cloned()))
             .or_else(|| self.awaited.get(&id).cloned())?;
+        if let Some(Altered { traits, .. }) = self.altered_bodies.get(&id) {
+            body.traits = traits.clone();
+        }
         if let Some(Move { velocity, pose }) = self.moves.get(&id) {
             body.state.velocity = velocity.unwrap_or(body.state.velocity);
             body.state.pose = pose.unwrap_or(body.state.pose);
@@ -266,10 +408,11 @@ impl Author {
         self.known(server, id).ok_or_else(|| WorldError::NoBody(id).into())
     }
 
-    fn movable(&self, server: &ServerProcess, id: BodyId) -> Result<(), Error> {
-        match self.found(server, id)?.traits.kind {
-            BodyKind::Fixed => Err(unsupported("move fixed bodies", Instead::InsertAnew)),
-            _ => Ok(()),
+    fn movable(&self, server: &ServerProcess, id: BodyId, what: &'static str) -> Result<BodyRecord, Error> {
+        let body = self.found(server, id)?;
+        match body.traits.kind {
+            BodyKind::Fixed => Err(unsupported(what, Instead::InsertAnew)),
+            _ => Ok(body),
         }
     }
 }

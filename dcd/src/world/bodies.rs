@@ -9,8 +9,9 @@ use crate::physics::{ColliderId, Region};
 use crate::protocol::{BodyKind, BodyRecord, Push, Velocity, WorldPose};
 use crate::space::BodyId;
 
-const CHANGE_BODY: &str = "change a body in place";
-const CHANGE_SURFACE: &str = "change the surface of a body";
+const SEND_BODY: &str = "send bodies to poses";
+pub(super) const CHANGE_BODY: &str = "change a body in place";
+pub(super) const CHANGE_SURFACE: &str = "change the surface of a body";
 
 /// Bodies.
 impl World {
@@ -204,13 +205,19 @@ impl World {
     /// Sets the kinematic target of a position-based kinematic body: it is there at the end of the next tick, and what it touches
     /// feels the speed that this takes. Other bodies ignore it. Local worlds only.
     pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
-        Ok(self.local_mut(CHANGE_BODY, Instead::DriveAvatars)?.set_next_pose(body, pose)?)
+        Ok(self.local_mut(SEND_BODY, Instead::DriveAvatars)?.set_next_pose(body, pose)?)
+    }
+
+    /// Returns an error if bodies cannot be sent to poses here.
+    #[doc(hidden)]
+    pub fn sends_bodies(&self) -> Result<(), Error> {
+        self.local(SEND_BODY, Instead::DriveAvatars).map(drop)
     }
 
     /// Returns an error if bodies cannot be changed in place here, but only by avatar input.
     #[doc(hidden)]
     pub fn changes_bodies(&self) -> Result<(), Error> {
-        self.local(CHANGE_BODY, Instead::DriveAvatars).map(drop)
+        self.remote().map_or(Ok(()), |world| world.changes_bodies())
     }
 
     /// Returns the owner's copy of a movable body, or any copy of a fixed one, to read what Rapier knows of it. Its position is
@@ -245,7 +252,10 @@ impl World {
 
     /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may be
     /// called more than once and must do the same each time; positions in it are in region space, so use [`World::set_pose`] to
-    /// move a body. A body that becomes fixed, or movable, is inserted anew. Local worlds only.
+    /// move a body. A body that becomes fixed, or movable, is inserted anew.
+    ///
+    /// A server's program changes a movable body so with its next step, by setters of what no step changes (damping, gravity scale,
+    /// locked axes, mass and the like, and to be woken); the change is made to a copy once, and is refused if it moves the body.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -255,23 +265,40 @@ impl World {
     /// assert!(world.velocity(ball).unwrap().linear[0] > 0.0);
     /// # Ok::<(), dcd::Error>(())
     /// ```
-    pub fn update<R>(&mut self, body: BodyId, change: impl FnMut(&mut RigidBody) -> R) -> Result<R, Error> {
-        Ok(self.local_mut(CHANGE_BODY, Instead::DriveAvatars)?.update(body, change)?)
+    pub fn update<R>(
+        &mut self,
+        body: BodyId,
+        mut change: impl FnMut(&mut RigidBody) -> R,
+    ) -> Result<R, Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.update(body, change)?),
+            Inner::Remote(world) => {
+                let mut result = None;
+                world.update(body, &mut |body| result = Some(change(body)))?;
+                Ok(result.expect("the change was tried"))
+            }
+        }
     }
 
-    /// Returns how many colliders a body has; 0 where they are not computed here.
+    /// Returns how many colliders a body has, as far as this process knows of it.
     #[must_use]
     pub fn collider_count(&self, body: BodyId) -> usize {
         match &self.inner {
             Inner::Local(world) => world.body(body).map_or(0, |body| body.colliders().len()),
-            Inner::Remote(_) => 0,
+            Inner::Remote(world) => world.record(body).map_or(0, |body| body.traits.colliders.len()),
         }
+    }
+
+    /// Returns an error if bodies cannot be given other colliders here.
+    #[doc(hidden)]
+    pub fn shapes_bodies(&self) -> Result<(), Error> {
+        self.local(CHANGE_SURFACE, Instead::ShapeAtBirth).map(drop)
     }
 
     /// Returns an error if colliders cannot be changed here.
     #[doc(hidden)]
     pub fn changes_colliders(&self) -> Result<(), Error> {
-        self.local(CHANGE_SURFACE, Instead::ShapeAtBirth).map(drop)
+        self.remote().map_or(Ok(()), |world| world.changes_colliders())
     }
 
     /// Adds a collider to a body, as the last of its list. The body is inserted anew with what joints tie to it: contacts of
@@ -301,7 +328,9 @@ impl World {
 
     /// Changes a collider of a body in place, in every copy, by Rapier's own setters: what it touches and how, what it reports, its
     /// mass, its shape (which must be one that can travel), its place on the body. A [`BodyId`] stands for the body's first
-    /// collider, `(body, index)` for a later one, and what a query or a contact names has its own id. Local worlds only.
+    /// collider, `(body, index)` for a later one, and what a query or a contact names has its own id.
+    ///
+    /// A server's program changes a collider of a movable body so with its next step, but neither its shape nor its place.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -313,10 +342,17 @@ impl World {
     pub fn update_collider<R>(
         &mut self,
         collider: impl Into<ColliderId>,
-        change: impl FnMut(&mut Collider) -> R,
+        mut change: impl FnMut(&mut Collider) -> R,
     ) -> Result<R, Error> {
         let ColliderId { body, index } = collider.into();
-        Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.update_collider(body, index, change)?)
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.update_collider(body, index, change)?),
+            Inner::Remote(world) => {
+                let mut result = None;
+                world.update_collider(body, index, &mut |collider| result = Some(change(collider)))?;
+                Ok(result.expect("the change was tried"))
+            }
+        }
     }
 
     /// Returns the centre of mass of a body computed here, in world space.

@@ -7,13 +7,14 @@ use std::time::Duration;
 use rapier3d::prelude::*;
 
 use super::author::Author;
+use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::error::Error;
 use super::network::Network;
 use super::remote::Remote;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::net::PeerStats;
-use crate::protocol::{BodyRecord, JointRecord, Push, Velocity, WorldPose};
+use crate::protocol::{BodyRecord, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose};
 use crate::runtime::{Member, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, JointId, Tick};
 
@@ -31,6 +32,10 @@ pub(super) struct Hosted {
     network: Network,
     dt_s: f32,
     gravity: [f32; 3],
+    /// Contacts heard of in the last step.
+    events: WorldEvents,
+    /// How many queries were submitted.
+    questions: u64,
 }
 
 impl Hosted {
@@ -43,7 +48,8 @@ impl Hosted {
             Process::Server(server) => Some(Author::new(server)),
             Process::Node(_) => None,
         };
-        Self { network: Network::new(connections.clone()), author, process, dt_s, gravity }
+        let network = Network::new(connections.clone());
+        Self { network, author, process, dt_s, gravity, events: WorldEvents::default(), questions: 0 }
     }
 
     /// Returns the server with its program's changes, or why a node has none.
@@ -102,8 +108,16 @@ impl Remote for Hosted {
         self.look()?;
         if let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) {
             author.flush(server);
+            self.events = server.take_events();
         }
         Ok(())
+    }
+
+    fn compute(&self, what: &'static str, instead: Instead) -> Error {
+        match (&self.process, instead) {
+            (Process::Server(_), Instead::SubmitQuery) => self.unsupported(what, instead),
+            _ => self.unsupported(what, Instead::ComputeAlone),
+        }
     }
 
     fn sees(&self, what: &'static str) -> Result<(), Error> {
@@ -146,6 +160,29 @@ impl Remote for Hosted {
         author.push(server, push)
     }
 
+    fn changes_bodies(&self) -> Result<(), Error> {
+        self.sees(CHANGE_BODY)
+    }
+
+    fn changes_colliders(&self) -> Result<(), Error> {
+        self.sees(CHANGE_SURFACE)
+    }
+
+    fn update(&mut self, id: BodyId, change: &mut dyn FnMut(&mut RigidBody)) -> Result<(), Error> {
+        let (server, author) = self.written(CHANGE_BODY)?;
+        author.update(server, id, change)
+    }
+
+    fn update_collider(
+        &mut self,
+        id: BodyId,
+        index: usize,
+        change: &mut dyn FnMut(&mut Collider),
+    ) -> Result<(), Error> {
+        let (server, author) = self.written(CHANGE_SURFACE)?;
+        author.update_collider(server, id, index, change)
+    }
+
     fn suspend(&mut self) -> Result<(), Error> {
         match &self.process {
             Process::Node(_) => return Err(self.unsupported("be suspended", Instead::ServerKeeps)),
@@ -176,6 +213,11 @@ impl Remote for Hosted {
         author.remove_joint(server, id)
     }
 
+    fn update_joint(&mut self, id: JointId, change: &mut dyn FnMut(&mut GenericJoint)) -> Result<(), Error> {
+        let (server, author) = self.written("drive joints")?;
+        author.update_joint(server, id, change)
+    }
+
     fn joint(&self, id: JointId) -> Option<JointRecord> {
         let (server, author) = self.read()?;
         author.joints(server).into_iter().find(|joint| joint.id == id)
@@ -185,6 +227,36 @@ impl Remote for Hosted {
         let Some((server, author)) = self.read() else { return Vec::new() };
         let of = |joint: &JointRecord| joint.a == body || joint.b == body;
         author.joints(server).into_iter().filter(of).map(|joint| joint.id).collect()
+    }
+
+    fn submit(&mut self, question: Query) -> Result<u64, Error> {
+        let number = self.questions + 1;
+        let (server, author) = self.written("ask by rays, shapes and points")?;
+        // What the program did before is there for its question.
+        author.flush(server);
+        server.ask(Query { number, ..question });
+        self.questions = number;
+        Ok(number)
+    }
+
+    fn answer(&mut self, number: u64) -> Result<Option<QueryResult>, Error> {
+        match &self.process {
+            Process::Server(server) => match server.take_answer(number) {
+                None => self.look().map(|()| None),
+                answer => Ok(answer),
+            },
+            Process::Node(_) => Ok(None),
+        }
+    }
+
+    fn forget(&mut self, number: u64) {
+        if let Process::Server(server) = &self.process {
+            server.forget(number);
+        }
+    }
+
+    fn events(&self) -> &WorldEvents {
+        &self.events
     }
 
     fn contains(&self, id: BodyId) -> bool {

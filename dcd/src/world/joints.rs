@@ -80,13 +80,16 @@ impl World {
         }
     }
 
-    /// Changes a joint in place: motors, limits, whether it acts.
+    /// Changes a joint in place: motors, limits, whether it acts; a server's program with its next step.
     pub fn update_joint(
         &mut self,
         joint: JointId,
-        change: impl FnMut(&mut GenericJoint),
+        mut change: impl FnMut(&mut GenericJoint),
     ) -> Result<(), Error> {
-        Ok(self.local_mut("drive joints", Instead::JointsInScene)?.update_joint(joint, change)?)
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.update_joint(joint, change)?),
+            Inner::Remote(world) => world.update_joint(joint, &mut change),
+        }
     }
 
     /// Returns a joint as it is now: its motors are whole, however many regions share it. `None` if the world computes no such

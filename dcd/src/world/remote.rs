@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::error::Error;
 #[cfg(feature = "net")]
 use super::network::Network;
@@ -84,6 +85,29 @@ pub(super) trait Remote: Send + Sync {
         Err(self.compute("push bodies by force", Instead::PushByAvatars))
     }
 
+    /// Returns an error if bodies cannot be changed in place here.
+    fn changes_bodies(&self) -> Result<(), Error> {
+        Err(self.unsupported(CHANGE_BODY, Instead::DriveAvatars))
+    }
+
+    /// Returns an error if colliders cannot be changed here.
+    fn changes_colliders(&self) -> Result<(), Error> {
+        Err(self.unsupported(CHANGE_SURFACE, Instead::ShapeAtBirth))
+    }
+
+    fn update(&mut self, _id: BodyId, _change: &mut dyn FnMut(&mut RigidBody)) -> Result<(), Error> {
+        self.changes_bodies()
+    }
+
+    fn update_collider(
+        &mut self,
+        _id: BodyId,
+        _index: usize,
+        _change: &mut dyn FnMut(&mut Collider),
+    ) -> Result<(), Error> {
+        self.changes_colliders()
+    }
+
     /// Stops a server and keeps its world.
     #[cfg(feature = "net")]
     fn suspend(&mut self) -> Result<(), Error> {
@@ -101,6 +125,14 @@ pub(super) trait Remote: Send + Sync {
 
     fn remove_joint(&mut self, _id: JointId) -> Result<(), Error> {
         Err(self.compute("destroy joints", Instead::JointsInScene))
+    }
+
+    fn update_joint(
+        &mut self,
+        _id: JointId,
+        _change: &mut dyn FnMut(&mut GenericJoint),
+    ) -> Result<(), Error> {
+        Err(self.compute("drive joints", Instead::JointsInScene))
     }
 
     fn joint(&self, _id: JointId) -> Option<JointRecord> {

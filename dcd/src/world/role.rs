@@ -74,8 +74,10 @@ pub enum Instead {
     TieAtBirth,
     /// Set the velocity of a body that forces do not move.
     SetVelocity,
-    /// Insert a body anew where it is to be.
+    /// Insert a body anew as and where it is to be.
     InsertAnew,
+    /// Move a body by the methods that do so.
+    MoveByName,
     /// Rely on the server's data folder.
     ServerKeeps,
     /// Compare local worlds.
@@ -113,7 +115,8 @@ impl fmt::Display for Instead {
                 "insert both bodies, or one beside a fixed one, and tie them before the next step"
             }
             Self::SetVelocity => "forces move dynamic bodies only; set its velocity",
-            Self::InsertAnew => "remove it and insert it where it is to be",
+            Self::InsertAnew => "remove it and insert it as and where it is to be",
+            Self::MoveByName => "set_pose, set_velocity and push do so",
             Self::ServerKeeps => "the server keeps the world in its data folder",
             Self::CompareLocal => {
                 "it hears of bodies at different ticks; compare hashes of local worlds (World::new)"

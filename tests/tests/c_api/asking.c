@@ -433,7 +433,7 @@ int main(int argc, char **argv)
     OK(dcd_participant_join(&does_both, &participant));
     OK(dcd_token_create(server, DCD_ROLE_CLIENT, 60, token, sizeof token, &needed));
     OK(dcd_client_connect(&sees_it, &client));
-    Place apart = at(client), within = at(participant);
+    Place apart = at(client), within = at(participant), above = at(server);
 
     /* One of the participant's two regions is the other node's. */
     bool is_here[2] = { false, false };
@@ -448,8 +448,10 @@ int main(int argc, char **argv)
     HOLDS(is_here[0] != is_here[1]);
     same(&here, &apart);
     same(&here, &within);
+    same(&here, &above);
     bounds(&apart);
     bounds(&within);
+    bounds(&above);
 
     OK(dcd_world_destroy(client));
     OK(dcd_world_destroy(participant));

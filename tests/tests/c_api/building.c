@@ -56,6 +56,95 @@ static void join(void)
     OK(dcd_client_connect(&sees, &client));
 }
 
+/* A ball that asks for it tells of its fall, though it falls where two regions meet; and a ray of the program finds it there. */
+static void hears_and_asks(DcdShapeId shape, DcdBodyId ground)
+{
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdBodyId ball;
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    DcdRay ray = DCD_RAY_INIT;
+    DcdRayHit hit;
+    DcdQueryId query;
+    size_t began = 0, count = 0;
+    def.shape = shape;
+    def.pose.p[1] = 3.0;
+    def.pose.p[2] = 60.0;
+    def.events = DCD_EVENT_CONTACT;
+    OK(dcd_body_create(server, &def, &ball));
+    for (int k = 0; k < 6000 && began == 0; k++) {
+        step();
+        OK(dcd_events(server, &events));
+        for (size_t i = 0; i < events.contact_count; i++) {
+            const DcdContact *contact = &events.contacts[i];
+            HOLDS(contact->a.v == ground.v && contact->b.v == ball.v);
+            began++;
+        }
+    }
+    HOLDS(began == 1);
+    ray.origin[1] = 20.0;
+    ray.origin[2] = 60.0;
+    ray.direction[1] = -1.0f;
+    OK(dcd_rays_submit(server, &ray, 1, NULL, &query));
+    DcdStatus status = DCD_ERR_BUSY;
+    for (int k = 0; k < 6000 && status == DCD_ERR_BUSY; k++) {
+        step();
+        status = dcd_query_poll(server, query, &hit, 1, &count);
+    }
+    HOLDS(status == DCD_OK && count == 1 && hit.body.v == ball.v);
+    OK(dcd_body_destroy(server, ball));
+}
+
+/* How many bodies a client sees, and whether one of them has these user data. */
+static uint32_t sees(DcdWorld who, uint64_t user_data, bool *has)
+{
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_step(who));
+    OK(dcd_state_view(who, &view));
+    *has = false;
+    for (uint32_t i = 0; i < view.count; i++)
+        *has |= view.user_data[i] == user_data;
+    return view.count;
+}
+
+/* Who joins with an interest is told what is near, then what comes there, and at last everything, if it asks for it. */
+static void sees_what_is_near(DcdBodyId far, const DcdPose *home)
+{
+    char address[64] = "", token[512] = "";
+    size_t needed = 0;
+    DcdWorld near = { 0 };
+    DcdClientDef def = DCD_CLIENT_DEF_INIT;
+    OK(dcd_address(server, address, sizeof address, &needed));
+    OK(dcd_token_create(server, DCD_ROLE_CLIENT, 60, token, sizeof token, &needed));
+    def.server = address;
+    def.token = token;
+    def.interest_centre[0] = -24.0;
+    def.interest_centre[2] = -20.0;
+    def.interest_radius = 3.0;
+    OK(dcd_client_connect(&def, &near));
+    bool has;
+    HOLDS(sees(near, 1, &has) < BOXES / 20 && has);
+    sees(near, BOXES, &has);
+    HOLDS(!has);
+    DcdPose pose = { { -24.0, 4.0, -20.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    OK(dcd_body_set_pose(server, far, &pose));
+    for (int k = 0; k < 6000 && !has; k++) {
+        sees(near, BOXES, &has);
+        step();
+    }
+    HOLDS(has && sees(near, BOXES, &has) < BOXES / 20);
+    OK(dcd_interest_set(near, NULL, 0.0));
+    uint32_t count = 0;
+    for (int k = 0; k < 6000 && count < BOXES; k++) {
+        count = sees(near, BOXES, &has);
+        step();
+    }
+    HOLDS(count == BOXES);
+    OK(dcd_world_destroy(near));
+    OK(dcd_body_set_pose(server, far, home));
+    step();
+    HOLDS(comes(BOXES, 0.7, 0.8));
+}
+
 int main(int argc, char **argv)
 {
     if (argc != 2)
@@ -97,6 +186,7 @@ int main(int argc, char **argv)
     HOLDS(view.count == BOXES && view.user_data[BOXES - 1] == BOXES);
     OK(dcd_state_view(server, &view));
     HOLDS(view.count == BOXES && view.user_data[0] == 1);
+    sees_what_is_near(bodies[BOXES], &defs[BOXES].pose);
 
     /* A platform that goes up, with a swing below it. */
     DcdBodyDef lift = DCD_BODY_DEF_INIT, bob = DCD_BODY_DEF_INIT;
@@ -141,6 +231,8 @@ int main(int argc, char **argv)
     }
     HOLDS(view.count == BOXES / 2 + 2);
 
+    hears_and_asks(box, bodies[0]);
+
     /* The server stops and starts again; the node has computed on, and the client plays on. */
     char address[64] = "";
     size_t needed = 0;
@@ -159,6 +251,9 @@ int main(int argc, char **argv)
         step();
     HOLDS(seen(BOXES).p[1] > 10.0);
     HOLDS(comes(BOXES, 0.7, 0.8));
+    OK(dcd_body_at(server, 0, &bodies[0]));
+    OK(dcd_shape_box(server, half, &box));
+    hears_and_asks(box, bodies[0]);
     OK(dcd_world_destroy(client));
     OK(dcd_world_destroy(node));
     OK(dcd_world_destroy(server));

@@ -216,15 +216,19 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
 
     /* A jump keeps the velocity; asked for in one step with another velocity, both count. */
     DcdPose far = def.pose;
-    far.p[0] = 20.0;
+    far.p[0] = 5.0;
     OK(dcd_body_set_pose(world, avatar, &far));
-    HOLDS(gets_beyond(world, avatar, 21.0));
-    DcdVelocity up = { { 0.0f, 5.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    HOLDS(gets_beyond(world, avatar, 25.0));
+    /* It may jump as far as it could have gone since, at the 20 m/s of this server. */
     far.p[0] = 100.0;
     OK(dcd_body_set_pose(world, avatar, &far));
+    HOLDS(await_change(world, avatar, DCD_BODY_REFUSED).reason == DCD_REFUSED_TOO_FAR);
+    DcdVelocity up = { { 0.0f, 5.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    far.p[0] = 40.0;
+    OK(dcd_body_set_pose(world, avatar, &far));
     OK(dcd_body_set_velocity(world, avatar, &up));
-    HOLDS(gets_beyond(world, avatar, 99.0));
-    HOLDS(pose_of(world, avatar).p[0] == 100.0);
+    HOLDS(gets_beyond(world, avatar, 39.0));
+    HOLDS(pose_of(world, avatar).p[0] == 40.0);
 
     DcdBodyInfo body_info = DCD_BODY_INFO_INIT;
     OK(dcd_body_info(world, avatar, &body_info));
@@ -488,6 +492,15 @@ static void fails(const char *server, const char *token, const char *node_token,
     def.timeout_ms = 300;
     FAILS(dcd_client_connect(&def, &world), DCD_ERR_TIMEOUT, "no answer");
     HOLDS(world.v == 0);
+
+    def = (DcdClientDef)DCD_CLIENT_DEF_INIT;
+    def.server = server;
+    def.token = token;
+    def.interest_radius = -1.0;
+    FAILS(dcd_client_connect(&def, &world), DCD_ERR_ARGUMENT, "interest_radius");
+    def.interest_radius = 1.0;
+    def.interest_centre[2] = 1e12;
+    FAILS(dcd_client_connect(&def, &world), DCD_ERR_ARGUMENT, "interest_centre");
 
     /* A token lets one process in, once. */
     def = (DcdClientDef)DCD_CLIENT_DEF_INIT;

@@ -5,17 +5,17 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
-use crate::toolchain::{NATIVE_LIBS, forget_cargo, is_installed, library_dir, profile, root, run_well};
+use crate::toolchain::{NATIVE_LIBS, forget_cargo, is_installed, profile, root, run_well, target_dir};
 
 /// What the consumer's game says, in either language.
 const SAID: &str = "dcd 0.1.0, fell to -4.9 m\n";
 
-/// What makes CMake ask cargo for the library that the other tests use, so that nothing is compiled twice.
+/// What makes CMake ask cargo for the library as `cargo test --workspace` builds it, so that nothing is compiled twice there.
 fn of_this_test() -> [String; 3] {
-    let target = library_dir().parent().expect("profiles lie in the target directory");
+    let target = target_dir();
     [
         format!("-DDCD_CARGO_PROFILE={}", profile()),
-        "-DDCD_CARGO_FLAGS=--quiet;--package;dcd-tests".to_owned(),
+        "-DDCD_CARGO_FLAGS=--quiet;--workspace;--lib;--bins;--tests".to_owned(),
         format!("-DDCD_CARGO_TARGET_DIR={}", target.display()),
     ]
 }

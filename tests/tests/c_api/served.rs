@@ -12,7 +12,7 @@ use dcd::runtime::{
 use dcd::scene::{Params, Scene};
 
 use crate::programs::{SANITIZED, numbers, program_of_the_readme};
-use crate::toolchain::{build, library_dir, root, run_well};
+use crate::toolchain::{build, root, run_well};
 
 const LIMIT: Duration = Duration::from_secs(60);
 
@@ -104,8 +104,6 @@ fn a_game_loop_written_for_a_local_world_joins_a_served_one() {
 
 #[test]
 fn the_program_of_the_readme_joins_a_served_world_by_another_call() {
-    // First: tokens expire, and the library may take its time.
-    library_dir();
     let cluster = Cluster::start(1);
     let [local, joins] = program_of_the_readme();
     // The scene has a ground.

@@ -1,10 +1,9 @@
-//! Calls the system's C compiler, and builds a fresh `libdcd_ffi.a` to link to.
+//! Calls the system's C compiler, and links to the `libdcd_ffi.a` of the same build.
 
 use std::ffi::OsStr;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 /// What Rust's standard library needs of a Linux system; `library.rs` checks that the list is right.
@@ -31,22 +30,14 @@ pub(crate) fn profile() -> String {
     if name == "debug" { "dev".to_owned() } else { name }
 }
 
-/// Builds the C library once a test run, so that no stale one is tested. Returns the folder that has it.
-pub(crate) fn library_dir() -> &'static Path {
-    static DIR: OnceLock<PathBuf> = OnceLock::new();
-    DIR.get_or_init(|| {
-        let dir = profile_dir();
-        let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-        cargo.current_dir(root()).args(["build", "--quiet", "--profile", &profile()]);
-        // With this package, so that the features are those of the test's own build and nothing is compiled twice.
-        cargo.args(["--package", "dcd-ffi", "--package", "dcd-tests"]);
-        // Where the test itself lies. Cargo holds no lock on it while tests run.
-        cargo.arg("--target-dir").arg(dir.parent().expect("profiles lie in the target directory"));
-        forget_cargo(&mut cargo);
-        let status = cargo.status().expect("cargo runs");
-        assert!(status.success(), "the C library does not build");
-        dir
-    })
+/// Returns the folder that has the C library: cargo builds it with this test, which depends on it.
+pub(crate) fn library_dir() -> PathBuf {
+    profile_dir().join("deps")
+}
+
+/// Where cargo builds.
+pub(crate) fn target_dir() -> PathBuf {
+    profile_dir().parent().expect("profiles lie in the target directory").to_owned()
 }
 
 /// Hides from a command what cargo tells this test about its package: it would make a cargo within build packages anew.

@@ -64,13 +64,6 @@ pub(super) fn build(
     if let Some(target) = std::env::current_exe().ok().as_deref().and_then(target_of) {
         building.arg("--target-dir").arg(target);
     }
-    // The variables that cargo set for this process about its package would make build scripts run anew.
-    for (name, _) in std::env::vars_os() {
-        let name = name.to_string_lossy();
-        if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") {
-            building.env_remove(&*name);
-        }
-    }
     common.say("building the C library: cargo build --package dcd-ffi --package dcd");
     let said = Process::start("cargo build", &mut building, !common.is_quiet())?.succeed(BUILD, interrupt)?;
     let library = said.iter().rev().find_map(|line| static_library(line)).ok_or_else(|| {

@@ -6,7 +6,7 @@ use crate::sim::sim_body;
 
 #[test]
 fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
-    let mut client = Client::new(ClientId(1), None);
+    let mut client = Client::new(ClientId(1), None, None);
     let mut tell = |message: ToClient| {
         let message = Message::ToClient(ClientId(1), message);
         client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Server, message });
@@ -30,7 +30,7 @@ fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
 
 /// A client with a link to its leader that knows two bodies.
 fn linked() -> Client {
-    let mut client = Client::new(ClientId(1), None);
+    let mut client = Client::new(ClientId(1), None, None);
     for x in [0.0, 50.0] {
         let body = sim_body(BodyId::persistent(x as u32), [x, 0.0, 0.0]);
         tell(&mut client, ToClient::Inserted { body, shapes: Vec::new(), joints: Vec::new() });
@@ -75,7 +75,7 @@ fn an_interest_is_said_when_it_changes_by_more_than_a_little_and_again_to_a_new_
         said(client)
     };
     let (first, second) = (Peer::Node(NodeId(1)), Peer::Node(NodeId(2)));
-    assert_eq!(said(&mut client), [], "everything is what a leader tells by itself");
+    assert_eq!(said(&mut client), [(first, None)], "every leader is told at once");
     assert_eq!(turn(&mut client, area(0.0)), [(first, area(0.0))]);
     assert_eq!(turn(&mut client, area(0.9)), []);
     assert_eq!(turn(&mut client, area(1.1)), [(first, area(1.1))]);
@@ -157,7 +157,7 @@ fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
 
 #[test]
 fn a_question_asked_before_there_is_a_leader_is_asked_as_soon_as_there_is_and_not_again_at_once() {
-    let mut client = Client::new(ClientId(1), None);
+    let mut client = Client::new(ClientId(1), None, None);
     let (filter, asked) = (Default::default(), QueryParts::Rays(Vec::new()));
     let question = Query { number: 7, filter, shapes: Vec::new(), parts: asked };
     client.handle(Duration::ZERO, ClientEvent::Ask(question.clone()));

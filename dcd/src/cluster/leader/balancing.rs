@@ -229,6 +229,7 @@ mod tests {
             client: None,
         };
         View {
+            events: false,
             group: GroupId(1),
             number: ViewNumber(1),
             tick: Tick(0),

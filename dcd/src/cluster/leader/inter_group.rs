@@ -54,6 +54,11 @@ pub(super) struct InterGroup {
 }
 
 impl InterGroup {
+    /// Returns the messages for the server since the last call.
+    pub(super) fn take_messages(&mut self) -> Vec<ToServer> {
+        std::mem::take(&mut self.to_server)
+    }
+
     fn is_ours(&self, id: BodyId, clients: &BTreeMap<ClientId, Peer>) -> bool {
         match id.client() {
             Some(client) => clients.contains_key(&client),
@@ -255,14 +260,6 @@ impl Leader {
         by_tick.into_iter().map(|(tick, states)| WorldOp::Correct { tick, states }).collect()
     }
 
-    /// Returns the messages for the server since the last call.
-    pub fn take_server_messages(&mut self) -> Vec<ToServer> {
-        self.inter_group
-            .as_mut()
-            .map(|inter_group| std::mem::take(&mut inter_group.to_server))
-            .unwrap_or_default()
-    }
-
     pub(super) fn forget_in_other_groups(&mut self, id: BodyId) {
         if let Some(inter_group) = &mut self.inter_group {
             inter_group.moved.remove(&id);
@@ -301,6 +298,7 @@ mod tests {
     fn leader() -> Leader {
         let member = Member { node: NodeId(1), address: ([127, 0, 0, 1], 1).into(), client: None };
         let view = View {
+            events: false,
             group: GroupId(2),
             number: ViewNumber(1),
             tick: Tick(0),

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
 use super::interest::{Audience, Moved, news};
-use crate::protocol::{ContactForce, ContactKey, SharedState, Stamp, ToClient, Touch, WorldEvents};
+use crate::protocol::{ContactForce, ContactKey, SharedState, Stamp, ToClient, ToServer, Touch, WorldEvents};
 use crate::space::{ClientId, Tick};
 
 /// Resting bodies sent again with each batch of states, so that a client that missed their last move hears of it.
@@ -20,6 +20,10 @@ impl Leader {
         let mut seen = WorldEvents::default();
         self.contacts.merge(std::mem::take(&mut self.events).values(), &mut seen);
         self.claim(&seen.touches);
+        if self.events_to_server && !(seen.touches.is_empty() && seen.forces.is_empty()) {
+            let (view, tick, events) = (self.view, self.tick, seen.clone());
+            self.server_messages.push(ToServer::Contacts { view, tick, events });
+        }
         let mut touches: BTreeMap<ClientId, Vec<Touch>> = BTreeMap::new();
         let mut forces: BTreeMap<ClientId, Vec<ContactForce>> = BTreeMap::new();
         for touch in seen.touches {
@@ -85,13 +89,31 @@ impl Leader {
             self.told.get(client).is_none_or(|&Tick(told)| told + TELL_TICK <= self.tick.0)
         };
         for client in self.clients.keys().copied().filter(is_due).collect::<Vec<_>>() {
+            if self.undecided.contains(&client) {
+                self.introduce(client);
+            }
             self.tell(client, self.tick, false, Vec::new());
         }
     }
 
+    /// Tells a client who leads, and so asks it for its interest: what it said may be lost.
+    fn introduce(&mut self, client: ClientId) {
+        let allocation = self.computed_by.back().map(|(_, allocation)| allocation.clone());
+        let message = ToClient::LeaderIs {
+            group: self.group,
+            view: self.view,
+            leader: self.introduction.clone(),
+            tree: None,
+            allocation: allocation.unwrap_or_default(),
+        };
+        self.messages.push((client, message));
+    }
+
     /// Sends states to all clients without an area of interest.
     fn tell_all(&mut self, tick: Tick, speculative: bool, states: &[SharedState]) {
-        let all = self.clients.keys().filter(|client| !self.audiences.contains_key(client));
+        let hears_all =
+            |client: &&ClientId| !self.audiences.contains_key(client) && !self.undecided.contains(client);
+        let all = self.clients.keys().filter(hears_all);
         for client in all.copied().collect::<Vec<_>>() {
             self.tell(client, tick, speculative, states.to_vec());
         }

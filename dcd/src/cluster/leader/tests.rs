@@ -11,6 +11,7 @@ const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
 fn leader() -> Leader {
     let member = |id| Member { node: NodeId(id), address: ([127, 0, 0, 1], 1).into(), client: None };
     let view = View {
+        events: false,
         group: GroupId(1),
         number: ViewNumber(1),
         tick: Tick(0),
@@ -21,6 +22,7 @@ fn leader() -> Leader {
     };
     let mut leader = Leader::new(Duration::ZERO, &view, &sim_world(2));
     leader.admit(CLIENT);
+    leader.take_interest(CLIENT, None);
     leader.apply(vec![WorldOp::Insert {
         bodies: vec![sim_body(AVATAR, [1.0; 3])],
         shapes: vec![],
@@ -128,6 +130,30 @@ fn only_the_newest_input_of_an_avatar_is_dispatched() {
 }
 
 #[test]
+fn an_avatar_jumps_no_farther_than_it_could_have_moved() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO);
+    let limit = f64::from(sim_world(2).avatar_speed_limit);
+    let mut time = 0;
+    let mut jump = |leader: &mut Leader, x: f64| {
+        time += 1;
+        let pose = Some(WorldPose::at([1.0 + x, 1.0, 1.0]));
+        leader.accept_input(CLIENT, Input { pose, ..input(time, 0.0) })
+    };
+    assert_eq!(jump(&mut leader, 1.01 * limit), Err(Refusal::TooFar), "more than in a second");
+    assert_eq!(jump(&mut leader, 0.9 * limit), Ok(()));
+    assert_eq!(jump(&mut leader, 1.8 * limit), Err(Refusal::TooFar), "the second one is not earned");
+    let ticks = (0.9 / f64::from(sim_world(2).step.dt_s)).ceil() as u64;
+    for tick in 1..=ticks {
+        both_done(&mut leader, tick, vec![], vec![]);
+        leader.dispatch(Duration::from_secs(tick)).unwrap();
+    }
+    assert_eq!(jump(&mut leader, 1.8 * limit), Ok(()), "now it is");
+    let spin = Input { velocity: Velocity { linear: [0.0; 3], angular: [0.0, 0.0, 1e3] }, ..input(99, 0.0) };
+    assert_eq!(leader.accept_input(CLIENT, spin), Err(Refusal::TooFast));
+}
+
+#[test]
 fn an_input_that_waited_for_its_avatar_does_not_undo_a_later_one() {
     let mut leader = leader();
     assert_eq!(leader.accept_input(CLIENT, input(5, 1.0)), Ok(()), "the avatar has not appeared yet");
@@ -155,7 +181,8 @@ fn of_two_inputs_for_an_avatar_not_heard_of_yet_the_newer_counts_whichever_came_
         let input = Input { body: early, ..input(time, time as f32) };
         assert_eq!(leader.accept_input(CLIENT, input), Ok(()));
     }
-    let inputs = leader.into_inputs();
+    let told = leader.into_inputs();
+    let inputs: Vec<_> = told.into_iter().filter(|(_, told)| matches!(told, FromClient::Input(_))).collect();
     assert_eq!(inputs, [(CLIENT, FromClient::Input(Input { body: early, ..input(6, 6.0) }))]);
 }
 
@@ -181,19 +208,45 @@ fn an_interest_counts_from_the_tick_on_is_handed_on_and_goes_with_the_link() {
     let area = Area { centre: [0.0; 3], radius_m: 10.0 };
     let other = ClientId(5);
     leader.admit(other);
-    assert_eq!(told_at(&mut leader, 1, 50.0), [(CLIENT, 1), (other, 1)]);
+    assert_eq!(told_at(&mut leader, 1, 50.0), [(CLIENT, 1), (other, 0)], "but that time goes on");
+    leader.take_interest(other, None);
+    assert_eq!(told_at(&mut leader, 2, 50.5), [(other, 1), (CLIENT, 1), (other, 1)], "all at once, and on");
     leader.take_interest(CLIENT, Some(area));
     leader.take_interest(ClientId(6), Some(area));
-    assert_eq!(told_at(&mut leader, 2, 51.0), [(other, 1)]);
-    assert_eq!(told_at(&mut leader, 3, 5.0), [(CLIENT, 1), (other, 1)]);
+    assert_eq!(told_at(&mut leader, 3, 51.0), [(other, 1)]);
+    assert_eq!(told_at(&mut leader, 4, 5.0), [(CLIENT, 1), (other, 1)]);
     let handed_on = leader.clone().into_inputs();
-    assert_eq!(handed_on, [(CLIENT, FromClient::Interest(Some(area)))]);
+    let interests = [(CLIENT, FromClient::Interest(Some(area))), (other, FromClient::Interest(None))];
+    assert_eq!(handed_on, interests);
     leader.take_interest(CLIENT, None);
-    assert_eq!(told_at(&mut leader, 4, 60.0), [(CLIENT, 1), (CLIENT, 1), (other, 1)], "all at once, and on");
+    assert_eq!(told_at(&mut leader, 5, 60.0), [(CLIENT, 1), (CLIENT, 1), (other, 1)]);
     leader.take_interest(CLIENT, Some(area));
-    told_at(&mut leader, 5, 70.0);
+    told_at(&mut leader, 6, 70.0);
     leader.admit(CLIENT);
-    assert_eq!(told_at(&mut leader, 6, 71.0), [(CLIENT, 1), (other, 1)], "it has not said it again yet");
+    assert_eq!(told_at(&mut leader, 7, 71.0), [(other, 1)], "it has not said it again yet");
+    let handed_on = leader.clone().into_inputs();
+    assert_eq!(handed_on, [(other, FromClient::Interest(None))], "nor is it known to another");
+}
+
+#[test]
+fn a_client_whose_interest_is_not_known_is_asked_for_it_now_and_then() {
+    let mut leader = leader();
+    let silent = ClientId(5);
+    leader.admit(silent);
+    let mut asked = Vec::new();
+    for tick in 1..=100 {
+        leader.dispatch(Duration::from_secs(tick)).unwrap();
+        both_done(&mut leader, tick, vec![], vec![]);
+        for (client, message) in leader.take_messages() {
+            let ToClient::LeaderIs { leader: Some(member), allocation, .. } = message else { continue };
+            assert_eq!((client, member.node, allocation.len()), (silent, NodeId(1), 2));
+            asked.push(tick);
+        }
+        if tick == 75 {
+            leader.take_interest(silent, None);
+        }
+    }
+    assert_eq!(asked, [1, 31, 61]);
 }
 
 #[test]

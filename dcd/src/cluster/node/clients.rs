@@ -21,6 +21,8 @@ impl Node {
         match leader {
             Some(leader) if leader == self.config.id => self.lead_client(client, message),
             Some(leader) => self.send(Peer::Node(leader), Message::FromClient(client, message)),
+            // The leader to come is told it.
+            None if matches!(message, FromClient::Interest(_)) => {}
             None => self.send(Peer::Server, Message::FromClient(client, message)),
         }
     }
@@ -63,7 +65,13 @@ impl Node {
             (Some(leader), FromClient::Interest(area)) => leader.take_interest(client, area),
             (Some(leader), FromClient::Ask(question)) => leader.ask(client, question),
             // What lasts is put on record before it happens.
-            (_, message @ (FromClient::Spawn { .. } | FromClient::Despawn(_) | FromClient::Leave)) => {
+            (
+                _,
+                message @ (FromClient::Spawn { .. }
+                | FromClient::Despawn(_)
+                | FromClient::Introduce(_)
+                | FromClient::Leave),
+            ) => {
                 self.send(Peer::Server, Message::FromClient(client, message));
             }
             // The client may hear of its new leader before the leader does.

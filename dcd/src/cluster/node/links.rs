@@ -93,6 +93,10 @@ impl Node {
         let resume = self.view.as_ref().map(|view| view.number);
         let role = JoinAs::Node { address: self.config.address, client: self.config.client, resume };
         self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role }));
+        if self.leader.is_some() {
+            // It may have begun anew, or what it was told may be lost with the link.
+            self.tell_division(self.tick.next());
+        }
         if self.leaving {
             self.send_server(ToServer::Leave);
         }

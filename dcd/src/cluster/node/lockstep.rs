@@ -72,6 +72,10 @@ impl Node {
                     change.adopt = Some((view, drop));
                 }
             }
+            ToNode::Ask { view, question } => match &mut self.leader {
+                Some(leader) if view == leader.view() => leader.ask_for_server(question),
+                _ => self.counters.stale += 1,
+            },
             ToNode::Apply { view, ops } => match &mut self.leader {
                 Some(leader) if leader.view() == view => leader.apply(ops),
                 _ => self.counters.stale += 1,
@@ -200,24 +204,29 @@ impl Node {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
                 self.tick = tick;
-                let lag = self.lag();
-                self.dispatches.retain(|dispatch| tick.0 < dispatch.tick.0 + lag);
-                let view = self.number();
+                // Members that share nothing with this one may be behind it, and their leader may die.
+                let behind = self.lag().max(1);
+                self.dispatches.retain(|dispatch| tick.0 < dispatch.tick.0 + behind);
+                let (view, division) = (self.number(), self.division);
                 let is_last = self.world.as_ref().is_some_and(|world| world.last_tick == Some(tick));
                 let leads_on = self.leader.is_some() && self.told.0 + TELL_TICK <= tick.0;
                 if (is_last || leads_on) && checkpoint.is_empty() {
-                    self.send_server(ToServer::Checkpoint { view, tick, bodies: Vec::new() });
+                    self.send_server(ToServer::Checkpoint { view, tick, division, bodies: Vec::new() });
                 }
                 if is_last || leads_on || !checkpoint.is_empty() {
                     self.told = tick;
                 }
                 for bodies in split(checkpoint, CHUNK_BYTES) {
-                    self.send_server(ToServer::Checkpoint { view, tick, bodies });
+                    self.send_server(ToServer::Checkpoint { view, tick, division, bodies });
                 }
                 for states in split(report, CHUNK_BYTES) {
                     self.tell_leader(Message::Report(Report { view, tick, states }));
                 }
-                let events = events.into_iter().filter_map(of_avatars).collect();
+                let all = self.view.as_ref().is_some_and(|view| view.events);
+                let events = match all {
+                    true => events,
+                    false => events.into_iter().filter_map(of_avatars).collect(),
+                };
                 let holds = (self.holds != holds)
                     .then(|| std::mem::replace(&mut self.holds, holds.clone()))
                     .map(|_| holds);
@@ -340,6 +349,7 @@ impl Node {
             }
         }
         (self.tick, self.drained, self.told) = (view.tick, view.tick, view.tick);
+        self.division = 0;
         self.dispatches.clear();
         self.dispatched = view.tick;
         self.holds.clear();
@@ -367,12 +377,23 @@ impl Node {
             return;
         }
         // Without changes it only wakes what sleeps in the way of regions that are given up.
-        if view.leader == me && !change.changes.is_empty() {
-            let (number, tree, allocation) = (view.number, view.tree.clone(), view.allocation.clone());
-            self.send_server(ToServer::Repartitioned { view: number, tick, tree, allocation });
+        let is_leader = view.leader == me;
+        if !change.changes.is_empty() {
+            self.division += 1;
+            if is_leader {
+                self.tell_division(tick);
+            }
         }
         let (changes, newborn_here) = (change.changes.clone(), change.newborn == me);
         self.order(PhysicsCommand::Repartition { changes, newborn_here });
+    }
+
+    /// Tells the server how the world is cut before this tick, and who computes what.
+    pub(super) fn tell_division(&mut self, tick: Tick) {
+        let Some(view) = &self.view else { return };
+        let (view, tree, allocation) = (view.number, view.tree.clone(), view.allocation.clone());
+        let division = self.division;
+        self.send_server(ToServer::Repartitioned { view, tick, tree, allocation, division });
     }
 
     /// Sends the regions' border messages to the members that compute neighbours of them, and waits for theirs (a barrier). At the
@@ -421,7 +442,9 @@ impl Node {
     fn accept(&mut self) {
         let number = self.number();
         let Phase::Exchanging(Exchange { tick, round, .. }) = self.phase else { return };
-        let is_new = |heard: &Tick| self.lag() == 0 || *heard > self.drained;
+        // All begin a view together: what is said of it before its leader has heard of it is lost.
+        let begins = self.view.as_ref().is_some_and(|view| view.tick == tick);
+        let is_new = |heard: &Tick| self.lag() == 0 || begins || *heard > self.drained;
         let heard = self.heard_after(tick).filter(is_new);
         let Phase::Exchanging(Exchange { with, arrived, .. }) = &mut self.phase else { return };
         for node in with.iter() {
@@ -460,12 +483,11 @@ impl Node {
             }
         }
         incoming.sort_by_key(|message| (message.from, message.to));
-        let begins = view.tick;
         self.amend(tick, &mut incoming);
         // The first exchange of a view, and the end of a world, bring leader and server up to date with everything.
         let last = self.world.as_ref().and_then(|world| world.last_tick);
         let sample = |every| match tick {
-            tick if tick == begins || Some(tick) == last => Sampling::All,
+            tick if begins || Some(tick) == last => Sampling::All,
             tick if tick.0.is_multiple_of(every) => Sampling::Moved,
             _ => Sampling::Nothing,
         };
@@ -561,6 +583,7 @@ impl Node {
                     match op {
                         WorldOp::Remove(gone) => removed.extend(message.forget(*gone)),
                         WorldOp::Input(input) => message.apply_input(input),
+                        WorldOp::Alter(alteration) => message.alter(alteration),
                         WorldOp::RemoveJoint(gone) => message.joints.retain(|joint| joint.id != *gone),
                         _ => {}
                     }

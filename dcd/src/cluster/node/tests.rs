@@ -35,6 +35,7 @@ fn adopted(
         id: NodeId(2),
         address,
         client,
+        interest: None,
         report_every,
         checkpoint_every: 1,
         patience: Duration::from_millis(100),
@@ -48,6 +49,7 @@ fn adopted(
     server(&mut node, ToNode::Chunk(Chunk::Placed(vec![Placed { region: RegionId(2), body }])));
     let member = |id| Member { node: NodeId(id), address, client: None };
     let view = View {
+        events: false,
         group: crate::space::GroupId(1),
         number: ViewNumber(1),
         tick: Tick(0),
@@ -233,6 +235,24 @@ fn who_was_told_to_finish_a_tick_tells_of_it_when_the_view_changes_again() {
     );
 }
 
+#[test]
+fn the_newest_tick_is_told_even_when_completed_as_others_may_not_have_heard_of_it() {
+    let mut node = member();
+    border(&mut node, 1, 0, vec![]);
+    settle(&mut node);
+    for tick in [1, 2] {
+        begin(&mut node, tick, vec![]);
+        border(&mut node, 1, tick, vec![]);
+        settle(&mut node);
+    }
+    server(&mut node, ToNode::Settle { view: ViewNumber(2) });
+    let settling = ToServer::Settling { view: ViewNumber(2), dispatches: vec![dispatch(2, vec![])] };
+    assert_eq!(
+        drain(&mut node),
+        [NodeOutput::Send { to: Peer::Server, message: Message::ToServer(settling) }]
+    );
+}
+
 const DRIVEN: BodyId = BodyId::avatar(ClientId(1), 0);
 const REMOVED: BodyId = BodyId::avatar(ClientId(2), 0);
 const OTHER: BodyId = BodyId::persistent(7);
@@ -261,6 +281,20 @@ fn member_out_of_step() -> Node {
     complete(&mut node, 1, vec![]);
     complete(&mut node, 2, vec![WorldOp::Input(input), WorldOp::Remove(REMOVED)]);
     node
+}
+
+#[test]
+fn members_begin_a_view_together_even_if_they_need_not_keep_in_step_later() {
+    let protocol = crate::protocol::SyncProtocol::Unsynchronised { lag_ticks: 2 };
+    let world = EnvironmentProperties { protocol, ..sim_world(2) };
+    let (mut node, said) = adopted(None, 1, world);
+    let accepts = |outputs: &[NodeOutput]| {
+        outputs.iter().any(|output| matches!(output, NodeOutput::Physics(PhysicsCommand::Accept { .. })))
+    };
+    assert!(!accepts(&said), "the other has not begun");
+    assert!(accepts(&border(&mut node, 1, 0, vec![])));
+    settle(&mut node);
+    assert!(accepts(&begin(&mut node, 1, vec![])), "from here on it need not wait");
 }
 
 fn begin(node: &mut Node, tick: u64, ops: Vec<WorldOp>) -> Vec<NodeOutput> {

@@ -4,6 +4,7 @@
 use super::common::Common;
 use super::group::Group;
 use super::{Server, ServerOutput, budget};
+use crate::cluster::avatar_limits::AvatarLimits;
 use crate::cluster::{Life, Peer};
 use crate::protocol::{
     BodyRecord, BodyState, FromClient, Input, Message, Refusal, ShapeRecord, ToClient, WorldOp,
@@ -18,34 +19,41 @@ pub const MAX_SHAPE_BYTES: usize = 1 << 20;
 
 impl Server {
     pub(super) fn hear_client(&mut self, client: ClientId, message: FromClient) {
-        let record = &self.main().record;
+        let limits = AvatarLimits::of(&self.common.config.world);
+        let record = &self.groups[&self.main].record;
         let refused = match message {
             FromClient::Input(input) if input.body.client() != Some(client) => {
                 Some((input.body, Refusal::NotYours))
             }
-            FromClient::Input(input) => {
-                self.pass_on(client, input);
-                None
-            }
+            FromClient::Input(input) => match limits.allow(&input.velocity) {
+                Ok(()) => {
+                    self.pass_on(client, input);
+                    None
+                }
+                Err(refusal) => Some((input.body, refusal)),
+            },
             FromClient::Spawn { body, shapes } => {
                 let id = body.id;
-                let brought = self.common.brought.get(&client).copied().unwrap_or(0);
-                let brought = brought.saturating_add(record.bytes_of_new(&shapes));
+                let allowance = self.common.allowances.entry(client).or_default();
+                let brought = allowance.shape_bytes.saturating_add(record.bytes_of_new(&shapes));
                 let refusal = if id.client() != Some(client) {
                     Some(Refusal::NotYours)
                 } else if record.body(id).is_some() {
                     Some(Refusal::Exists)
-                } else if record.avatars(client).len() >= MAX_AVATARS || brought > MAX_SHAPE_BYTES {
+                } else if record.avatars(client).len() >= MAX_AVATARS
+                    || brought > MAX_SHAPE_BYTES
+                    || !allowance.spawn(self.common.now)
+                {
                     Some(Refusal::TooMany)
-                } else if !body.state.velocity.is_within(self.common.config.world.avatar_speed_limit) {
-                    Some(Refusal::TooFast)
+                } else if let Err(refusal) = limits.allow(&body.state.velocity) {
+                    Some(refusal)
                 } else if !record.admits(&body, &shapes, self.common.config.can_build) {
                     Some(Refusal::Shape)
                 } else {
                     budget::refusal(record, client, &body, &shapes)
                 };
                 if refusal.is_none() {
-                    self.common.brought.insert(client, brought);
+                    allowance.shape_bytes = brought;
                     for group in self.groups.values_mut() {
                         let shapes = group.record.learn(shapes.clone());
                         // Epochs are ours to give, and clients push nothing.
@@ -68,8 +76,18 @@ impl Server {
                 self.part(client);
                 None
             }
+            FromClient::Introduce(ids) => {
+                self.introduce(client, ids);
+                None
+            }
+            FromClient::Interest(area) => {
+                if let Some(reason) = self.widen(client, area) {
+                    self.common.send_client(client, ToClient::Rejected { body: None, reason });
+                }
+                None
+            }
             // A participant without a leader, which sends it again to the next.
-            FromClient::Interest(_) | FromClient::Ask(_) => None,
+            FromClient::Ask(_) => None,
         };
         if let Some((body, reason)) = refused {
             self.common.send_client(client, ToClient::Rejected { body: Some(body), reason });
@@ -86,11 +104,11 @@ impl Server {
                 let message = Message::FromClient(client, FromClient::Input(input));
                 self.common.outputs.push_back(ServerOutput::Send { to, message });
             }
-            // Nobody computes the world: the record is all there is to move.
+            // Nobody computes the world: the record is all there is to move. A jump waits for a leader, who knows how far it may go; the
+            // client sends its newest input again to whoever leads.
             (None, _) => {
                 if let Some(body) = group.record.body_mut(input.body) {
                     body.state.velocity = input.velocity;
-                    body.state.pose = input.pose.unwrap_or(body.state.pose);
                 }
             }
             // The next input will find a leader.
@@ -172,7 +190,7 @@ impl Group {
     fn introduce(&mut self, common: &mut Common, id: BodyId, shapes: Vec<ShapeRecord>) {
         let Some(body) = self.record.body(id).cloned() else { return };
         let message = ToClient::Inserted { body: body.clone(), shapes: shapes.clone(), joints: Vec::new() };
-        common.send_clients(self.id, &message);
+        common.announce(self.id, &self.record, id, &message);
         if self.view.is_some() && self.change.is_none() && !self.held {
             self.record.set_life(id, Life::Live);
             self.arriving.insert(id);
@@ -195,6 +213,6 @@ impl Group {
             Some(Life::Live | Life::Waiting | Life::Parked) => self.rest(common, id, park, false),
             None => return,
         }
-        common.send_clients(self.id, &ToClient::Removed(id));
+        common.announce_end(self.id, id);
     }
 }

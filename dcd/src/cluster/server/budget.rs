@@ -1,5 +1,9 @@
-//! Bounds what the avatars of one client may cost those who compute them: iterations, corners, size, and how many share a place.
+//! Bounds what one client may cost others: its avatars those who compute them, by iterations, corners, size, and how many share a place;
+//! its requests the server.
 
+use std::time::Duration;
+
+use super::MAX_AVATARS;
 use crate::cluster::Record;
 use crate::protocol::{BodyRecord, Costs, Refusal, ShapeRecord};
 use crate::space::ClientId;
@@ -12,6 +16,52 @@ const MAX_CORNERS: usize = 20_000;
 const MAX_REACH_M: f32 = 100.0;
 /// The most avatars of one client that a new one may overlap, by bounding spheres.
 const MAX_OVERLAPS: usize = 64;
+
+/// The avatars that a client may bring at once, those included that it removes again: all that it may have, twice.
+const SPAWNS: f64 = 2.0 * MAX_AVATARS as f64;
+/// How many more each second.
+const SPAWNS_PER_S: f64 = 128.0;
+/// What a search of the world for scenery counts, in avatars.
+const LOOK: f64 = 8.0;
+/// What being told the whole world counts, in avatars.
+const WELCOME: f64 = 64.0;
+
+/// What one client has asked of a server, over all of its visits.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Allowance {
+    /// Bytes of shapes that nobody knew before.
+    pub shape_bytes: usize,
+    /// Avatars and welcomes, less what time has forgiven.
+    asked: f64,
+    at: Duration,
+}
+
+impl Allowance {
+    /// Counts an avatar to be brought. Returns whether the client may bring it.
+    pub(super) fn spawn(&mut self, now: Duration) -> bool {
+        self.ask(now, 1.0)
+    }
+
+    /// Counts a search of the world. Returns whether the client may have it.
+    pub(super) fn look(&mut self, now: Duration) -> bool {
+        self.ask(now, LOOK)
+    }
+
+    /// Counts a welcome. Returns whether the client may be told the world.
+    pub(super) fn welcome(&mut self, now: Duration) -> bool {
+        self.ask(now, WELCOME)
+    }
+
+    fn ask(&mut self, now: Duration, cost: f64) -> bool {
+        let forgiven = (now - self.at).as_secs_f64() * SPAWNS_PER_S;
+        (self.asked, self.at) = ((self.asked - forgiven).max(0.0), now);
+        let may = self.asked + cost <= SPAWNS;
+        if may {
+            self.asked += cost;
+        }
+        may
+    }
+}
 
 /// Returns why this avatar may not come beside those that its client has, if its cost is too high. Its shapes are on record or in
 /// `brought`, and suit clients.

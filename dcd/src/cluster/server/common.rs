@@ -3,8 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
+use super::budget::Allowance;
+use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
-use crate::cluster::Peer;
+use crate::cluster::{Peer, Record};
 use crate::protocol::{Delay, Farewell, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
 use crate::space::{BodyId, ClientId, GroupId, NodeId};
 
@@ -32,6 +34,8 @@ pub(super) struct NodeEntry {
     pub moved: bool,
     /// The view that it was last told to adopt.
     pub serving: Option<ViewNumber>,
+    /// The newest view when it began anew: it holds nothing of that one and those before.
+    pub anew_since: ViewNumber,
     pub shapes: BTreeSet<ShapeHash>,
     pub scenery: BTreeSet<BodyId>,
     /// Immovable bodies that are gone and that it may hold; it is told with the next view.
@@ -60,6 +64,8 @@ pub(super) struct ClientEntry {
     pub absent_until: Option<Duration>,
     /// The group whose leader it plays with.
     pub group: GroupId,
+    /// What it has been told of the world; `None`: all of it.
+    pub vicinity: Option<Vicinity>,
 }
 
 #[derive(Clone, Debug)]
@@ -68,8 +74,8 @@ pub(super) struct Common {
     pub now: Duration,
     pub nodes: BTreeMap<NodeId, NodeEntry>,
     pub clients: BTreeMap<ClientId, ClientEntry>,
-    /// Bytes of shapes that clients have brought, those included that are gone.
-    pub brought: BTreeMap<ClientId, usize>,
+    /// What clients have asked for, those included that are gone.
+    pub allowances: BTreeMap<ClientId, Allowance>,
     /// The newest view number in use, over all groups.
     pub number: ViewNumber,
     pub begun: bool,
@@ -103,6 +109,32 @@ impl Common {
         for client in ids {
             self.send_client(client, message.clone());
         }
+    }
+
+    /// Tells clients of a body that is new to a group; those with an area of interest if it is near.
+    pub(super) fn announce(&mut self, group: GroupId, record: &Record, id: BodyId, inserted: &ToClient) {
+        let mut messages = Vec::new();
+        let concerned = self.clients.iter_mut().filter(|(_, entry)| entry.linked && entry.group == group);
+        for (&client, entry) in concerned {
+            let told = match &mut entry.vicinity {
+                None => vec![inserted.clone()],
+                Some(vicinity) => vicinity.announce(client, id, record),
+            };
+            messages.extend(told.into_iter().map(|message| (client, message)));
+        }
+        messages.into_iter().for_each(|(client, message)| self.send_client(client, message));
+    }
+
+    /// Tells the clients that know a body that it is gone.
+    pub(super) fn announce_end(&mut self, group: GroupId, id: BodyId) {
+        let mut concerned = Vec::new();
+        for (&client, entry) in self.clients.iter_mut() {
+            let knows = entry.vicinity.as_mut().is_none_or(|vicinity| vicinity.forget(id));
+            if entry.linked && entry.group == group && (knows || id.client() == Some(client)) {
+                concerned.push(client);
+            }
+        }
+        concerned.into_iter().for_each(|client| self.send_client(client, ToClient::Removed(id)));
     }
 
     pub(super) fn close(&mut self, peer: Peer, farewell: Farewell, reason: String) {

@@ -2,11 +2,13 @@
 //! lost links.
 
 mod change;
+mod divisions;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use self::change::ViewChange;
+use self::divisions::Divisions;
 use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use crate::cluster::{Life, Record};
@@ -28,6 +30,7 @@ pub(super) struct Group {
     /// The view before it, by which members are known that never heard of the present one.
     pub former: Option<View>,
     pub change: Option<ViewChange>,
+    divisions: Divisions,
     /// Members that have told all they know of the world's last tick.
     pub at_last_tick: BTreeSet<NodeId>,
     /// Bodies that the leader was told to insert and that no node has spoken of yet.
@@ -36,6 +39,10 @@ pub(super) struct Group {
     pub postponed: Vec<WorldOp>,
     /// Joints that it removed since the present view began.
     pub removed_joints: Vec<JointId>,
+    /// Bodies that it changed, and whether it woke them since the present view began.
+    pub altered_bodies: BTreeMap<BodyId, bool>,
+    /// Joints that it changed.
+    pub altered_joints: BTreeSet<JointId>,
     complaints: BTreeSet<Complaint>,
     /// When they are decided on.
     pub hearing: Option<Duration>,
@@ -60,10 +67,13 @@ impl Group {
             view: None,
             former: None,
             change: None,
+            divisions: Divisions::default(),
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
             postponed: Vec::new(),
             removed_joints: Vec::new(),
+            altered_bodies: BTreeMap::new(),
+            altered_joints: BTreeSet::new(),
             complaints: BTreeSet::new(),
             hearing: None,
             unsure: false,
@@ -160,14 +170,21 @@ impl Group {
                 return self.found(common, node, bodies, last);
             }
             _ if !self.is_member(node) => return false,
-            ToServer::Checkpoint { view, .. } | ToServer::Removed { view, .. } if Some(view) == present => {
+            ToServer::Checkpoint { view, division, .. } if Some(view) == present => {
+                self.confirmed = true;
+                match self.divisions.is_ahead(division) {
+                    true => common.stale += self.divisions.wait(node, message),
+                    false => self.hear_of_bodies(common, node, message),
+                }
+            }
+            ToServer::Removed { view, .. } if Some(view) == present => {
                 self.confirmed = true;
                 self.hear_of_bodies(common, node, message);
             }
-            ToServer::Repartitioned { view, tree, allocation, .. }
+            ToServer::Repartitioned { view, tree, allocation, division, .. }
                 if Some(view) == present && self.leads(node) =>
             {
-                return self.repartitioned(common, tree, allocation);
+                return self.repartitioned(common, tree, allocation, division);
             }
             ToServer::LinkLost { view, node: other } if Some(view) == present && self.is_member(other) => {
                 self.complaints.insert((node, other));
@@ -181,16 +198,29 @@ impl Group {
         true
     }
 
-    fn leads(&self, node: NodeId) -> bool {
+    pub(super) fn leads(&self, node: NodeId) -> bool {
         self.view.as_ref().is_some_and(|view| view.leader == node)
     }
 
     /// Takes in how the world is cut now, and who computes what: clients are told where to look for bodies. It need not outlive
     /// the server: members know it.
-    fn repartitioned(&mut self, common: &mut Common, tree: DistributionTree, allocation: Allocation) -> bool {
+    fn repartitioned(
+        &mut self,
+        common: &mut Common,
+        tree: DistributionTree,
+        allocation: Allocation,
+        division: u32,
+    ) -> bool {
         let Some(view) = &mut self.view else { return false };
         if !allocation.values().all(|node| view.members.iter().any(|member| member.node == *node)) {
             return false;
+        }
+        for (node, message) in self.divisions.learn(division, allocation.clone()) {
+            self.hear_of_bodies(common, node, message);
+        }
+        let Some(view) = &mut self.view else { return false };
+        if (&view.tree, &view.allocation) == (&tree, &allocation) {
+            return true;
         }
         (view.tree, view.allocation) = (tree.clone(), allocation.clone());
         let view = view.clone();
@@ -199,10 +229,16 @@ impl Group {
         true
     }
 
+    /// Takes in states of bodies in the sender's own regions; others are counted, and change nothing.
     fn hear_of_bodies(&mut self, common: &mut Common, node: NodeId, message: ToServer) {
         match message {
-            ToServer::Checkpoint { tick, bodies, .. } => {
+            ToServer::Checkpoint { tick, division, bodies, .. } => {
                 for checkpoint in &bodies {
+                    let is_own = self.divisions.computes(node, checkpoint.region, division);
+                    if !is_own || !checkpoint.epoch.is_possible(common.number.0, tick) {
+                        common.stale += 1;
+                        continue;
+                    }
                     self.arriving.remove(&checkpoint.id);
                     self.record.checkpoint(tick, checkpoint);
                 }
@@ -213,7 +249,11 @@ impl Group {
             }
             ToServer::Removed { tick, bodies, .. } => {
                 for body in bodies {
-                    self.removed(common, tick, body);
+                    if body.epoch.is_possible(common.number.0, tick) {
+                        self.removed(common, tick, body);
+                    } else {
+                        common.stale += 1;
+                    }
                 }
             }
             _ => {}

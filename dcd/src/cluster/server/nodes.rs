@@ -53,7 +53,8 @@ impl Server {
                 let is_former = former.members.iter().any(|member| member.node == *node);
                 // Who computes for another group by now is not taken back.
                 if entry.serving == present || (is_former && entry.serving.is_none()) {
-                    entry.serving = is_former.then_some(former.number);
+                    let holds_it = is_former && entry.anew_since < former.number;
+                    entry.serving = holds_it.then_some(former.number);
                 }
             }
         } else if is_member && group.view.as_ref().is_some_and(|present| present.number == view) {
@@ -80,6 +81,14 @@ impl Server {
             })
             .collect();
         over.into_iter().for_each(|node| self.begin_anew(node));
+    }
+
+    /// Notes that a node begins anew: it came and was told to, or has loaded what it was sent.
+    pub(super) fn is_anew(&mut self, node: NodeId) {
+        let newest = self.groups.values().filter_map(|group| Some(group.view.as_ref()?.number)).max();
+        if let Some(entry) = self.common.nodes.get_mut(&node) {
+            entry.anew_since = newest.unwrap_or_default();
+        }
     }
 
     /// Links again a node of which it is not known yet whether it is a member.
@@ -141,6 +150,7 @@ impl Server {
             in_group_since: self.common.now,
             moved: false,
             serving: None,
+            anew_since: ViewNumber::default(),
             shapes,
             scenery,
             stale_scenery: BTreeSet::new(),
@@ -159,13 +169,23 @@ impl Server {
     pub(super) fn hear_node(&mut self, node: NodeId, message: ToServer) {
         let Some(entry) = self.common.nodes.get_mut(&node) else { return };
         match message {
-            ToServer::Loaded => entry.loaded = true,
+            // It was taken for a member of a former view while it loaded, and holds nothing of it.
+            ToServer::Loaded if entry.serving.is_some() => self.begin_anew(node),
+            ToServer::Loaded => {
+                entry.loaded = true;
+                self.is_anew(node);
+            }
             ToServer::Leave => entry.leaving = true,
             ToServer::Delays(delays) => entry.learn(delays),
             ToServer::Call(motion) => self.call(node, motion),
             ToServer::Ballot { poll, delay_ms } => self.cast(node, poll, delay_ms),
             ToServer::InterGroup { view, tick, states } => self.inter_group(node, view, tick, states),
             ToServer::Touched { view, bodies } => self.touched(node, view, bodies),
+            ToServer::Answer { view, number, found } => self.answered(node, view, number, found),
+            ToServer::Contacts { view, events, .. } => match self.is_led_by(node, view) {
+                true => self.common.outputs.push_back(ServerOutput::Contacts(events)),
+                false => self.common.stale += 1,
+            },
             message => {
                 let heard = self.group_of(node).and_then(|id| self.groups.get_mut(&id));
                 if !heard.is_some_and(|group| group.hear(&mut self.common, node, message)) {

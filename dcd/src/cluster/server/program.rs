@@ -9,7 +9,8 @@ use super::common::Common;
 use super::group::Group;
 use crate::cluster::Life;
 use crate::protocol::{
-    BodyKind, BodyRecord, Input, JointRecord, Push, ShapeRecord, ToClient, View, WorldOp, encoded_len, split,
+    Alteration, BodyKind, BodyRecord, Input, JointRecord, Push, ShapeRecord, ToClient, View, WorldOp,
+    encoded_len, split,
 };
 use crate::space::{BodyId, Epoch, Groups, JointId};
 
@@ -36,6 +37,8 @@ pub enum ProgramOp {
     Move(Input),
     /// A body is pushed.
     Push(Push),
+    /// A movable body or a joint is something else.
+    Alter(Alteration),
 }
 
 impl Server {
@@ -77,6 +80,11 @@ impl Server {
                     group.apply_soon(&mut self.common, WorldOp::Push(push));
                 }
             }
+            ProgramOp::Alter(alteration) => {
+                for group in self.groups.values_mut() {
+                    group.alter(&mut self.common, &alteration);
+                }
+            }
             ProgramOp::Move(input) => {
                 for group in self.groups.values_mut() {
                     group.steer(&mut self.common, input);
@@ -112,7 +120,8 @@ impl Group {
             // Each shape with the first body that has it, each joint with the later of its bodies.
             let shapes = take_shapes_of(body, &mut untold);
             let joints = of_later.remove(&body.id).unwrap_or_default();
-            common.send_clients(self.id, &ToClient::Inserted { body: body.clone(), shapes, joints });
+            let inserted = ToClient::Inserted { body: body.clone(), shapes, joints };
+            common.announce(self.id, &self.record, body.id, &inserted);
         }
         if self.view.is_none() || self.change.is_some() || self.held {
             return;
@@ -141,7 +150,23 @@ impl Group {
             entry.stale_scenery.insert(id);
         }
         self.apply_soon(common, WorldOp::Remove(id));
-        common.send_clients(self.id, &ToClient::Removed(id));
+        common.announce_end(self.id, id);
+    }
+
+    fn alter(&mut self, common: &mut Common, alteration: &Alteration) {
+        if !self.record.alter(alteration) {
+            return;
+        }
+        match alteration {
+            Alteration::Body { body, wakes, .. } => {
+                *self.altered_bodies.entry(*body).or_default() |= wakes;
+            }
+            Alteration::Joint(joint) => {
+                self.altered_joints.insert(joint.id);
+            }
+        }
+        common.send_clients(self.id, &ToClient::Altered(alteration.clone()));
+        self.apply_soon(common, WorldOp::Alter(alteration.clone()));
     }
 
     fn steer(&mut self, common: &mut Common, input: Input) {
@@ -194,9 +219,28 @@ impl Group {
             _ => true,
         };
         let postponed: Vec<_> = std::mem::take(&mut self.postponed).into_iter().filter(is_there).collect();
-        for ops in split(joints.chain(postponed), INSERT_BYTES) {
+        let altered = self.altered();
+        for ops in split(joints.chain(altered).chain(postponed), INSERT_BYTES) {
             self.apply(common, ops);
         }
+    }
+
+    /// Returns all that the program has changed as it is on record: no node says whether it knows.
+    fn altered(&mut self) -> Vec<WorldOp> {
+        let record = &self.record;
+        self.altered_bodies.retain(|&id, _| record.body(id).is_some());
+        let joints: Vec<_> =
+            record.joints().filter(|joint| self.altered_joints.contains(&joint.id)).cloned().collect();
+        self.altered_joints = joints.iter().map(|joint| joint.id).collect();
+        let body = |(&body, wakes): (&BodyId, &mut bool)| {
+            let traits = record.body(body)?.traits.clone();
+            Some(Alteration::Body { body, traits, wakes: std::mem::take(wakes) })
+        };
+        let bodies = self.altered_bodies.iter_mut().filter_map(body);
+        bodies
+            .chain(joints.into_iter().map(|joint| Alteration::Joint(Box::new(joint))))
+            .map(WorldOp::Alter)
+            .collect()
     }
 }
 

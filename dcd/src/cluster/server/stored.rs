@@ -156,6 +156,7 @@ impl Server {
                 in_group_since: Duration::ZERO,
                 moved: false,
                 serving: Some(view.number),
+                anew_since: ViewNumber::default(),
                 shapes: BTreeSet::new(),
                 scenery: BTreeSet::new(),
                 stale_scenery: BTreeSet::new(),
@@ -165,7 +166,7 @@ impl Server {
         }
         let clients: BTreeSet<_> = record.lives().filter_map(|(id, _)| id.client()).collect();
         for client in clients {
-            let entry = ClientEntry { linked: false, absent_until: Some(RETURN), group: id };
+            let entry = ClientEntry { linked: false, absent_until: Some(RETURN), group: id, vicinity: None };
             self.common.clients.entry(client).or_insert(entry);
         }
         let mut group = Group::new(id, record, tick);

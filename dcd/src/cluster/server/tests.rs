@@ -1,15 +1,18 @@
 //! Tests rules of the server that a calm simulation does not show: on versions, lost links, view changes, authority and
 //! avatars.
 
+mod hostile;
+mod vicinity;
+
 use std::sync::Arc;
 
 use super::*;
-use crate::protocol::{Claim, Delay, DelayThresholds, Stance};
+use crate::protocol::{BodyCheckpoint, Claim, Delay, DelayThresholds, Stance};
 use crate::protocol::{
     ColliderMass, ColliderRecord, CombineRule, FromClient, Groups, Pose, ShapeRecord, ToNode, ToServer,
 };
 use crate::sim::{sim_body, sim_world};
-use crate::space::Epoch;
+use crate::space::{Epoch, RegionId};
 
 const NOW: Duration = Duration::ZERO;
 
@@ -21,6 +24,7 @@ fn config(min_nodes: usize) -> ServerConfig {
         min_nodes,
         grouping: Default::default(),
         avatar_expiry: 10 * ABSENCE,
+        events: false,
         can_build,
     }
 }
@@ -248,15 +252,14 @@ fn strangers_and_earlier_views_are_counted_and_change_nothing() {
     tell(&mut server, 1, Message::ToServer(ToServer::Loaded));
     let present = server.view().unwrap().number;
     let body = sim_body(BodyId::persistent(0), [5.0; 3]);
-    let checkpoint =
-        crate::protocol::BodyCheckpoint { id: body.id, epoch: crate::space::Epoch(9), state: body.state };
     let before = server.record().body(body.id).unwrap().epoch;
-    let epoch = before.next();
-    let checkpoint = crate::protocol::BodyCheckpoint { epoch, ..checkpoint };
-    let old = ToServer::Checkpoint { view: ViewNumber(0), tick: Tick(9), bodies: vec![checkpoint] };
+    let (id, region, epoch) = (body.id, RegionId(1), before.next());
+    let checkpoint = BodyCheckpoint { id, region, epoch, state: body.state };
+    let old =
+        ToServer::Checkpoint { view: ViewNumber(0), tick: Tick(9), division: 0, bodies: vec![checkpoint] };
     tell(&mut server, 1, Message::ToServer(old));
     assert_eq!((server.stale(), server.record().body(body.id).unwrap().epoch), (1, before));
-    let new = ToServer::Checkpoint { view: present, tick: Tick(9), bodies: vec![checkpoint] };
+    let new = ToServer::Checkpoint { view: present, tick: Tick(9), division: 0, bodies: vec![checkpoint] };
     tell(&mut server, 2, Message::ToServer(new.clone()));
     assert_eq!(server.record().body(body.id).unwrap().epoch, before, "node 2 is nobody");
     tell(&mut server, 1, Message::ToServer(new));
@@ -469,6 +472,30 @@ fn who_was_to_go_with_a_view_does_not_decide_whether_it_was_heard_of() {
 }
 
 #[test]
+fn who_began_anew_is_no_member_of_a_former_view_that_goes_on() {
+    let (mut server, former, _) = restarted();
+    assert!(welcomed(&back(&mut server, 2, ViewNumber(77)), 2), "it was elsewhere");
+    let outputs = back(&mut server, 1, former);
+    let asked = |node| {
+        outputs.iter().any(|output| {
+            matches!(output, ServerOutput::Send { to, message: Message::ToNode(ToNode::Settle { .. }) }
+                if *to == Peer::Node(NodeId(node)))
+        })
+    };
+    assert!(asked(1) && !asked(2), "{outputs:?}");
+}
+
+#[test]
+fn who_was_loading_the_world_when_it_was_taken_for_a_member_begins_anew() {
+    let mut server = server_of_two();
+    while server.poll_output().is_some() {}
+    let outputs = tell(&mut server, 2, Message::ToServer(ToServer::Loaded));
+    assert!(outputs.contains(&ServerOutput::Expelled(NodeId(2))) && welcomed(&outputs, 2), "{outputs:?}");
+    let outputs = tell(&mut server, 2, Message::ToServer(ToServer::Loaded));
+    assert!(!welcomed(&outputs, 2), "{outputs:?}");
+}
+
+#[test]
 fn who_computes_for_another_group_by_now_is_not_taken_back_with_a_former_view() {
     let (mut server, former, _) = restarted();
     let elsewhere = Some(ViewNumber(99));
@@ -534,7 +561,7 @@ fn collider(shape: &ShapeRecord) -> ColliderRecord {
 fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
     let mut server = server();
     let client = ClientId(7);
-    let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
+    let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
     server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
     let spawned = |server: &mut Server, index, of: &ShapeRecord, shapes: Vec<ShapeRecord>| {
         let mut body = sim_body(BodyId::avatar(client, index), [1.0; 3]);
@@ -567,109 +594,9 @@ fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
 }
 
 #[test]
-fn a_client_that_keeps_inventing_shapes_is_refused_and_others_are_not() {
-    let mut server = server();
-    let spawned = |server: &mut Server, client, shape: &ShapeRecord| {
-        let id = BodyId::avatar(client, 0);
-        let mut body = sim_body(id, [1.0; 3]);
-        Arc::make_mut(&mut body.traits).colliders.push(collider(shape));
-        let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
-        let spawn = Message::FromClient(client, FromClient::Spawn { body, shapes: vec![shape.clone()] });
-        let despawn = Message::FromClient(client, FromClient::Despawn(id));
-        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
-        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: spawn });
-        let is_there = server.record().body(id).is_some();
-        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: despawn });
-        let leave = Message::FromClient(client, FromClient::Leave);
-        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: leave });
-        is_there
-    };
-    // Some 100 kB each, and no two alike.
-    let hull = |n: usize| {
-        let point =
-            |i: usize| [n as f32 / 4.0 + 1.0 / (i + 1) as f32, (i % 97) as f32 / 2.0, (i % 89) as f32 / 2.0];
-        ShapeRecord::ConvexPolyhedron((0..8_500).map(point).collect(), Vec::new())
-    };
-    let came = (0..20).take_while(|&n| spawned(&mut server, ClientId(7), &hull(n))).count();
-    assert!((5..15).contains(&came), "{came} came within a MiB");
-    assert!(!spawned(&mut server, ClientId(7), &hull(99)), "though it left and came back");
-    assert!(spawned(&mut server, ClientId(7), &hull(0)), "what is known costs nothing");
-    assert!(spawned(&mut server, ClientId(8), &hull(99)), "others are not its judge");
-}
-
-#[test]
-fn an_avatar_comes_no_faster_than_the_world_allows_and_nothing_pushes_it() {
-    let mut server = server();
-    let client = ClientId(7);
-    let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
-    server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
-    let limit = sim_world(2).avatar_speed_limit;
-    for (index, speed) in [(0, 0.99 * limit), (1, 1.01 * limit)] {
-        let mut body = sim_body(BodyId::avatar(client, index), [1.0; 3]);
-        body.state.velocity.linear[2] = -speed;
-        (body.state.force, body.state.torque) = ([1e9; 3], [1e9; 3]);
-        let spawn = Message::FromClient(client, FromClient::Spawn { body, shapes: Vec::new() });
-        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: spawn });
-    }
-    let state = server.record().body(BodyId::avatar(client, 0)).unwrap().state;
-    assert_eq!((state.velocity.linear[2], state.force, state.torque), (-0.99 * limit, [0.0; 3], [0.0; 3]));
-    assert!(server.record().body(BodyId::avatar(client, 1)).is_none());
-}
-
-#[test]
-fn an_avatar_that_costs_too_much_is_refused_with_what_there_is_too_much_of() {
-    use crate::protocol::Costs;
-    let mut server = server();
-    let mut next = 0;
-    let mut spawned = |client: u32, at: [f64; 3], shapes: Vec<ShapeRecord>, iterations: u32| {
-        let client = ClientId(client);
-        let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
-        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
-        let mut body = sim_body(BodyId::avatar(client, next), at);
-        next += 1;
-        let traits = Arc::make_mut(&mut body.traits);
-        traits.colliders.extend(shapes.last().map(collider));
-        traits.extra_pgs_iterations = iterations;
-        let message = Message::FromClient(client, FromClient::Spawn { body, shapes });
-        while server.poll_output().is_some() {}
-        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message });
-        std::iter::from_fn(|| server.poll_output()).find_map(|output| match output {
-            ServerOutput::Send {
-                message: Message::ToClient(_, ToClient::Rejected { reason: Refusal::Costly(what), .. }),
-                ..
-            } => Some(what),
-            _ => None,
-        })
-    };
-    let ball = |radius| vec![ShapeRecord::Ball(radius)];
-    assert_eq!(spawned(1, [0.0; 3], ball(0.5), 8), None);
-    assert_eq!(spawned(1, [0.0; 3], ball(0.5), 9), Some(Costs::Iterations));
-    assert_eq!(spawned(1, [0.0; 3], ball(101.0), 0), Some(Costs::Size));
-    // One of them hangs far out on the body.
-    let far = Pose { translation: [99.0, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
-    let compound = ShapeRecord::Compound(vec![(far, ball(2.0)[0].hash())]);
-    assert_eq!(spawned(1, [0.0; 3], vec![ball(2.0)[0].clone(), compound], 0), Some(Costs::Size));
-
-    let hull = |n: usize| {
-        let point = |i: usize| [n as f32 + 1.0 / (i + 1) as f32, (i % 47) as f32, (i % 43) as f32];
-        vec![ShapeRecord::ConvexPolyhedron((0..2_000).map(point).collect(), Vec::new())]
-    };
-    let came =
-        (0..20).take_while(|&n| spawned(2, [n as f64 * 500.0, 0.0, 0.0], hull(0), 0).is_none()).count();
-    assert_eq!(came, 10);
-    assert_eq!(spawned(2, [1e4; 3], hull(0), 0), Some(Costs::Corners));
-    assert_eq!(spawned(3, [1e4; 3], hull(0), 0), None, "others are not its judge");
-
-    let came = (0..100).take_while(|_| spawned(4, [0.0; 3], ball(0.5), 0).is_none()).count();
-    assert_eq!(came, 65);
-    assert_eq!(spawned(4, [0.0; 3], ball(0.5), 0), Some(Costs::Overlaps));
-    assert_eq!(spawned(4, [2.0, 0.0, 0.0], ball(0.5), 0), None, "beside them there is room");
-}
-
-#[test]
 fn avatars_wait_for_their_client_and_not_for_ever() {
     let mut server = server();
-    let hello = || Message::Hello(Hello { version: VERSION, role: JoinAs::Client });
+    let hello = || Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
     let says = |server: &mut Server, now, client: u32, message| {
         server.handle(now, ServerEvent::Message { from: Peer::Client(ClientId(client)), message });
     };
@@ -737,4 +664,43 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
     let outputs = hello(&mut server, 1, VERSION);
     let outputs = obey(&mut server, 1, outputs);
     assert_eq!(applied(outputs), [WorldOp::Input(to(999.0)), WorldOp::Push(force(999.0))]);
+}
+
+#[test]
+fn every_leader_is_told_what_the_program_has_changed() {
+    use crate::cluster::ProgramOp;
+    use crate::protocol::{Alteration, WorldOp};
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let altered = |outputs: Vec<ServerOutput>| {
+        let ops = outputs.into_iter().filter_map(|output| match output {
+            ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),
+            _ => None,
+        });
+        let alteration = |op| match op {
+            WorldOp::Alter(Alteration::Body { body, traits, wakes }) => (body, traits.gravity_scale, wakes),
+            op => panic!("{op:?}"),
+        };
+        ops.flatten().map(alteration).collect::<Vec<_>>()
+    };
+    let alter = |server: &mut Server, id: BodyId, gravity_scale: f32, wakes: bool| {
+        let mut traits = (*sim_body(id, [0.0; 3]).traits).clone();
+        traits.gravity_scale = gravity_scale;
+        let op = ProgramOp::Alter(Alteration::Body { body: id, traits: Arc::new(traits), wakes });
+        server.handle(server.common.now, ServerEvent::Program(vec![op]));
+        altered(std::iter::from_fn(|| server.poll_output()).collect())
+    };
+    let [woken, other, stranger] = [0, 1, 77].map(BodyId::persistent);
+    assert_eq!(alter(&mut server, woken, 0.25, true), [(woken, 0.25, true)]);
+    assert_eq!(alter(&mut server, stranger, 0.25, true), []);
+    // It may not have passed it on; nobody hears the next.
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    assert_eq!(alter(&mut server, other, 0.5, false), []);
+    assert_eq!(server.record().body(other).unwrap().traits.gravity_scale, 0.5);
+    let outputs = hello(&mut server, 1, VERSION);
+    assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, true), (other, 0.5, false)]);
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    let outputs = hello(&mut server, 1, VERSION);
+    assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, false), (other, 0.5, false)]);
 }

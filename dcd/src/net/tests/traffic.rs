@@ -66,6 +66,23 @@ fn datagrams_arrive_and_longer_ones_are_an_error() {
 }
 
 #[test]
+fn a_client_that_floods_is_read_at_its_pace_and_a_node_at_its_own() {
+    let server = Server::with_limits(Limits { client_frames_per_s: 2_000, ..Limits::default() });
+    let processes = [JoinRole::Client, JoinRole::Node].map(|role| server.process(role));
+    for (process, held_back) in processes.iter().zip([true, false]) {
+        let (here, there) = process.connect_to(&server.process);
+        for number in 0..2_400_u32 {
+            process.net.send(here, Lane::Client, number.to_le_bytes()).unwrap();
+        }
+        for number in 0..2_400_u32 {
+            assert_eq!(server.process.frame().1, number.to_le_bytes(), "nothing is lost");
+        }
+        let stats = server.process.net.stats(there).unwrap();
+        assert_eq!(stats.frames_held_back > 0, held_back, "{:?}", process.net.who());
+    }
+}
+
+#[test]
 fn nodes_and_participants_know_one_another_by_name() {
     let server = Server::start();
     let (node, both) = (server.process(JoinRole::Node), server.process(JoinRole::Participant));

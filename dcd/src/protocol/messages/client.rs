@@ -4,7 +4,7 @@ use bincode::{Decode, Encode};
 
 use super::{Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
 use crate::protocol::{
-    BodyRecord, ContactForce, JointRecord, ShapeRecord, SharedState, Touch, Velocity, WorldPose,
+    Alteration, BodyRecord, ContactForce, JointRecord, ShapeRecord, SharedState, Touch, Velocity, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, Tick};
 
@@ -24,11 +24,18 @@ pub enum FromClient {
     Despawn(BodyId),
     /// The client goes; its avatars wait for its return.
     Leave,
-    /// The client's area of interest from now on; `None` is everything. To the leader alone: sent again to each new one.
+    /// To the leader, and to each new one again: the client's area of interest from now on; `None` is everything. To the server, by a
+    /// client that joined with one: the area whose scenery it wants to know.
     Interest(Option<Area>),
+    /// To the server: bodies that the client, which joined with an area of interest, has heard of and does not know; at most
+    /// [`MAX_INTRODUCED`].
+    Introduce(Vec<BodyId>),
     /// The client's query about bodies. To the leader alone, and sent again until it is answered.
     Ask(Query),
 }
+
+/// The most bodies that a client asks for at once.
+pub const MAX_INTRODUCED: usize = 1_024;
 
 /// A client's area of interest: a ball of world space. Thanks to the margins around it, it can move a little, and bodies can
 /// cross its edge to and fro, without a message between client and leader.
@@ -45,6 +52,17 @@ impl Area {
     /// Bodies count by their origins, since leaders do not know their sizes.
     pub const fn around_avatar(centre: [f64; 3]) -> Self {
         Self { centre, radius_m: 8.0 }
+    }
+
+    /// Returns the area in which a client with this interest knows the scenery: so much wider that it need not ask often.
+    #[must_use]
+    pub fn with_surroundings(&self) -> Self {
+        Self { radius_m: 1.5 * self.radius_m + 8.0, ..*self }
+    }
+
+    /// Returns whether a body at this point, which reaches so far, is in it or at its edge.
+    pub fn meets(&self, point: [f64; 3], reach_m: f64) -> bool {
+        self.is_within(point, self.radius_m + self.margin_m() + reach_m)
     }
 
     fn margin_m(&self) -> f64 {
@@ -129,6 +147,8 @@ pub enum ToClient {
     },
     /// A body disappeared.
     Removed(BodyId),
+    /// The server's program changed what a body or a joint is, which the client may not know.
+    Altered(Alteration),
     /// Bodies that moved; fits a datagram.
     States {
         /// Their origin and time.
@@ -192,9 +212,16 @@ pub enum Refusal {
     /// The body is there already.
     #[error("a body of this id exists: choose another index")]
     Exists,
-    /// Above [`EnvironmentProperties::avatar_speed_limit`].
-    #[error("faster than the world allows: stay below its avatar speed limit")]
+    /// Above [`EnvironmentProperties::avatar_speed_limit`], or a spin of more than a quarter of a turn per tick.
+    #[error(
+        "faster than the world allows: stay below its avatar speed limit, and a quarter of a turn per tick"
+    )]
     TooFast,
+    /// A jump farther than the avatar could have moved since its last one, or in a second, at its speed limit.
+    #[error(
+        "a jump too far: at most the way that the avatar speed limit allows since the last jump, and at most that of a second"
+    )]
+    TooFar,
     /// An input with a newer logical time was there before.
     #[error("older than the last update of this avatar: let the logical time grow")]
     Late,

@@ -2,9 +2,10 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Answer, Chunk, EnvironmentProperties, Input, Member, Query, View, ViewNumber};
+use super::{Answer, Chunk, EnvironmentProperties, Input, Member, Query, QueryResult, View, ViewNumber};
 use crate::protocol::{
-    BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
+    Alteration, BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
+    WorldEvents,
 };
 use crate::space::{
     Allocation, BodyId, Bounds, Burden, ClientId, DistributionTree, Epoch, JointId, NodeId, RegionId,
@@ -68,6 +69,13 @@ pub enum ToNode {
         poll: u64,
         /// What about.
         motion: Motion,
+    },
+    /// To the leader: a query of the server's program, answered by [`ToServer::Answer`].
+    Ask {
+        /// The present view.
+        view: ViewNumber,
+        /// What it asks.
+        question: Query,
     },
     /// To the leader of a group, from other groups: state replication of bodies for which those are authoritative. Newest wins.
     InterGroup {
@@ -137,7 +145,7 @@ pub enum ToServer {
         /// Every owned body, in id order.
         claims: Vec<Claim>,
     },
-    /// From the leader: the tree or the allocation has changed within the view.
+    /// From the leader: the tree or the allocation has changed within the view; sent again whenever the link was gone.
     Repartitioned {
         /// The present view.
         view: ViewNumber,
@@ -147,6 +155,8 @@ pub enum ToServer {
         tree: DistributionTree,
         /// Which member computes each region.
         allocation: Allocation,
+        /// How often the tree has changed in this view.
+        division: u32,
     },
     /// Answer to [`ToNode::Fetch`]; several, the last one marked.
     Found {
@@ -163,6 +173,8 @@ pub enum ToServer {
         view: ViewNumber,
         /// After which tick.
         tick: Tick,
+        /// How often the tree had changed in this view by then.
+        division: u32,
         /// In id order.
         bodies: Vec<BodyCheckpoint>,
     },
@@ -208,6 +220,24 @@ pub enum ToServer {
         view: ViewNumber,
         /// In id order.
         bodies: Vec<(BodyId, u32)>,
+    },
+    /// From the leader: the answer to [`ToNode::Ask`].
+    Answer {
+        /// The present view.
+        view: ViewNumber,
+        /// The question's.
+        number: u64,
+        /// What was found.
+        found: QueryResult,
+    },
+    /// From the leader: contacts of bodies that ask for them, each pair once.
+    Contacts {
+        /// The present view.
+        view: ViewNumber,
+        /// In which tick.
+        tick: Tick,
+        /// Beginnings, ends, and forces above thresholds.
+        events: WorldEvents,
     },
     /// The node asks to leave; its regions are handed over first, then it is told to shut down.
     Leave,
@@ -258,6 +288,8 @@ pub struct Claim {
 pub struct BodyCheckpoint {
     /// Which body.
     pub id: BodyId,
+    /// Which of the sender's regions owns it.
+    pub region: RegionId,
     /// Of its owner.
     pub epoch: Epoch,
     /// What steps changed.
@@ -352,6 +384,8 @@ pub enum WorldOp {
     Input(Input),
     /// The server's program pushes a body.
     Push(Push),
+    /// The server's program changes what a body or a joint is.
+    Alter(Alteration),
     /// Bodies for which another group is authoritative: corrected gradually towards their states there, without a jump.
     Correct {
         /// The tick after which these states held.

@@ -7,7 +7,7 @@ use super::avatar;
 use crate::cluster::{ClientEvent, Peer};
 use crate::protocol::{DelayThresholds, Thresholds, Velocity};
 use crate::sim::{Apart, Comparer, FaultProfile, Random, Sim, SimConfig, sim_body};
-use crate::space::{BodyId, ClientId, GroupId, NodeId};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 const SITES: u32 = 3;
 const MS: Duration = Duration::from_millis(1);
@@ -177,4 +177,33 @@ fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_stop_no_other_group
         }
         assert_eq!(sizes(&sim), [2; 3]);
     }
+}
+
+#[test]
+fn an_avatar_that_comes_back_to_a_group_of_an_older_view_is_heard_of_there() {
+    let (mut sim, _) = groups(20);
+    let client = sim.start_client(None);
+    sim.run_until(|sim| sim.client(client).leader().is_some()).unwrap();
+    let own = sim.client(client).group().unwrap();
+    let others: Vec<_> = sim.server().views().filter(|(group, _)| *group != own).collect();
+    let killed =
+        others[0].1.members.iter().map(|member| member.node).find(|&node| node != others[0].1.leader);
+    sim.crash(Peer::Node(killed.unwrap()));
+    sim.run_until(|sim| sizes(sim).contains(&3)).unwrap();
+    let id = avatar(client);
+    let body = sim_body(id, [6.0, 6.0, 6.0]);
+    sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
+    sim.run_until(|sim| sim.state(id).is_some()).unwrap();
+    sim.crash(Peer::Client(client));
+    sim.run_until(|sim| sim.state(id).is_none()).unwrap();
+    sim.start_client(Some(client));
+    sim.run_until(|sim| sim.state(id).is_some()).unwrap();
+    let views: BTreeMap<_, _> = sim.server().views().map(|(group, view)| (group, view.number)).collect();
+    assert!(views[&own] < *views.values().max().unwrap(), "the test needs groups of unlike views");
+    let moving = input(&mut sim, client, [0.5, 0.0, 0.0]);
+    let is_told = |sim: &Sim| {
+        let view = sim.client(client).body(id);
+        view.is_some_and(|view| view.body.state.velocity == moving && view.settled_tick() > Tick(0))
+    };
+    sim.run_until(is_told).unwrap();
 }

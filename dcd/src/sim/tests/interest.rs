@@ -134,3 +134,74 @@ fn an_area_of_a_tenth_costs_a_fraction_of_the_bytes() {
     let (all, part) = (bytes(None), bytes(Some(AREA)));
     assert!(part > 0 && part < all / 2, "{part} of {all}");
 }
+
+/// Returns a client that joined with an interest, after it has heard from its leader.
+fn joined_in(sim: &mut Sim, area: Area) -> ClientId {
+    let client = sim.start_client_in(area);
+    sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
+    let target = Tick(sim.tick().0 + 60);
+    sim.run_to(target).unwrap();
+    client
+}
+
+/// Bodies near the middle of the area must be known and recent, though the client was never told the whole world.
+fn know_what_is_near(sim: &mut Sim, client: ClientId, seed: u64) {
+    let mut seen = 0;
+    for _ in 0..20 {
+        let target = Tick(sim.tick().0 + 7);
+        sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        let (now, truth) = (sim.tick(), sim.states());
+        for (&id, state) in truth.iter().filter(|(_, state)| CORE.covers(state.pose.translation)) {
+            let view = sim.client(client).body(id);
+            let age = view.map(|view| now.0.saturating_sub(view.settled_tick().0));
+            assert!(
+                age.is_some_and(|age| age <= FRESH_TICKS),
+                "seed {seed}: {id} at {:?}: {age:?}",
+                state.pose
+            );
+            seen += 1;
+        }
+    }
+    assert!(seen > 0, "seed {seed}: the test needs bodies in the area");
+}
+
+#[test]
+fn who_joins_with_an_interest_is_told_of_what_is_near_and_of_what_comes_near() {
+    for seed in 0..20 {
+        let mut sim = running(seed, 3);
+        let client = sim.start_client_in(AREA);
+        sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
+        let (known, all) = (sim.client(client).bodies().count(), sim.states().len());
+        assert!(known < all / 2, "seed {seed}: {known} of {all}");
+        let target = Tick(sim.tick().0 + 60);
+        sim.run_to(target).unwrap();
+        know_what_is_near(&mut sim, client, seed);
+        assert!(sim.client(client).bodies().count() > known, "seed {seed}: bodies came into the area");
+        sim.submit(client, ClientEvent::Interest(None));
+        let target = Tick(sim.tick().0 + 60);
+        sim.run_to(target).unwrap();
+        assert_eq!(sim.client(client).bodies().count(), sim.states().len(), "seed {seed}");
+    }
+}
+
+#[test]
+fn who_joined_with_an_interest_knows_what_is_near_after_any_fault() {
+    for seed in 0..20 {
+        let mut sim = running(seed, 3);
+        let client = joined_in(&mut sim, AREA);
+        let leader = sim.server().view().unwrap().leader;
+        match seed % 4 {
+            0 => sim.crash(Peer::Node(leader)),
+            1 => sim.break_link(Peer::Client(client), Peer::Node(leader)),
+            2 => sim.break_link(Peer::Client(client), Peer::Server),
+            _ => {
+                sim.crash(Peer::Server);
+                sim.run_for(Duration::from_secs(1)).unwrap();
+                sim.restart_server();
+            }
+        }
+        sim.run_for(Duration::from_secs(5)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        know_what_is_near(&mut sim, client, seed);
+        assert!(sim.client(client).bodies().count() <= sim.states().len(), "seed {seed}");
+    }
+}

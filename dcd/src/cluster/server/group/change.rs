@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use super::Group;
+use super::divisions::Divisions;
 use crate::cluster::Life;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
@@ -143,6 +144,10 @@ impl Group {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.surveys.contains_key(&node) => {
                 change.at = common.now;
+                let newest = common.number.0;
+                let is_possible = |claim: &Claim| claim.epoch.is_possible(newest, tick);
+                let (claims, forged): (Vec<_>, Vec<_>) = claims.into_iter().partition(is_possible);
+                common.stale += forged.len() as u64;
                 change.surveys.insert(node, claims);
                 change.division = change.division.take().or(division);
                 self.tick = self.tick.max(tick);
@@ -264,12 +269,17 @@ impl Group {
         if let Some(change) = &mut self.change {
             change.at = common.now;
         }
+        let number = common.number.0;
         let plan = self.change.as_mut().and_then(|change| change.plan.as_mut());
         let Some(plan) = plan.filter(|plan| plan.fetching.contains(&node)) else { return false };
         if last {
             plan.fetching.remove(&node);
         }
         for body in bodies {
+            if !body.epoch.is_possible(number, self.tick) {
+                common.stale += 1;
+                continue;
+            }
             match plan.owners.get(&body.id) {
                 Some(owner) if owner.node == node => self.record.reclaim(self.tick, body),
                 _ => self.record.freshen(self.tick, body),
@@ -294,10 +304,11 @@ impl Group {
         for (id, life) in self.record.movable_lives() {
             match (owners.get(&id), life) {
                 (Some(owner), Life::Live) if self.stays(id, owner, &allocation) => {}
-                (Some(owner), Life::Live) => {
+                (Some(owner), Life::Live) if tree.is_leaf(owner.region) => {
                     moved.insert(id, owner.region);
                 }
-                (None, Life::Live) | (_, Life::Waiting) => {
+                // Who claims a body in a region that is not there is mistaken, or lies.
+                (_, Life::Live | Life::Waiting) => {
                     homeless.insert(id);
                 }
                 (_, Life::Removing { park, back }) => {
@@ -353,6 +364,7 @@ impl Group {
                 members,
                 tree,
                 allocation,
+                events: common.config.events,
             };
             self.adopt(common, view, placed, &drop, &owners, &change.surveys);
             self.former = former;
@@ -394,6 +406,7 @@ impl Group {
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();
         self.confirmed = false;
+        self.divisions = Divisions::of_view(view.allocation.clone());
         common.outputs.push_back(ServerOutput::Began { group: self.id, view: view.clone() });
         self.view = Some(view);
         self.catch_up(common);

@@ -1,0 +1,238 @@
+//! Tests what a client that joins with an area of interest is told of a large world.
+
+use super::*;
+use crate::protocol::{Area, BodyKind, BodyRecord, JointLimit, JointMotor, JointRecord, MAX_INTRODUCED};
+use crate::space::JointId;
+
+const CLIENT: ClientId = ClientId(7);
+/// Bodies along an edge of the world, and the distance between two, metres.
+const EDGE: u32 = 100;
+const APART_M: f64 = 10.0;
+const MIDDLE: [f64; 3] = [500.0, 1.0, 500.0];
+
+/// A body of a large world, fixed if so: every tenth is.
+fn body(index: u32, shape: &ShapeRecord) -> BodyRecord {
+    let place = [f64::from(index % EDGE) * APART_M, 1.0, f64::from(index / EDGE) * APART_M];
+    let mut body = sim_body(BodyId::persistent(index), place);
+    let traits = Arc::make_mut(&mut body.traits);
+    traits.colliders.push(collider(shape));
+    if index.is_multiple_of(10) {
+        traits.kind = BodyKind::Fixed;
+    }
+    body
+}
+
+/// A shape of the tenth part of the world in which a body lies, and two that are everywhere.
+fn shape(index: u32) -> ShapeRecord {
+    match index {
+        // The ground.
+        0 => ShapeRecord::Cuboid([1e3, 0.1, 1e3]),
+        _ => ShapeRecord::Ball(0.5 + (index / (10 * EDGE)) as f32 / 100.0),
+    }
+}
+
+fn large_world() -> Server {
+    let bodies: Vec<_> = (0..EDGE * EDGE).map(|index| body(index, &shape(index))).collect();
+    let shapes = (0..EDGE * EDGE).map(shape).collect();
+    let joints = (0..EDGE * EDGE - 1)
+        .filter(|index| index.is_multiple_of(7))
+        .map(|index| joint(index, index, index + 1));
+    Server::new(config(1), Record::new(bodies, shapes, joints.collect()))
+}
+
+/// A joint that does nothing.
+fn joint(id: u32, a: u32, b: u32) -> JointRecord {
+    let frame = Pose { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
+    let motor = JointMotor {
+        target_vel: 0.0,
+        target_pos: 0.0,
+        stiffness: 0.0,
+        damping: 0.0,
+        max_force: 0.0,
+        impulse: 0.0,
+        acceleration_based: false,
+    };
+    JointRecord {
+        id: JointId(id.into()),
+        a: BodyId::persistent(a),
+        b: BodyId::persistent(b),
+        frame_a: frame,
+        frame_b: frame,
+        locked_axes: 0,
+        limit_axes: 0,
+        motor_axes: 0,
+        coupled_axes: 0,
+        limits: [JointLimit { min: 0.0, max: 0.0, impulse: 0.0 }; 6],
+        motors: [motor; 6],
+        softness: [0.0; 2],
+        contacts_enabled: true,
+        enabled: true,
+        user_data: 0,
+        link: None,
+    }
+}
+
+/// What a client has been told, checked for order: nothing twice, a shape before bodies that have it, bodies before joints.
+#[derive(Default)]
+struct Told {
+    bodies: BTreeMap<BodyId, BodyRecord>,
+    shapes: BTreeSet<ShapeHash>,
+    joints: BTreeSet<JointId>,
+}
+
+impl Told {
+    fn hear(&mut self, outputs: impl IntoIterator<Item = ServerOutput>) {
+        for output in outputs {
+            let ServerOutput::Send { message: Message::ToClient(CLIENT, message), .. } = output else {
+                continue;
+            };
+            match message {
+                ToClient::Chunk(Chunk::Shapes(shapes)) => self.learn(shapes),
+                ToClient::Chunk(Chunk::Bodies(bodies)) => bodies.into_iter().for_each(|body| self.meet(body)),
+                ToClient::Chunk(Chunk::Joints(joints)) => self.tie(joints),
+                ToClient::Inserted { body, shapes, joints } => {
+                    self.learn(shapes);
+                    self.meet(body);
+                    self.tie(joints);
+                }
+                ToClient::Removed(id) => assert!(self.bodies.remove(&id).is_some(), "it never knew {id}"),
+                _ => {}
+            }
+        }
+    }
+
+    fn learn(&mut self, shapes: Vec<ShapeRecord>) {
+        assert!(shapes.iter().all(|shape| self.shapes.insert(shape.hash())), "a shape is told once");
+    }
+
+    fn meet(&mut self, body: BodyRecord) {
+        assert!(body.traits.colliders.iter().all(|collider| self.shapes.contains(&collider.shape)));
+        assert!(self.bodies.insert(body.id, body).is_none(), "a body is told once");
+    }
+
+    fn tie(&mut self, joints: Vec<JointRecord>) {
+        for joint in joints {
+            assert!(self.bodies.contains_key(&joint.a) && self.bodies.contains_key(&joint.b));
+            assert!(self.joints.insert(joint.id), "a joint is told once");
+        }
+    }
+
+    fn movable(&self) -> usize {
+        self.bodies.values().filter(|body| body.traits.kind != BodyKind::Fixed).count()
+    }
+}
+
+fn say(server: &mut Server, told: &mut Told, message: Message) {
+    let now = server.common.now;
+    server.handle(now, ServerEvent::Message { from: Peer::Client(CLIENT), message });
+    told.hear(std::iter::from_fn(|| server.poll_output()));
+}
+
+fn join(server: &mut Server, interest: Option<Area>) -> Told {
+    let mut told = Told::default();
+    let hello = Hello { version: VERSION, role: JoinAs::Client { interest } };
+    say(server, &mut told, Message::Hello(hello));
+    told
+}
+
+fn from_client(message: FromClient) -> Message {
+    Message::FromClient(CLIENT, message)
+}
+
+fn area(centre: [f64; 3], radius_m: f64) -> Area {
+    Area { centre, radius_m }
+}
+
+#[test]
+fn a_client_that_joins_with_an_interest_is_told_what_is_near_and_less_than_a_twentieth_of_a_large_world() {
+    let mut server = large_world();
+    let all = join(&mut server, None);
+    assert_eq!(all.bodies.len(), (EDGE * EDGE) as usize);
+    let interest = area(MIDDLE, 50.0);
+    let told = join(&mut server, Some(interest));
+    for (id, body) in &all.bodies {
+        let at = body.state.pose.translation;
+        let (is_told, is_near) = (told.bodies.contains_key(id), interest.covers(at));
+        assert!(is_told || !is_near, "{id} at {at:?}");
+        assert!(!is_told || id.index() == 0 || interest.with_surroundings().enters(at), "{id} at {at:?}");
+    }
+    assert!(told.bodies.contains_key(&BodyId::persistent(0)), "the ground reaches everywhere");
+    assert!(told.bodies.len() < all.bodies.len() / 20, "{} bodies", told.bodies.len());
+    assert!(told.joints.len() > 1 && told.joints.len() < all.joints.len() / 20);
+    assert!(told.shapes.len() < all.shapes.len());
+}
+
+#[test]
+fn scenery_follows_the_area_and_everything_can_be_asked_for_later() {
+    let mut server = large_world();
+    let mut told = join(&mut server, Some(area(MIDDLE, 50.0)));
+    let (before, movable) = (told.bodies.len(), told.movable());
+    let there = area([200.0, 1.0, 200.0], 60.0);
+    say(&mut server, &mut told, from_client(FromClient::Interest(Some(there))));
+    assert!(told.bodies.len() > before);
+    assert_eq!(told.movable(), movable, "those its leader tells it of");
+    let fixed = BodyId::persistent(2020);
+    assert!(told.bodies.contains_key(&fixed));
+    say(&mut server, &mut told, from_client(FromClient::Interest(Some(there))));
+    // Those that it hears of, among them one that there is not, and one that it knows.
+    let strangers = [1515, 1516, 2020, 999_999].map(BodyId::persistent);
+    say(&mut server, &mut told, from_client(FromClient::Introduce(strangers.to_vec())));
+    assert_eq!(told.movable(), movable + 2);
+    say(&mut server, &mut told, from_client(FromClient::Interest(None)));
+    assert_eq!(told.bodies.len(), (EDGE * EDGE) as usize);
+    assert_eq!(told.joints.len(), server.record().joints().count());
+}
+
+#[test]
+fn what_comes_and_goes_is_told_to_those_near_it() {
+    let mut server = large_world();
+    let mut told = join(&mut server, Some(area(MIDDLE, 50.0)));
+    let insert = |server: &mut Server, told: &mut Told, index: u32, place: [f64; 3]| {
+        let mut new = body(index, &ShapeRecord::Cuboid([0.5; 3]));
+        new.state.pose.translation = place;
+        let shapes = vec![ShapeRecord::Cuboid([0.5; 3])];
+        let now = server.common.now;
+        let op = ProgramOp::Insert { bodies: vec![new], shapes, joints: Vec::new() };
+        server.handle(now, ServerEvent::Program(vec![op]));
+        told.hear(std::iter::from_fn(|| server.poll_output()));
+    };
+    let (near, far) = (20_001, 20_002);
+    insert(&mut server, &mut told, far, [10.0, 1.0, 10.0]);
+    assert!(!told.bodies.contains_key(&BodyId::persistent(far)));
+    insert(&mut server, &mut told, near, MIDDLE);
+    assert!(told.bodies.contains_key(&BodyId::persistent(near)), "with its shape, which was new before");
+    for index in [near, far] {
+        let now = server.common.now;
+        server.handle(now, ServerEvent::Program(vec![ProgramOp::Remove(BodyId::persistent(index))]));
+        told.hear(std::iter::from_fn(|| server.poll_output()));
+    }
+    assert!(!told.bodies.contains_key(&BodyId::persistent(near)));
+}
+
+#[test]
+fn a_client_that_searches_the_world_without_end_is_refused() {
+    let mut server = large_world();
+    let mut told = join(&mut server, Some(area(MIDDLE, 5.0)));
+    let mut refused = 0;
+    for turn in 0..1_000 {
+        let there = area([f64::from(turn % 2) * 100.0, 1.0, 0.0], 5.0);
+        let message = from_client(FromClient::Interest(Some(there)));
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(CLIENT), message });
+        let outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+        let is_refusal = |output: &&ServerOutput| {
+            matches!(
+                output,
+                ServerOutput::Send {
+                    message: Message::ToClient(_, ToClient::Rejected { reason: Refusal::TooMany, .. }),
+                    ..
+                }
+            )
+        };
+        refused += outputs.iter().filter(is_refusal).count();
+        told.hear(outputs);
+    }
+    assert!((500..1_000).contains(&refused), "{refused} refused");
+    use crate::protocol::Check;
+    let many = (0..=MAX_INTRODUCED as u32).map(BodyId::persistent).collect();
+    assert!(FromClient::Introduce(many).check().is_err());
+}

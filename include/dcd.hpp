@@ -107,6 +107,7 @@ DCD_STRUCT_(GroupDef, DCD_GROUP_DEF_INIT);
 DCD_STRUCT_(ServerDef, DCD_SERVER_DEF_INIT);
 DCD_STRUCT_(NodeDef, DCD_NODE_DEF_INIT);
 DCD_STRUCT_(BodyDef, DCD_BODY_DEF_INIT);
+DCD_STRUCT_(CharacterDef, DCD_CHARACTER_DEF_INIT);
 DCD_STRUCT_(BodyProperties, DCD_BODY_PROPERTIES_INIT);
 DCD_STRUCT_(ColliderProperties, DCD_COLLIDER_PROPERTIES_INIT);
 DCD_STRUCT_(JointMotor, DCD_JOINT_MOTOR_INIT);
@@ -534,6 +535,10 @@ public:
         std::vector<BodyId> ids(defs.size());
         Status status(dcd_bodies_create(world_, defs.data(), defs.size(), ids.data()));
         return { status, std::move(ids) };
+    }
+    Result<BodyId> character_create(const BodyDef &body, const CharacterDef &character)
+    {
+        return got<BodyId>([&](BodyId *out) { return dcd_character_create(world_, &body, &character, out); });
     }
     Status body_destroy(BodyId body) { return Status(dcd_body_destroy(world_, body)); }
     Status bodies_destroy(Span<const BodyId> bodies)

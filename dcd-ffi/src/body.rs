@@ -246,7 +246,7 @@ const OF_STATE: u32 = DCD_BODY_ASLEEP;
 const OF_COLLIDER: u32 = DCD_BODY_SENSOR | DCD_BODY_ANY_GROUP;
 
 /// Checks a definition and turns it into Rapier's builders.
-fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
+pub(crate) fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
     if def.struct_size as usize != size_of::<DcdBodyDef>() {
         return Err(Failure::new(
             crate::status::DCD_ERR_STRUCT,

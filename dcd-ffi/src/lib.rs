@@ -39,6 +39,8 @@ pub mod shape;
 
 pub mod body;
 
+pub mod character;
+
 pub mod motion;
 
 pub mod push;

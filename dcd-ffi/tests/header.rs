@@ -78,6 +78,9 @@ fn layouts() -> Vec<Layout> {
             sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia, extra_solver_iterations,
             extra_pgs_iterations, reserved, user_data
         }
+        DcdCharacterDef {
+            struct_size, step_height, step_depth, max_climb, min_slide, snap, gap, mass, reserved
+        }
         DcdBodyProperties {
             struct_size, body_type, flags, locked, dominance, linear_damping, angular_damping, gravity_scale, soft_ccd,
             sleep_linear, sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia,
@@ -153,6 +156,10 @@ const MACROS: &str = "
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, \\
       0.0f, 0.0f, 1.0f, 0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0.0f, \\
       0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+
+/* A person of 80 kg: steps of 0.3 m, slopes of 45 degrees. */
+#define DCD_CHARACTER_DEF_INIT \\
+    { (uint32_t)sizeof(DcdCharacterDef), 0.3f, 0.1f, 0.785398163f, 0.785398163f, 0.2f, 0.02f, 80.0f, 0 }
 
 /* A shape as dense as water at the body's origin. */
 #define DCD_COLLIDER_PROPERTIES_INIT \\

@@ -82,8 +82,8 @@ pub use physics::{
 #[cfg(feature = "physics")]
 pub use protocol::Area;
 pub use protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, ContactForce, ContactKey, Costs, Handover, JointRecord,
-    LinkMotion, Push, Refusal, Touch, Velocity, WorldEvents, WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, Character, ContactForce, ContactKey, Costs, Gait, Handover,
+    JointRecord, LinkMotion, Push, Refusal, Touch, Velocity, WorldEvents, WorldPose,
 };
 #[cfg(feature = "physics")]
 pub use runtime::{Choice, Partitioning, Stats, Why, WorldConfig};

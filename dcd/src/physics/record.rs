@@ -41,6 +41,7 @@ pub(crate) fn state_of(body: &RigidBody, anchor: [f64; 3]) -> BodyState {
         torque: body.user_torque().to_array(),
         sleeping: body.is_sleeping(),
         still_s: body.activation().time_since_can_sleep,
+        gait: None,
     }
 }
 
@@ -76,6 +77,7 @@ pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> Bod
             RigidBodyAdditionalMassProps::Mass(mass) => Some(ExtraMass::Mass(*mass)),
             RigidBodyAdditionalMassProps::MassProps(props) => Some(ExtraMass::Properties(mass_record(props))),
         }),
+        character: None,
         colliders,
         user_data: body.user_data,
     }

@@ -2,6 +2,7 @@
 
 mod assembly;
 mod change;
+mod characters;
 mod contacts;
 mod contents;
 mod floating_origin;
@@ -27,6 +28,7 @@ use std::time::Duration;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
 
+use self::characters::Walking;
 use self::kinematic_targets::KinematicTargets;
 use self::ties::{HeldJoint, JointNews};
 use super::contact_listener::ContactListener;
@@ -67,6 +69,8 @@ pub struct Region {
     covered: Bounds,
     listener: ContactListener,
     targets: KinematicTargets,
+    /// The characters held here.
+    characters: BTreeMap<BodyId, Walking>,
     quarantined: Vec<BodyId>,
     /// The user's hooks that are asked about contacts.
     #[serde(skip)]
@@ -117,6 +121,7 @@ impl Region {
             covered: Bounds { min: cell.min, max: cell.max }.grown(COVER_M),
             listener: ContactListener::default(),
             targets: KinematicTargets::default(),
+            characters: BTreeMap::new(),
             quarantined: Vec::new(),
             hooks: None,
             events: RegionEvents { region: id, ..RegionEvents::default() },

@@ -51,7 +51,13 @@ pub(crate) fn try_on_body(
     let after = state_of(body, [0.0; 3]);
     let is_asleep = BodyState { sleeping: before.sleeping, still_s: before.still_s, ..after };
     Ok(Tried {
-        traits: traits_of(body, known.traits.colliders.clone()),
+        traits: {
+            let read = traits_of(body, known.traits.colliders.clone());
+            BodyTraits {
+                character: known.traits.character.filter(|_| read.kind == known.traits.kind),
+                ..read
+            }
+        },
         wakes: !after.sleeping,
         moves: is_asleep != before
             || body.next_position() != body.position()

@@ -6,7 +6,7 @@ use bincode::{Decode, Encode};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-use super::{ShapeHash, ShapeRecord};
+use super::{Character, Gait, ShapeHash, ShapeRecord};
 use crate::space::{BodyId, Epoch};
 
 /// A pose in world space: position in metres (f64, so that worlds of 100 km keep millimetres), rotation as a unit
@@ -139,6 +139,8 @@ pub struct BodyState {
     pub sleeping: bool,
     /// For how long it has been still, seconds.
     pub still_s: f32,
+    /// How it walks, if it is a character.
+    pub gait: Option<Gait>,
 }
 
 /// Mass, centre of mass and inertia given as numbers.
@@ -279,6 +281,8 @@ pub struct BodyTraits {
     pub sleep_after_s: f32,
     /// Mass besides that of its colliders.
     pub extra_mass: Option<ExtraMass>,
+    /// How it walks, if it is a character; kinematic by velocity then.
+    pub character: Option<Character>,
     /// In order of insertion.
     pub colliders: Vec<ColliderRecord>,
     /// The user's own.

@@ -234,7 +234,7 @@ impl BorderMessage {
     pub fn apply_input(&mut self, input: &Input) {
         let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == input.body);
         if let Some(Transfer { body, .. }) = of {
-            body.state.velocity = input.velocity;
+            body.steer(input.velocity);
             body.state.pose = input.pose.unwrap_or(body.state.pose);
         }
     }

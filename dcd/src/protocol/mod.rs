@@ -3,6 +3,7 @@
 mod alteration;
 mod body;
 mod border;
+mod character;
 mod codec;
 mod contacts;
 mod hash;
@@ -22,6 +23,7 @@ pub use border::{
     BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Handover, IslandPart, Membership,
     NearbyBodies, NearbyBody, RegionEvents, SharedState, Touch, Transfer,
 };
+pub use character::{Character, Gait};
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, datagrams, decode,
     decode_value, encode, encode_value, encoded_len, pack_states, split,

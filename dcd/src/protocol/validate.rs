@@ -116,7 +116,15 @@ impl Check for BodyState {
         self.velocity.check()?;
         finite(&self.force, "force")?;
         finite(&self.torque, "torque")?;
-        numbers(&[self.still_s], "still_s")
+        numbers(&[self.still_s], "still_s")?;
+        self.gait.as_ref().map_or(Ok(()), Check::check)
+    }
+}
+
+impl Check for Gait {
+    fn check(&self) -> Result<(), Invalid> {
+        finite(&self.wanted, "gait.wanted")?;
+        finite(&[self.rise_m_s], "gait.rise_m_s")
     }
 }
 
@@ -166,6 +174,13 @@ impl Check for BodyTraits {
         must(self.extra_solver_iterations <= 1_000, "extra_solver_iterations", "at most 1000")?;
         must(self.extra_pgs_iterations <= 1_000, "extra_pgs_iterations", "at most 1000")?;
         must(self.colliders.len() <= MAX_COLLIDERS, "colliders", "at most 4096")?;
+        if let Some(character) = &self.character {
+            character.fault().map_or(Ok(()), |(field, rule)| must(false, field, rule))?;
+            let walks = self.kind == BodyKind::KinematicVelocity;
+            must(walks, "kind of a character", "kinematic by velocity")?;
+            let shaped = self.colliders.iter().any(|collider| !collider.sensor);
+            must(shaped, "colliders of a character", "one or more that are no sensors")?;
+        }
         all(&self.colliders)
     }
 }

@@ -13,8 +13,8 @@ use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, JoinRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{
-    Area, ContactForce, EnvironmentProperties, Handover, Query, QueryResult, Refusal, Touch, Velocity,
-    WorldPose,
+    Area, Character, ContactForce, EnvironmentProperties, Handover, Query, QueryResult, Refusal, Touch,
+    Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 
@@ -201,11 +201,22 @@ impl ClientWorld {
         body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyId, ProcessError> {
+        self.spawn_as(None, pose, body, colliders)
+    }
+
+    /// Inserts an avatar, which may be a character; otherwise as [`ClientWorld::spawn`].
+    pub fn spawn_as(
+        &mut self,
+        character: Option<&Character>,
+        pose: WorldPose,
+        body: &RigidBody,
+        colliders: &[ColliderBuilder],
+    ) -> Result<BodyId, ProcessError> {
         // Avatars that an earlier stay left behind return some time after joining.
         let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
         self.next_avatar = self.next_avatar.max(after);
         let id = BodyId::avatar(self.client, self.next_avatar);
-        let body = self.shapes.describe(id, pose, body, colliders)?;
+        let body = self.shapes.describe(id, pose, body, colliders)?.with_character(character);
         if !body.suits_clients(|hash| self.shapes.record_of(hash)) {
             return Err(ShapeError::Avatar.into());
         }

@@ -399,7 +399,8 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
 /// Corrects a body towards its authoritative state in another group.
 fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
-    if traits.kind == BodyKind::KinematicPosition {
+    // A character would walk on by itself.
+    if traits.kind == BodyKind::KinematicPosition || traits.character.is_some() {
         let next_s = lag_s + f64::from(host.settings().dt_s);
         host.move_copies(target.id, target.pose.moved(&target.velocity, next_s));
         return;
@@ -419,10 +420,7 @@ fn steer(host: &mut RegionHost, input: &Input) {
     if let Some(pose) = input.pose {
         host.move_copies(input.body, pose);
     }
-    host.update(input.body, |body| {
-        body.set_linvel(Vector::from_array(input.velocity.linear), true);
-        body.set_angvel(Vector::from_array(input.velocity.angular), true);
-    });
+    host.steer(input.body, &input.velocity);
 }
 
 /// Counts pairs near enough to touch; counting those that do touch would visit every pair.

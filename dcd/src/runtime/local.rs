@@ -10,8 +10,8 @@ use crate::physics::{
     StepSettings, joint_record,
 };
 use crate::protocol::{
-    Check, ContactLedger, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity, WorldEvents,
-    WorldPose,
+    Character, Check, ContactLedger, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
+    WorldEvents, WorldPose,
 };
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
@@ -253,14 +253,21 @@ impl LocalWorld {
         body: impl Into<RigidBody>,
         colliders: impl AsRef<[ColliderBuilder]>,
     ) -> Result<BodyId, WorldError> {
+        self.insert_as(None, pose, &body.into(), colliders.as_ref())
+    }
+
+    /// Inserts a body, which may be a character.
+    pub(crate) fn insert_as(
+        &mut self,
+        character: Option<&Character>,
+        pose: WorldPose,
+        body: &RigidBody,
+        colliders: &[ColliderBuilder],
+    ) -> Result<BodyId, WorldError> {
         let id = BodyId::persistent(self.next_body);
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
-        let record = self
-            .host
-            .shapes_mut()
-            .describe(id, pose, &body.into(), colliders.as_ref())
-            .map_err(HostError::from)?;
-        self.host.insert(vec![record], &[])?;
+        let record = self.host.shapes_mut().describe(id, pose, body, colliders).map_err(HostError::from)?;
+        self.host.insert(vec![record.with_character(character)], &[])?;
         self.next_body = next;
         Ok(id)
     }
@@ -489,10 +496,7 @@ impl LocalWorld {
         if !velocity.is_finite() {
             return Err(HostError::NotFinite(body).into());
         }
-        self.update(body, |rigid_body| {
-            rigid_body.set_linvel(Vector::from_array(velocity.linear), true);
-            rigid_body.set_angvel(Vector::from_array(velocity.angular), true);
-        })
+        if self.host.steer(body, &velocity) { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
     /// Moves the plane of an inner vertex of the distribution tree, between its neighbours on the same axis. Bodies change owner

@@ -55,6 +55,7 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
         sleep_angular_threshold: 0.5,
         sleep_after_s: 2.0,
         extra_mass: None,
+        character: None,
         colliders: Vec::new(),
         user_data: 0,
     };
@@ -65,6 +66,7 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
         torque: [0.0; 3],
         sleeping: false,
         still_s: 0.0,
+        gait: None,
     };
     BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
 }

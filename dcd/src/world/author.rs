@@ -11,8 +11,8 @@ use super::view::{Body, MovableBody};
 use crate::cluster::{Life, ProgramOp, Record};
 use crate::physics::{ShapeLibrary, joint_record, try_on_body, try_on_collider, try_on_joint};
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, Check, Input, Invalid, JointRecord, Push, ShapeHash,
-    ShapeRecord, Velocity, WorldPose,
+    Alteration, BodyKind, BodyRecord, BodyTraits, Character, Check, Input, Invalid, JointRecord, Push,
+    ShapeHash, ShapeRecord, Velocity, WorldPose,
 };
 use crate::runtime::{ServerProcess, WorldError};
 use crate::space::{BodyId, JointId};
@@ -111,7 +111,7 @@ impl Author {
             }
         }
         for (body, Move { velocity, pose }) in std::mem::take(&mut self.moves) {
-            let known = self.known(server, body).map(|known| known.state.velocity);
+            let known = self.known(server, body).map(|known| known.asked());
             let Some(velocity) = velocity.or(known) else { continue };
             ops.push(ProgramOp::Move(Input { body, logical_time: 0, velocity, pose }));
         }
@@ -128,9 +128,10 @@ impl Author {
         pose: WorldPose,
         body: &RigidBody,
         colliders: &[ColliderBuilder],
+        character: Option<&Character>,
     ) -> Result<BodyId, Error> {
         let id = BodyId::persistent(self.next_body);
-        let record = self.shapes.describe(id, pose, body, colliders)?;
+        let record = self.shapes.describe(id, pose, body, colliders)?.with_character(character);
         record.check().map_err(refused)?;
         self.next_body = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         self.bodies.push(record);
@@ -165,7 +166,7 @@ impl Author {
         velocity.check().map_err(refused)?;
         self.movable(server, id, "move fixed bodies")?;
         match self.fresh(id) {
-            Some(place) => self.bodies[place].state.velocity = velocity,
+            Some(place) => self.bodies[place].steer(velocity),
             None => self.moves.entry(id).or_default().velocity = Some(velocity),
         }
         Ok(())

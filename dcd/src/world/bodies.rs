@@ -6,7 +6,8 @@ use super::role::Instead;
 use super::view::{Body, MovableBody};
 use super::{Error, Inner, World};
 use crate::physics::{ColliderId, Region};
-use crate::protocol::{BodyKind, BodyRecord, Push, Velocity, WorldPose};
+use crate::protocol::{BodyKind, BodyRecord, Character, Push, Velocity, WorldPose};
+use crate::runtime::WorldError;
 use crate::space::BodyId;
 
 const SEND_BODY: &str = "send bodies to poses";
@@ -49,7 +50,54 @@ impl World {
     ) -> Result<BodyId, Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.insert_at(pose, body, colliders)?),
-            Inner::Remote(world) => world.insert(pose, &body.into(), colliders.as_ref()),
+            Inner::Remote(world) => world.insert(pose, &body.into(), colliders.as_ref(), None),
+        }
+    }
+
+    /// Inserts a character: a body, kinematic by velocity, that walks by itself where it is computed. [`World::set_velocity`] says
+    /// where to: along the ground, and upwards to jump. [`World::velocity`] is how it moves. In every role as
+    /// [`World::insert_at`]; in a served world nodes walk a client's characters, so that they stop at walls without delay.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
+    /// let wall = RigidBodyBuilder::fixed().translation(Vector::new(3.0, 1.0, 0.0));
+    /// world.insert(wall, ColliderBuilder::cuboid(0.5, 2.0, 5.0))?;
+    /// let body = RigidBodyBuilder::kinematic_velocity_based();
+    /// let capsule = ColliderBuilder::capsule_y(0.5, 0.3);
+    /// let walker = world.insert_character(WorldPose::at([0.0, 1.4, 0.0]), &Character::default(), body, [capsule])?;
+    /// world.set_velocity(walker, Velocity::linear([3.0, 0.0, 0.0]))?;
+    /// for _ in 0..90 {
+    ///     world.step()?;
+    /// }
+    /// let at = world.pose(walker).unwrap().translation;
+    /// assert!((2.1..2.2).contains(&at[0]), "it stops at the wall: {at:?}");
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn insert_character(
+        &mut self,
+        pose: WorldPose,
+        character: &Character,
+        body: impl Into<RigidBody>,
+        colliders: impl AsRef<[ColliderBuilder]>,
+    ) -> Result<BodyId, Error> {
+        let (body, colliders) = (body.into(), colliders.as_ref());
+        let refused = |what, value: String, range| Err(WorldError::Setting { what, value, range }.into());
+        if let Some((what, range)) = character.fault() {
+            return refused(what, format!("{character:?}"), range);
+        }
+        if body.body_type() != RigidBodyType::KinematicVelocityBased {
+            let kind = format!("{:?}", body.body_type());
+            return refused("body of a character", kind, "RigidBodyBuilder::kinematic_velocity_based()");
+        }
+        if colliders.iter().all(|collider| collider.is_sensor) {
+            let count = format!("{} colliders", colliders.len());
+            return refused("colliders of a character", count, "one or more that are no sensors");
+        }
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.insert_as(Some(character), pose, &body, colliders)?),
+            Inner::Remote(world) => world.insert(pose, &body, colliders, Some(character)),
         }
     }
 

@@ -14,7 +14,9 @@ use super::remote::Remote;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::net::PeerStats;
-use crate::protocol::{BodyRecord, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose};
+use crate::protocol::{
+    BodyRecord, Character, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose,
+};
 use crate::runtime::{Member, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, JointId, Tick};
 
@@ -132,8 +134,9 @@ impl Remote for Hosted {
         pose: WorldPose,
         body: &RigidBody,
         colliders: &[ColliderBuilder],
+        character: Option<&Character>,
     ) -> Result<BodyId, Error> {
-        self.written("make bodies")?.1.insert(pose, body, colliders)
+        self.written("make bodies")?.1.insert(pose, body, colliders, character)
     }
 
     fn remove(&mut self, id: BodyId) -> Result<(), Error> {

@@ -11,7 +11,8 @@ use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
 use crate::net::PeerStats;
 use crate::protocol::{
-    Area, BodyRecord, Handover, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose,
+    Area, BodyRecord, Character, Handover, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents,
+    WorldPose,
 };
 use crate::runtime::Stats;
 use crate::space::{BodyId, ClientId, JointId, Tick};
@@ -60,6 +61,7 @@ pub(super) trait Remote: Send + Sync {
         _pose: WorldPose,
         _body: &RigidBody,
         _colliders: &[ColliderBuilder],
+        _character: Option<&Character>,
     ) -> Result<BodyId, Error> {
         Err(self.unsupported("make bodies", Instead::JoinAsClient))
     }

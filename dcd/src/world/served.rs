@@ -18,8 +18,8 @@ use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
 use crate::physics::ShapeLibrary;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, EnvironmentProperties, Handover, Query, QueryResult, Velocity, WorldEvents,
-    WorldPose,
+    Area, BodyKind, BodyRecord, Character, EnvironmentProperties, Handover, Query, QueryResult, Velocity,
+    WorldEvents, WorldPose,
 };
 use crate::runtime::{ClientWorld, ProcessError, Stats};
 use crate::space::{BodyId, ClientId, RegionId, Tick};
@@ -143,7 +143,7 @@ impl Served {
         for (id, input) in due {
             let Some(body) = self.heard(id) else { continue };
             let kinematic = body.body.traits.kind != BodyKind::Dynamic;
-            let now = body.body.state.velocity;
+            let now = body.body.asked();
             let driven = if kinematic { self.driven.get(&id).copied() } else { None };
             let velocity = input.velocity.or(driven).unwrap_or(now);
             self.driven.insert(id, velocity);
@@ -241,6 +241,7 @@ impl Remote for Served {
         pose: WorldPose,
         body: &RigidBody,
         colliders: &[ColliderBuilder],
+        character: Option<&Character>,
     ) -> Result<BodyId, Error> {
         let refused = match body.body_type() {
             _ if has_own_sleep(body.activation()) => {
@@ -256,8 +257,9 @@ impl Remote for Served {
             return Err(self.unsupported(what, instead));
         }
         self.check_link()?;
-        let id = self.world.spawn(pose, body, colliders)?;
-        self.awaited.insert(id, ShapeLibrary::default().describe(id, pose, body, colliders)?);
+        let id = self.world.spawn_as(character, pose, body, colliders)?;
+        let awaited = ShapeLibrary::default().describe(id, pose, body, colliders)?;
+        self.awaited.insert(id, awaited.with_character(character));
         Ok(id)
     }
 
@@ -278,7 +280,7 @@ impl Remote for Served {
         self.check_own(id, "drive bodies of others")?;
         self.inputs.entry(id).or_default().velocity = Some(velocity);
         if let Some(awaited) = self.awaited.get_mut(&id) {
-            awaited.state.velocity = velocity;
+            awaited.steer(velocity);
         }
         Ok(())
     }

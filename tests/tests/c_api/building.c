@@ -145,6 +145,50 @@ static void sees_what_is_near(DcdBodyId far, const DcdPose *home)
     HOLDS(comes(BOXES, 0.7, 0.8));
 }
 
+/* A client's character walks to the wall that the program puts in its way, over the border, jumps there and comes down. */
+static void walks_to_the_wall(void)
+{
+    const float wall_half[3] = { 0.5f, 2.0f, 5.0f };
+    DcdShapeId wall_shape, capsule;
+    DcdBodyDef wall = DCD_BODY_DEF_INIT, person = DCD_BODY_DEF_INIT;
+    DcdCharacterDef character = DCD_CHARACTER_DEF_INIT;
+    DcdBodyId id, built;
+    DcdPose pose = { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    DcdVelocity go = { { 3.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    OK(dcd_shape_box(server, wall_half, &wall_shape));
+    OK(dcd_shape_capsule(client, 0.5f, 0.3f, &capsule));
+    wall.body_type = DCD_FIXED;
+    wall.shape = wall_shape;
+    wall.pose.p[0] = 4.5;
+    wall.pose.p[2] = -60.0;
+    OK(dcd_body_create(server, &wall, &built));
+    person.body_type = DCD_KINEMATIC;
+    person.shape = capsule;
+    person.pose.p[0] = -3.0;
+    person.pose.p[1] = 1.5;
+    person.pose.p[2] = -60.0;
+    OK(dcd_character_create(client, &person, &character, &id));
+    OK(dcd_body_set_velocity(client, id, &go));
+    for (int k = 0; k < 6000 && pose.p[0] < 3.6; k++) {
+        step();
+        OK(dcd_body_get(client, id, &pose, NULL));
+        HOLDS(pose.p[0] < 3.75);
+    }
+    HOLDS(pose.p[0] > 3.6 && pose.p[1] > 1.28 && pose.p[1] < 1.4);
+    go.linear[1] = 5.0f;
+    OK(dcd_body_set_velocity(client, id, &go));
+    double highest = 0.0;
+    for (int k = 0; k < 6000 && highest < 2.0; k++) {
+        step();
+        OK(dcd_body_get(client, id, &pose, NULL));
+        highest = pose.p[1] > highest ? pose.p[1] : highest;
+    }
+    HOLDS(highest > 2.0 && pose.p[0] < 3.75);
+    OK(dcd_body_destroy(client, id));
+    OK(dcd_body_destroy(server, built));
+    step();
+}
+
 int main(int argc, char **argv)
 {
     if (argc != 2)
@@ -232,6 +276,7 @@ int main(int argc, char **argv)
     HOLDS(view.count == BOXES / 2 + 2);
 
     hears_and_asks(box, bodies[0]);
+    walks_to_the_wall();
 
     /* The server stops and starts again; the node has computed on, and the client plays on. */
     char address[64] = "";

@@ -14,6 +14,7 @@ int main(void)
 {
     DcdWorldDef world_def = DCD_WORLD_DEF_INIT;
     DcdBodyDef body_def = DCD_BODY_DEF_INIT;
+    DcdCharacterDef character_def = DCD_CHARACTER_DEF_INIT;
     DcdJointDef joint_def = DCD_JOINT_DEF_INIT;
     DcdBodyProperties body_properties = DCD_BODY_PROPERTIES_INIT;
     DcdColliderProperties collider_properties = DCD_COLLIDER_PROPERTIES_INIT;
@@ -37,7 +38,7 @@ int main(void)
                    shape_cast.flags + point_query.flags + shape_query.reserved + box_query.reserved + body_properties.struct_size +
                    collider_properties.struct_size + joint_info.struct_size + world_info.struct_size +
                    body_info.struct_size + owner.struct_size + state_view.struct_size + event_view.struct_size + stats.struct_size +
-                   client_def.struct_size + participant_def.struct_size ==
+                   client_def.struct_size + participant_def.struct_size + character_def.struct_size ==
                0
            ? DCD_VERSION
            : DCD_OK;

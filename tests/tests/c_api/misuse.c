@@ -321,6 +321,37 @@ static void bodies(void)
     EXPECT(dcd_bodies_create(world, defs, 3, many), DCD_OK);
     fixed = make_body(world, box, DCD_FIXED, -5.0);
 
+    DcdCharacterDef walks = DCD_CHARACTER_DEF_INIT, odd;
+    DcdBodyDef person = good;
+    person.body_type = DCD_KINEMATIC;
+    person.pose.p[0] = 30.0;
+    body.v = 5;
+    EXPECT(dcd_character_create(world, NULL, &walks, &body), DCD_ERR_NULL);
+    EXPECT(dcd_character_create(world, &person, NULL, &body), DCD_ERR_NULL);
+    EXPECT(dcd_character_create(world, &person, &walks, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_character_create(world, &good, &walks, &body), DCD_ERR_ARGUMENT);
+#define CANNOT(member, value, code)                                                                                   \
+    odd = walks;                                                                                                      \
+    odd.member = value;                                                                                               \
+    EXPECT(dcd_character_create(world, &person, &odd, &body), code)
+    CANNOT(struct_size, 8, DCD_ERR_STRUCT);
+    CANNOT(reserved, 1, DCD_ERR_ARGUMENT);
+    CANNOT(step_height, -0.1f, DCD_ERR_ARGUMENT);
+    CANNOT(step_depth, 101.0f, DCD_ERR_ARGUMENT);
+    CANNOT(max_climb, 2.0f, DCD_ERR_ARGUMENT);
+    CANNOT(min_slide, NAN, DCD_ERR_ARGUMENT);
+    CANNOT(snap, INFINITY, DCD_ERR_ARGUMENT);
+    CANNOT(gap, 0.0f, DCD_ERR_ARGUMENT);
+    CANNOT(mass, -1.0f, DCD_ERR_ARGUMENT);
+#undef CANNOT
+    person.flags = DCD_BODY_SENSOR;
+    EXPECT(dcd_character_create(world, &person, &walks, &body), DCD_ERR_ARGUMENT);
+    person.flags = 0;
+    HOLDS(body.v == 5);
+    EXPECT(dcd_character_create(world, &person, &walks, &body), DCD_OK);
+    EXPECT(dcd_body_destroy(world, body), DCD_OK);
+    body.v = 5;
+
     EXPECT(dcd_body_info(world, many[0], &info), DCD_OK);
     HOLDS(fabsf(info.mass - 1000.0f) < 0.1f && info.body_type == DCD_DYNAMIC && info.region != DCD_NO_REGION);
     EXPECT(dcd_body_info(world, fixed, &info), DCD_OK);

@@ -263,6 +263,12 @@ static DcdStatus play(void)
     case 10:
     case 11: {
         DcdBodyDef def = some_body();
+        if (dice(4) == 0) {
+            DcdCharacterDef character = DCD_CHARACTER_DEF_INIT;
+            def.body_type = DCD_KINEMATIC;
+            character.gap = dice(2) ? character.gap : number();
+            return dcd_character_create(world, &def, &character, body);
+        }
         return dcd_body_create(world, &def, body);
     }
     case 12: {

@@ -86,6 +86,14 @@ CALL(dcd_bodies_create) {
     def.shape = s->shape;
     return dcd_bodies_create(s->world, &def, 1, &id);
 }
+CALL(dcd_character_create) {
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdCharacterDef character = DCD_CHARACTER_DEF_INIT;
+    DcdBodyId id;
+    def.shape = s->shape;
+    def.body_type = DCD_KINEMATIC;
+    return dcd_character_create(s->world, &def, &character, &id);
+}
 CALL(dcd_body_destroy) {
     DcdBodyId id = s->body;
     if (s->body.v == s->own.v)

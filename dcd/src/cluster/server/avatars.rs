@@ -108,7 +108,7 @@ impl Server {
             // client sends its newest input again to whoever leads.
             (None, _) => {
                 if let Some(body) = group.record.body_mut(input.body) {
-                    body.state.velocity = input.velocity;
+                    body.steer(input.velocity);
                 }
             }
             // The next input will find a leader.

@@ -1,4 +1,4 @@
-//! Bounds what one client may cost others: its avatars those who compute them, by iterations, corners, size, and how many share a place;
+//! Bounds what one client may cost others: its avatars those who compute them, by iterations, corners, size, how many are characters, and how many share a place;
 //! its requests the server.
 
 use std::time::Duration;
@@ -16,6 +16,9 @@ const MAX_CORNERS: usize = 20_000;
 const MAX_REACH_M: f32 = 100.0;
 /// The most avatars of one client that a new one may overlap, by bounding spheres.
 const MAX_OVERLAPS: usize = 64;
+
+/// The most characters of one client: each looks around in every tick, where others only meet what comes.
+const MAX_CHARACTERS: usize = 32;
 
 /// The avatars that a client may bring at once, those included that it removes again: all that it may have, twice.
 const SPAWNS: f64 = 2.0 * MAX_AVATARS as f64;
@@ -80,14 +83,19 @@ pub(super) fn refusal(
     if new.reach_m > MAX_REACH_M {
         return Some(Refusal::Costly(Costs::Size));
     }
-    let (mut corners, mut overlaps) = (new.corners, 0);
+    let walks = |body: &BodyRecord| usize::from(body.traits.character.is_some());
+    let (mut corners, mut overlaps, mut characters) = (new.corners, 0, walks(avatar));
     for (id, _) in record.avatars(client) {
         let Some(other) = record.body(id) else { continue };
         let of = size(other);
         corners += of.corners;
+        characters += walks(other);
         let apart = (0..3).map(|k| avatar.state.pose.translation[k] - other.state.pose.translation[k]);
         let apart_m = apart.map(|v| v * v).sum::<f64>().sqrt();
         overlaps += usize::from(apart_m < f64::from(new.reach_m + of.reach_m));
+    }
+    if characters > MAX_CHARACTERS {
+        return Some(Refusal::Costly(Costs::Characters));
     }
     if corners > MAX_CORNERS {
         return Some(Refusal::Costly(Costs::Corners));

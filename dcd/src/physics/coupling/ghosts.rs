@@ -139,7 +139,9 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
     rigid_body.add_force(convert::vector(state.force), false);
     rigid_body.add_torque(convert::vector(state.torque), false);
     rigid_body.activation_mut().time_since_can_sleep = state.still_s;
-    if !state.sleeping && rigid_body.is_sleeping() {
+    let wakes = !state.sleeping && rigid_body.is_sleeping();
+    region.set_gait(body.id, state.gait);
+    if wakes {
         region.world_mut().wake_up(handle, true);
     }
 }

@@ -88,7 +88,7 @@ pub(super) struct Meeting {
     pub own: BodyId,
     /// Rank of the other's owner.
     pub rank: usize,
-    /// Size of the other's island in bodies owned there; 0 for a body that contacts cannot move.
+    /// Size of the other's island in bodies owned there, 1 for a character; 0 for a body that what it meets does not concern.
     pub island: u16,
     /// Regions that hold the other, or may come to own it soon.
     pub goes: RegionSet,
@@ -418,7 +418,8 @@ pub(super) fn show(
         for rank in viewers.without(known).without(own).iter() {
             let nearby = near.nearby();
             predicted.lists[rank].push(NearbyBody {
-                island: if dynamic { near.island } else { 0 },
+                // A character stops at what it meets, so that its region must hold that.
+                island: if dynamic { near.island } else { u16::from(slot.traits.character.is_some()) },
                 goes: if dynamic { near.goes(region, moment.partition) } else { RegionSet::EMPTY },
                 ..nearby
             });

@@ -9,7 +9,7 @@ use super::{HostError, RegionHost, Side};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Ownership, Region};
-use crate::protocol::{BodyRecord, BodyState, JointRecord, LinkMotion, Push, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, JointRecord, LinkMotion, Push, Velocity, WorldPose};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
@@ -29,6 +29,22 @@ impl RegionHost {
             }
         }
         result
+    }
+
+    /// Sets the velocity of a body, in every copy held here, and wakes it: of a character, the velocity that it wants. Returns
+    /// whether it is held.
+    pub fn steer(&mut self, id: BodyId, velocity: &Velocity) -> bool {
+        let mut walks = false;
+        for Side { region, .. } in &mut self.sides {
+            walks |= region.set_wanted(id, velocity.linear);
+        }
+        self.update(id, |body| {
+            if !walks {
+                body.set_linvel(Vector::from_array(velocity.linear), true);
+            }
+            body.set_angvel(Vector::from_array(velocity.angular), true);
+        })
+        .is_some()
     }
 
     /// Pushes a dynamic body, in every copy held here, and wakes it. Returns whether it is held.

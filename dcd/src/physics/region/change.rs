@@ -8,7 +8,7 @@ use super::Region;
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
-use crate::protocol::BodyKind;
+use crate::protocol::{BodyKind, BodyTraits};
 
 impl Region {
     /// Notes that a body is not, or may not be, what and where it was in the last step.
@@ -44,7 +44,8 @@ impl Region {
     pub(in crate::physics) fn refresh(&mut self, handle: RigidBodyHandle) {
         self.due[handle.into_raw_parts().0 as usize] = 0;
         let old = &self.slot(handle).traits;
-        let new = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
+        let read = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
+        let new = BodyTraits { character: old.character.filter(|_| read.kind == old.kind), ..read };
         if new != **old {
             self.targets.note(handle, new.kind);
             self.slot_mut(handle).traits = Arc::new(new);

@@ -3,6 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::assembly::Assembly;
+use super::characters::Walking;
 use super::{BodyRef, Ownership, Region, Slot, assembly, floating_origin};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
@@ -37,6 +38,9 @@ impl Region {
             self.world.bodies[handle].recompute_mass_properties_from_colliders(&self.world.colliders);
         }
         self.targets.note(handle, body.traits.kind);
+        if body.traits.character.is_some() {
+            self.characters.insert(body.id, Walking::new(body.state.gait.unwrap_or_default()));
+        }
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
         let outline = Outline::of(&self.world.bodies[handle], &self.world.colliders);
         let index = handle.into_raw_parts().0 as usize;
@@ -89,6 +93,7 @@ impl Region {
         joints.iter().for_each(|joint| self.insert_joint(joint));
         self.listener.forget(id);
         self.targets.forget(handle);
+        self.characters.remove(&id);
         self.fresh.retain(|link| link.handle != handle);
         self.moved.take();
         self.remove_from_rapier(handle);

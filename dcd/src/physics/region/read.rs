@@ -56,6 +56,7 @@ impl Region {
         if let Some((force, torque)) = self.user_load(handle) {
             (state.force, state.torque) = (force.to_array(), torque.to_array());
         }
+        state.gait = self.gait(handle);
         state
     }
 

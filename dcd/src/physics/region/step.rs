@@ -12,6 +12,7 @@ impl Region {
         let dt_before_s = std::mem::replace(&mut self.world.integration_parameters, *parameters).dt;
         if self.targets.is_first() {
             self.quarantined.clear();
+            self.walk(parameters.dt * steps as f32);
         }
         kinematic_targets::approach(self, steps);
         self.tell_joints();

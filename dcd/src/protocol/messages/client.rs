@@ -250,6 +250,9 @@ pub enum Costs {
     /// Reach from its origin.
     #[error("it may reach at most 100 m from its origin")]
     Size,
+    /// Characters, with the client's other ones.
+    #[error("at most 32 characters of a client: make the others of another kind")]
+    Characters,
     /// Avatars of the same client where it would begin.
     #[error("it begins where 64 others of this client are: spread them out")]
     Overlaps,

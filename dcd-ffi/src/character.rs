@@ -1,0 +1,88 @@
+//! Creates characters: bodies that walk by themselves where they are computed.
+
+use dcd::Character;
+
+use crate::body::{self, DcdBodyDef};
+use crate::guard::guard;
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::pointer::{self, Out, Sized32, check_reserved};
+use crate::registry::with;
+use crate::status::{DcdStatus, Failure};
+use crate::types::DCD_KINEMATIC;
+
+/// How a character walks. Start from DCD_CHARACTER_DEF_INIT.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdCharacterDef {
+    /// sizeof(DcdCharacterDef).
+    pub struct_size: u32,
+    /// The highest step that it climbs without a jump, metres, 0 to 100; 0 to climb none.
+    pub step_height: f32,
+    /// How much free floor there must be on a step, metres, 0 to 100.
+    pub step_depth: f32,
+    /// The steepest slope that it climbs, radians, 0 to pi / 2.
+    pub max_climb: f32,
+    /// The least steep slope that it slides down, radians, 0 to pi / 2.
+    pub min_slide: f32,
+    /// How far it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
+    pub snap: f32,
+    /// The gap that it keeps from all else, metres, above 0 and at most 100.
+    pub gap: f32,
+    /// The mass with which it pushes dynamic bodies and stands on them, kilograms, 0 or more; 0 to push none.
+    pub mass: f32,
+    /// 0.
+    pub reserved: u32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdCharacterDef {
+    const NAME: &'static str = "DcdCharacterDef";
+}
+
+/// Creates a body, of DCD_KINEMATIC, that is a character: it walks on what it stands on, slides along walls, climbs steps and
+/// slopes, falls, rides on what moves, and pushes what is in its way. dcd_body_set_velocity says where it wants to go: along the
+/// ground, and upwards to jump, which it can from the ground; with a gravity_scale of 0 it flies as it wants and collides all the
+/// same. dcd_body_get tells how it moves. Its shape is one that has volume; dcd_collider_add gives it others that only meet what
+/// comes.
+///
+/// In a served world it is walked by the node that computes it, also that of a client: it stops at a wall without a delay, and
+/// cannot be made to pass it by its client. A client may have 32.
+/// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type, a sensor, or a setting out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_character_create(
+    world: DcdWorld,
+    body: *const DcdBodyDef,
+    character: *const DcdCharacterDef,
+    out: *mut DcdBodyId,
+) -> DcdStatus {
+    guard("dcd_character_create", || {
+        // SAFETY: the caller vouches for `body`, `character` and `out`.
+        let (body, character, out) = unsafe {
+            (
+                pointer::read_sized(body, "body")?,
+                pointer::read_sized(character, "character")?,
+                Out::new(out, "out")?,
+            )
+        };
+        check_reserved(character.reserved)?;
+        if body.body_type != DCD_KINEMATIC {
+            let given = body.body_type;
+            return Err(Failure::argument(format!("body_type is {given}; a character is of DCD_KINEMATIC")));
+        }
+        let character = Character {
+            step_height_m: character.step_height,
+            step_depth_m: character.step_depth,
+            max_climb_rad: character.max_climb,
+            min_slide_rad: character.min_slide,
+            snap_m: character.snap,
+            gap_m: character.gap,
+            mass_kg: character.mass,
+        };
+        with(world, |world| {
+            let new = body::parse(world, &body)?;
+            let id = world.dcd.insert_character(new.pose, &character, new.body, [new.collider])?;
+            out.write(world.mark.body(id));
+            Ok(())
+        })
+    })
+}

@@ -1,0 +1,270 @@
+//! Walks the characters of a region, before each tick: what a character wants becomes the velocity at which it can move, by
+//! Rapier's character controller, and what is in its way is pushed.
+//!
+//! Every region that holds a character walks its copy, and pushes its own copies of what it meets: all copies of a body are pushed
+//! alike, as by a user. Where the copies of a character differ, its owner's counts, as for all kinematic bodies.
+
+use rapier3d::control::{CharacterAutostep, CharacterLength, KinematicCharacterController};
+use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Region;
+use crate::physics::convert;
+use crate::protocol::{Character, Gait};
+use crate::space::BodyId;
+
+/// A character falls no faster, m/s: a tick's fall is not to pass through a floor's neighbourhood unseen.
+const FASTEST_FALL_M_S: f32 = 100.0;
+
+/// The part of its gap to the ground by which a character that stands is drawn down in a tick.
+const HOLD: f32 = 0.5;
+
+/// A character held by a region.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Walking {
+    gait: Gait,
+    /// Whether the region has been stepped since it came: only then do queries find what came with it.
+    settled: bool,
+}
+
+impl Walking {
+    pub(super) fn new(gait: Gait) -> Self {
+        Self { gait, settled: false }
+    }
+}
+
+/// One tick's walk.
+struct Walk {
+    velocity: Vector,
+    rise_m_s: f32,
+    grounded: bool,
+    met: Vec<Met>,
+}
+
+/// A collider that a character met on its way.
+struct Met {
+    collider: ColliderHandle,
+    /// In region space.
+    point: Vector,
+    /// Out of the collider.
+    normal: Vector,
+}
+
+/// What a character touches before a tick.
+#[derive(Default)]
+struct Around {
+    /// The velocity of what it stands on.
+    carried: Vector,
+    pressing: Vec<Pressing>,
+}
+
+/// Something next to a character that does not give way.
+struct Pressing {
+    /// Towards the character.
+    normal: Vector,
+    velocity: Vector,
+    overlap_m: f32,
+}
+
+impl Around {
+    /// Returns the way of a character that is to move by this in a tick, and is carried and shoved besides.
+    fn borne_by(&self, own: Vector, dt_s: f32) -> Vector {
+        let mut way = own + self.carried * dt_s;
+        for pressing in &self.pressing {
+            let shove = pressing.velocity.dot(pressing.normal) * dt_s + pressing.overlap_m;
+            if shove > 0.0 {
+                way += pressing.normal * (shove - way.dot(pressing.normal)).max(0.0);
+            }
+        }
+        way
+    }
+}
+
+impl Region {
+    /// Returns how a body walks, if it is a character.
+    pub(super) fn gait(&self, handle: RigidBodyHandle) -> Option<Gait> {
+        let slot = self.slot(handle);
+        slot.traits.character?;
+        self.characters.get(&slot.id).map(|walking| walking.gait)
+    }
+
+    /// Sets how a character held here walks.
+    pub(in crate::physics) fn set_gait(&mut self, id: BodyId, gait: Option<Gait>) {
+        if let (Some(walking), Some(gait)) = (self.characters.get_mut(&id), gait) {
+            walking.gait = gait;
+        }
+    }
+
+    /// Sets the velocity that a character wants, m/s. Returns whether it is a character held here.
+    pub(in crate::physics) fn set_wanted(&mut self, id: BodyId, wanted: [f32; 3]) -> bool {
+        let Some(walking) = self.characters.get_mut(&id) else { return false };
+        walking.gait.wanted = wanted;
+        true
+    }
+
+    /// Gives all characters held here their velocity for a tick of this length, in id order, and pushes what they meet.
+    pub(super) fn walk(&mut self, dt_s: f32) {
+        let ids: Vec<_> = self.characters.keys().copied().collect();
+        for id in ids {
+            let handle = self.by_id[&id];
+            let Some(character) = self.slot(handle).traits.character else { continue };
+            let Walking { gait, settled } = self.characters[&id];
+            let walk = if settled {
+                let Some(walk) = self.walk_of(handle, &character, &gait, dt_s) else { continue };
+                walk
+            } else {
+                Walk {
+                    velocity: Vector::ZERO,
+                    rise_m_s: gait.rise_m_s,
+                    grounded: gait.grounded,
+                    met: Vec::new(),
+                }
+            };
+            self.world.bodies[handle].set_linvel(walk.velocity, true);
+            for met in &walk.met {
+                self.push_met(met, &character, convert::vector(gait.wanted), walk.rise_m_s);
+            }
+            let gait = Gait { rise_m_s: walk.rise_m_s, grounded: walk.grounded, ..gait };
+            self.characters.insert(id, Walking { gait, settled: true });
+        }
+    }
+
+    /// Returns the direction against gravity.
+    fn up(&self) -> Vector {
+        (-self.world.gravity).try_normalize().unwrap_or(Vector::Y)
+    }
+
+    /// Returns a character's next walk; none if it is disabled.
+    fn walk_of(
+        &self,
+        handle: RigidBodyHandle,
+        character: &Character,
+        gait: &Gait,
+        dt_s: f32,
+    ) -> Option<Walk> {
+        let (world, up) = (&self.world, self.up());
+        let body = world.bodies.get(handle).filter(|body| body.is_enabled())?;
+        let parts = body.colliders().iter().filter_map(|&part| world.colliders.get(part));
+        let part = parts.into_iter().find(|part| !part.is_sensor() && part.is_enabled())?;
+        let place = *body.position() * part.position_wrt_parent().copied().unwrap_or(Pose::IDENTITY);
+        let wanted = convert::vector(gait.wanted);
+        let fall_m_s = world.gravity.length() * body.gravity_scale() * dt_s;
+        let flies = fall_m_s == 0.0;
+        let rise_m_s = if flies {
+            wanted.dot(up)
+        } else {
+            let start = if gait.grounded { wanted.dot(up).max(0.0) } else { gait.rise_m_s };
+            (start - fall_m_s).clamp(-FASTEST_FALL_M_S, FASTEST_FALL_M_S)
+        };
+        // What stands is held to what it stands on: the controller lifts it a little with each contact.
+        let stands = !flies && gait.grounded && rise_m_s <= 0.0;
+        let hold_m_s = if stands { HOLD * character.gap_m / dt_s } else { 0.0 };
+        let asked_m_s = rise_m_s - hold_m_s;
+        let filter = QueryFilter::default()
+            .exclude_rigid_body(handle)
+            .exclude_sensors()
+            .groups(part.collision_groups());
+        // The controller does not see which bodies are kinematic: at the gap from one that moves it would be stuck at times.
+        let nobody = RigidBodySet::new();
+        let queries = QueryPipeline { bodies: &nobody, ..world.query_pipeline_with_filter(filter) };
+        let around = self.around(&queries, part.shape(), &place, character.gap_m, stands.then_some(up));
+        let own = wanted - up * wanted.dot(up) + up * asked_m_s;
+        let desired = around.borne_by(own * dt_s, dt_s);
+        let mut met = Vec::<Met>::new();
+        let moved =
+            controller(character, up).move_shape(dt_s, &queries, part.shape(), &place, desired, |hit| {
+                if met.iter().all(|met| met.collider != hit.handle) {
+                    let (point, normal) = (hit.hit.witness1, hit.hit.normal1);
+                    met.push(Met { collider: hit.handle, point, normal });
+                }
+            });
+        let rose_m_s = (moved.translation - around.carried * dt_s).dot(up) / dt_s;
+        let is_held = rose_m_s.abs() < 0.5 * asked_m_s.abs() || rose_m_s * asked_m_s < 0.0;
+        // On what is too steep to stand on it falls as fast as it slides.
+        let flat = character.min_slide_rad.cos() - 1e-3;
+        let floors = || met.iter().map(|met| met.normal.dot(up)).filter(|&rise| rise > 0.0);
+        let is_steep = floors().next().is_some() && floors().all(|rise| rise < flat);
+        let grounded = moved.grounded && rise_m_s <= 0.0 && (is_held || !is_steep);
+        let rise_m_s = if grounded || flies || rise_m_s > 0.0 && is_held {
+            0.0
+        } else if rise_m_s > 0.0 {
+            rise_m_s
+        } else {
+            rise_m_s.max(rose_m_s.min(0.0))
+        };
+        Some(Walk { velocity: moved.translation / dt_s, rise_m_s, grounded, met })
+    }
+
+    /// Looks at what a character touches; `stands` is the direction upwards if it stands on something.
+    fn around(
+        &self,
+        queries: &QueryPipeline<'_>,
+        shape: &dyn Shape,
+        place: &Pose,
+        gap_m: f32,
+        stands: Option<Vector>,
+    ) -> Around {
+        let reach_m = 2.0 * gap_m;
+        let mut around = Around::default();
+        let mut flattest = 0.0;
+        for (_, other) in queries.intersect_aabb_conservative(shape.compute_aabb(place).loosened(reach_m)) {
+            let apart = place.inv_mul(other.position());
+            let contact = queries.dispatcher.contact(&apart, shape, other.shape(), reach_m);
+            let Ok(Some(contact)) = contact else { continue };
+            let (point, normal) = (*place * contact.point1, -(place.rotation * contact.normal1));
+            let body = other.parent().and_then(|parent| self.world.bodies.get(parent));
+            let velocity = body.map_or(Vector::ZERO, |body| body.velocity_at_point(point));
+            let rise = stands.map_or(0.0, |up| normal.dot(up));
+            if rise > flattest {
+                (flattest, around.carried) = (rise, velocity);
+            }
+            // Dynamic bodies give way.
+            if body.is_none_or(|body| !body.is_dynamic()) {
+                around.pressing.push(Pressing { normal, velocity, overlap_m: (-contact.dist).max(0.0) });
+            }
+        }
+        around
+    }
+
+    /// Pushes a dynamic body that a character met, so far as the character is faster: an inelastic hit by its mass.
+    fn push_met(&mut self, met: &Met, character: &Character, wanted: Vector, rise_m_s: f32) {
+        let Some(handle) = self.world.colliders.get(met.collider).and_then(Collider::parent) else { return };
+        let body = &self.world.bodies[handle];
+        if !body.is_dynamic() || character.mass_kg == 0.0 {
+            return;
+        }
+        let (up, into) = (self.up(), -met.normal);
+        let velocity = wanted - up * wanted.dot(up) + up * rise_m_s;
+        let faster_m_s = (velocity - body.velocity_at_point(met.point)).dot(into);
+        if faster_m_s <= 0.0 {
+            return;
+        }
+        // The copy has its share of the mass, and takes its share of the push.
+        let share = self.share_of(handle) as f32;
+        let mass = body.mass_properties();
+        let arm = (met.point - mass.world_com).cross(into);
+        let lightness =
+            (mass.effective_inv_mass * into).dot(into) + arm.dot(mass.effective_world_inv_inertia * arm);
+        let lightness = lightness / share;
+        let impulse = faster_m_s / (lightness + character.mass_kg.recip());
+        self.world_mut().bodies[handle].apply_impulse_at_point(into * (impulse / share), met.point, true);
+    }
+}
+
+fn controller(character: &Character, up: Vector) -> KinematicCharacterController {
+    let metres = CharacterLength::Absolute;
+    KinematicCharacterController {
+        up,
+        offset: metres(character.gap_m),
+        slide: true,
+        autostep: (character.step_height_m > 0.0).then(|| CharacterAutostep {
+            max_height: metres(character.step_height_m),
+            min_width: metres(character.step_depth_m),
+            include_dynamic_bodies: true,
+        }),
+        max_slope_climb_angle: character.max_climb_rad,
+        min_slope_slide_angle: character.min_slide_rad,
+        snap_to_ground: (character.snap_m > 0.0).then(|| metres(character.snap_m)),
+        ..KinematicCharacterController::default()
+    }
+}

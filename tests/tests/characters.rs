@@ -1,0 +1,370 @@
+//! Tests characters, which walk by themselves where they are computed: in one region, over borders, in every coupling, and over
+//! the network.
+
+use std::time::{Duration, Instant};
+
+use dcd::network::{JoinConfig, JoinRole, ServeConfig};
+use dcd::prelude::*;
+use dcd::protocol::Pace;
+use dcd::{Axis, Costs, Refusal, StepSettings};
+
+const LIMIT: Duration = Duration::from_secs(30);
+const G: f32 = 9.81;
+
+/// Half a capsule's height and the gap below it, metres: how high a character's origin is above what it stands on.
+const STANDS_M: f64 = 0.8 + 0.02;
+
+/// A world with a floor, whole or with a border at x = 0 and one at z = 2, which nothing here is symmetrical to.
+fn world(cuts: usize, coupling: Coupling) -> World {
+    let cuts = [(Axis::X, 0.0), (Axis::Z, 2.0)][..cuts].to_vec();
+    let partitioning = Partitioning::Cuts(cuts);
+    let step = StepSettings::default().with_coupling(coupling);
+    let mut world = World::new(WorldConfig { partitioning, step, ..WorldConfig::default() }).unwrap();
+    block(&mut world, [0.0, -0.5, 0.0], [40.0, 0.5, 40.0]);
+    world
+}
+
+fn block(world: &mut World, at: [f64; 3], half: [f32; 3]) -> BodyId {
+    let collider = ColliderBuilder::cuboid(half[0], half[1], half[2]);
+    world.insert_at(WorldPose::at(at), RigidBodyBuilder::fixed(), [collider]).unwrap()
+}
+
+fn capsule() -> ColliderBuilder {
+    ColliderBuilder::capsule_y(0.5, 0.3)
+}
+
+fn walker_as(world: &mut World, at: [f64; 3], character: Character) -> BodyId {
+    let body = RigidBodyBuilder::kinematic_velocity_based();
+    world.insert_character(WorldPose::at(at), &character, body, [capsule()]).unwrap()
+}
+
+fn walker(world: &mut World, at: [f64; 3]) -> BodyId {
+    walker_as(world, at, Character::default())
+}
+
+fn go(world: &mut World, id: BodyId, velocity: [f32; 3]) {
+    world.set_velocity(id, Velocity::linear(velocity)).unwrap();
+}
+
+fn run(world: &mut World, ticks: usize) {
+    (0..ticks).for_each(|_| world.step().unwrap());
+}
+
+fn place(world: &World, id: BodyId) -> [f64; 3] {
+    world.pose(id).unwrap().translation
+}
+
+/// One region, and four by every coupling.
+fn worlds() -> impl Iterator<Item = (String, World)> {
+    let couplings = [Coupling::Auto, Coupling::Overlap, Coupling::Owner, Coupling::Proxy];
+    let cut = couplings.into_iter().map(|coupling| (format!("{coupling:?}"), world(2, coupling)));
+    std::iter::once(("whole".to_owned(), world(0, Coupling::Auto))).chain(cut)
+}
+
+#[test]
+fn it_walks_over_borders_and_stops_at_walls() {
+    for (name, mut world) in worlds() {
+        block(&mut world, [4.5, 1.0, 0.0], [0.5, 1.0, 40.0]);
+        let id = walker(&mut world, [-4.0, 1.0, 0.3]);
+        let first = world.owner(id).region;
+        go(&mut world, id, [3.0, 0.0, 0.0]);
+        run(&mut world, 120);
+        let halfway = place(&world, id);
+        assert!((halfway[0] - 1.95).abs() < 0.15, "{name}: {halfway:?}");
+        run(&mut world, 120);
+        let [x, y, z] = place(&world, id);
+        assert!(
+            (x - 3.68).abs() < 0.02 && (y - STANDS_M).abs() < 0.05 && (z - 0.3).abs() < 0.01,
+            "{name}: {x} {y} {z}"
+        );
+        assert!(world.velocity(id).unwrap().linear[0].abs() < 0.05, "{name}: it moves as it can");
+        // Aslant it slides along the wall.
+        go(&mut world, id, [2.0, 0.0, 2.0]);
+        run(&mut world, 120);
+        let [x, _, z] = place(&world, id);
+        assert!(x < 3.72 && z > 3.5, "{name}: {x} {z}");
+        assert_eq!(world.owner(id).region != first, name != "whole", "{name}");
+        assert!(world.validate().is_empty());
+    }
+}
+
+#[test]
+fn it_climbs_steps_and_slopes_as_far_as_it_can() {
+    for (name, mut world) in worlds() {
+        // A stair of steps of 0.25 m across the border, one block of 0.5 m, a ramp of 30° and one of 60°.
+        for step in 0..4 {
+            let y = 0.125 * f64::from(step + 1);
+            block(&mut world, [0.2 + 0.5 * f64::from(step), y, 0.3], [0.25, y as f32, 1.0]);
+        }
+        block(&mut world, [0.5, 0.25, -6.0], [0.5, 0.25, 1.0]);
+        for (z, degrees) in [(6.0, 30.0f32), (12.0, 60.0)] {
+            let (sin, cos) = (0.5 * degrees.to_radians()).sin_cos();
+            let pose = WorldPose { translation: [0.0, 0.0, z], rotation: [0.0, 0.0, sin, cos] };
+            let slab = ColliderBuilder::cuboid(3.0, 0.05, 1.0);
+            world.insert_at(pose, RigidBodyBuilder::fixed(), [slab]).unwrap();
+        }
+        let rows = [0.3, -6.0, 6.0, 12.0].map(|z| walker(&mut world, [-3.5, 1.0, z]));
+        let mut highest = [0.0f64; 4];
+        for tick in 0..400 {
+            if tick == 30 {
+                rows.iter().for_each(|&id| go(&mut world, id, [2.0, 0.0, 0.0]));
+            }
+            run(&mut world, 1);
+            for (highest, &id) in highest.iter_mut().zip(&rows) {
+                *highest = highest.max(place(&world, id)[1]);
+            }
+        }
+        let [stair, block, ramp, cliff] = highest.map(|y| y - STANDS_M);
+        assert!((stair - 1.0).abs() < 0.1, "{name}: a stair of one metre, {stair}");
+        assert!(block < 0.2, "{name}: half a metre is too high, {block}");
+        assert!(ramp > 1.0, "{name}: 30 degrees, {ramp}");
+        assert!(cliff < 0.3, "{name}: 60 degrees, {cliff}");
+    }
+}
+
+#[test]
+fn it_falls_and_jumps_by_gravity() {
+    for (name, mut world) in worlds() {
+        let id = walker(&mut world, [-0.4, 5.0, 0.3]);
+        // One tick to look around.
+        run(&mut world, 31);
+        let fallen = 5.0 - place(&world, id)[1];
+        let expected = f64::from(0.5 * G * 0.5 * 0.5);
+        assert!(
+            (fallen - expected).abs() < 0.06,
+            "{name}: {fallen} m in half a second, {expected} by gravity"
+        );
+        run(&mut world, 120);
+        assert!((place(&world, id)[1] - STANDS_M).abs() < 0.06, "{name}: {}", place(&world, id)[1]);
+        go(&mut world, id, [1.0, 5.0, 0.0]);
+        run(&mut world, 1);
+        go(&mut world, id, [1.0, 0.0, 0.0]);
+        let mut highest = 0.0f64;
+        for _ in 0..90 {
+            run(&mut world, 1);
+            highest = highest.max(place(&world, id)[1] - STANDS_M);
+        }
+        let expected = f64::from(5.0 * 5.0 / (2.0 * G));
+        assert!((highest - expected).abs() < 0.1, "{name}: {highest} m, {expected} by gravity");
+        assert!((place(&world, id)[1] - STANDS_M).abs() < 0.06, "{name}: it is down again");
+        // Under a ceiling the jump ends there, and it falls at once.
+        let [x, _, z] = place(&world, id);
+        block(&mut world, [x, 2.5, z], [2.0, 0.5, 2.0]);
+        go(&mut world, id, [0.0, 5.0, 0.0]);
+        run(&mut world, 1);
+        go(&mut world, id, [0.0; 3]);
+        run(&mut world, 40);
+        assert!((place(&world, id)[1] - STANDS_M).abs() < 0.06, "{name}: {}", place(&world, id)[1]);
+    }
+}
+
+#[test]
+fn without_gravity_it_flies_as_it_wants_and_collides() {
+    let mut world = world(2, Coupling::Auto);
+    let body = RigidBodyBuilder::kinematic_velocity_based().gravity_scale(0.0);
+    let at = WorldPose::at([-3.0, 3.0, 0.3]);
+    let id = world.insert_character(at, &Character::default(), body, [capsule()]).unwrap();
+    go(&mut world, id, [2.0, 1.0, 0.0]);
+    run(&mut world, 121);
+    let [x, y, _] = place(&world, id);
+    assert!((x - 1.0).abs() < 0.05 && (y - 5.0).abs() < 0.05, "{x} {y}");
+    go(&mut world, id, [0.0, -5.0, 0.0]);
+    run(&mut world, 120);
+    assert!((place(&world, id)[1] - STANDS_M).abs() < 0.06);
+}
+
+/// How fast a box of 40 kg is that a character of 80 kg walks into at 2 m/s, on ice.
+fn pushed(world: &mut World, character: Character) -> (f32, f64) {
+    let ice = ColliderBuilder::cuboid(0.5, 0.5, 0.5)
+        .friction(0.0)
+        .friction_combine_rule(CoefficientCombineRule::Min);
+    // It lies on both sides of the border, and is owned beyond it.
+    let at = WorldPose::at([0.3, 0.5, 0.3]);
+    let ball = world.insert_at(at, RigidBodyBuilder::dynamic(), [ice.mass(40.0)]).unwrap();
+    let id = walker_as(world, [-1.5, 1.0, 0.3], character);
+    run(world, 30);
+    go(world, id, [2.0, 0.0, 0.0]);
+    run(world, 60);
+    (world.velocity(ball).unwrap().linear[0], place(world, id)[0])
+}
+
+#[test]
+fn it_pushes_by_its_mass_wherever_the_body_is_owned() {
+    // A kinematic ghost, as `proxy` has them, is a wall to the character's region.
+    for (name, mut world) in worlds().filter(|(name, _)| name != "Proxy") {
+        let (faster, _) = pushed(&mut world, Character::default());
+        assert!((1.7..2.2).contains(&faster), "{name}: it ends as fast as what pushes it, {faster}");
+    }
+    for (name, mut world) in worlds() {
+        let (speed, x) =
+            pushed(&mut world, Character { mass_kg: 0.0, step_height_m: 0.0, ..Character::default() });
+        assert!(speed.abs() < 0.01, "{name}: nothing is pushed, {speed}");
+        assert!(x < -0.5, "{name}: it stops before it, {x}");
+    }
+}
+
+#[test]
+fn it_rides_on_what_moves() {
+    for (name, mut world) in worlds() {
+        let platform = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::new(1.5, 0.0, 0.0));
+        let deck = ColliderBuilder::cuboid(1.0, 0.25, 1.0);
+        let platform = world.insert_at(WorldPose::at([-2.0, 1.0, 0.3]), platform, [deck]).unwrap();
+        let id = walker(&mut world, [-2.0, 1.25 + STANDS_M, 0.3]);
+        run(&mut world, 10);
+        let off = |world: &World| place(world, id)[0] - place(world, platform)[0];
+        let before = off(&world);
+        run(&mut world, 150);
+        assert!(place(&world, platform)[0] > 1.5, "the test needs it to cross the border");
+        let slipped = off(&world) - before;
+        assert!(slipped.abs() < 0.15, "{name}: it slipped by {slipped} m");
+        assert!((place(&world, id)[1] - 1.25 - STANDS_M).abs() < 0.06, "{name}");
+    }
+}
+
+#[test]
+fn it_is_lifted_and_shoved_and_not_passed_through() {
+    for (name, mut world) in worlds() {
+        let kinematic = |velocity| RigidBodyBuilder::kinematic_velocity_based().linvel(velocity);
+        let lift = kinematic(Vector::new(0.0, 1.0, 0.0));
+        let deck = ColliderBuilder::cuboid(1.0, 0.25, 1.0);
+        let lift = world.insert_at(WorldPose::at([0.2, 0.25, 0.3]), lift, [deck]).unwrap();
+        let rider = walker(&mut world, [0.1, 0.5 + STANDS_M, 0.3]);
+        // A wall that comes along at 1 m/s, through the border, to one that stands there.
+        let door = kinematic(Vector::new(1.0, 0.0, 0.0));
+        let wall = ColliderBuilder::cuboid(0.1, 1.5, 1.0);
+        let door = world.insert_at(WorldPose::at([-1.5, 1.5, -4.0]), door, [wall]).unwrap();
+        let bystander = walker(&mut world, [-0.8, 1.0, -4.0]);
+        run(&mut world, 120);
+        let above = place(&world, rider)[1] - place(&world, lift)[1] - 0.25;
+        assert!((above - STANDS_M).abs() < 0.06, "{name}: {above} m above the lift");
+        let ahead = place(&world, bystander)[0] - place(&world, door)[0] - 0.1 - 0.3;
+        assert!(ahead > -0.02 && ahead < 0.1, "{name}: {ahead} m ahead of the door");
+    }
+}
+
+#[test]
+fn a_restored_one_walks_on_to_the_same_bits() {
+    let mut original = world(2, Coupling::Auto);
+    block(&mut original, [2.0, 0.1, 0.3], [1.0, 0.1, 1.0]);
+    let id = walker(&mut original, [-1.0, 3.0, 0.3]);
+    go(&mut original, id, [1.5, 0.0, 0.0]);
+    run(&mut original, 20);
+    let mut bytes = Vec::new();
+    original.save(&mut bytes).unwrap();
+    let mut restored = World::restore(bytes.as_slice(), 1).unwrap();
+    run(&mut original, 100);
+    run(&mut restored, 100);
+    assert!(place(&original, id)[0] > 1.2);
+    assert_eq!(original.state_hash().unwrap(), restored.state_hash().unwrap());
+}
+
+#[test]
+fn what_cannot_walk_is_refused() {
+    let mut world = world(0, Coupling::Auto);
+    let at = WorldPose::at([0.0, 1.0, 0.0]);
+    let mut refused =
+        |character: &Character, body: RigidBodyBuilder, collider: ColliderBuilder, why: &str| {
+            let error = world.insert_character(at, character, body, [collider]).unwrap_err().to_string();
+            assert!(error.contains(why), "{error}");
+        };
+    let usual = Character::default();
+    let kinematic = RigidBodyBuilder::kinematic_velocity_based;
+    refused(&usual, RigidBodyBuilder::dynamic(), capsule(), "kinematic_velocity_based");
+    refused(&usual, kinematic(), capsule().sensor(true), "no sensors");
+    refused(&Character { gap_m: 0.0, ..usual }, kinematic(), capsule(), "gap_m");
+    refused(&Character { max_climb_rad: 2.0, ..usual }, kinematic(), capsule(), "max_climb_rad");
+    refused(&Character { mass_kg: f32::NAN, ..usual }, kinematic(), capsule(), "mass_kg");
+    refused(&Character { step_height_m: -1.0, ..usual }, kinematic(), capsule(), "step_height_m");
+}
+
+/// A server of a world with a wall, in two regions on two nodes, and a client.
+struct Served {
+    client: World,
+    nodes: Vec<World>,
+    server: World,
+    _data: tempfile::TempDir,
+}
+
+fn join(server: &World, role: JoinRole) -> JoinConfig {
+    JoinConfig::new(server.address().unwrap(), server.token(role, LIMIT).unwrap())
+}
+
+fn served() -> Served {
+    let mut local = world(1, Coupling::Auto);
+    block(&mut local, [4.5, 1.0, 0.0], [0.5, 1.0, 40.0]);
+    let data = tempfile::tempdir().unwrap();
+    let config = ServeConfig { nodes: 2, pace: Pace::RealTime, ..ServeConfig::new(data.path()) };
+    let server = local.serve_copy(config).unwrap();
+    let nodes = (0..2).map(|_| World::join_as_node(&join(&server, JoinRole::Node)).unwrap()).collect();
+    let client = World::connect(&join(&server, JoinRole::Client)).unwrap();
+    Served { client, nodes, server, _data: data }
+}
+
+impl Served {
+    /// Steps the client until it is so.
+    fn until(&mut self, what: &str, mut is_so: impl FnMut(&World) -> bool) {
+        let deadline = Instant::now() + LIMIT;
+        while !is_so(&self.client) {
+            assert!(Instant::now() < deadline, "not within {LIMIT:?}: {what}");
+            self.client.poll(Duration::from_millis(5));
+            self.client.step().unwrap();
+            self.server.step().unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_clients_character_walks_on_the_nodes() {
+    let mut served = served();
+    let id = walker(&mut served.client, [-2.5, 1.0, 0.3]);
+    served.until("it stands", |client| {
+        client.movable_count() == 1 && (place(client, id)[1] - STANDS_M).abs() < 0.05
+    });
+    let owner = served.client.owner(id).region;
+    go(&mut served.client, id, [3.0, 0.0, 0.0]);
+    served.until("it stands at the wall", |client| {
+        let [x, ..] = place(client, id);
+        assert!(x < 3.8, "it is in the wall at {x}");
+        x > 3.6
+    });
+    served.until("it is owned beyond the border", |client| client.owner(id).region != owner);
+    // A jump, and nothing of it from the air.
+    go(&mut served.client, id, [0.0, 4.0, 0.0]);
+    served.until("it has jumped", |client| place(client, id)[1] > STANDS_M + 0.5);
+    go(&mut served.client, id, [0.0; 3]);
+    served.until("it is down again", |client| (place(client, id)[1] - STANDS_M).abs() < 0.05);
+}
+
+#[test]
+fn it_walks_on_when_its_node_is_gone() {
+    let mut served = served();
+    let id = walker(&mut served.client, [-30.0, 1.0, 0.3]);
+    served.until("it is there", |client| client.movable_count() == 1 && place(client, id)[1] < 0.9);
+    go(&mut served.client, id, [2.0, 0.0, 0.0]);
+    served.until("it walks", |client| place(client, id)[0] > -28.0);
+    // Checkpoints have its gait.
+    served.nodes.truncate(1);
+    served.until("it walks on", |client| place(client, id)[0] > -18.0);
+    assert!((place(&served.client, id)[1] - STANDS_M).abs() < 0.05);
+}
+
+#[test]
+fn a_servers_program_has_characters_too_and_a_client_only_some() {
+    let mut served = served();
+    let guard = walker(&mut served.server, [-2.0, 1.0, 0.3]);
+    go(&mut served.server, guard, [2.0, 0.0, 0.0]);
+    served
+        .until("the guard is at the wall", |client| client.contains(guard) && place(client, guard)[0] > 3.6);
+    for i in 0..33 {
+        walker(&mut served.client, [-20.0 + f64::from(i), 1.0, -10.0]);
+    }
+    let mut refusals = Vec::new();
+    served.until("one is refused", |client| {
+        refusals.extend(client.changes().iter().filter_map(|change| match change {
+            dcd::BodyChange::Refused { why, .. } => Some(*why),
+            _ => None,
+        }));
+        !refusals.is_empty() && client.movable_count() == 33
+    });
+    assert_eq!(refusals, [Refusal::Costly(Costs::Characters)]);
+}

@@ -363,6 +363,7 @@ fn near(region: &Region, link: BodyRef, tick_s: f32) -> Near {
     let turn_m = (body.angvel().length() * ahead_s).min(1.0) * region.slot(link.handle).reach_m;
     let bounds = region.world_bounds(link.handle).grown(MARGIN_M + f64::from(turn_m));
     let velocity = Vector::from_array(convert::velocity_of(body).linear);
+    let velocity = region.heading(link.handle, velocity);
     let swept = swept(&bounds, velocity.to_array(), f64::from(ahead_s));
     Near { link, bounds, velocity, swept, awake: true, island: 1 }
 }

@@ -16,6 +16,9 @@ use crate::space::BodyId;
 /// A character falls no faster, m/s: a tick's fall is not to pass through a floor's neighbourhood unseen.
 const FASTEST_FALL_M_S: f32 = 100.0;
 
+/// What a character stands on is looked for as if it fell so fast, m/s.
+const ABOUT_TO_FALL_M_S: f32 = 1.0;
+
 /// The part of its gap to the ground by which a character that stands is drawn down in a tick.
 const HOLD: f32 = 0.5;
 
@@ -100,6 +103,18 @@ impl Region {
         let Some(walking) = self.characters.get_mut(&id) else { return false };
         walking.gait.wanted = wanted;
         true
+    }
+
+    /// Returns where a body that moves at this velocity may be about to go, m/s: a character that stands at something or on it may
+    /// walk on, or fall, in the next tick.
+    pub(in crate::physics) fn heading(&self, handle: RigidBodyHandle, velocity: Vector) -> Vector {
+        let Some(gait) = self.gait(handle) else { return velocity };
+        let up = self.up();
+        let wanted = convert::vector(gait.wanted);
+        let rise_m_s = if gait.grounded { -ABOUT_TO_FALL_M_S } else { gait.rise_m_s };
+        let asked = wanted - up * wanted.dot(up) + up * rise_m_s;
+        let larger = |a: f32, b: f32| if a.abs() > b.abs() { a } else { b };
+        Vector::new(larger(asked.x, velocity.x), larger(asked.y, velocity.y), larger(asked.z, velocity.z))
     }
 
     /// Gives all characters held here their velocity for a tick of this length, in id order, and pushes what they meet.

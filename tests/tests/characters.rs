@@ -242,6 +242,61 @@ fn it_is_lifted_and_shoved_and_not_passed_through() {
     }
 }
 
+/// Pseudo-random numbers from 0 to 1.
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+#[test]
+fn a_crowd_among_boxes_stays_in_its_room_and_apart() {
+    for (name, mut world) in worlds() {
+        for (x, z) in [(8.0, 0.0), (-8.0, 0.0), (0.0, 8.0), (0.0, -8.0)] {
+            let half = if z == 0.0 { [0.5, 4.0, 9.0] } else { [9.0, 4.0, 0.5] };
+            block(&mut world, [x, 4.0, z], half);
+        }
+        let mut dice = Dice(7);
+        let mut scattered =
+            |y: f64| [f64::from(dice.roll() * 14.0 - 7.0), y, f64::from(dice.roll() * 14.0 - 7.0)];
+        for _ in 0..40 {
+            let crate_ = ColliderBuilder::cuboid(0.3, 0.3, 0.3).density(100.0);
+            world.insert_at(WorldPose::at(scattered(2.5)), RigidBodyBuilder::dynamic(), [crate_]).unwrap();
+        }
+        let crowd: Vec<_> = (0..24).map(|_| walker(&mut world, scattered(5.0))).collect();
+        let mut dice = Dice(11);
+        let (mut nearest, mut lowest) = (f64::INFINITY, f64::INFINITY);
+        let mut start = Instant::now();
+        for tick in 0..900 {
+            if tick == 100 {
+                start = Instant::now();
+            }
+            for &id in &crowd {
+                if dice.roll() < 0.02 {
+                    let jump = if dice.roll() < 0.2 { 4.0 } else { 0.0 };
+                    go(&mut world, id, [dice.roll() * 6.0 - 3.0, jump, dice.roll() * 6.0 - 3.0]);
+                }
+            }
+            run(&mut world, 1);
+            let places: Vec<_> = crowd.iter().map(|&id| place(&world, id)).collect();
+            for (i, a) in places.iter().enumerate() {
+                assert!(a[0].abs() < 7.25 && a[2].abs() < 7.25, "{name}: {a:?} at tick {tick} is in a wall");
+                lowest = lowest.min(a[1]);
+                for b in places[..i].iter().filter(|b| (b[1] - a[1]).abs() < 0.5 && tick > 120) {
+                    nearest = nearest.min((a[0] - b[0]).hypot(a[2] - b[2]));
+                }
+            }
+        }
+        println!("{name}: nearest {nearest} lowest {lowest} {:?} a tick", start.elapsed() / 800);
+        assert!(lowest > 0.7, "{name}: one is {lowest} m above the floor");
+        assert!(nearest > 0.4, "{name}: two are {nearest} m apart");
+        assert!(world.validate().is_empty(), "{name}: {:?}", world.validate());
+    }
+}
+
 #[test]
 fn a_restored_one_walks_on_to_the_same_bits() {
     let mut original = world(2, Coupling::Auto);

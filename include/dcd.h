@@ -630,6 +630,28 @@ typedef struct DcdBodyDef {
     uint64_t user_data;
 } DcdBodyDef;
 
+// How a character walks. Start from DCD_CHARACTER_DEF_INIT.
+typedef struct DcdCharacterDef {
+    // sizeof(DcdCharacterDef).
+    uint32_t struct_size;
+    // The highest step that it climbs without a jump, metres, 0 to 100; 0 to climb none.
+    float step_height;
+    // How much free floor there must be on a step, metres, 0 to 100.
+    float step_depth;
+    // The steepest slope that it climbs, radians, 0 to pi / 2.
+    float max_climb;
+    // The least steep slope that it slides down, radians, 0 to pi / 2.
+    float min_slide;
+    // How far it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
+    float snap;
+    // The gap that it keeps from all else, metres, above 0 and at most 100.
+    float gap;
+    // The mass with which it pushes dynamic bodies and stands on them, kilograms, 0 or more; 0 to push none.
+    float mass;
+    // 0.
+    uint32_t reserved;
+} DcdCharacterDef;
+
 // The state of a body besides pose and velocity. Start from DCD_BODY_INFO_INIT.
 typedef struct DcdBodyInfo {
     // sizeof(DcdBodyInfo).
@@ -1849,6 +1871,21 @@ DCD_API bool dcd_body_is_valid(DcdWorld world, DcdBodyId body);
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID when that body is destroyed or there is none yet.
 DCD_API DcdStatus dcd_body_at(DcdWorld world, uint32_t index, DcdBodyId *out);
 
+// Creates a body, of DCD_KINEMATIC, that is a character: it walks on what it stands on, slides along walls, climbs steps and
+// slopes, falls, rides on what moves, and pushes what is in its way. dcd_body_set_velocity says where it wants to go: along the
+// ground, and upwards to jump, which it can from the ground; with a gravity_scale of 0 it flies as it wants and collides all the
+// same. dcd_body_get tells how it moves. Its shape is one that has volume; dcd_collider_add gives it others that only meet what
+// comes.
+//
+// In a served world it is walked by the node that computes it, also that of a client: it stops at a wall without a delay, and
+// cannot be made to pass it by its client. A client may have 32.
+// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type, a sensor, or a setting out of range.
+DCD_API
+DcdStatus dcd_character_create(DcdWorld world,
+                               const DcdBodyDef *body,
+                               const DcdCharacterDef *character,
+                               DcdBodyId *out);
+
 // Reads the type, mass, owner, forces and sleep of a body.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
@@ -2574,6 +2611,10 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
       0.0f, 0.0f, 1.0f, 0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0.0f, \
       0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
 
+/* A person of 80 kg: steps of 0.3 m, slopes of 45 degrees. */
+#define DCD_CHARACTER_DEF_INIT \
+    { (uint32_t)sizeof(DcdCharacterDef), 0.3f, 0.1f, 0.785398163f, 0.785398163f, 0.2f, 0.02f, 80.0f, 0 }
+
 /* A shape as dense as water at the body's origin. */
 #define DCD_COLLIDER_PROPERTIES_INIT \
     { (uint32_t)sizeof(DcdColliderProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
@@ -2787,6 +2828,16 @@ DCD_ASSERT_(offsetof(DcdBodyDef, extra_solver_iterations) == 204);
 DCD_ASSERT_(offsetof(DcdBodyDef, extra_pgs_iterations) == 208);
 DCD_ASSERT_(offsetof(DcdBodyDef, reserved) == 212);
 DCD_ASSERT_(offsetof(DcdBodyDef, user_data) == 216);
+DCD_ASSERT_(sizeof(DcdCharacterDef) == 36);
+DCD_ASSERT_(offsetof(DcdCharacterDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdCharacterDef, step_height) == 4);
+DCD_ASSERT_(offsetof(DcdCharacterDef, step_depth) == 8);
+DCD_ASSERT_(offsetof(DcdCharacterDef, max_climb) == 12);
+DCD_ASSERT_(offsetof(DcdCharacterDef, min_slide) == 16);
+DCD_ASSERT_(offsetof(DcdCharacterDef, snap) == 20);
+DCD_ASSERT_(offsetof(DcdCharacterDef, gap) == 24);
+DCD_ASSERT_(offsetof(DcdCharacterDef, mass) == 28);
+DCD_ASSERT_(offsetof(DcdCharacterDef, reserved) == 32);
 DCD_ASSERT_(sizeof(DcdBodyProperties) == 96);
 DCD_ASSERT_(offsetof(DcdBodyProperties, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyProperties, body_type) == 4);

@@ -7,6 +7,7 @@ use std::mem::{offset_of, size_of};
 use std::path::Path;
 
 use dcd_ffi::body::*;
+use dcd_ffi::character::*;
 use dcd_ffi::collider::*;
 use dcd_ffi::connection::*;
 use dcd_ffi::event::*;

@@ -122,6 +122,42 @@ fn a_world_of_this_process_is_served_as_it_is() {
     assert_eq!((summary.state_hash, transfers), (Some(local.state_hash()), local.stats().transfers));
 }
 
+/// What moves in a batch is more than the queue of a link takes; none is silent for long, whatever its number.
+#[test]
+fn a_client_of_thousands_of_moving_bodies_hears_of_each() {
+    const BODIES: u32 = 4_000;
+    let mut local = LocalWorld::new(WorldConfig {
+        step: StepSettings { gravity: [0.0; 3], ..StepSettings::default() },
+        ..WorldConfig::default()
+    })
+    .unwrap();
+    for i in 0..BODIES {
+        let at = [f64::from(i % 40) * 2.0 - 40.0, f64::from(i / 40 % 10) * 2.0, f64::from(i / 400) * 2.0];
+        let body = RigidBodyBuilder::dynamic().linvel(Vector::new(0.3, 0.1, 0.2)).can_sleep(false);
+        local.insert_at(WorldPose::at(at), body, [ColliderBuilder::ball(0.2)]).unwrap();
+    }
+    let (server, _data) =
+        serve_origin(Origin::World(&local), 1, Pace::RealTime, None, GroupConfig::default());
+    let client = connect(&server);
+    let _node = start_node(&server);
+    let (mut silent, mut checked) = (0, 0);
+    while checked < 60 {
+        let seen = client.updates();
+        assert!(client.wait_update(seen, LIMIT), "the world goes on");
+        let tick = client.tick().0;
+        if tick > 120 {
+            checked += 1;
+            client.with_bodies(|view| {
+                silent = silent.max(tick.saturating_sub(view.tick.0));
+                None::<()>
+            });
+        }
+    }
+    println!("none was silent for more than {silent} ticks");
+    // A batch every third tick; three take all of them, and some datagrams may be lost.
+    assert!(silent <= 30, "one was silent for {silent} ticks");
+}
+
 /// A world that has run already goes on from where its bodies are, and how they move.
 #[test]
 fn a_world_that_has_run_goes_on_at_nodes() {

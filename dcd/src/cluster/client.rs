@@ -13,7 +13,7 @@ use super::Peer;
 use crate::protocol::{
     Alteration, Area, BodyKind, BodyRecord, Chunk, ContactForce, EnvironmentProperties, FromClient, Handover,
     Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash, ShapeRecord,
-    SharedState, ToClient, Touch, VERSION, Velocity, WorldPose,
+    SharedState, ToClient, Touch, VERSION, Velocity, WorldPose, unpack_states,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, Epoch, GroupId, NodeId, RegionId, Tick};
 
@@ -640,6 +640,12 @@ impl Client {
                 let strangers = self.surroundings.ask(self.now, strangers);
                 if !strangers.is_empty() {
                     self.ask_server(FromClient::Introduce(strangers));
+                }
+            }
+            ToClient::CompactStates { stamp, part } => {
+                // Of a part that is broken nothing is believed; the next one says what there is.
+                if let Ok(states) = unpack_states(&part) {
+                    self.told(ToClient::States { stamp, states });
                 }
             }
             // A leader that is no longer ours.

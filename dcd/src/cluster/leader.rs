@@ -10,6 +10,7 @@ mod questions;
 mod state_replication;
 #[cfg(test)]
 mod tests;
+mod turns;
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -23,6 +24,7 @@ use self::inter_group::InterGroup;
 use self::interest::{Audience, Latest, Moved};
 use self::questions::Questions;
 pub(super) use self::state_replication::TELL_TICK;
+use self::turns::Turns;
 
 use super::Peer;
 use crate::protocol::{
@@ -70,6 +72,8 @@ pub struct Leader {
     undecided: BTreeSet<ClientId>,
     /// The tick that each client was last sent.
     told: BTreeMap<ClientId, Tick>,
+    /// What clients are to be told in later batches.
+    turns: BTreeMap<ClientId, Turns>,
     questions: Questions,
     /// Interests that clients have sent since the last tick.
     interests: BTreeMap<ClientId, Option<Area>>,
@@ -118,6 +122,7 @@ impl Leader {
             clients,
             introduction: view.led_by().cloned(),
             told: BTreeMap::new(),
+            turns: BTreeMap::new(),
             questions: Questions::default(),
             interests: BTreeMap::new(),
             audiences: BTreeMap::new(),
@@ -196,7 +201,7 @@ impl Leader {
 
     fn tell_everything(&mut self, client: ClientId) {
         let states = self.latest.values().map(|&(state, _)| state).collect();
-        self.tell(client, self.tick, false, states);
+        self.tell_in_turn(client, states);
     }
 
     /// Removes a client whose direct link is gone.
@@ -204,6 +209,7 @@ impl Leader {
         if self.clients.get(&client) == Some(&Peer::Client(client)) {
             self.clients.remove(&client);
             self.told.remove(&client);
+            self.turns.remove(&client);
             self.undecided.remove(&client);
             self.uninterest(client);
             self.questions.forget(client);

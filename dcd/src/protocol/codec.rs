@@ -14,7 +14,7 @@ use bincode::{
 #[cfg(feature = "physics")]
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::{Check, Chunk, Invalid, Message, Stamp, ToClient};
+use super::{Check, Chunk, Invalid, Message, Stamp, ToClient, compact};
 use crate::protocol::SharedState;
 use crate::space::ClientId;
 
@@ -51,6 +51,11 @@ pub enum CodecError {
         "{0} bytes follow the message: the peer is broken or of another version; install the same dcd on both"
     )]
     Trailing(usize),
+    /// States that cannot be unpacked.
+    #[error(
+        "states for clients cannot be unpacked: the peer is broken or of another version; install the same dcd on both"
+    )]
+    Compact,
     /// Well-formed, with a value that must not be.
     #[error("refused a message: {0}")]
     Invalid(#[from] Invalid),
@@ -143,22 +148,28 @@ pub fn chunks<T: Encode>(items: impl IntoIterator<Item = T>, chunk: fn(Vec<T>) -
     split(items, CHUNK_BYTES).into_iter().map(chunk).collect()
 }
 
-/// Packs states for a client into messages that each fit a datagram.
+/// Packs states for a client, quantised, into messages that each fit a datagram.
 pub fn pack_states(
     client: ClientId,
     stamp: Stamp,
     states: impl IntoIterator<Item = SharedState>,
 ) -> Vec<Message> {
-    datagrams(states)
+    compact::pack(states, DATAGRAM_BYTES - ENVELOPE_BYTES)
         .into_iter()
-        .map(|states| Message::ToClient(client, ToClient::States { stamp, states }))
+        .map(|part| Message::ToClient(client, ToClient::CompactStates { stamp, part }))
         .collect()
 }
 
+/// Returns the states in one of the messages of [`pack_states`].
+pub fn unpack_states(part: &[u8]) -> Result<Vec<SharedState>, CodecError> {
+    compact::unpack(part)
+}
+
+/// The envelope of a datagram of states: three tags, client id or view, group, tick, a flag and length, each at its longest.
+const ENVELOPE_BYTES: usize = 3 + 9 + 5 + 9 + 1 + 9;
+
 /// Splits states into parts that each fit a datagram with its envelope.
 pub fn datagrams(states: impl IntoIterator<Item = SharedState>) -> Vec<Vec<SharedState>> {
-    // The envelope: three tags, client id or view, group, tick, a flag and length, each at its longest.
-    const ENVELOPE_BYTES: usize = 3 + 9 + 5 + 9 + 1 + 9;
     split(states, DATAGRAM_BYTES - ENVELOPE_BYTES)
 }
 
@@ -251,16 +262,19 @@ mod tests {
     }
 
     #[test]
-    fn packed_states_fit_datagrams_and_lose_nothing() {
+    fn packed_states_fit_datagrams_and_none_is_lost() {
         let states: Vec<_> = (0..500).map(|i| state(u32::MAX - i)).collect();
         let mut unpacked = Vec::new();
         for message in pack_states(ClientId(u32::MAX), stamp(u64::MAX), states.clone()) {
             let bytes = encode(&message);
             assert!(bytes.len() <= DATAGRAM_BYTES, "{} bytes", bytes.len());
-            let Ok(Message::ToClient(_, ToClient::States { states, .. })) = decode(&bytes) else { panic!() };
-            unpacked.extend(states);
+            let Ok(Message::ToClient(_, ToClient::CompactStates { part, .. })) = decode(&bytes) else {
+                panic!()
+            };
+            unpacked.extend(unpack_states(&part).unwrap());
         }
-        assert_eq!(unpacked, states);
+        let ids = |states: &[SharedState]| states.iter().map(|state| state.id).collect::<Vec<_>>();
+        assert_eq!(ids(&unpacked), ids(&states));
     }
 
     #[test]

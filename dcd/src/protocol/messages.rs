@@ -88,7 +88,7 @@ impl Message {
             Self::Border(_) => Lane::Border,
             Self::Ping(_)
             | Self::Pong(_)
-            | Self::ToClient(_, ToClient::States { .. })
+            | Self::ToClient(_, ToClient::States { .. } | ToClient::CompactStates { .. })
             | Self::Program(Program::Datagram(_))
             | Self::ToServer(ToServer::InterGroup { .. })
             | Self::ToNode(ToNode::InterGroup { .. }) => Lane::State,

@@ -5,6 +5,7 @@ mod body;
 mod border;
 mod character;
 mod codec;
+mod compact;
 mod contacts;
 mod hash;
 mod joint;
@@ -26,7 +27,7 @@ pub use border::{
 pub use character::{Character, Gait};
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, datagrams, decode,
-    decode_value, encode, encode_value, encoded_len, pack_states, split,
+    decode_value, encode, encode_value, encoded_len, pack_states, split, unpack_states,
 };
 #[cfg(feature = "physics")]
 pub(crate) use codec::{read_state, write_state};

@@ -128,7 +128,7 @@ impl Links {
                 let key = self.keys.get(&to).copied();
                 // States of a speculative tick that wait are worth nothing when they arrive, and authoritative states wait behind
                 // them.
-                let is_guess = matches!(message, Message::ToClient(_, ToClient::States { stamp, .. }) if stamp.speculative);
+                let is_guess = matches!(message, Message::ToClient(_, ToClient::States { stamp, .. } | ToClient::CompactStates { stamp, .. }) if stamp.speculative);
                 if is_guess && key.is_some_and(|key| self.net.datagrams_waiting(key) > GUESSES_WAITING) {
                     return;
                 }

@@ -696,6 +696,8 @@ fn is_update(event: &ClientEvent) -> bool {
     match event {
         ClientEvent::Message { message: Message::ToClient(_, ToClient::States { states, .. }), .. }
         | ClientEvent::Node(ToClient::States { states, .. }) => !states.is_empty(),
+        ClientEvent::Message { message: Message::ToClient(_, ToClient::CompactStates { .. }), .. }
+        | ClientEvent::Node(ToClient::CompactStates { .. }) => true,
         _ => false,
     }
 }

@@ -35,6 +35,11 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
     }
 }
 
+/// Returns whether two velocities are the same in size along each axis, as far as clients are told: a body may have bounced.
+pub(super) fn as_fast(one: Velocity, other: Velocity) -> bool {
+    (0..3).all(|axis| (one.linear[axis].abs() - other.linear[axis].abs()).abs() <= 0.001)
+}
+
 /// Returns a body at rest without colliders: all that the stand-in needs.
 pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
     let traits = BodyTraits {

@@ -231,7 +231,7 @@ impl Sim {
         let bytes = encode(&message);
         let sent = self.sent.entry(Scope::of(&message)).or_default();
         (sent.messages, sent.bytes) = (sent.messages + 1, sent.bytes + bytes.len() as u64);
-        if let Message::ToClient(_, ToClient::States { .. }) = message {
+        if let Message::ToClient(_, ToClient::States { .. } | ToClient::CompactStates { .. }) = message {
             assert!(bytes.len() <= DATAGRAM_BYTES, "a datagram of {} bytes", bytes.len());
         }
         self.network.send(self.now, from, to, message.lane(), bytes);

@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
 use super::interest::{Audience, Moved, news};
+use super::turns::{MOST_AT_ONCE, Turns};
+use crate::cluster::Peer;
 use crate::protocol::{ContactForce, ContactKey, SharedState, Stamp, ToClient, ToServer, Touch, WorldEvents};
 use crate::space::{ClientId, Tick};
 
@@ -58,11 +60,18 @@ impl Leader {
             let states = audience.batch(&news, &self.latest);
             self.audiences.insert(client, audience);
             if !states.is_empty() {
-                self.tell(client, self.tick, false, states);
+                self.tell_in_turn(client, states);
             }
         }
         if !moved.is_empty() {
             self.tell_moved(moved);
+        }
+        let waits = |(client, turns): (&ClientId, &Turns)| {
+            let is_told = self.told.get(client) == Some(&self.tick);
+            (!turns.is_empty() && !is_told).then_some(*client)
+        };
+        for client in self.turns.iter().filter_map(waits).collect::<Vec<_>>() {
+            self.tell_in_turn(client, Vec::new());
         }
         self.tell_tick();
     }
@@ -80,7 +89,9 @@ impl Leader {
         self.reminded = reminders.last().copied().unwrap_or_default();
         let told: BTreeSet<_> = moved.into_keys().chain(reminders).collect();
         let states: Vec<_> = told.iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
-        self.tell_all(self.tick, false, &states);
+        for client in self.hear_all() {
+            self.tell_in_turn(client, states.clone());
+        }
     }
 
     /// Sends the tick to clients that have not heard of anything for long.
@@ -109,14 +120,24 @@ impl Leader {
         self.messages.push((client, message));
     }
 
-    /// Sends states to all clients without an area of interest.
-    fn tell_all(&mut self, tick: Tick, speculative: bool, states: &[SharedState]) {
+    /// Returns the clients without an area of interest.
+    fn hear_all(&self) -> Vec<ClientId> {
         let hears_all =
             |client: &&ClientId| !self.audiences.contains_key(client) && !self.undecided.contains(client);
-        let all = self.clients.keys().filter(hears_all);
-        for client in all.copied().collect::<Vec<_>>() {
-            self.tell(client, tick, speculative, states.to_vec());
+        self.clients.keys().filter(hears_all).copied().collect()
+    }
+
+    /// Sends a client states, or as many as a batch takes, and the others with the next ones.
+    pub(super) fn tell_in_turn(&mut self, client: ClientId, states: Vec<SharedState>) {
+        let here = self.introduction.as_ref().map(|leader| Peer::Node(leader.node));
+        let is_here = self.route(client) == here;
+        let turns = self.turns.entry(client).or_default();
+        if is_here || turns.is_empty() && states.len() <= MOST_AT_ONCE {
+            return self.tell(client, self.tick, false, states);
         }
+        let next = turns.take(states.iter().map(|state| state.id));
+        let states = next.iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
+        self.tell(client, self.tick, false, states);
     }
 
     pub(super) fn tell(&mut self, client: ClientId, tick: Tick, speculative: bool, states: Vec<SharedState>) {
@@ -135,7 +156,9 @@ impl Leader {
         for (client, states) in parts {
             self.tell(client, tick, true, states);
         }
-        self.tell_all(tick, true, states);
+        for client in self.hear_all() {
+            self.tell(client, tick, true, states.to_vec());
+        }
     }
 }
 

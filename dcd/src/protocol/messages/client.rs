@@ -149,12 +149,19 @@ pub enum ToClient {
     Removed(BodyId),
     /// The server's program changed what a body or a joint is, which the client may not know.
     Altered(Alteration),
-    /// Bodies that moved; fits a datagram.
+    /// Bodies that moved: to the client in the leader's process, or to say that time goes on though none has.
     States {
         /// Their origin and time.
         stamp: Stamp,
         /// In id order.
         states: Vec<SharedState>,
+    },
+    /// The same as [`Self::States`], quantised and coded, in as many messages as there must be.
+    CompactStates {
+        /// Their origin and time.
+        stamp: Stamp,
+        /// For [`unpack_states`](crate::protocol::unpack_states).
+        part: Vec<u8>,
     },
     /// Contacts of the client's own avatars, each pair once.
     Contacts {

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::avatar;
 use crate::cluster::{ClientEvent, Peer};
 use crate::protocol::{DelayThresholds, Thresholds, Velocity};
+use crate::sim::fixtures::as_fast;
 use crate::sim::{Apart, Comparer, FaultProfile, Random, Sim, SimConfig, sim_body};
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
@@ -102,10 +103,9 @@ fn an_avatar_is_seen_in_its_group_within_two_ticks_of_an_input() {
         assert_eq!(others.len(), 1);
         let began = sim.now();
         let input = input(&mut sim, who, std::array::from_fn(|_| random.unit() as f32 * 4.0 - 2.0));
-        let speeds = |velocity: Velocity| velocity.linear.map(f32::abs);
         let sees = |sim: &Sim| {
             let view = sim.client(others[0]).body(avatar(who)).expect("it is there");
-            speeds(view.body.state.velocity) == speeds(input)
+            as_fast(view.body.state.velocity, input)
         };
         sim.run_until(sees).unwrap();
         assert!(sim.now() - began <= 2 * TICK, "{:?}", sim.now() - began);

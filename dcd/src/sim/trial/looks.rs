@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use super::{Action, CALM, CALM_APART, LOOK, Trial};
 use crate::cluster::{Peer, Server};
-use crate::protocol::{Velocity, View};
+use crate::protocol::View;
 use crate::sim::Violation;
+use crate::sim::fixtures::as_fast;
 use crate::space::{BodyId, ClientId, GroupId};
 
 /// Longest time that members of a group may be cut off from one another: until their links end, they have complained, and the
@@ -187,11 +188,9 @@ impl Trial<'_> {
         if view.tick.0 + 30 < tick {
             return Some(format!("{client} sees its avatar as of {}, while it is t{tick}", view.tick));
         }
-        let speeds = |velocity: Velocity| velocity.linear.map(f32::abs);
         match self.inputs.get(&client) {
             Some(&(at, _)) if self.sim.now < at + OBEYED => None,
-            // It may have bounced since.
-            Some(&(_, input)) if speeds(input) != speeds(view.body.state.velocity) => {
+            Some(&(_, input)) if !as_fast(input, view.body.state.velocity) => {
                 Some(format!("the avatar of {client} does not move as it was told to"))
             }
             Some(_) => None,

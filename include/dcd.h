@@ -644,9 +644,9 @@ typedef struct DcdCharacterDef {
     float min_slide;
     // How far it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
     float snap;
-    // The gap that it keeps from all else, metres, above 0 and at most 100.
+    // The gap that it keeps from all else, metres, above 0 and at most 1.
     float gap;
-    // The mass with which it pushes dynamic bodies and stands on them, kilograms, 0 or more; 0 to push none.
+    // The mass with which it pushes dynamic bodies and stands on them, kilograms, 0 to 1e9; 0 to push none.
     float mass;
     // 0.
     uint32_t reserved;
@@ -1878,7 +1878,7 @@ DCD_API DcdStatus dcd_body_at(DcdWorld world, uint32_t index, DcdBodyId *out);
 // comes.
 //
 // In a served world it is walked by the node that computes it, also that of a client: it stops at a wall without a delay, and
-// cannot be made to pass it by its client. A client may have 32.
+// its client cannot put it elsewhere (dcd_body_set_pose). A client may have 32, which take steps of at most 1 m.
 // Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type, a sensor, or a setting out of range.
 DCD_API
 DcdStatus dcd_character_create(DcdWorld world,
@@ -1908,7 +1908,7 @@ DcdStatus dcd_pose_interpolate(const DcdPose *from,
                                DcdPose *out);
 
 // Teleports a body to a pose, whatever is there, and wakes it. A fixed body of a local world may be moved so too. A client
-// or participant moves its own avatars, a server all but fixed bodies; the next dcd_step asks for it.
+// or participant moves its own avatars but characters, a server all but fixed bodies; the next dcd_step asks for it.
 //
 // Errors: DCD_ERR_UNSUPPORTED for a body that this process may not move, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
 // pose out of range or whose q is not of length 1.

@@ -26,9 +26,9 @@ pub struct DcdCharacterDef {
     pub min_slide: f32,
     /// How far it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
     pub snap: f32,
-    /// The gap that it keeps from all else, metres, above 0 and at most 100.
+    /// The gap that it keeps from all else, metres, above 0 and at most 1.
     pub gap: f32,
-    /// The mass with which it pushes dynamic bodies and stands on them, kilograms, 0 or more; 0 to push none.
+    /// The mass with which it pushes dynamic bodies and stands on them, kilograms, 0 to 1e9; 0 to push none.
     pub mass: f32,
     /// 0.
     pub reserved: u32,
@@ -46,7 +46,7 @@ unsafe impl Sized32 for DcdCharacterDef {
 /// comes.
 ///
 /// In a served world it is walked by the node that computes it, also that of a client: it stops at a wall without a delay, and
-/// cannot be made to pass it by its client. A client may have 32.
+/// its client cannot put it elsewhere (dcd_body_set_pose). A client may have 32, which take steps of at most 1 m.
 /// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type, a sensor, or a setting out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_character_create(

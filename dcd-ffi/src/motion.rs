@@ -148,7 +148,7 @@ pub unsafe extern "C" fn dcd_pose_interpolate(
 }
 
 /// Teleports a body to a pose, whatever is there, and wakes it. A fixed body of a local world may be moved so too. A client
-/// or participant moves its own avatars, a server all but fixed bodies; the next dcd_step asks for it.
+/// or participant moves its own avatars but characters, a server all but fixed bodies; the next dcd_step asks for it.
 ///
 /// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not move, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
 /// pose out of range or whose q is not of length 1.

@@ -147,10 +147,13 @@ fn a_client_of_thousands_of_moving_bodies_hears_of_each() {
         let tick = client.tick().0;
         if tick > 120 {
             checked += 1;
+            let mut bodies = 0;
             client.with_bodies(|view| {
                 silent = silent.max(tick.saturating_sub(view.tick.0));
+                bodies += 1;
                 None::<()>
             });
+            assert_eq!(bodies, BODIES);
         }
     }
     println!("none was silent for more than {silent} ticks");

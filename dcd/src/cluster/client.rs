@@ -612,7 +612,7 @@ impl Client {
             }
             ToClient::Altered(Alteration::Body { body, traits, .. }) => {
                 if let Some(view) = self.bodies.get_mut(&body) {
-                    view.body.traits = traits;
+                    view.body.set_traits(traits);
                 }
             }
             ToClient::Altered(Alteration::Joint(joint)) => {

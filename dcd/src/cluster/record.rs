@@ -196,7 +196,7 @@ impl Record {
                 if !is_movable(&body.traits) || !is_movable(traits) {
                     return false;
                 }
-                body.traits = traits.clone();
+                body.set_traits(traits.clone());
                 body.state.sleeping &= !wakes;
                 self.changes.lives.insert(body.id);
             }

@@ -230,13 +230,17 @@ impl BorderMessage {
         Some(self.transfers.remove(at).body)
     }
 
-    /// Applies an input to the body if it is being handed over in this message.
+    /// Applies an input to the body if it is being handed over in this message, or as a character copied.
     pub fn apply_input(&mut self, input: &Input) {
         let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == input.body);
         if let Some(Transfer { body, .. }) = of {
             body.steer(input.velocity);
-            body.state.pose = input.pose.unwrap_or(body.state.pose);
+            let stays = body.traits.character.is_some() && body.id.client().is_some();
+            body.state.pose = input.pose.filter(|_| !stays).unwrap_or(body.state.pose);
         }
+        // Of other bodies the owner tells how they move.
+        let walks = |body: &&mut BodyRecord| body.id == input.body && body.traits.character.is_some();
+        self.replicas.iter_mut().filter(walks).for_each(|body| body.steer(input.velocity));
     }
 
     /// Changes what the body or the joint is, if it is being handed over or copied in this message.
@@ -245,7 +249,7 @@ impl BorderMessage {
             Alteration::Body { body: id, traits, wakes } => {
                 let handed_over = self.transfers.iter_mut().map(|transfer| &mut transfer.body);
                 for body in handed_over.chain(&mut self.replicas).filter(|body| body.id == *id) {
-                    body.traits = traits.clone();
+                    body.set_traits(traits.clone());
                     body.state.sleeping &= !wakes;
                 }
             }

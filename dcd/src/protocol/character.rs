@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{BodyRecord, Velocity};
+use super::{BodyRecord, BodyTraits, Velocity};
 
 /// The settings of a character: a body that walks on what it stands on, slides along walls, climbs steps and slopes, falls, rides
 /// on what moves, and pushes what is in its way. Its velocity is what its user wants; how it moves follows from what is around.
@@ -26,7 +26,7 @@ pub struct Character {
     pub min_slide_rad: f32,
     /// How far it is drawn down to the ground as it walks downhill, metres; 0 to be in the air instead.
     pub snap_m: f32,
-    /// The gap that it keeps from all else, metres; above 0.
+    /// The gap that it keeps from all else, metres; above 0, at most 1.
     pub gap_m: f32,
     /// The mass with which it pushes dynamic bodies and stands on them, kilograms; 0 to push none.
     pub mass_kg: f32,
@@ -57,8 +57,8 @@ impl Character {
             (angle(self.max_climb_rad), "character.max_climb_rad", "0 to π/2"),
             (angle(self.min_slide_rad), "character.min_slide_rad", "0 to π/2"),
             (length(self.snap_m), "character.snap_m", "0 to 100"),
-            (length(self.gap_m) && self.gap_m > 0.0, "character.gap_m", "above 0, at most 100"),
-            (self.mass_kg.is_finite() && self.mass_kg >= 0.0, "character.mass_kg", "finite and not negative"),
+            (self.gap_m > 0.0 && self.gap_m <= 1.0, "character.gap_m", "above 0, at most 1"),
+            ((0.0..=1e9).contains(&self.mass_kg), "character.mass_kg", "0 to 1e9"),
         ]
         .into_iter()
         .find_map(|(holds, field, rule)| (!holds).then_some((field, rule)))
@@ -87,6 +87,12 @@ impl BodyRecord {
         self.state.sleeping = false;
         self.state.gait = Some(Gait { wanted: self.state.velocity.linear, ..Gait::default() });
         self
+    }
+
+    /// Changes what the body is; one that is no character any more does not walk.
+    pub fn set_traits(&mut self, traits: Arc<BodyTraits>) {
+        self.state.gait = self.state.gait.filter(|_| traits.character.is_some());
+        self.traits = traits;
     }
 
     /// Returns the velocity that the user of the body has asked for last, as far as it is known; of a body that is no character

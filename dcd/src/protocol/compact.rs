@@ -14,11 +14,11 @@ use self::model::{Adaptive, Bits, PRECISION};
 use self::quantise::Quantised;
 use super::{CodecError, SharedState};
 
-/// No datagram has more bodies: their count is a number of two bytes.
-const MAX_BODIES: usize = u16::MAX as usize;
+/// No part has more bodies, however few bits they take.
+const MAX_BODIES: usize = 1_024;
 
 /// The most bytes of one body's code: all numbers at their longest, under models that expect something else.
-const LONGEST_BYTES: usize = 130;
+const LONGEST_BYTES: usize = 180;
 
 /// The bytes of the count, and of the coder's last words.
 const FRAME_BYTES: usize = 2 + 8;
@@ -194,7 +194,7 @@ pub(super) fn pack(states: impl IntoIterator<Item = SharedState>, limit: usize) 
             before = models.code(&mut writer, &before, &body).expect("memory takes all");
             count += 1;
             states.next();
-            let room = limit - 2 - writer.0.num_bits() / 8;
+            let room = limit.saturating_sub(2 + writer.0.num_bits() / 8);
             if usize::from(count) == MAX_BODIES || room < LONGEST_BYTES {
                 break;
             }
@@ -212,8 +212,7 @@ pub(super) fn unpack(part: &[u8]) -> Result<Vec<SharedState>, CodecError> {
     let (count, words) = part.split_first_chunk::<2>().ok_or(CodecError::Compact)?;
     let (words, rest) = words.as_chunks::<4>();
     let count = usize::from(u16::from_le_bytes(*count));
-    // A body that its models foretold in every number takes a few bits.
-    if !rest.is_empty() || count > 8 * part.len() {
+    if !rest.is_empty() || count > MAX_BODIES {
         return Err(CodecError::Compact);
     }
     let words: Vec<_> = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
@@ -298,8 +297,10 @@ mod tests {
             let off_rad = 2.0 * dot.sum::<f64>().abs().min(1.0).acos();
             assert!(off_rad <= 0.001_3, "{off_rad}");
         }
-        // What was told once is told so again.
-        assert_eq!(unpacked(&pack(told.clone(), LIMIT)), told);
+        // What was told once is told so again, but that the larger of two components of a rotation may be the other.
+        for (again, told) in unpacked(&pack(told.clone(), LIMIT)).iter().zip(&told) {
+            assert_eq!((again.pose.translation, again.velocity), (told.pose.translation, told.velocity));
+        }
     }
 
     #[test]
@@ -328,6 +329,16 @@ mod tests {
     }
 
     #[test]
+    fn thousands_that_rest_alike_are_told_of() {
+        let upright = SharedState { pose: WorldPose::at([3.0, 0.5, 7.0]), ..heap(1, &mut Random(4))[0] };
+        let rest = |i| SharedState { id: BodyId::persistent(i), sleeping: true, ..upright };
+        let states: Vec<_> = (0..5_000).map(rest).collect();
+        let parts = pack(states.clone(), LIMIT);
+        assert_eq!(unpacked(&parts).len(), states.len());
+        assert!(parts.iter().map(Vec::len).sum::<usize>() < states.len() / 4, "they take next to nothing");
+    }
+
+    #[test]
     fn the_strangest_states_fit() {
         let far = |sign: f64| SharedState {
             id: BodyId::avatar(ClientId(u32::MAX), u32::MAX),
@@ -338,7 +349,9 @@ mod tests {
             sleeping: false,
         };
         let near = SharedState { id: BodyId::persistent(0), owner: RegionId(0), epoch: Epoch(0), ..far(0.0) };
-        let states: Vec<_> = (0..100).flat_map(|_| [far(1.0), near, far(-1.0)]).collect();
+        // The models have come to expect nothing new when it comes.
+        let alike = (0..900).map(|_| near);
+        let states: Vec<_> = alike.chain((0..100).flat_map(|_| [far(1.0), near, far(-1.0)])).collect();
         let parts = pack(states.clone(), LIMIT);
         assert!(parts.iter().all(|part| part.len() <= LIMIT), "{:?}", parts.iter().map(Vec::len).max());
         for (is, told) in states.iter().zip(unpacked(&parts)) {

@@ -188,6 +188,8 @@ impl Check for BodyTraits {
 impl Check for BodyRecord {
     fn check(&self) -> Result<(), Invalid> {
         self.state.check()?;
+        let walks = self.traits.character.is_some();
+        must(self.state.gait.is_some() == walks, "gait", "that of a character, and no other body's")?;
         self.traits.check()
     }
 }

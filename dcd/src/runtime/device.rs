@@ -399,9 +399,10 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
 /// Corrects a body towards its authoritative state in another group.
 fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
-    // A character would walk on by itself.
-    if traits.kind == BodyKind::KinematicPosition || traits.character.is_some() {
-        let next_s = lag_s + f64::from(host.settings().dt_s);
+    // A character walks on from there by itself.
+    let walks = traits.character.is_some();
+    if traits.kind == BodyKind::KinematicPosition || walks {
+        let next_s = lag_s + if walks { 0.0 } else { f64::from(host.settings().dt_s) };
         host.move_copies(target.id, target.pose.moved(&target.velocity, next_s));
         return;
     }
@@ -417,7 +418,9 @@ fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
 }
 
 fn steer(host: &mut RegionHost, input: &Input) {
-    if let Some(pose) = input.pose {
+    // A client's character goes where it can walk.
+    let walks = || host.record(input.body).is_some_and(|body| body.traits.character.is_some());
+    if let Some(pose) = input.pose.filter(|_| input.body.client().is_none() || !walks()) {
         host.move_copies(input.body, pose);
     }
     host.steer(input.body, &input.velocity);

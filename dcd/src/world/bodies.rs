@@ -56,7 +56,8 @@ impl World {
 
     /// Inserts a character: a body, kinematic by velocity, that walks by itself where it is computed. [`World::set_velocity`] says
     /// where to: along the ground, and upwards to jump. [`World::velocity`] is how it moves. In every role as
-    /// [`World::insert_at`]; in a served world nodes walk a client's characters, so that they stop at walls without delay.
+    /// [`World::insert_at`]; in a served world nodes walk a client's characters, so that they stop at walls without delay, and it
+    /// cannot put them elsewhere. What [`World::update`] sets as a velocity the next walk replaces.
     ///
     /// ```
     /// # use dcd::prelude::*;

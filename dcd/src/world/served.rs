@@ -287,6 +287,9 @@ impl Remote for Served {
 
     fn set_pose(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Error> {
         self.check_own(id, "move bodies of others")?;
+        if self.known(id).is_some_and(|body| body.traits.character.is_some()) {
+            return Err(self.unsupported("put its characters elsewhere", Instead::DriveAvatars));
+        }
         self.inputs.entry(id).or_default().pose = Some(pose);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.state.pose = pose;

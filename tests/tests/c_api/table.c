@@ -365,7 +365,7 @@ CALL(dcd_world_destroy) {
     of(dcd_world_info) of(dcd_world_is_valid) of(dcd_own_avatars) of(dcd_token_create) of(dcd_address) \
     of(dcd_shape_box) of(dcd_shape_sphere) of(dcd_shape_capsule) of(dcd_shape_cylinder) of(dcd_shape_cone) \
     of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_destroy) \
-    of(dcd_body_create) of(dcd_bodies_create) of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
+    of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
     of(dcd_body_at) of(dcd_body_info) of(dcd_body_get) of(dcd_body_set_pose) of(dcd_body_set_velocity) \
     of(dcd_body_set_target) of(dcd_body_wake) of(dcd_body_sleep) of(dcd_body_apply_impulse) \
     of(dcd_body_apply_torque_impulse) of(dcd_body_set_force) of(dcd_body_add_force) of(dcd_body_properties) \

@@ -131,8 +131,10 @@ impl Leader {
     pub(super) fn tell_in_turn(&mut self, client: ClientId, states: Vec<SharedState>) {
         let here = self.introduction.as_ref().map(|leader| Peer::Node(leader.node));
         let is_here = self.route(client) == here;
+        // Nothing is told after the last tick.
+        let is_last = self.last_tick == Some(self.tick);
         let turns = self.turns.entry(client).or_default();
-        if is_here || turns.is_empty() && states.len() <= MOST_AT_ONCE {
+        if is_here || is_last || turns.is_empty() && states.len() <= MOST_AT_ONCE {
             return self.tell(client, self.tick, false, states);
         }
         let next = turns.take(states.iter().map(|state| state.id));

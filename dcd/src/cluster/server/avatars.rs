@@ -7,7 +7,7 @@ use super::{Server, ServerOutput, budget};
 use crate::cluster::avatar_limits::AvatarLimits;
 use crate::cluster::{Life, Peer};
 use crate::protocol::{
-    BodyRecord, BodyState, FromClient, Input, Message, Refusal, ShapeRecord, ToClient, WorldOp,
+    BodyRecord, BodyState, FromClient, Gait, Input, Message, Refusal, ShapeRecord, ToClient, WorldOp,
 };
 use crate::space::{BodyId, ClientId, Epoch, Tick};
 
@@ -56,8 +56,10 @@ impl Server {
                     allowance.shape_bytes = brought;
                     for group in self.groups.values_mut() {
                         let shapes = group.record.learn(shapes.clone());
-                        // Epochs are ours to give, and clients push nothing.
-                        let state = BodyState { force: [0.0; 3], torque: [0.0; 3], ..body.state };
+                        // Epochs are ours to give, clients push nothing, and what a character wants is its velocity.
+                        let wanted = body.state.velocity.linear;
+                        let gait = body.traits.character.map(|_| Gait { wanted, ..Gait::default() });
+                        let state = BodyState { force: [0.0; 3], torque: [0.0; 3], gait, ..body.state };
                         group.record.insert(BodyRecord { epoch: Epoch(0), state, ..body.clone() });
                         group.introduce(&mut self.common, id, shapes);
                     }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::MAX_AVATARS;
 use crate::cluster::Record;
-use crate::protocol::{BodyRecord, Costs, Refusal, ShapeRecord};
+use crate::protocol::{BodyRecord, Character, Costs, Refusal, ShapeRecord};
 use crate::space::ClientId;
 
 /// The most iterations of either kind that an avatar may ask for, for itself and all that it touches.
@@ -19,6 +19,13 @@ const MAX_OVERLAPS: usize = 64;
 
 /// The most characters of one client: each looks around in every tick, where others only meet what comes.
 const MAX_CHARACTERS: usize = 32;
+
+/// The highest and deepest step of a client's character, and the farthest way down to the ground, metres.
+const MAX_STRIDE_M: f32 = 1.0;
+/// The widest gap that it keeps, metres.
+const MAX_GAP_M: f32 = 0.1;
+/// The greatest mass by which it pushes, kilograms.
+const MAX_MASS_KG: f32 = 1e4;
 
 /// The avatars that a client may bring at once, those included that it removes again: all that it may have, twice.
 const SPAWNS: f64 = 2.0 * MAX_AVATARS as f64;
@@ -78,6 +85,9 @@ pub(super) fn refusal(
     if traits.extra_solver_iterations.max(traits.extra_pgs_iterations) > MAX_EXTRA_ITERATIONS {
         return Some(Refusal::Costly(Costs::Iterations));
     }
+    if traits.character.is_some_and(|character| !suits_clients(&character)) {
+        return Some(Refusal::Costly(Costs::Strides));
+    }
     let size = |avatar: &BodyRecord| Size::of(avatar, |hash| record.shape_or(hash, brought));
     let new = size(avatar);
     if new.reach_m > MAX_REACH_M {
@@ -101,6 +111,14 @@ pub(super) fn refusal(
         return Some(Refusal::Costly(Costs::Corners));
     }
     (overlaps > MAX_OVERLAPS).then_some(Refusal::Costly(Costs::Overlaps))
+}
+
+/// Returns whether a client's character may walk so: it looks around no farther than it must, and climbs no walls.
+fn suits_clients(character: &Character) -> bool {
+    let lengths = [character.step_height_m, character.step_depth_m, character.snap_m];
+    lengths.iter().all(|length| *length <= MAX_STRIDE_M)
+        && character.gap_m <= MAX_GAP_M
+        && character.mass_kg <= MAX_MASS_KG
 }
 
 /// The size of an avatar in both senses.

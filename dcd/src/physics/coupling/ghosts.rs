@@ -95,6 +95,7 @@ fn take_over(
     let slot = region.slot_mut(handle);
     (slot.whole, slot.doubt) = (transfer.whole, 0);
     border.note_arrival(BodyRef { id: body.id, handle });
+    region.set_gait(body.id, body.state.gait);
     // Copies with a part of the mass follow their consensus instead.
     if !shares_mass {
         write_whole(region, handle, body);

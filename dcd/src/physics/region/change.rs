@@ -48,6 +48,10 @@ impl Region {
         let new = BodyTraits { character: old.character.filter(|_| read.kind == old.kind), ..read };
         if new != **old {
             self.targets.note(handle, new.kind);
+            if new.character.is_none() {
+                let id = self.slot(handle).id;
+                self.characters.remove(&id);
+            }
             self.slot_mut(handle).traits = Arc::new(new);
         }
     }

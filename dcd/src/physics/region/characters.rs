@@ -13,8 +13,8 @@ use crate::physics::convert;
 use crate::protocol::{Character, Gait};
 use crate::space::BodyId;
 
-/// A character falls no faster, m/s: a tick's fall is not to pass through a floor's neighbourhood unseen.
-const FASTEST_FALL_M_S: f32 = 100.0;
+/// No character walks, jumps or falls faster, m/s: Parry's casts are for ways of some kilometres at most.
+const FASTEST_M_S: f32 = 1_000.0;
 
 /// What a character stands on is looked for as if it fell so fast, m/s.
 const ABOUT_TO_FALL_M_S: f32 = 1.0;
@@ -39,9 +39,18 @@ impl Walking {
 /// One tick's walk.
 struct Walk {
     velocity: Vector,
+    /// The velocity with which it comes upon what it meets: it wants to go on so, and falls.
+    force_m_s: Vector,
     rise_m_s: f32,
     grounded: bool,
     met: Vec<Met>,
+}
+
+impl Walk {
+    fn standstill(gait: &Gait) -> Self {
+        let Gait { rise_m_s, grounded, .. } = *gait;
+        Self { velocity: Vector::ZERO, force_m_s: Vector::ZERO, rise_m_s, grounded, met: Vec::new() }
+    }
 }
 
 /// A collider that a character met on its way.
@@ -98,6 +107,11 @@ impl Region {
         }
     }
 
+    /// Has all characters stand still for a tick, after which queries find what is around them again.
+    pub(super) fn unsettle_characters(&mut self) {
+        self.characters.values_mut().for_each(|walking| walking.settled = false);
+    }
+
     /// Sets the velocity that a character wants, m/s. Returns whether it is a character held here.
     pub(in crate::physics) fn set_wanted(&mut self, id: BodyId, wanted: [f32; 3]) -> bool {
         let Some(walking) = self.characters.get_mut(&id) else { return false };
@@ -125,19 +139,13 @@ impl Region {
             let Some(character) = self.slot(handle).traits.character else { continue };
             let Walking { gait, settled } = self.characters[&id];
             let walk = if settled {
-                let Some(walk) = self.walk_of(handle, &character, &gait, dt_s) else { continue };
-                walk
+                self.walk_of(handle, &character, &gait, dt_s).unwrap_or_else(|| Walk::standstill(&gait))
             } else {
-                Walk {
-                    velocity: Vector::ZERO,
-                    rise_m_s: gait.rise_m_s,
-                    grounded: gait.grounded,
-                    met: Vec::new(),
-                }
+                Walk::standstill(&gait)
             };
             self.world.bodies[handle].set_linvel(walk.velocity, true);
             for met in &walk.met {
-                self.push_met(met, &character, convert::vector(gait.wanted), walk.rise_m_s);
+                self.push_met(met, &character, walk.force_m_s);
             }
             let gait = Gait { rise_m_s: walk.rise_m_s, grounded: walk.grounded, ..gait };
             self.characters.insert(id, Walking { gait, settled: true });
@@ -162,14 +170,14 @@ impl Region {
         let parts = body.colliders().iter().filter_map(|&part| world.colliders.get(part));
         let part = parts.into_iter().find(|part| !part.is_sensor() && part.is_enabled())?;
         let place = *body.position() * part.position_wrt_parent().copied().unwrap_or(Pose::IDENTITY);
-        let wanted = convert::vector(gait.wanted);
+        let wanted = convert::vector(gait.wanted).clamp_length_max(FASTEST_M_S);
         let fall_m_s = world.gravity.length() * body.gravity_scale() * dt_s;
         let flies = fall_m_s == 0.0;
         let rise_m_s = if flies {
             wanted.dot(up)
         } else {
             let start = if gait.grounded { wanted.dot(up).max(0.0) } else { gait.rise_m_s };
-            (start - fall_m_s).clamp(-FASTEST_FALL_M_S, FASTEST_FALL_M_S)
+            (start - fall_m_s).clamp(-FASTEST_M_S, FASTEST_M_S)
         };
         // What stands is held to what it stands on: the controller lifts it a little with each contact.
         let stands = !flies && gait.grounded && rise_m_s <= 0.0;
@@ -193,6 +201,7 @@ impl Region {
                     met.push(Met { collider: hit.handle, point, normal });
                 }
             });
+        let force_m_s = wanted - up * wanted.dot(up) + up * rise_m_s;
         let rose_m_s = (moved.translation - around.carried * dt_s).dot(up) / dt_s;
         let is_held = rose_m_s.abs() < 0.5 * asked_m_s.abs() || rose_m_s * asked_m_s < 0.0;
         // On what is too steep to stand on it falls as fast as it slides.
@@ -207,7 +216,7 @@ impl Region {
         } else {
             rise_m_s.max(rose_m_s.min(0.0))
         };
-        Some(Walk { velocity: moved.translation / dt_s, rise_m_s, grounded, met })
+        Some(Walk { velocity: moved.translation / dt_s, force_m_s, rise_m_s, grounded, met })
     }
 
     /// Looks at what a character touches; `stands` is the direction upwards if it stands on something.
@@ -235,34 +244,32 @@ impl Region {
             }
             // Dynamic bodies give way.
             if body.is_none_or(|body| !body.is_dynamic()) {
-                around.pressing.push(Pressing { normal, velocity, overlap_m: (-contact.dist).max(0.0) });
+                let overlap_m = (-contact.dist).clamp(0.0, gap_m);
+                around.pressing.push(Pressing { normal, velocity, overlap_m });
             }
         }
         around
     }
 
     /// Pushes a dynamic body that a character met, so far as the character is faster: an inelastic hit by its mass.
-    fn push_met(&mut self, met: &Met, character: &Character, wanted: Vector, rise_m_s: f32) {
+    fn push_met(&mut self, met: &Met, character: &Character, velocity: Vector) {
         let Some(handle) = self.world.colliders.get(met.collider).and_then(Collider::parent) else { return };
-        let body = &self.world.bodies[handle];
-        if !body.is_dynamic() || character.mass_kg == 0.0 {
-            return;
-        }
-        let (up, into) = (self.up(), -met.normal);
-        let velocity = wanted - up * wanted.dot(up) + up * rise_m_s;
+        let (body, into) = (&self.world.bodies[handle], -met.normal);
         let faster_m_s = (velocity - body.velocity_at_point(met.point)).dot(into);
-        if faster_m_s <= 0.0 {
-            return;
-        }
         // The copy has its share of the mass, and takes its share of the push.
         let share = self.share_of(handle) as f32;
         let mass = body.mass_properties();
         let arm = (met.point - mass.world_com).cross(into);
-        let lightness =
-            (mass.effective_inv_mass * into).dot(into) + arm.dot(mass.effective_world_inv_inertia * arm);
-        let lightness = lightness / share;
-        let impulse = faster_m_s / (lightness + character.mass_kg.recip());
-        self.world_mut().bodies[handle].apply_impulse_at_point(into * (impulse / share), met.point, true);
+        let moved = (mass.effective_inv_mass * into).dot(into);
+        let turned = arm.dot(mass.effective_world_inv_inertia * arm);
+        let lightness = (moved + turned) / share;
+        if !body.is_dynamic() || character.mass_kg == 0.0 || lightness <= 0.0 || faster_m_s <= 0.0 {
+            return;
+        }
+        let impulse = into * (faster_m_s / (lightness + character.mass_kg.recip()) / share);
+        if impulse.is_finite() {
+            self.world_mut().bodies[handle].apply_impulse_at_point(impulse, met.point, true);
+        }
     }
 }
 

@@ -134,6 +134,7 @@ impl Region {
             slot.asleep_at = slot.asleep_at.as_ref().map(moved);
         }
         self.due.fill(0);
+        self.unsettle_characters();
         let immovable = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Immovable);
         for handle in immovable.map(|slot| self.by_id[&slot.id]) {
             let body = &self.world.bodies[handle];

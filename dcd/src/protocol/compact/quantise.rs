@@ -9,6 +9,8 @@ const PLACE: f64 = 2048.0;
 const VELOCITY: f32 = 512.0;
 /// Steps per rad/s.
 const SPIN: f32 = 256.0;
+/// No speed is told that is higher, in steps: a million m/s.
+const FASTEST: i64 = 1 << 29;
 /// Steps from 0 to the largest that a component of a unit quaternion can be without being the largest, 1/√2.
 const TURN: f32 = 2047.0;
 
@@ -38,6 +40,7 @@ impl Quantised {
         let mut others = (0..4).filter(|&i| i != largest).map(|i| step(pose.rotation[i]));
         let awake = |v: [f32; 3], steps: f32| {
             v.map(|v| if sleeping { 0 } else { (f64::from(v) * f64::from(steps)).round() as i64 })
+                .map(|v| v.clamp(-FASTEST, FASTEST))
         };
         Self {
             id: id.bits() as i64,

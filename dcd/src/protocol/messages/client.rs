@@ -260,6 +260,11 @@ pub enum Costs {
     /// Characters, with the client's other ones.
     #[error("at most 32 characters of a client: make the others of another kind")]
     Characters,
+    /// Steps, gap or mass of a character.
+    #[error(
+        "a character of a client takes steps of at most 1 m, is drawn down by as much, keeps a gap of at most 0.1 m, and weighs at most 10 t"
+    )]
+    Strides,
     /// Avatars of the same client where it would begin.
     #[error("it begins where 64 others of this client are: spread them out")]
     Overlaps,

@@ -148,6 +148,51 @@ fn an_avatar_that_costs_too_much_is_refused_with_what_there_is_too_much_of() {
 }
 
 #[test]
+fn a_character_takes_no_giants_steps_and_begins_as_its_velocity_says() {
+    use crate::protocol::{BodyKind, Character, Costs, Gait};
+    let mut server = server();
+    let client = ClientId(1);
+    let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
+    server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
+    let mut next = 0;
+    let mut spawned = |character: Character| {
+        let id = BodyId::avatar(client, next);
+        next += 1;
+        let ball = ShapeRecord::Ball(0.5);
+        let mut body = sim_body(id, [f64::from(next), 0.0, 0.0]);
+        let traits = Arc::make_mut(&mut body.traits);
+        traits.kind = BodyKind::KinematicVelocity;
+        traits.colliders.push(collider(&ball));
+        body.state.velocity.linear = [1.0, 0.0, 0.0];
+        let mut body = body.with_character(Some(&character));
+        // No program of ours says so.
+        body.state.gait = Some(Gait { wanted: [1e30, 0.0, 0.0], rise_m_s: 1e30, grounded: true });
+        let message = Message::FromClient(client, FromClient::Spawn { body, shapes: vec![ball] });
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message });
+        server.record().body(id).map(|body| body.state.gait)
+    };
+    let usual = Character::default();
+    let fresh = Gait { wanted: [1.0, 0.0, 0.0], ..Gait::default() };
+    assert_eq!(spawned(usual), Some(Some(fresh)));
+    assert_eq!(spawned(Character { step_height_m: 90.0, ..usual }), None);
+    assert_eq!(spawned(Character { step_depth_m: 1.1, ..usual }), None);
+    assert_eq!(spawned(Character { snap_m: 1.1, ..usual }), None);
+    assert_eq!(spawned(Character { gap_m: 0.2, ..usual }), None);
+    assert_eq!(spawned(Character { mass_kg: 2e4, ..usual }), None);
+    assert!((1..40).take_while(|_| spawned(usual).is_some()).count() == 31, "32 with the first");
+    let refused = std::iter::from_fn(|| server.poll_output()).filter_map(|output| match output {
+        ServerOutput::Send {
+            message: Message::ToClient(_, ToClient::Rejected { reason: Refusal::Costly(what), .. }),
+            ..
+        } => Some(what),
+        _ => None,
+    });
+    let refused: Vec<_> = refused.collect();
+    assert_eq!(refused[..5], [Costs::Strides; 5]);
+    assert_eq!(refused[5], Costs::Characters);
+}
+
+#[test]
 fn only_the_leader_that_a_client_plays_with_speaks_for_it() {
     let mut server = server();
     let outputs = hello(&mut server, 1, VERSION);

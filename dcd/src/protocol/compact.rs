@@ -311,8 +311,7 @@ mod tests {
             parts.iter().map(Vec::len).sum::<usize>() as f64 / states.len() as f64
         };
         let whole = |states: &[SharedState]| {
-            states.iter().map(|state| super::super::encoded_len(state)).sum::<usize>() as f64
-                / states.len() as f64
+            states.iter().map(super::super::encoded_len).sum::<usize>() as f64 / states.len() as f64
         };
         let moving: Vec<_> = heap(901, &mut Random(2)).into_iter().filter(|state| !state.sleeping).collect();
         let resting: Vec<_> = moving.iter().map(|state| SharedState { sleeping: true, ..*state }).collect();

@@ -326,6 +326,37 @@ fn clients_hear_now_and_then_that_time_goes_on_though_nothing_moves() {
 }
 
 #[test]
+fn of_thousands_that_move_each_is_told_and_no_batch_is_longer_than_a_link_takes() {
+    use super::turns::MOST_AT_ONCE;
+    let count = 4 * MOST_AT_ONCE as u32 - 9;
+    let mut leader = leader();
+    leader.take_messages();
+    let mut told = std::collections::BTreeMap::<BodyId, u64>::new();
+    for tick in 1..=12 {
+        leader.dispatch(Duration::from_secs(tick)).unwrap();
+        let state = |i| SharedState {
+            id: BodyId::persistent(i),
+            owner: RegionId(1),
+            epoch: crate::space::Epoch(0),
+            pose: WorldPose::at([tick as f64, 0.0, 0.0]),
+            velocity: Velocity::default(),
+            sleeping: false,
+        };
+        // At last all but one are at rest.
+        let states = if tick < 8 { (0..count).map(state).collect() } else { vec![state(0)] };
+        leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(tick), states });
+        both_done(&mut leader, tick, vec![], vec![]);
+        for (_, message) in leader.take_messages() {
+            let ToClient::States { states, .. } = message else { continue };
+            assert!(states.len() <= MOST_AT_ONCE, "{} at tick {tick}", states.len());
+            told.extend(states.iter().map(|state| (state.id, state.pose.translation[0] as u64)));
+        }
+    }
+    assert_eq!(told.len() as u32, count);
+    assert!(told.values().all(|&last| last >= 7), "{:?}: where they came to rest", told.values().min());
+}
+
+#[test]
 fn a_contact_seen_by_two_regions_begins_and_ends_once() {
     let mut leader = leader();
     let key = ContactKey { a: BodyId::persistent(3), b: AVATAR, collider_a: 0, collider_b: 0 };

@@ -19,6 +19,9 @@ const FASTEST_M_S: f32 = 1_000.0;
 /// What a character stands on is looked for as if it fell so fast, m/s.
 const ABOUT_TO_FALL_M_S: f32 = 1.0;
 
+/// By no more than this is a body that a character stands on sped up by its weight in a tick, m/s.
+const MOST_BY_WEIGHT_M_S: f32 = 1.0;
+
 /// The part of its gap to the ground by which a character that stands is drawn down in a tick.
 const HOLD: f32 = 0.5;
 
@@ -41,6 +44,8 @@ struct Walk {
     velocity: Vector,
     /// The velocity with which it comes upon what it meets: it wants to go on so, and falls.
     force_m_s: Vector,
+    /// What a tick of falling would add, and the ground takes: by it the ground feels the weight.
+    weight_m_s: f32,
     rise_m_s: f32,
     grounded: bool,
     met: Vec<Met>,
@@ -49,7 +54,8 @@ struct Walk {
 impl Walk {
     fn standstill(gait: &Gait) -> Self {
         let Gait { rise_m_s, grounded, .. } = *gait;
-        Self { velocity: Vector::ZERO, force_m_s: Vector::ZERO, rise_m_s, grounded, met: Vec::new() }
+        let (velocity, force_m_s) = (Vector::ZERO, Vector::ZERO);
+        Self { velocity, force_m_s, weight_m_s: 0.0, rise_m_s, grounded, met: Vec::new() }
     }
 }
 
@@ -145,7 +151,7 @@ impl Region {
             };
             self.world.bodies[handle].set_linvel(walk.velocity, true);
             for met in &walk.met {
-                self.push_met(met, &character, walk.force_m_s);
+                self.push_met(met, &character, &walk);
             }
             let gait = Gait { rise_m_s: walk.rise_m_s, grounded: walk.grounded, ..gait };
             self.characters.insert(id, Walking { gait, settled: true });
@@ -216,7 +222,8 @@ impl Region {
         } else {
             rise_m_s.max(rose_m_s.min(0.0))
         };
-        Some(Walk { velocity: moved.translation / dt_s, force_m_s, rise_m_s, grounded, met })
+        let weight_m_s = if grounded { fall_m_s } else { 0.0 };
+        Some(Walk { velocity: moved.translation / dt_s, force_m_s, weight_m_s, rise_m_s, grounded, met })
     }
 
     /// Looks at what a character touches; `stands` is the direction upwards if it stands on something.
@@ -251,11 +258,11 @@ impl Region {
         around
     }
 
-    /// Pushes a dynamic body that a character met, so far as the character is faster: an inelastic hit by its mass.
-    fn push_met(&mut self, met: &Met, character: &Character, velocity: Vector) {
+    /// Pushes a dynamic body that a character met: by an inelastic hit, so far as the character is faster, or by its weight.
+    fn push_met(&mut self, met: &Met, character: &Character, walk: &Walk) {
         let Some(handle) = self.world.colliders.get(met.collider).and_then(Collider::parent) else { return };
         let (body, into) = (&self.world.bodies[handle], -met.normal);
-        let faster_m_s = (velocity - body.velocity_at_point(met.point)).dot(into);
+        let faster_m_s = (walk.force_m_s - body.velocity_at_point(met.point)).dot(into).max(0.0);
         // The copy has its share of the mass, and takes its share of the push.
         let share = self.share_of(handle) as f32;
         let mass = body.mass_properties();
@@ -263,12 +270,17 @@ impl Region {
         let moved = (mass.effective_inv_mass * into).dot(into);
         let turned = arm.dot(mass.effective_world_inv_inertia * arm);
         let lightness = (moved + turned) / share;
-        if !body.is_dynamic() || character.mass_kg == 0.0 || lightness <= 0.0 || faster_m_s <= 0.0 {
+        if !body.is_dynamic() || character.mass_kg == 0.0 || lightness <= 0.0 {
             return;
         }
-        let impulse = into * (faster_m_s / (lightness + character.mass_kg.recip()) / share);
-        if impulse.is_finite() {
-            self.world_mut().bodies[handle].apply_impulse_at_point(impulse, met.point, true);
+        let hit = faster_m_s / (lightness + character.mass_kg.recip());
+        // It stands on what slopes less than by half. A light body need not take all of the weight: nothing that falls away from
+        // below a character is thrown down by it.
+        let stands = met.normal.dot(self.up()) > 0.5;
+        let weight = if stands { character.mass_kg * walk.weight_m_s } else { 0.0 };
+        let impulse = hit.max(weight.min(MOST_BY_WEIGHT_M_S / lightness)) / share;
+        if impulse.is_finite() && impulse > 0.0 {
+            self.world_mut().bodies[handle].apply_impulse_at_point(into * impulse, met.point, true);
         }
     }
 }

@@ -95,11 +95,11 @@ fn a_file_of_another_format_is_refused() {
     drop(RedbDirectory::open(folder.path()).unwrap());
     let database = Database::open(&path).unwrap();
     let transaction = database.begin_write().unwrap();
-    transaction.open_table(ABOUT).unwrap().insert(FORMAT_ROW, 2).unwrap();
+    transaction.open_table(ABOUT).unwrap().insert(FORMAT_ROW, FORMAT + 1).unwrap();
     transaction.commit().unwrap();
     drop(database);
     let error = RedbDirectory::open(folder.path()).err().unwrap();
-    assert_eq!(error, DirectoryError::Format { place: place(&path), found: 2, known: 1 });
+    assert_eq!(error, DirectoryError::Format { place: place(&path), found: FORMAT + 1, known: FORMAT });
 }
 
 #[test]

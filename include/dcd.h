@@ -630,19 +630,19 @@ typedef struct DcdBodyDef {
     uint64_t user_data;
 } DcdBodyDef;
 
-// How a character walks. Start from DCD_CHARACTER_DEF_INIT.
+// The settings of a character. Start from DCD_CHARACTER_DEF_INIT.
 typedef struct DcdCharacterDef {
     // sizeof(DcdCharacterDef).
     uint32_t struct_size;
     // The highest step that it climbs without a jump, metres, 0 to 100; 0 to climb none.
     float step_height;
-    // How much free floor there must be on a step, metres, 0 to 100.
+    // The free floor that there must be on a step, metres, 0 to 100.
     float step_depth;
     // The steepest slope that it climbs, radians, 0 to pi / 2.
     float max_climb;
     // The least steep slope that it slides down, radians, 0 to pi / 2.
     float min_slide;
-    // How far it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
+    // The height by which it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
     float snap;
     // The gap that it keeps from all else, metres, above 0 and at most 1.
     float gap;

@@ -10,7 +10,7 @@ use crate::registry::with;
 use crate::status::{DcdStatus, Failure};
 use crate::types::DCD_KINEMATIC;
 
-/// How a character walks. Start from DCD_CHARACTER_DEF_INIT.
+/// The settings of a character. Start from DCD_CHARACTER_DEF_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdCharacterDef {
@@ -18,13 +18,13 @@ pub struct DcdCharacterDef {
     pub struct_size: u32,
     /// The highest step that it climbs without a jump, metres, 0 to 100; 0 to climb none.
     pub step_height: f32,
-    /// How much free floor there must be on a step, metres, 0 to 100.
+    /// The free floor that there must be on a step, metres, 0 to 100.
     pub step_depth: f32,
     /// The steepest slope that it climbs, radians, 0 to pi / 2.
     pub max_climb: f32,
     /// The least steep slope that it slides down, radians, 0 to pi / 2.
     pub min_slide: f32,
-    /// How far it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
+    /// The height by which it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
     pub snap: f32,
     /// The gap that it keeps from all else, metres, above 0 and at most 1.
     pub gap: f32,

@@ -406,6 +406,11 @@ fn a_clients_character_walks_on_the_nodes() {
     let beyond = WorldPose::at([7.0, 1.0, 0.3]);
     let refused = served.client.set_pose(id, beyond).unwrap_err().to_string();
     assert!(refused.contains("characters"), "{refused}");
+    // The program may put it anywhere, and it walks on from there.
+    served.server.set_pose(id, WorldPose::at([-2.0, 2.0, 0.3])).unwrap();
+    served.until("it is put back", |client| place(client, id)[0] < 0.0);
+    go(&mut served.client, id, [3.0, 0.0, 0.0]);
+    served.until("it is at the wall again", |client| place(client, id)[0] > 3.6);
     // A jump, and nothing of it from the air.
     go(&mut served.client, id, [0.0, 4.0, 0.0]);
     served.until("it has jumped", |client| place(client, id)[1] > STANDS_M + 0.5);

@@ -72,7 +72,7 @@ pub struct Leader {
     undecided: BTreeSet<ClientId>,
     /// The tick that each client was last sent.
     told: BTreeMap<ClientId, Tick>,
-    /// What clients are to be told in later batches.
+    /// The bodies that clients are to be told of in later batches.
     turns: BTreeMap<ClientId, Turns>,
     questions: Questions,
     /// Interests that clients have sent since the last tick.

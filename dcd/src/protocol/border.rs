@@ -235,8 +235,7 @@ impl BorderMessage {
         let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == input.body);
         if let Some(Transfer { body, .. }) = of {
             body.steer(input.velocity);
-            let stays = body.traits.character.is_some() && body.id.client().is_some();
-            body.state.pose = input.pose.filter(|_| !stays).unwrap_or(body.state.pose);
+            body.state.pose = input.jump_of(&body.traits).unwrap_or(body.state.pose);
         }
         // Of other bodies the owner tells how they move.
         let walks = |body: &&mut BodyRecord| body.id == input.body && body.traits.character.is_some();

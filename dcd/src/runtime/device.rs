@@ -418,9 +418,9 @@ fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
 }
 
 fn steer(host: &mut RegionHost, input: &Input) {
-    // A client's character goes where it can walk.
-    let walks = || host.record(input.body).is_some_and(|body| body.traits.character.is_some());
-    if let Some(pose) = input.pose.filter(|_| input.body.client().is_none() || !walks()) {
+    // Most inputs are no jumps.
+    let jump = || input.jump_of(&host.record(input.body)?.traits);
+    if let Some(pose) = input.pose.and_then(|_| jump()) {
         host.move_copies(input.body, pose);
     }
     host.steer(input.body, &input.velocity);

@@ -55,6 +55,10 @@ impl Inputs {
         if input.body.client() != Some(client) {
             return Err(Refusal::NotYours);
         }
+        // The server's program says 0, and may do more.
+        if input.logical_time == 0 {
+            return Err(Refusal::Late);
+        }
         self.limits.allow(&input.velocity)?;
         if self.avatars.contains_key(&input.body) {
             return self.take(input, now);

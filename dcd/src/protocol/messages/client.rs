@@ -4,7 +4,8 @@ use bincode::{Decode, Encode};
 
 use super::{Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
 use crate::protocol::{
-    Alteration, BodyRecord, ContactForce, JointRecord, ShapeRecord, SharedState, Touch, Velocity, WorldPose,
+    Alteration, BodyRecord, BodyTraits, ContactForce, JointRecord, ShapeRecord, SharedState, Touch, Velocity,
+    WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, Tick};
 
@@ -275,12 +276,19 @@ pub enum Costs {
 pub struct Input {
     /// Which avatar.
     pub body: BodyId,
-    /// The user's clock: an older input never overwrites a newer one.
+    /// The client's clock, above 0: an older input never overwrites a newer one. 0 in what the server's program asks.
     pub logical_time: u64,
     /// Wanted velocity.
     pub velocity: Velocity,
     /// Wanted pose, for a jump.
     pub pose: Option<WorldPose>,
+}
+
+impl Input {
+    /// Returns the pose that this body jumps to, if any: a client's character goes only where it can walk.
+    pub fn jump_of(&self, body: &BodyTraits) -> Option<WorldPose> {
+        self.pose.filter(|_| self.logical_time == 0 || body.character.is_none())
+    }
 }
 
 #[cfg(test)]

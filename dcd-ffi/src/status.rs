@@ -151,6 +151,7 @@ impl From<ProcessError> for Failure {
     fn from(error: ProcessError) -> Self {
         let status = match &error {
             ProcessError::Timeout { .. }
+            | ProcessError::NotSaved { .. }
             | ProcessError::NotReleased { .. }
             | ProcessError::Net(NetError::Unreachable { .. }) => DCD_ERR_TIMEOUT,
             ProcessError::Net(
@@ -164,6 +165,8 @@ impl From<ProcessError> for Failure {
             | ProcessError::Token(_)
             | ProcessError::Role { .. }
             | ProcessError::Lag { .. }
+            | ProcessError::OtherSteps { .. }
+            | ProcessError::Unservable { .. }
             | ProcessError::Tree(_)
             | ProcessError::World(_)
             | ProcessError::Shape(_)

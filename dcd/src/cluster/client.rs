@@ -671,7 +671,12 @@ impl Client {
 
     /// Takes in a body of the server's record; what the leader sent before may be newer.
     fn know(&mut self, body: BodyRecord) {
-        if self.bodies.get(&body.id).is_none_or(|view| view.settled.0 < body.epoch) {
+        let is_newer = |view: &BodyView| match body.traits.kind {
+            // It is as the server says.
+            BodyKind::Fixed => view.body != body,
+            _ => view.settled.0 < body.epoch,
+        };
+        if self.bodies.get(&body.id).is_none_or(is_newer) {
             let outside = self.hearing().misses(&body);
             self.bodies.insert(body.id, BodyView { outside, ..BodyView::new(body) });
         }

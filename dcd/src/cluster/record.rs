@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use bincode::{Decode, Encode};
 
-use super::{CanBuild, Key};
+use super::{CanBuild, Key, SavedWorld};
 use crate::protocol::{
     Alteration, BodyCheckpoint, BodyKind, BodyRecord, BodyTraits, Check, Chunk, Invalid, JointRecord, Placed,
     ShapeHash, ShapeRecord, ViewNumber, chunks, encode_value,
@@ -113,6 +113,35 @@ impl Record {
         }
         copy.forget_changes();
         copy
+    }
+
+    /// Replaces all but avatars, and where those are that were saved too, by a saved world, which waits for nodes of views after this
+    /// one.
+    pub(super) fn replace(&mut self, saved: &SavedWorld, view: ViewNumber) {
+        let mut new = self.copied(false);
+        new.bodies.retain(|id, _| id.client().is_some());
+        new.shapes.extend(saved.shapes.iter().map(|shape| (shape.hash(), shape.clone())));
+        for body in &saved.bodies {
+            match new.bodies.get_mut(&body.id) {
+                Some(avatar) => avatar.body.state = body.state,
+                None if body.id.client().is_some() => {}
+                None => new.insert(BodyRecord { epoch: Epoch(0), ..body.clone() }),
+            }
+        }
+        let is_whole = |joint: &&JointRecord| [joint.a, joint.b].iter().all(|id| new.bodies.contains_key(id));
+        new.joints = saved.joints.iter().filter(is_whole).map(|joint| (joint.id, joint.clone())).collect();
+        for entry in new.bodies.values_mut() {
+            match entry.body.traits.kind {
+                // Nobody owns it: it is where the nodes are.
+                BodyKind::Fixed => entry.life = Life::Live,
+                _ => entry.body.epoch = Epoch::placed_in(view.0).max(entry.body.epoch.next()),
+            }
+        }
+        new.mark_all();
+        // What is not there any more is written down too.
+        new.changes.lives.extend(self.bodies.keys());
+        new.changes.joints.extend(self.joints.keys());
+        *self = new;
     }
 
     /// Returns a hash of the world as it is now: another scene has another one.
@@ -244,6 +273,11 @@ impl Record {
     pub(super) fn bytes_of_new(&self, shapes: &[ShapeRecord]) -> usize {
         let new = shapes.iter().filter(|shape| !self.shapes.contains_key(&shape.hash()));
         new.map(|shape| encode_value(shape).len()).sum()
+    }
+
+    /// Returns all shapes.
+    pub(super) fn shapes(&self) -> impl Iterator<Item = &ShapeRecord> {
+        self.shapes.values()
     }
 
     /// Returns a shape that is on record.

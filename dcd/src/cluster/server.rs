@@ -10,6 +10,7 @@ mod nodes;
 mod program;
 mod questions;
 mod regroup;
+mod save;
 mod stored;
 #[cfg(test)]
 mod tests;
@@ -33,6 +34,7 @@ use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
 pub use self::program::ProgramOp;
 pub use self::regroup::Grouping;
+pub use self::save::SavedWorld;
 pub use self::stored::RestoreError;
 
 /// How often the server wakes up while something is due.
@@ -90,6 +92,8 @@ pub enum ServerEvent {
     Stop,
     /// The server's program changes the world, in this order.
     Program(Vec<ProgramOp>),
+    /// The world is to be saved as it is after one tick ([`ServerOutput::Saved`]).
+    Save,
     /// It queries bodies; the question's number is unlike those of questions before.
     Ask(Query),
     /// It does not want the answer any more.
@@ -157,6 +161,8 @@ pub enum ServerOutput {
     },
     /// Contacts of bodies that ask for them, each pair once.
     Contacts(WorldEvents),
+    /// The answer to [`ServerEvent::Save`].
+    Saved(Box<SavedWorld>),
     /// The world has ended and all have been told; what is stored of it is of no use any more.
     Ended,
     /// All that is known has been stored: the server may stop.
@@ -271,6 +277,7 @@ impl Server {
                 }
             }
             ServerEvent::Program(ops) => ops.into_iter().for_each(|op| self.obey(op)),
+            ServerEvent::Save => self.main_mut().saving = true,
             ServerEvent::Ask(question) => self.ask(question),
             ServerEvent::Forget(number) => self.unask(number),
             ServerEvent::Stop => self.common.stopping = true,
@@ -507,18 +514,28 @@ impl Server {
         let _ = self.common.clients.insert(client, entry);
         // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
         self.bring_back(client);
-        let world = self.common.config.world.clone();
-        // Room for 2^28 inputs a stay, for 2^16 stays a view.
-        self.welcomes = (self.welcomes + 1) & 0xffff;
-        let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
-        self.common.send_client(client, ToClient::Welcome { id: client, logical_time, world });
         let Some(group) = self.groups.get(&group) else { return };
+        let known = interest.map(|interest| Vicinity::joining(client, interest, &group.record));
+        self.tell_world(client, known);
+    }
+
+    /// Tells a client of the world in place of the one that it knew.
+    fn tell_world_again(&mut self, client: ClientId) {
+        let Some(entry) = self.common.clients.get_mut(&client) else { return };
+        let (group, vicinity) = (entry.group, entry.vicinity.take());
+        entry.linked = false;
+        let Some(group) = self.groups.get(&group) else { return };
+        let known = vicinity.map(|vicinity| vicinity.again(client, &group.record));
+        self.tell_world(client, known);
+    }
+
+    /// Tells a client of the world: these parts of it, or all.
+    fn tell_world(&mut self, client: ClientId, known: Option<(Vicinity, Vec<Chunk>)>) {
+        let Some(entry) = self.common.clients.get(&client) else { return };
+        let Some(group) = self.groups.get(&entry.group) else { return };
         let record = &group.record;
-        let (vicinity, parts) = match interest {
-            Some(interest) => {
-                let (vicinity, parts) = Vicinity::joining(client, interest, record);
-                (Some(vicinity), parts)
-            }
+        let (vicinity, parts) = match known {
+            Some((vicinity, parts)) => (Some(vicinity), parts),
             None => {
                 let mut parts = record.shape_chunks(&mut BTreeSet::new());
                 let bodies = record.present().chain(record.returning(client)).cloned();
@@ -527,11 +544,16 @@ impl Server {
                 (None, parts)
             }
         };
+        let leader = group.leader_is();
+        let world = self.common.config.world.clone();
+        // Room for 2^28 inputs a stay, for 2^16 stays a view.
+        self.welcomes = (self.welcomes + 1) & 0xffff;
+        let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
+        self.common.send_client(client, ToClient::Welcome { id: client, logical_time, world });
         for chunk in parts {
             self.common.send_client(client, ToClient::Chunk(chunk));
         }
         self.common.send_client(client, ToClient::WorldEnd);
-        let leader = group.leader_is();
         self.common.send_client(client, leader);
         if let Some(entry) = self.common.clients.get_mut(&client) {
             (entry.linked, entry.vicinity) = (true, vicinity);

@@ -143,6 +143,32 @@ pub enum ProcessError {
     /// A stored world cannot be resumed.
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),
+    /// The nodes did not say in time what they own.
+    #[error("the nodes have not said within {} s what they own; save again, or see the server's log for who hangs", waited.as_secs())]
+    NotSaved {
+        /// How long we waited.
+        waited: Duration,
+    },
+    /// A saved world is stepped otherwise than the one that is to become it.
+    #[error(
+        "the saved world has ticks of {} s and gravity {:?}, and this one ticks of {} s and gravity {:?}: serve the saved one \
+         as a world of its own",
+        theirs.0, theirs.1, ours.0, ours.1
+    )]
+    OtherSteps {
+        /// Its tick, seconds, and its gravity, m/s².
+        theirs: (f32, [f32; 3]),
+        /// Those of the served world.
+        ours: (f32, [f32; 3]),
+    },
+    /// Something of a saved world cannot travel.
+    #[error("the saved world has a {field} that cannot be sent to nodes: {rule}")]
+    Unservable {
+        /// The field.
+        field: &'static str,
+        /// What it must be.
+        rule: &'static str,
+    },
     /// Members that are not in lockstep cannot use a coupling with consensus.
     #[error(
         "members that run ahead of one another (--lag) agree by `owner` only, not by `{coupling}`: add --coupling owner"

@@ -28,6 +28,8 @@ mod origin;
 #[cfg(feature = "net")]
 mod repeats;
 #[cfg(feature = "net")]
+mod saved;
+#[cfg(feature = "net")]
 mod serve_config;
 #[cfg(feature = "net")]
 mod server;

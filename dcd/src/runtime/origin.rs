@@ -1,9 +1,8 @@
 //! Makes of a scene, or of a world in this process, what a served world begins with.
 
-use std::collections::BTreeMap;
-
 use rapier3d::prelude::IntegrationParameters;
 
+use super::saved::contents;
 use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
 use crate::cluster::Record;
 use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
@@ -45,16 +44,9 @@ impl Beginning {
             }
             Origin::World(world) => {
                 let host = world.host();
-                let movable = host.owned_bodies().map(|(_, region, handle)| region.body_record(handle));
-                let mut bodies: Vec<_> = movable.chain(host.scenery().cloned()).collect();
-                bodies.sort_unstable_by_key(|body| body.id);
+                let (mut bodies, shapes, joints) = contents(world);
                 // Its owner in the other world means nothing in this one.
                 bodies.iter_mut().for_each(|body| body.epoch = Epoch(0));
-                let joints: BTreeMap<_, _> = bodies
-                    .iter()
-                    .flat_map(|body| host.joints_of(body.id))
-                    .map(|joint| (joint.id, joint))
-                    .collect();
                 let is_cut = matches!(world.chosen().why, Why::Asked | Why::Saved);
                 Ok(Self {
                     tree: host.partition().tree().clone(),
@@ -62,9 +54,9 @@ impl Beginning {
                     // An empty world has none, unless it was given.
                     halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
                     step: *host.settings(),
-                    shapes: host.shapes().records(),
+                    shapes,
                     bodies,
-                    joints: joints.into_values().collect(),
+                    joints,
                 })
             }
         }

@@ -15,14 +15,17 @@ use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
 use super::origin::{Beginning, world_of};
-use super::{Connections, Origin, ProcessError, RedbDirectory, ServeConfig};
+use super::saved::{local_of, saved_of};
+use super::{Connections, LocalWorld, Origin, ProcessError, RedbDirectory, ServeConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{ProgramOp, Record, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED};
+use crate::cluster::{
+    ProgramOp, Record, SavedWorld, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED,
+};
 use crate::net::{
     Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
 };
 use crate::physics::can_build;
-use crate::protocol::{BodyKind, Query, QueryResult, StateHasher, View, WorldEvents};
+use crate::protocol::{BodyKind, EnvironmentProperties, Query, QueryResult, StateHasher, View, WorldEvents};
 use crate::space::{DistributionTree, Tick};
 
 /// How often sending is tried again where a link had no room.
@@ -86,8 +89,8 @@ pub struct ServerProcess {
     pub resumed: Option<Tick>,
     /// Of the first body and the first joint that its program may make.
     pub next_ids: (u32, u64),
-    /// The regions with which the world began.
-    first_tree: DistributionTree,
+    /// The properties of the world, with the regions with which it began.
+    properties: EnvironmentProperties,
 }
 
 struct Shared {
@@ -115,6 +118,10 @@ enum Input {
     Program(Vec<ProgramOp>),
     Ask(Query),
     Forget(u64),
+    /// Sends the world as it is after one tick.
+    Save(SyncSender<SavedWorld>),
+    /// Says when the world is another.
+    Replace(Box<SavedWorld>, SyncSender<(u32, u64)>),
     /// Wakes the loop: there is work for its connections.
     Wake,
 }
@@ -153,8 +160,8 @@ impl ServerProcess {
         // A loop whose inbox is full is awake.
         let connections = Connections::new(PeerName::Server, move || drop(waker.try_send(Input::Wake)));
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
-        let tree = environment.tree.clone();
-        shared.lock().summary.regions = tree.leaf_count();
+        let properties = environment.clone();
+        shared.lock().summary.regions = properties.tree.leaf_count();
         let mut directory = match config.fresh {
             true => RedbDirectory::open_or_replace(&config.data)?,
             false => RedbDirectory::open(&config.data)?,
@@ -192,6 +199,7 @@ impl ServerProcess {
             server: server.clone(),
             shared: shared.clone(),
             began: None,
+            savers: Vec::new(),
             end_by: None,
             audited: false,
             over: false,
@@ -219,7 +227,7 @@ impl ServerProcess {
             address,
             resumed,
             next_ids,
-            first_tree: tree,
+            properties,
         })
     }
 
@@ -251,7 +259,7 @@ impl ServerProcess {
 
     /// Returns how the world is cut into regions.
     pub fn tree(&self) -> DistributionTree {
-        self.view().map_or_else(|| self.first_tree.clone(), |view| view.tree)
+        self.view().map_or_else(|| self.properties.tree.clone(), |view| view.tree)
     }
 
     /// Waits until the condition holds for summary and membership, or the time is up; returns which.
@@ -312,6 +320,24 @@ impl ServerProcess {
         read(self.server.lock().unwrap_or_else(PoisonError::into_inner).record())
     }
 
+    /// Returns a copy of the world as it is after one tick, as its nodes say: they stop for that, for some ticks.
+    pub fn save(&self, timeout: Duration) -> Result<LocalWorld, ProcessError> {
+        let (saver, saved) = mpsc::sync_channel(1);
+        let _ = self.inbox.send(Input::Save(saver));
+        let saved = saved.recv_timeout(timeout).map_err(|_| ProcessError::NotSaved { waited: timeout })?;
+        Ok(local_of(saved, &self.properties)?)
+    }
+
+    /// Replaces the world by a copy of a local one, which may be one that was saved: from then on the record is that, and nodes
+    /// and clients begin anew with it. Avatars are their clients': those that are in both go where they were, and none comes or goes.
+    /// Returns the ids of the next body and the next joint that the program may make.
+    pub fn replace(&self, world: &LocalWorld) -> Result<(u32, u64), ProcessError> {
+        let saved = Box::new(saved_of(world, &self.properties)?);
+        let (replacer, replaced) = mpsc::sync_channel(1);
+        let _ = self.inbox.send(Input::Replace(saved, replacer));
+        replaced.recv().map_err(|_| ProcessError::Ended("the world has ended".to_owned()))
+    }
+
     /// Returns whether the server has stopped by [`ServerProcess::suspend`].
     pub fn is_suspended(&self) -> bool {
         self.shared.lock().suspended
@@ -364,6 +390,8 @@ struct Loop {
     server: Arc<Mutex<Server>>,
     shared: Arc<Shared>,
     began: Option<Instant>,
+    /// Who waits for the world to be saved.
+    savers: Vec<SyncSender<SavedWorld>>,
     /// When the world ends even without an audit.
     end_by: Option<Instant>,
     audited: bool,
@@ -391,6 +419,24 @@ impl Loop {
                 Ok(Input::Forget(number)) => {
                     self.server().handle(now, ServerEvent::Forget(number));
                     self.shared.lock().answers.remove(&number);
+                }
+                Ok(Input::Save(saver)) => {
+                    self.savers.push(saver);
+                    self.server().handle(now, ServerEvent::Save);
+                }
+                Ok(Input::Replace(saved, replacer)) => {
+                    info!(
+                        tick = saved.tick.0,
+                        bodies = saved.bodies.len(),
+                        "the world is replaced by a saved one"
+                    );
+                    self.server().handle(now, ServerEvent::Program(vec![ProgramOp::Replace(saved)]));
+                    // It is on record before its program hears of it.
+                    self.pump();
+                    let next_ids = self.server().next_ids();
+                    if !self.over {
+                        let _ = replacer.send(next_ids);
+                    }
                 }
                 Ok(Input::Wake) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
@@ -515,6 +561,12 @@ impl Loop {
                     let mut state = self.shared.lock();
                     keep_newest(&mut state.events.touches, events.touches);
                     keep_newest(&mut state.events.forces, events.forces);
+                }
+                ServerOutput::Saved(saved) => {
+                    for saver in self.savers.drain(..) {
+                        // Who has waited for too long is gone.
+                        let _ = saver.try_send((*saved).clone());
+                    }
                 }
                 ServerOutput::Ended => {
                     self.forget();

@@ -62,6 +62,8 @@ pub enum FaultProfile {
     Shrink,
     /// A node is ten times slower, and gets less to do; and the same beside that.
     SlowNode,
+    /// The server's program saves the world and goes back to it; and the same beside that.
+    Restore,
     /// All of the above at once, in one group.
     All,
 }
@@ -81,7 +83,7 @@ pub struct Promise {
 
 impl FaultProfile {
     /// All profiles in the order of the table.
-    pub const TABLE: [Self; 25] = [
+    pub const TABLE: [Self; 26] = [
         Self::None,
         Self::Loss1,
         Self::Loss5,
@@ -106,6 +108,7 @@ impl FaultProfile {
         Self::Grow,
         Self::Shrink,
         Self::SlowNode,
+        Self::Restore,
         Self::All,
     ];
 
@@ -136,6 +139,7 @@ impl FaultProfile {
             Self::Grow => "grow",
             Self::Shrink => "shrink",
             Self::SlowNode => "slow-node",
+            Self::Restore => "restore",
             Self::All => "all",
         }
     }
@@ -171,6 +175,9 @@ impl FaultProfile {
             Self::Grow => "one node becomes eight, each gets a region; with the same beside that",
             Self::Shrink => "eight nodes become one, and their regions too; with the same beside that",
             Self::SlowNode => "a node is ten times slower and gets less to do; with the same beside that",
+            Self::Restore => {
+                "the world is saved and goes back to that, three times; with the same beside that"
+            }
             Self::All => "anything of that, several at a time, and slow processes",
         }
     }
@@ -184,6 +191,8 @@ impl FaultProfile {
             Self::All => 15,
             // Nodes come or leave while others are cut off: a change of members waits for those until they are given up.
             Self::Grow | Self::Shrink => 8,
+            // Everybody begins anew, as without a server's memory.
+            Self::Restore => 8,
             _ => 3,
         };
         let has_faults = self >= Self::Partition1 && self != Self::ClockSkew;
@@ -202,7 +211,7 @@ impl FaultProfile {
         let mut plan = Planner { at: Duration::from_secs(2), faults: Vec::new(), random: &mut random };
         let mut network = NetworkConditions::calm(Path::up_to(2_000));
         let (mut skew, mut rate, mut lag_ticks, mut sites) = (None, None, None, 1);
-        let (mut balance, mut nodes, mut slow_node) = (None, Vec::new(), None);
+        let (mut balance, mut nodes, mut slow_node, mut restores) = (None, Vec::new(), None, Vec::new());
         match self {
             Self::None => plan.wait(15_000, 15_000),
             Self::Loss1 | Self::Loss5 | Self::Loss20 => {
@@ -275,13 +284,22 @@ impl FaultProfile {
                     _ => (0..2).for_each(|_| plan.stop(5_000)),
                 }
             }
-            Self::Rebalance | Self::Grow | Self::Shrink | Self::SlowNode => {
-                balance = Some(quick_balance());
+            Self::Rebalance | Self::Grow | Self::Shrink | Self::SlowNode | Self::Restore => {
+                balance = (self != Self::Restore || seed % 8 < 4).then(quick_balance);
                 let second = |s: u32| Duration::from_secs(s.into());
                 match self {
                     Self::Grow => nodes = (1..=8).map(|n| (second(n - 1), n)).collect(),
                     Self::Shrink => nodes = (1..=8).map(|n| (second(2 * (8 - n)), n)).rev().collect(),
                     Self::SlowNode => slow_node = Some(plan.random.bits()),
+                    Self::Restore => {
+                        let mut at = second(3);
+                        for _ in 0..3 {
+                            let save = at + plan.random.between_ms(0, 1_500);
+                            at = save + plan.random.between_ms(200, 2_500);
+                            restores.push((save, at));
+                            at += second(1);
+                        }
+                    }
                     _ => {}
                 }
                 match seed % 4 {
@@ -315,6 +333,7 @@ impl FaultProfile {
             balance,
             nodes,
             slow_node,
+            restores,
             faults: plan.faults,
             calm_at,
         }
@@ -362,6 +381,8 @@ pub struct Schedule {
     pub nodes: Vec<(Duration, u32)>,
     /// Which node is ten times slower than the others; any number.
     pub slow_node: Option<u64>,
+    /// When the world is saved, and when it goes back to that.
+    pub restores: Vec<(Duration, Duration)>,
     /// Faults in order of time.
     pub faults: Vec<Planned>,
     /// Time from which nothing goes wrong: cuts are over, stopped processes go on.

@@ -284,6 +284,10 @@ impl Sim {
                     self.note(|| format!("{node} is expelled"));
                 }
                 ServerOutput::Unreached(node) => self.note(|| format!("{node} is not reached by all")),
+                ServerOutput::Saved(saved) => {
+                    self.note(|| format!("the world is saved after {}", saved.tick));
+                    self.saved = Some(saved);
+                }
                 ServerOutput::Audited { .. }
                 | ServerOutput::Answered { .. }
                 | ServerOutput::Contacts(_)

@@ -15,6 +15,7 @@ mod interest;
 mod neighbours;
 mod owners;
 mod questions;
+mod restore;
 
 fn config(seed: u64, nodes: u32) -> SimConfig {
     SimConfig { seed, nodes, ..SimConfig::default() }

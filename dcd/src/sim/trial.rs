@@ -125,6 +125,10 @@ enum Action {
     Doom,
     /// There are to be so many nodes.
     Populate(u32),
+    /// The server's program saves the world.
+    Save,
+    /// It goes back to what was saved last.
+    Restore,
     /// The user of a client does something.
     Use(ClientId),
     Look,
@@ -269,6 +273,10 @@ impl<'a> Trial<'a> {
             let node = nodes[pick as usize % nodes.len()];
             trial.sim.slow_down(node, SLOWER);
             trial.slow_node = Some((node, 1.0));
+        }
+        for &(save, restore) in &schedule.restores {
+            trial.plan(save, Action::Save);
+            trial.plan(restore, Action::Restore);
         }
         for &planned in &schedule.faults {
             trial.plan(planned.at, Action::Arm(planned));

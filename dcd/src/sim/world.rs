@@ -12,8 +12,8 @@ use super::{
 };
 use crate::cluster::directory::{Directory, MemoryDirectory};
 use crate::cluster::{
-    Client, ClientEvent, ClientOutput, Grouping, Node, NodeConfig, NodeEvent, Peer, Record, Server,
-    ServerConfig,
+    Client, ClientEvent, ClientOutput, Grouping, Node, NodeConfig, NodeEvent, Peer, Record, SavedWorld,
+    Server, ServerConfig, ServerEvent,
 };
 use crate::protocol::{Area, BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
 use crate::space::{Balance, BodyId, ClientId, GroupId, NodeId, Tick};
@@ -147,6 +147,8 @@ pub struct Sim {
     pub(super) has_stored: bool,
     /// Whether that has happened.
     pub(super) server_crashed: bool,
+    /// What the server's program saved last.
+    pub(super) saved: Option<Box<SavedWorld>>,
     /// A node that takes so many times as long as the others.
     pub(super) slow_node: Option<(NodeId, f64)>,
     /// Bugs to plant: transfers still to be dropped.
@@ -233,6 +235,7 @@ impl Sim {
             crash_after_store: None,
             has_stored: false,
             server_crashed: false,
+            saved: None,
             slow_node: None,
             drop_transfers: 0,
             told: Vec::new(),
@@ -464,6 +467,20 @@ impl Sim {
     /// Asks a node to leave.
     pub fn leave(&mut self, node: NodeId) {
         self.node_event(node, NodeEvent::Leave);
+    }
+
+    /// Lets the server's program, or its operator, do something.
+    ///
+    /// # Panics
+    /// When the server is dead.
+    pub fn order(&mut self, event: ServerEvent) {
+        assert!(self.server.is_some(), "the server is dead");
+        self.server_event(event);
+    }
+
+    /// Returns what the server's program saved last.
+    pub fn saved(&self) -> Option<&SavedWorld> {
+        self.saved.as_deref()
     }
 
     /// Submits a user's input.

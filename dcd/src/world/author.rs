@@ -74,6 +74,22 @@ impl Author {
         }
     }
 
+    /// Forgets what was done since the last step, and what is not confirmed: the world is another. These are the next ids.
+    pub(super) fn begin_anew(&mut self, (next_body, next_joint): (u32, u64)) {
+        self.next_body = self.next_body.max(next_body);
+        self.next_joint = self.next_joint.max(next_joint);
+        self.bodies.clear();
+        self.joints.clear();
+        self.altered_bodies.clear();
+        self.altered_joints.clear();
+        self.moves.clear();
+        self.pushes.clear();
+        self.removed_joints.clear();
+        self.removed.clear();
+        self.awaited.clear();
+        self.leaving.clear();
+    }
+
     /// Sends what was done since the last step.
     pub(super) fn flush(&mut self, server: &ServerProcess) {
         server.read(|record| {

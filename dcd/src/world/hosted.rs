@@ -10,15 +10,18 @@ use super::author::Author;
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::error::Error;
 use super::network::Network;
-use super::remote::Remote;
+use super::remote::{Remote, SAVE};
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::net::PeerStats;
 use crate::protocol::{
     BodyRecord, Character, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose,
 };
-use crate::runtime::{Member, SUSPENDED, ServerProcess, Stats};
+use crate::runtime::{LocalWorld, Member, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, JointId, Tick};
+
+/// How long nodes may take to say what they own: one that hangs is given up within seconds.
+const SAVING: Duration = Duration::from_secs(30);
 
 /// The process that runs behind the world, on threads of its own.
 pub(super) enum Process {
@@ -60,6 +63,14 @@ impl Hosted {
         match (&self.process, &mut self.author) {
             (Process::Server(server), Some(author)) => Ok((server, author)),
             _ => Err(Unsupported { role: Role::Node, what, instead: Instead::JoinAsClient }.into()),
+        }
+    }
+
+    /// Returns the server, or why a node cannot do what one does.
+    fn server_to(&self, what: &'static str) -> Result<&ServerProcess, Error> {
+        match &self.process {
+            Process::Server(server) => self.look().map(|()| server),
+            Process::Node(_) => Err(self.unsupported(what, Instead::ServerKeeps)),
         }
     }
 
@@ -199,6 +210,26 @@ impl Remote for Hosted {
             Some(failure) => Err(failure.into()),
             None if server.is_suspended() => Ok(()),
             None => self.look(),
+        }
+    }
+
+    fn can_be_saved(&self) -> Result<(), Error> {
+        self.server_to(SAVE).map(drop)
+    }
+
+    fn saved(&self) -> Result<LocalWorld, Error> {
+        let server = self.server_to(SAVE)?;
+        server.save(SAVING).or_else(|error| self.look().and(Err(error.into())))
+    }
+
+    fn replace(&mut self, world: &LocalWorld) -> Result<(), Error> {
+        let (server, author) = self.written(SAVE)?;
+        match server.replace(world) {
+            Ok(next_ids) => {
+                author.begin_anew(next_ids);
+                Ok(())
+            }
+            Err(error) => self.look().and(Err(error.into())),
         }
     }
 

@@ -14,9 +14,12 @@ use crate::protocol::{
     Area, BodyRecord, Character, Handover, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents,
     WorldPose,
 };
-use crate::runtime::Stats;
+use crate::runtime::{LocalWorld, Stats};
 use crate::space::{BodyId, ClientId, JointId, Tick};
 use rapier3d::prelude::*;
+
+/// What a server alone can do of all that are not local.
+pub(super) const SAVE: &str = "be saved or loaded";
 
 /// A role other than [`Role::Local`]. The default methods answer as a server or node does, which shows nothing of its world.
 pub(super) trait Remote: Send + Sync {
@@ -114,6 +117,21 @@ pub(super) trait Remote: Send + Sync {
     #[cfg(feature = "net")]
     fn suspend(&mut self) -> Result<(), Error> {
         Err(self.unsupported("be suspended", Instead::ServerKeeps))
+    }
+
+    /// Returns an error if the world cannot be saved and loaded here.
+    fn can_be_saved(&self) -> Result<(), Error> {
+        Err(self.compute(SAVE, Instead::ServerKeeps))
+    }
+
+    /// Returns a copy of the world as it is after one tick.
+    fn saved(&self) -> Result<LocalWorld, Error> {
+        Err(self.compute(SAVE, Instead::ServerKeeps))
+    }
+
+    /// Replaces the world by a copy of a local one.
+    fn replace(&mut self, _world: &LocalWorld) -> Result<(), Error> {
+        Err(self.compute(SAVE, Instead::ServerKeeps))
     }
 
     /// Returns an error if bodies cannot be joined here.

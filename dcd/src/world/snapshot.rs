@@ -1,24 +1,27 @@
-//! Saves a local world to a snapshot file and restores it.
+//! Saves a local world, or a served one, to a snapshot file and restores it.
 
 use std::io::{Read, Write};
 use std::path::Path;
 
-use super::role::Instead;
-use super::{Error, World};
+use super::{Error, Inner, World};
 use crate::runtime::LocalWorld;
 
-const SAVE: &str = "be saved or loaded";
-
-/// Snapshots of local worlds: a server keeps its world by itself.
+/// Snapshots of local worlds, and of served ones by their server.
 impl World {
     /// Returns an error if this process cannot save and load its world.
     #[doc(hidden)]
     pub fn can_be_saved(&self) -> Result<(), Error> {
-        self.local(SAVE, Instead::ServerKeeps).map(drop)
+        match &self.inner {
+            Inner::Local(_) => Ok(()),
+            Inner::Remote(world) => world.can_be_saved(),
+        }
     }
 
     /// Writes the whole world: [`World::restore`] gives one that goes on from here to the same bits. The number of threads is not
     /// part of it. It is written in blocks of a mebibyte; nothing larger is kept in memory.
+    ///
+    /// A server writes the world as it is after one tick, for which its nodes stop for some ticks: as a local world, avatars too,
+    /// without what Rapier remembers of contacts. What its program did since its last step is not in it. It waits for half a minute at most.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -33,13 +36,19 @@ impl World {
     /// # Ok::<(), dcd::Error>(())
     /// ```
     pub fn save(&self, to: impl Write) -> Result<(), Error> {
-        Ok(self.local(SAVE, Instead::ServerKeeps)?.save(to)?)
+        match &self.inner {
+            Inner::Local(world) => Ok(world.save(to)?),
+            Inner::Remote(world) => Ok(world.saved()?.save(to)?),
+        }
     }
 
     /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one. A symbolic link
     /// stays, and the file that it leads to is replaced; devices, pipes and folders are refused.
     pub fn save_file(&self, path: impl AsRef<Path>) -> Result<(), Error> {
-        Ok(self.local(SAVE, Instead::ServerKeeps)?.save_file(path.as_ref())?)
+        match &self.inner {
+            Inner::Local(world) => Ok(world.save_file(path.as_ref())?),
+            Inner::Remote(world) => Ok(world.saved()?.save_file(path.as_ref())?),
+        }
     }
 
     /// Reads a world that [`World::save`] wrote, up to the end of `from`, to be stepped by `threads` threads.
@@ -56,7 +65,23 @@ impl World {
 
     /// Replaces this world by one that [`World::save`] wrote, earlier or later, and keeps the threads and hooks of this one. Ids
     /// that this world has given are not given again. After an error nothing has changed.
+    ///
+    /// A server's world goes on with the bodies and joints of the saved one, for all nodes and clients, and its ticks go on; what its
+    /// program did since its last step is dropped. Avatars are their clients': those that are in both go where they were,
+    /// and none comes or goes.
     pub fn reload(&mut self, from: impl Read) -> Result<(), Error> {
-        Ok(self.local_mut(SAVE, Instead::ServerKeeps)?.reload(from)?)
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.reload(from)?),
+            Inner::Remote(world) => {
+                world.can_be_saved()?;
+                world.replace(&LocalWorld::restore(from, 1)?)
+            }
+        }
+    }
+
+    /// Replaces this world by one that [`World::save_file`] wrote, as [`World::reload`].
+    pub fn reload_file(&mut self, path: impl AsRef<Path>) -> Result<(), Error> {
+        self.can_be_saved()?;
+        self.reload(LocalWorld::open_snapshot(path.as_ref())?)
     }
 }

@@ -54,6 +54,8 @@ pub(super) struct Group {
     pub silent_since: Option<Duration>,
     /// Whether clients were told so: the group is held.
     pub held: bool,
+    /// Whether the world is to be saved: members say all that they own.
+    pub saving: bool,
     /// Lost and doubled bodies by the last survey of a world that ends.
     pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,
 }
@@ -80,6 +82,7 @@ impl Group {
             confirmed: false,
             silent_since: None,
             held: false,
+            saving: false,
             audit: None,
         }
     }
@@ -138,6 +141,10 @@ impl Group {
                 _ => self.audit = Some((Vec::new(), Vec::new())),
             };
         }
+        // The record has all that there is to know.
+        if self.saving && (self.view.is_none() || self.held) {
+            self.tell_saved(common);
+        }
         // Nothing is asked while an answer may have to be waited for: the members compute on meanwhile.
         let is_awaited = |node: &NodeId| common.nodes[node].absent_until.is_some();
         if self.serving(common).iter().any(is_awaited) {
@@ -145,7 +152,7 @@ impl Group {
         }
         let wanted: Vec<_> = self.wanted(common).map(|(node, _)| node).collect();
         let is_due = match &self.view {
-            Some(_) if self.unsure => true,
+            Some(_) if self.unsure || self.saving => true,
             Some(view) => view.members.iter().map(|member| member.node).ne(wanted.iter().copied()),
             None => !wanted.is_empty(),
         };

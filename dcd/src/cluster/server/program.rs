@@ -4,9 +4,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::Server;
 use super::common::Common;
 use super::group::Group;
+use super::{SavedWorld, Server};
 use crate::cluster::Life;
 use crate::protocol::{
     Alteration, BodyKind, BodyRecord, Input, JointRecord, Push, ShapeRecord, ToClient, View, WorldOp,
@@ -39,6 +39,8 @@ pub enum ProgramOp {
     Push(Push),
     /// A movable body or a joint is something else.
     Alter(Alteration),
+    /// The world goes back to a saved one, or becomes another.
+    Replace(Box<SavedWorld>),
 }
 
 impl Server {
@@ -85,6 +87,7 @@ impl Server {
                     group.alter(&mut self.common, &alteration);
                 }
             }
+            ProgramOp::Replace(saved) => self.replace(*saved),
             ProgramOp::Move(input) => {
                 for group in self.groups.values_mut() {
                     group.steer(&mut self.common, input);

@@ -141,13 +141,18 @@ impl Server {
         let moved =
             self.common.nodes.iter().filter(|(_, entry)| entry.moved && entry.linked && !entry.leaving);
         for node in moved.map(|(&node, _)| node).collect::<Vec<_>>() {
-            let entry = &self.common.nodes[&node];
-            let (member, group, delays) = (entry.member.clone(), entry.group, entry.delays.clone());
             self.common.outputs.push_back(ServerOutput::Expelled(node));
-            self.welcome_node(member);
-            if let Some(entry) = self.common.nodes.get_mut(&node) {
-                (entry.group, entry.delays) = (group, delays);
-            }
+            self.welcome_node_again(node);
+        }
+    }
+
+    /// Sends a node the world anew; its group and what is known of its links stay.
+    pub(super) fn welcome_node_again(&mut self, node: NodeId) {
+        let Some(entry) = self.common.nodes.get(&node) else { return };
+        let (member, group, delays) = (entry.member.clone(), entry.group, entry.delays.clone());
+        self.welcome_node(member);
+        if let Some(entry) = self.common.nodes.get_mut(&node) {
+            (entry.group, entry.delays) = (group, delays);
         }
     }
 

@@ -24,7 +24,15 @@ impl Vicinity {
     /// Returns that of a client that joins with this area of interest, and the world's part in it: scenery in a wider area, so that the
     /// next is not needed at once; avatars of its own, and what is near them.
     pub(super) fn joining(client: ClientId, interest: Area, record: &Record) -> (Self, Vec<Chunk>) {
-        let area = interest.with_surroundings();
+        Self::of(client, interest, interest.with_surroundings(), record)
+    }
+
+    /// Returns the same of a world in which all may be otherwise, and its part in it.
+    pub(super) fn again(self, client: ClientId, record: &Record) -> (Self, Vec<Chunk>) {
+        Self::of(client, self.area, self.area, record)
+    }
+
+    fn of(client: ClientId, interest: Area, area: Area, record: &Record) -> (Self, Vec<Chunk>) {
         let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
         let avatars = record.avatars(client).into_iter().filter_map(|(id, _)| record.body(id));
         let avatars: Vec<_> = avatars.map(|body| Area::around_avatar(body.state.pose.translation)).collect();

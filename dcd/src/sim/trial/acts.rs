@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::{Action, Armed, Island, PATIENCE, Trial, calm};
-use crate::cluster::{ClientEvent, Peer};
+use crate::cluster::{ClientEvent, Peer, ProgramOp, ServerEvent};
 use crate::protocol::Velocity;
 use crate::sim::faults::{Fault, Island as Cutoff, Moment, ProcessKind, Victim, Ways};
 use crate::sim::{Cut, Violation, sim_body};
@@ -58,6 +58,16 @@ impl Trial<'_> {
                 }
             }
             Action::Populate(count) => self.populate(count),
+            Action::Save if self.runs(Peer::Server) => self.sim.order(ServerEvent::Save),
+            Action::Restore if self.runs(Peer::Server) => {
+                if let Some(saved) = self.sim.saved.clone() {
+                    self.sim.note(|| format!("the world goes back to {}", saved.tick));
+                    self.sim.order(ServerEvent::Program(vec![ProgramOp::Replace(saved)]));
+                    self.disturbed();
+                }
+            }
+            // A program stops with its server.
+            Action::Save | Action::Restore => {}
             Action::Use(client) => self.use_client(client),
             Action::Look => self.look()?,
             Action::Plant => self.sim.drop_transfers(self.config.lost_transfers),

@@ -42,6 +42,8 @@ struct Plan {
     owners: BTreeMap<BodyId, Owner>,
     /// Members that still owe bodies that were fetched.
     fetching: BTreeSet<NodeId>,
+    /// Whether all bodies were fetched, so that the world can be saved.
+    saves: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -185,7 +187,7 @@ impl Group {
         let mut fetch: BTreeMap<NodeId, Vec<BodyId>> = BTreeMap::new();
         for (id, life) in self.record.movable_lives() {
             match (owners.get(&id), life) {
-                (Some(owner), Life::Live) if self.stays(id, owner, &allocation) => {}
+                (Some(owner), Life::Live) if !self.saving && self.stays(id, owner, &allocation) => {}
                 (Some(owner), Life::Live | Life::Removing { park: true, .. }) => {
                     fetch.entry(owner.node).or_default().push(id);
                 }
@@ -202,7 +204,7 @@ impl Group {
             common.send_node(node, ToNode::Fetch { view: change.number, bodies });
         }
         if let Some(change) = &mut self.change {
-            change.plan = Some(Plan { members, tree, allocation, owners, fetching });
+            change.plan = Some(Plan { members, tree, allocation, owners, fetching, saves: self.saving });
         }
         self.conclude(common);
     }
@@ -296,7 +298,7 @@ impl Group {
         let is_complete =
             |change: &mut ViewChange| change.plan.as_ref().is_some_and(|plan| plan.fetching.is_empty());
         let Some(change) = self.change.take_if(is_complete) else { return };
-        let Some(Plan { members, tree, allocation, owners, .. }) = change.plan else { return };
+        let Some(Plan { members, tree, allocation, owners, saves, .. }) = change.plan else { return };
         let mut homeless = BTreeSet::new();
         let mut moved = BTreeMap::new();
         let mut drop: BTreeSet<BodyId> = BTreeSet::new();
@@ -368,6 +370,9 @@ impl Group {
             };
             self.adopt(common, view, placed, &drop, &owners, &change.surveys);
             self.former = former;
+        }
+        if saves {
+            self.tell_saved(common);
         }
         let leader = self.leader_is();
         common.send_clients(self.id, &leader);

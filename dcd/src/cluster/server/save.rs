@@ -1,0 +1,79 @@
+//! Saves a world that nodes compute, as it is after one tick, and goes back to such a save. For the one the members of the main group
+//! stop in a view change and say all that they own; for the other everybody begins anew with what was saved.
+
+use super::common::Common;
+use super::group::Group;
+use super::{Server, ServerOutput};
+use crate::protocol::{BodyRecord, JointRecord, ShapeRecord};
+use crate::space::{DistributionTree, Tick};
+
+/// A world between two ticks, without what Rapier remembers of its contacts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SavedWorld {
+    /// The tick after which it was saved.
+    pub tick: Tick,
+    /// The ids of the next body and the next joint that a program may make.
+    pub next_ids: (u32, u64),
+    /// How it was cut.
+    pub tree: DistributionTree,
+    /// All bodies that are in the world, avatars too, in id order.
+    pub bodies: Vec<BodyRecord>,
+    /// Shapes.
+    pub shapes: Vec<ShapeRecord>,
+    /// Joints between those bodies.
+    pub joints: Vec<JointRecord>,
+}
+
+impl Server {
+    /// Replaces the world by a saved one. Avatars are their clients': those that are in both go where they were, and none comes or
+    /// goes. Ticks go on, and no id that was given is given again.
+    pub(super) fn replace(&mut self, saved: SavedWorld) {
+        let (body, joint) = self.common.next_ids;
+        self.common.next_ids = (body.max(saved.next_ids.0), joint.max(saved.next_ids.1));
+        self.common.world_changed = true;
+        // Whatever anybody still says of the world before counts for nothing.
+        self.common.number = self.common.number.next();
+        for group in self.groups.values_mut() {
+            group.replace(&mut self.common, &saved);
+        }
+        self.arbiter = Default::default();
+        let nodes: Vec<_> = self.common.nodes.iter().map(|(&node, entry)| (node, entry.linked)).collect();
+        for (node, linked) in nodes {
+            match self.common.nodes.get_mut(&node).filter(|entry| entry.leaving) {
+                Some(entry) => entry.serving = None,
+                None if linked => self.welcome_node_again(node),
+                None => self.lose(node),
+            }
+        }
+        let linked = self.common.clients.iter().filter(|(_, entry)| entry.linked);
+        for client in linked.map(|(&client, _)| client).collect::<Vec<_>>() {
+            self.tell_world_again(client);
+        }
+    }
+}
+
+impl Group {
+    /// Says that the world is saved, as it is on record.
+    pub(super) fn tell_saved(&mut self, common: &mut Common) {
+        self.saving = false;
+        let tree = self.view.as_ref().map_or(&common.config.world.tree, |view| &view.tree);
+        let saved = SavedWorld {
+            tick: self.tick,
+            next_ids: common.next_ids,
+            tree: tree.clone(),
+            bodies: self.record.present().cloned().collect(),
+            shapes: self.record.shapes().cloned().collect(),
+            joints: self.record.joints().cloned().collect(),
+        };
+        common.outputs.push_back(ServerOutput::Saved(Box::new(saved)));
+    }
+
+    fn replace(&mut self, common: &mut Common, saved: &SavedWorld) {
+        let mut record = std::mem::take(&mut self.record);
+        record.replace(saved, common.number);
+        common.groups_changed.insert(self.id);
+        let saving = self.saving;
+        *self = Self::new(self.id, record, self.tick);
+        self.saving = saving;
+    }
+}

@@ -2553,41 +2553,50 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
-// Saves a snapshot of a local world: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
+// Saves a snapshot of a world: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
 // or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
 //
+// A server saves the world as it is after one tick, for which its nodes stop for some ticks: as a local world, avatars too, without
+// contacts. What its program did since its last dcd_step is not in it. It waits for half a minute at most.
+//
 // The bytes go to `buf` of `cap` bytes, and their number to `needed`. `buf` may be null with `cap` 0, to ask for the number, which
-// costs as much as saving; while nothing changes it stays the same.
+// costs as much as saving; while nothing changes it stays the same. A served world changes: save it to a file.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
-// DCD_ERR_UNSUPPORTED in a served world.
+// DCD_ERR_TIMEOUT when nodes do not answer their server, DCD_ERR_UNSUPPORTED for a client, participant or node.
 DCD_API
 DcdStatus dcd_snapshot_save(DcdWorld world,
                             void *buf,
                             size_t cap,
                             size_t *needed);
 
-// Saves a local world to a file, as dcd_snapshot_save; `dcd run` goes on with such a file, and writes them by --save. A file that is
+// Saves a world to a file, as dcd_snapshot_save; `dcd run` goes on with such a file, and writes them by --save. A file that is
 // there is replaced once the new one is whole.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
-DCD_API
-DcdStatus dcd_snapshot_save_file(DcdWorld world,
-                                 const char *path);
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_TIMEOUT when nodes do not answer their server, DCD_ERR_UNSUPPORTED
+// for a client, participant or node.
+DCD_API DcdStatus dcd_snapshot_save_file(DcdWorld world, const char *path);
 
-// Restores a snapshot of `size` bytes into a local world: into the one that it was saved from, to go back, or into
+// Restores a snapshot of `size` bytes into a world: into the one that it was saved from, to go back, or into
 // any other, which loses what it held. Threads and shapes stay those of this world; all else is as saved, gravity and
 // regions too.
 //
 // Ids of bodies and joints that this world gave are valid if the saved world has them, else stale; those given
 // later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving.
 //
+// A server's world goes on with the bodies and joints of the snapshot, for all nodes and clients; its ticks and regions go on, and
+// tick length and gravity must be the same. What its program did since its last dcd_step is dropped. Avatars are their
+// clients': those that are in both go where they were, and none comes or goes.
+//
 // `data` is read during the call. After an error the world is as it was. Damage is found; malice is not: load nothing that you
 // do not trust.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for bytes that are no snapshot or damaged, DCD_ERR_VERSION for one of
-// another build of the library, DCD_ERR_UNSUPPORTED in a served world.
-DCD_API DcdStatus dcd_snapshot_load(DcdWorld world, const void *data, size_t size);
+// another build of the library, DCD_ERR_UNSUPPORTED for a client, participant or node.
+DCD_API
+DcdStatus dcd_snapshot_load(DcdWorld world,
+                            const void *data,
+                            size_t size);
 
-// Restores a snapshot from a file into a local world, as dcd_snapshot_load.
+// Restores a snapshot from a file into a world, as dcd_snapshot_load.
 //
 // Errors: as dcd_snapshot_load, and DCD_ERR_IO when the file cannot be read.
 DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);

@@ -12,7 +12,10 @@ mod failure;
 mod interrupt;
 mod man;
 mod node;
+mod requests;
+mod restore;
 mod run;
+mod save;
 mod scenes;
 mod serve;
 mod simulate;
@@ -53,6 +56,8 @@ subcommands! {
     Node in node,
     Client in client,
     Token in token,
+    Save in save,
+    Restore in restore,
     End in end,
     Demo in demo,
     Simulate in simulate,

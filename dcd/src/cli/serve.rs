@@ -9,14 +9,16 @@ use std::time::Duration;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
+use super::requests;
+use super::run::snapshot;
 use super::scenes;
 use super::summary::{Served, Summary};
 use super::values::{SERVER, address, duration, positive, speed};
 use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds, View, ViewNumber};
-use crate::runtime::{GroupConfig, Origin, ServeConfig, ServerProcess};
-use crate::scene::Params;
+use crate::runtime::{GroupConfig, LocalWorld, Origin, ServeConfig, ServerProcess, WorldConfig};
+use crate::scene::{Params, Scene};
 use crate::space::{Allocation, MAX_REGIONS, Tick};
 
 /// Interval at which Ctrl-C is looked for.
@@ -33,7 +35,8 @@ const AGAIN: Duration = Duration::from_secs(2);
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, after_long_help = after_help())]
 pub(super) struct Serve {
-    /// A scene of the library (`dcd scenes` lists them) or a scene file: TOML, MJCF (.xml, .mjcf) or URDF (.urdf)
+    /// A scene of the library (`dcd scenes` lists them), a scene file (TOML, MJCF: .xml or .mjcf, URDF: .urdf), or a snapshot
+    /// (.dcd) of `dcd save` or `dcd run --save`
     scene: String,
     /// Sets a parameter of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
@@ -97,9 +100,7 @@ pub(super) struct Serve {
 
 impl Serve {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
-        let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
-        let world = self.cuts.served_config(&scene, self.regions)?;
-        world.tree().map_err(|error| explained(error.into(), &scene))?;
+        let origin = self.origin(common)?;
         let interrupt = Interrupt::listen()?;
         if self.until_stdin_ends {
             interrupt.listen_to_stdin();
@@ -118,7 +119,12 @@ impl Serve {
             avatar_expiry: self.keep_avatars,
             groups: self.groups()?,
         };
-        let server = ServerProcess::start(Origin::Scene(&scene, &world), config)?;
+        let server = match &origin {
+            Beginning::Scene(scene, world) => ServerProcess::start(Origin::Scene(scene, world), config),
+            Beginning::Snapshot(world) => ServerProcess::start(Origin::World(world), config),
+        }?;
+        drop(origin);
+        requests::forget(&self.data);
         let mut first = format!("listening {}", server.address);
         if let Some(tick) = server.resumed {
             first += &format!("\ngoing on with the world at tick {}", tick.0);
@@ -183,6 +189,25 @@ impl Serve {
         Ok(interrupt.exit_code())
     }
 
+    /// Opens what the world begins with.
+    fn origin(&self, common: &Common) -> Result<Beginning, Failure> {
+        if !snapshot::is_one(&self.scene) {
+            let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
+            let world = self.cuts.served_config(&scene, self.regions)?;
+            world.tree().map_err(|error| explained(error.into(), &scene))?;
+            return Ok(Beginning::Scene(scene, world));
+        }
+        let begun = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
+        let given = begun.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
+        if let Some(name) = given.or_else(|| self.cuts.first_given()) {
+            return Err(Failure::usage(format!(
+                "{} is a snapshot, which goes on as it was begun; leave {name} out, or serve the scene anew",
+                self.scene
+            )));
+        }
+        Ok(Beginning::Snapshot(Box::new(snapshot::restore(&self.scene, 1, common)?)))
+    }
+
     /// Returns whether the user who asked for an end means that of the world, and not of its server alone.
     fn ends(&self, interrupt: Interrupt, common: &Common) -> bool {
         // A parent process asks for it by the end of standard input, or passes on what the terminal says.
@@ -226,6 +251,7 @@ impl Serve {
             server.wait(LOOK, |_, view| shares(view) != told);
             let view = server.view();
             bar.set_position(server.summary().tick.0);
+            requests::obey(&self.data, server);
             if shares(view.as_ref()) != told {
                 told = shares(view.as_ref());
                 bar.suspend(|| print(&membership(view.as_ref())))?;
@@ -234,6 +260,12 @@ impl Serve {
         bar.finish_and_clear();
         Ok(())
     }
+}
+
+/// The world that a server begins with.
+enum Beginning {
+    Scene(Scene, WorldConfig),
+    Snapshot(Box<LocalWorld>),
 }
 
 /// Returns who is a member and has which regions.

@@ -189,6 +189,42 @@ static void walks_to_the_wall(void)
     step();
 }
 
+/* Waits until the client sees so many movable bodies. */
+static bool counts(uint32_t bodies)
+{
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    for (int k = 0; k < 6000; k++) {
+        OK(dcd_state_view(client, &view));
+        if (view.count == bodies)
+            return true;
+        step();
+    }
+    return false;
+}
+
+/* The game is saved while nodes compute it, and goes back to that: what went is there again, and what came is gone. */
+static void goes_back(const char *folder, DcdBodyId body, const DcdBodyDef *like, uint32_t bodies)
+{
+    char path[512];
+    DcdBodyId new_one;
+    DcdPose pose;
+    snprintf(path, sizeof path, "%s/half.dcd", folder);
+    HOLDS(counts(bodies));
+    FAILS(dcd_snapshot_save_file(client, path), DCD_ERR_UNSUPPORTED, "server keeps");
+    OK(dcd_snapshot_save_file(server, path));
+    OK(dcd_body_create(server, like, &new_one));
+    HOLDS(counts(bodies + 1));
+    OK(dcd_body_destroy(server, body));
+    HOLDS(counts(bodies) && !dcd_body_is_valid(server, body));
+    FAILS(dcd_snapshot_load_file(client, path), DCD_ERR_UNSUPPORTED, "server keeps");
+    OK(dcd_snapshot_load_file(server, path));
+    HOLDS(dcd_body_is_valid(server, body) && !dcd_body_is_valid(server, new_one));
+    OK(dcd_body_get(server, body, &pose, NULL));
+    for (int k = 0; k < 6000 && !dcd_body_is_valid(client, body); k++)
+        step();
+    HOLDS(dcd_body_is_valid(client, body) && counts(bodies));
+}
+
 int main(int argc, char **argv)
 {
     if (argc != 2)
@@ -267,13 +303,8 @@ int main(int argc, char **argv)
     /* What is removed is gone for all, and the others stay. */
     OK(dcd_bodies_destroy(server, bodies + 1, BOXES / 2));
     HOLDS(!dcd_body_is_valid(server, bodies[1]) && dcd_body_is_valid(server, bodies[BOXES]));
-    for (int k = 0; k < 6000; k++) {
-        OK(dcd_state_view(client, &view));
-        if (view.count == BOXES / 2 + 2)
-            break;
-        step();
-    }
-    HOLDS(view.count == BOXES / 2 + 2);
+    HOLDS(counts(BOXES / 2 + 2));
+    goes_back(argv[1], bodies[BOXES], &defs[BOXES], BOXES / 2 + 2);
 
     hears_and_asks(box, bodies[0]);
     walks_to_the_wall();

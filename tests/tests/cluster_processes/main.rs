@@ -5,6 +5,7 @@ mod demo;
 mod faults;
 mod process;
 mod proxy;
+mod saved;
 mod stored;
 mod takeover;
 mod weather;

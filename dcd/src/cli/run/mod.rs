@@ -2,7 +2,7 @@
 
 mod csv;
 mod live;
-mod snapshot;
+pub(in crate::cli) mod snapshot;
 mod table;
 
 use std::ops::ControlFlow;

@@ -1,4 +1,4 @@
-//! Saves and restores worlds of `dcd run` as snapshots.
+//! Saves and restores worlds of the command line as snapshots.
 
 use std::fs::File;
 use std::io::Read;
@@ -47,13 +47,13 @@ impl Target {
 }
 
 /// Returns whether this names a snapshot: by its extension, or by its content.
-pub(super) fn is_one(path: &str) -> bool {
+pub(in crate::cli) fn is_one(path: &str) -> bool {
     let mut beginning = Vec::new();
     let read = File::open(path).and_then(|file| file.take(8).read_to_end(&mut beginning));
     path.ends_with(".dcd") || read.is_ok() && LocalWorld::is_snapshot(&beginning)
 }
 
-pub(super) fn restore(path: &str, threads: usize, common: &Common) -> Result<LocalWorld, Failure> {
+pub(in crate::cli) fn restore(path: &str, threads: usize, common: &Common) -> Result<LocalWorld, Failure> {
     let start = Instant::now();
     let restored =
         LocalWorld::open_snapshot(path.as_ref()).and_then(|file| LocalWorld::restore(file, threads));

@@ -9,7 +9,7 @@ use crate::runtime::WorldError;
 pub enum SnapshotError {
     /// The file is no snapshot, by its first bytes.
     #[error(
-        "not a snapshot of dcd: give what `dcd run --save`, `LocalWorld::save` or dcd_snapshot_save wrote"
+        "not a snapshot of dcd: give what `dcd save`, `dcd run --save`, `World::save` or dcd_snapshot_save wrote"
     )]
     Foreign,
     /// A snapshot of another dcd, another Rapier or unlike features.

@@ -1,0 +1,151 @@
+//! Passes requests of `dcd save` and `dcd restore` to the `dcd serve` of a data folder, as files in it, and the answers back.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::failure::Failure;
+use crate::cluster::directory::DirectoryError;
+use crate::runtime::{LocalWorld, ProcessError, RedbDirectory, ServerProcess};
+
+/// How long a server may take: nodes that hang are given up within seconds, and large files are written.
+const WAIT: Duration = Duration::from_secs(120);
+/// How long nodes may take to say what they own.
+const SAVING: Duration = Duration::from_secs(30);
+/// How often the asker looks for the answer.
+const LOOK: Duration = Duration::from_millis(20);
+const REQUEST: &str = "request-";
+const ANSWER: &str = "answer-";
+
+/// What a server is asked to do with a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verb {
+    Save,
+    Restore,
+}
+
+impl Verb {
+    const ALL: [Self; 2] = [Self::Save, Self::Restore];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Save => "save",
+            Self::Restore => "restore",
+        }
+    }
+}
+
+/// Asks the server of a data folder, and waits until it is done; returns what it says.
+pub(super) fn ask(data: &Path, verb: Verb, file: &Path) -> Result<String, Failure> {
+    let shown = data.display();
+    match data.join("world.redb").exists().then(|| RedbDirectory::open(data)) {
+        Some(Err(DirectoryError::Taken { .. })) => {}
+        Some(Err(error)) => return Err(ProcessError::from(error).into()),
+        Some(Ok(_)) | None => {
+            return Err(Failure::usage(format!(
+                "no server runs in {shown}; name the folder that `dcd serve` was started with (--data)"
+            )));
+        }
+    }
+    let file = std::path::absolute(file).map_err(|error| refused(file, &error))?;
+    let text = file.to_str().ok_or_else(|| Failure::usage("the file's path is no UTF-8; choose another"))?;
+    let id = std::process::id();
+    let (request, answer) = (data.join(format!("{REQUEST}{id}")), data.join(format!("{ANSWER}{id}")));
+    let _ = fs::remove_file(&answer);
+    write_whole(&request, &format!("{}\n{text}", verb.name())).map_err(|error| refused(&request, &error))?;
+    let deadline = Instant::now() + WAIT;
+    loop {
+        if let Ok(said) = fs::read_to_string(&answer) {
+            let _ = fs::remove_file(&answer);
+            return match said.split_once('\n') {
+                Some(("done", text)) => Ok(text.to_owned()),
+                Some((_, text)) => Err(Failure::run(text)),
+                None => Err(Failure::run(format!("{} is no answer of a server: {said}", answer.display()))),
+            };
+        }
+        if Instant::now() >= deadline {
+            let heard = !request.exists();
+            let _ = fs::remove_file(&request);
+            return Err(Failure::run(match heard {
+                true => format!("the server of {shown} has not said that it is done; see its log"),
+                false => format!(
+                    "the server of {shown} does not hear: it hangs, or is no `dcd serve` (a program saves its world itself, by \
+                     World::save_file or dcd_snapshot_save_file)"
+                ),
+            }));
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// Forgets requests to a former server of this folder.
+pub(super) fn forget(data: &Path) {
+    for path in files(data, REQUEST).into_iter().chain(files(data, ANSWER)) {
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// Does what is asked of the server of this folder.
+pub(super) fn obey(data: &Path, server: &ServerProcess) {
+    for request in files(data, REQUEST) {
+        let Ok(text) = fs::read_to_string(&request) else { continue };
+        let _ = fs::remove_file(&request);
+        let name = request.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let Some(id) = name.strip_prefix(REQUEST) else { continue };
+        let said = match text.split_once('\n') {
+            Some((verb, file)) => carry_out(verb, Path::new(file), server),
+            None => Err("the request is no request of dcd".to_owned()),
+        };
+        let said = match said {
+            Ok(text) => format!("done\n{text}"),
+            Err(text) => format!("failed\n{text}"),
+        };
+        // Who asked waits no longer then.
+        let _ = write_whole(&data.join(format!("{ANSWER}{id}")), &said);
+    }
+}
+
+fn carry_out(verb: &str, file: &Path, server: &ServerProcess) -> Result<String, String> {
+    let shown = file.display();
+    let failed = |error: &dyn std::fmt::Display| format!("{shown}: {error}");
+    match Verb::ALL.into_iter().find(|known| known.name() == verb) {
+        Some(Verb::Save) => {
+            let world = server.save(SAVING).map_err(|error| error.to_string())?;
+            world.save_file(file).map_err(|error| failed(&error))?;
+            let (tick, bodies) = (world.tick().0, world.stats().bodies);
+            Ok(format!("saved {bodies} movable bodies after tick {tick} to {shown}"))
+        }
+        Some(Verb::Restore) => {
+            let saved = LocalWorld::open_snapshot(file).and_then(|from| LocalWorld::restore(from, 1));
+            let world = saved.map_err(|error| failed(&error))?;
+            server.replace(&world).map_err(|error| failed(&error))?;
+            let (tick, bodies) = (world.tick().0, world.stats().bodies);
+            Ok(format!("the world goes on with {bodies} movable bodies of {shown}, saved after tick {tick}"))
+        }
+        None => Err(format!("a request to `{verb}`, which this version of dcd does not know")),
+    }
+}
+
+/// Writes a file beside its place first, so that nobody reads a part of it.
+fn write_whole(path: &Path, text: &str) -> io::Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let part = path.with_file_name(format!(".{name}.part"));
+    fs::write(&part, text)?;
+    fs::rename(&part, path)
+}
+
+/// Returns the files of a folder whose names begin so, in order.
+fn files(folder: &Path, prefix: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_one = |path: &PathBuf| {
+        path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with(prefix))
+    };
+    let mut files: Vec<_> = entries.map(|entry| entry.path()).filter(is_one).collect();
+    files.sort_unstable();
+    files
+}
+
+fn refused(path: &Path, error: &io::Error) -> Failure {
+    Failure::usage(format!("{}: {error}; name a file in a folder that exists", path.display()))
+}

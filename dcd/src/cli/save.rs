@@ -1,0 +1,32 @@
+//! Implements `dcd save`: saves the world of a server that runs.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::requests::{Verb, ask};
+
+/// Saves the world of a server that runs, as it is after one tick
+///
+/// Its nodes stop for that, for some ticks. The server writes the file, so it must be able to. `dcd restore` goes back to it, `dcd serve`
+/// serves it anew, and `dcd run` goes on with it alone. Contacts begin anew then; everything else is as it was.
+///
+/// Example:
+///   dcd save --data /var/lib/dcd before-the-boss.dcd
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Save {
+    /// The server's data folder
+    #[arg(long, value_name = "DIR", default_value = "dcd-data")]
+    data: PathBuf,
+    /// Where to; a file that is there is replaced once the new one is whole
+    file: PathBuf,
+}
+
+impl Save {
+    pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
+        print(&ask(&self.data, Verb::Save, &self.file)?)?;
+        Ok(ExitCode::SUCCESS)
+    }
+}

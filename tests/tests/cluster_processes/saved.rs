@@ -1,0 +1,64 @@
+//! Tests `dcd save`, `dcd restore` and `dcd serve FILE.dcd` on servers that run.
+
+use std::path::Path;
+
+use crate::process::{Ended, Process, Server, dcd, playground};
+
+fn on(server: &Server, verb: &str, file: &Path) -> Ended {
+    Process::start(dcd(&[verb, "--data"]).arg(server.data()).arg(file)).end()
+}
+
+#[test]
+fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
+    let mut server = Server::playground("2");
+    let nodes = [server.node(), server.node()];
+    server.view();
+    let witness = server.witness();
+    let file = server.folder.path().join("half.dcd");
+    let saved = on(&server, "save", &file);
+    assert_eq!(saved.code(), Some(0), "{saved:?}");
+    assert!(saved.lines[0].starts_with("saved ") && saved.lines[0].contains("movable bodies"), "{saved:?}");
+
+    witness.advance(90);
+    let at = |id| witness.world.body(id).map(|view| view.body.state.pose.translation);
+    let before = at(witness.avatar).unwrap();
+    let restored = on(&server, "restore", &file);
+    assert_eq!(restored.code(), Some(0), "{restored:?}");
+    assert!(restored.lines[0].starts_with("the world goes on with "), "{restored:?}");
+    witness.advance(30);
+    // It went sideways for 1.5 s between, and half a second since.
+    let after = at(witness.avatar).unwrap();
+    assert!(after[2] < before[2] - 0.2, "the avatar is where it was: {before:?}, {after:?}");
+
+    // Alone, and by another server.
+    let alone = Process::start(dcd(&["run", "--seconds", "0.5", "--json"]).arg(&file)).end();
+    assert_eq!((alone.code(), alone.json()["lost"].as_u64()), (Some(0), Some(0)), "{alone:?}");
+    let other = Server::start(&[file.to_str().unwrap(), "--nodes", "1"]);
+    let (_, node) = other.node();
+    let watcher = other.witness();
+    watcher.advance(10);
+    drop((watcher, node));
+    let summary = other.stop();
+    assert!(summary["bodies"].as_u64() > Some(20), "{summary}");
+
+    let gone = on(&server, "restore", Path::new("nothing.dcd"));
+    assert_eq!(gone.code(), Some(1), "{gone:?}");
+    assert!(gone.errors.contains("nothing.dcd") && gone.errors.contains("No such file"), "{gone:?}");
+    let foreign = on(&server, "restore", &playground());
+    assert!(foreign.code() == Some(1) && foreign.errors.contains("not a snapshot"), "{foreign:?}");
+    let nowhere = on(&server, "save", &server.folder.path().join("no/folder/x.dcd"));
+    assert!(nowhere.code() == Some(1) && nowhere.errors.contains("x.dcd"), "{nowhere:?}");
+    drop((witness, nodes));
+    let left: Vec<_> =
+        std::fs::read_dir(server.data()).unwrap().map(|file| file.unwrap().file_name()).collect();
+    let is_left = |name: &std::ffi::OsString| {
+        let name = name.to_string_lossy();
+        name.contains("request-") || name.contains("answer-")
+    };
+    assert!(!left.iter().any(is_left), "{left:?}");
+    server.end_world();
+    let dead = on(&server, "save", &file);
+    assert!(dead.code() == Some(2) && dead.errors.contains("no server runs"), "{dead:?}");
+    let ordered = Process::start(dcd(&["serve", "--regions", "2"]).arg(&file)).end();
+    assert!(ordered.code() == Some(2) && ordered.errors.contains("leave --regions out"), "{ordered:?}");
+}

@@ -137,6 +137,7 @@ impl From<WorldError> for Failure {
             | WorldError::Host(_)
             | WorldError::Control(_)
             | WorldError::Setting { .. }
+            | WorldError::NoVehicle(_)
             | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,
         };
         // The two that DcdWorldDef calls otherwise.

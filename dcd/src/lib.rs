@@ -77,13 +77,14 @@ pub mod sim;
 #[cfg(feature = "physics")]
 pub use physics::{
     BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, HookedPair, Inconsistency,
-    LinkSettings, Preset, StepSettings, Vehicle,
+    LinkSettings, Preset, StepSettings, VehicleController,
 };
 #[cfg(feature = "physics")]
 pub use protocol::Area;
 pub use protocol::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, Character, ContactForce, ContactKey, Costs, Gait, Handover,
-    JointRecord, LinkMotion, Push, Refusal, Touch, Velocity, WorldEvents, WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, Character, ContactForce, ContactKey, Costs, Drive, Gait,
+    Handover, JointRecord, LinkMotion, Push, Refusal, Touch, Vehicle, Velocity, Wheel, WorldEvents,
+    WorldPose,
 };
 #[cfg(feature = "physics")]
 pub use runtime::{Choice, Partitioning, Stats, Why, WorldConfig};

@@ -10,7 +10,7 @@ pub use crate::network::{JoinConfig, JoinRole, ServeConfig};
 pub use crate::query::{BodyFilter, WorldRay};
 #[doc(no_inline)]
 pub use crate::{
-    BodyChange, BodyId, BodyKind, Bounds, Character, CharacterMove, ContactHooks, Coupling, Error,
-    HookedPair, JointId, LinkSettings, Params, Partitioning, Role, Scene, Vehicle, Velocity, World,
-    WorldConfig, WorldPose,
+    BodyChange, BodyId, BodyKind, Bounds, Character, CharacterMove, ContactHooks, Coupling, Drive, Error,
+    HookedPair, JointId, LinkSettings, Params, Partitioning, Role, Scene, Vehicle, VehicleController,
+    Velocity, Wheel, World, WorldConfig, WorldPose,
 };

@@ -1,6 +1,6 @@
 //! Tests Rapier's controllers across borders: characters walk and cars drive as in one Rapier world.
 
-use dcd::physics::{BodyFilter, CharacterMove, ControlError, Coupling, Vehicle};
+use dcd::physics::{BodyFilter, CharacterMove, ControlError, Coupling, VehicleController};
 use dcd::protocol::WorldPose;
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig, WorldError};
 use dcd::scene::{Scene, SceneBody};
@@ -175,7 +175,7 @@ fn a_car_drives_over_borders_as_in_one_world() {
             bare.step();
             world.step().unwrap();
             let car = BodyId::persistent(CAR);
-            let mut vehicle = Vehicle::new(car);
+            let mut vehicle = VehicleController::new(car);
             add_wheels(&mut vehicle.controller);
             let chassis = handles(&bare)[CAR as usize];
             let mut bare_vehicle = DynamicRayCastVehicleController::new(chassis);
@@ -213,7 +213,7 @@ fn a_vehicle_without_a_chassis_and_a_character_from_nowhere_are_refused() {
     let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
     let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(1.0)).unwrap();
     for chassis in [floor, BodyId::persistent(77)] {
-        let refused = world.update_vehicle(&mut Vehicle::new(chassis), &BodyFilter::default());
+        let refused = world.update_vehicle(&mut VehicleController::new(chassis), &BodyFilter::default());
         let no_chassis = |error: &WorldError| matches!(error, WorldError::Control(ControlError::NoChassis(id)) if *id == chassis);
         assert!(refused.as_ref().is_err_and(no_chassis), "{refused:?}");
     }

@@ -2,12 +2,12 @@
 
 use std::f32::consts::FRAC_PI_2;
 
-use crate::protocol::{EnvironmentProperties, Refusal, Velocity};
+use crate::protocol::{EnvironmentProperties, Refusal, Vehicle, Velocity};
 
 /// A jump may take an avatar as far as it could have moved since its last one, but no more than in this time, seconds.
 const JUMP_S: f32 = 1.0;
 
-/// What a world allows clients to ask of their avatars.
+/// The speeds, spins and jumps that a world lets clients ask of their avatars.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AvatarLimits {
     speed_m_s: f32,
@@ -28,6 +28,11 @@ impl AvatarLimits {
         let fits =
             is_within(&velocity.linear, self.speed_m_s) && is_within(&velocity.angular, self.spin_rad_s);
         if fits { Ok(()) } else { Err(Refusal::TooFast) }
+    }
+
+    /// Returns whether the engine of a vehicle makes it no faster than avatars may be.
+    pub(super) fn allow_vehicle(&self, vehicle: &Vehicle) -> bool {
+        vehicle.top_speed_m_s <= self.speed_m_s
     }
 
     /// Returns how far an avatar may jump that could jump `left_m` metres this many ticks ago.

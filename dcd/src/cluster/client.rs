@@ -11,9 +11,9 @@ use std::time::Duration;
 use self::surroundings::Surroundings;
 use super::Peer;
 use crate::protocol::{
-    Alteration, Area, BodyKind, BodyRecord, Chunk, ContactForce, EnvironmentProperties, FromClient, Handover,
-    Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash, ShapeRecord,
-    SharedState, ToClient, Touch, VERSION, Velocity, WorldPose, unpack_states,
+    Alteration, Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient,
+    Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash,
+    ShapeRecord, SharedState, ToClient, Touch, VERSION, Velocity, WorldPose, unpack_states,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, Epoch, GroupId, NodeId, RegionId, Tick};
 
@@ -60,6 +60,13 @@ pub enum ClientEvent {
         velocity: Velocity,
         /// Wanted pose, for a jump.
         pose: Option<WorldPose>,
+    },
+    /// The user drives a vehicle.
+    Drive {
+        /// Which.
+        body: BodyId,
+        /// What its driver does from now on.
+        drive: Drive,
     },
     /// An avatar is to go for good.
     Despawn(BodyId),
@@ -297,10 +304,12 @@ impl Client {
             ClientEvent::Node(message) => self.told(message),
             ClientEvent::Spawn { body, shapes } => self.want(FromClient::Spawn { body, shapes }),
             ClientEvent::Input { body, velocity, pose } => {
-                self.logical_time += 1;
-                let input = Input { body, logical_time: self.logical_time, velocity, pose };
-                self.newest.insert(body, (input, now));
-                self.send_input(input);
+                let input = Input { body, logical_time: 0, velocity, pose, drive: None };
+                self.send_newest(input);
+            }
+            ClientEvent::Drive { body, drive } => {
+                let velocity = Velocity::default();
+                self.send_newest(Input { body, logical_time: 0, velocity, pose: None, drive: Some(drive) });
             }
             ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
             ClientEvent::Interest(area) => self.turn_to(area),
@@ -471,6 +480,14 @@ impl Client {
 
     fn is_leader(&self, peer: Peer) -> bool {
         self.leader.as_ref().is_some_and(|member| peer == Peer::Node(member.node))
+    }
+
+    /// Sends an input, and keeps it for leaders to come.
+    fn send_newest(&mut self, input: Input) {
+        self.logical_time += 1;
+        let input = Input { logical_time: self.logical_time, ..input };
+        self.newest.insert(input.body, (input, self.now));
+        self.send_input(input);
     }
 
     fn send_input(&mut self, input: Input) {

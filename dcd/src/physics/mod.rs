@@ -34,7 +34,7 @@ pub(crate) use articulation::link_fault;
 pub(crate) use articulation::{equip_link, insert_link, motion_between};
 pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;
-pub use control::{CharacterHit, CharacterMove, ControlError, Vehicle};
+pub use control::{CharacterHit, CharacterMove, ControlError, VehicleController};
 pub use hooks::{ContactHooks, HookedPair};
 pub use host::{BorderView, HostError, Inconsistency, RegionHost};
 pub use joints::joint_record;

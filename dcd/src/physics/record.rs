@@ -42,6 +42,7 @@ pub(crate) fn state_of(body: &RigidBody, anchor: [f64; 3]) -> BodyState {
         sleeping: body.is_sleeping(),
         still_s: body.activation().time_since_can_sleep,
         gait: None,
+        drive: None,
     }
 }
 
@@ -78,6 +79,7 @@ pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> Bod
             RigidBodyAdditionalMassProps::MassProps(props) => Some(ExtraMass::Properties(mass_record(props))),
         }),
         character: None,
+        vehicle: None,
         colliders,
         user_data: body.user_data,
     }

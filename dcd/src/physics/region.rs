@@ -14,6 +14,7 @@ mod read;
 mod slot;
 mod step;
 mod ties;
+mod vehicles;
 
 pub(super) use assembly::Assembly;
 pub(super) use floating_origin::better_anchor;
@@ -31,6 +32,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use self::characters::Walking;
 use self::kinematic_targets::KinematicTargets;
 use self::ties::{HeldJoint, JointNews};
+use self::vehicles::Driving;
 use super::contact_listener::ContactListener;
 use super::convert;
 use super::hooks::ContactHooks;
@@ -71,6 +73,7 @@ pub struct Region {
     targets: KinematicTargets,
     /// The characters held here.
     characters: BTreeMap<BodyId, Walking>,
+    vehicles: BTreeMap<BodyId, Driving>,
     quarantined: Vec<BodyId>,
     /// The user's hooks that are asked about contacts.
     #[serde(skip)]
@@ -122,6 +125,7 @@ impl Region {
             listener: ContactListener::default(),
             targets: KinematicTargets::default(),
             characters: BTreeMap::new(),
+            vehicles: BTreeMap::new(),
             quarantined: Vec::new(),
             hooks: None,
             events: RegionEvents { region: id, ..RegionEvents::default() },

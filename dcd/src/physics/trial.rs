@@ -53,8 +53,10 @@ pub(crate) fn try_on_body(
     Ok(Tried {
         traits: {
             let read = traits_of(body, known.traits.colliders.clone());
+            let same = read.kind == known.traits.kind;
             BodyTraits {
-                character: known.traits.character.filter(|_| read.kind == known.traits.kind),
+                character: known.traits.character.filter(|_| same),
+                vehicle: known.traits.vehicle.clone().filter(|_| same),
                 ..read
             }
         },

@@ -6,7 +6,7 @@ use bincode::{Decode, Encode};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-use super::{Character, Gait, ShapeHash, ShapeRecord};
+use super::{Character, Drive, Gait, ShapeHash, ShapeRecord, Vehicle};
 use crate::space::{BodyId, Epoch};
 
 /// A pose in world space: position in metres (f64, so that worlds of 100 km keep millimetres), rotation as a unit
@@ -141,6 +141,8 @@ pub struct BodyState {
     pub still_s: f32,
     /// How it walks, if it is a character.
     pub gait: Option<Gait>,
+    /// What its driver does, if it is a vehicle.
+    pub drive: Option<Drive>,
 }
 
 /// Mass, centre of mass and inertia given as numbers.
@@ -283,6 +285,8 @@ pub struct BodyTraits {
     pub extra_mass: Option<ExtraMass>,
     /// How it walks, if it is a character; kinematic by velocity then.
     pub character: Option<Character>,
+    /// On which wheels it drives, if it is a vehicle; dynamic then.
+    pub vehicle: Option<Vehicle>,
     /// In order of insertion.
     pub colliders: Vec<ColliderRecord>,
     /// The user's own.

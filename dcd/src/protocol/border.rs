@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{Alteration, BodyRecord, Check, Input, JointRecord, Velocity, WorldPose};
+use super::{Alteration, BodyRecord, BodyTraits, Check, Input, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
 /// The owner's state of a body, sent to a region that holds a replica of it.
@@ -234,12 +234,16 @@ impl BorderMessage {
     pub fn apply_input(&mut self, input: &Input) {
         let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == input.body);
         if let Some(Transfer { body, .. }) = of {
-            body.steer(input.velocity);
+            body.obey(input);
             body.state.pose = input.jump_of(&body.traits).unwrap_or(body.state.pose);
         }
         // Of other bodies the owner tells how they move.
-        let walks = |body: &&mut BodyRecord| body.id == input.body && body.traits.character.is_some();
-        self.replicas.iter_mut().filter(walks).for_each(|body| body.steer(input.velocity));
+        let is_driven = |traits: &BodyTraits| match input.drive {
+            Some(_) => traits.vehicle.is_some(),
+            None => traits.character.is_some(),
+        };
+        let obeys = |body: &&mut BodyRecord| body.id == input.body && is_driven(&body.traits);
+        self.replicas.iter_mut().filter(obeys).for_each(|body| body.obey(input));
     }
 
     /// Changes what the body or the joint is, if it is being handed over or copied in this message.

@@ -205,6 +205,7 @@ mod tests {
             logical_time: 9,
             velocity: Velocity::default(),
             pose: Some(WorldPose::default()),
+            drive: None,
         };
         let ops = vec![WorldOp::Remove(BodyId::persistent(4)), WorldOp::Input(input)];
         Message::Dispatch(Dispatch { view: ViewNumber(2), tick: Tick(300), rounds: 2, ops })

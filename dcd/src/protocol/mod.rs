@@ -14,6 +14,7 @@ mod messages;
 mod shape;
 mod step;
 mod validate;
+mod vehicle;
 
 pub use alteration::Alteration;
 pub use body::{
@@ -51,3 +52,4 @@ pub use validate::{
     Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, PROGRAM_DATAGRAM_BYTES,
     PROGRAM_MESSAGE_BYTES, SHAPE_LEAST_M, SHAPE_REACH_M, WORLD_REACH_M,
 };
+pub use vehicle::{Controller, Drive, MAX_WHEELS, Vehicle, Wheel};

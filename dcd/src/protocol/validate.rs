@@ -117,7 +117,14 @@ impl Check for BodyState {
         finite(&self.force, "force")?;
         finite(&self.torque, "torque")?;
         numbers(&[self.still_s], "still_s")?;
+        self.drive.as_ref().map_or(Ok(()), Check::check)?;
         self.gait.as_ref().map_or(Ok(()), Check::check)
+    }
+}
+
+impl Check for Drive {
+    fn check(&self) -> Result<(), Invalid> {
+        self.fault().map_or(Ok(()), |(field, rule)| must(false, field, rule))
     }
 }
 
@@ -181,6 +188,10 @@ impl Check for BodyTraits {
             let shaped = self.colliders.iter().any(|collider| !collider.sensor);
             must(shaped, "colliders of a character", "one or more that are no sensors")?;
         }
+        if let Some(vehicle) = &self.vehicle {
+            vehicle.fault().map_or(Ok(()), |(field, rule)| must(false, field, rule))?;
+            must(self.kind == BodyKind::Dynamic, "kind of a vehicle", "dynamic")?;
+        }
         all(&self.colliders)
     }
 }
@@ -190,6 +201,8 @@ impl Check for BodyRecord {
         self.state.check()?;
         let walks = self.traits.character.is_some();
         must(self.state.gait.is_some() == walks, "gait", "that of a character, and no other body's")?;
+        let drives = self.traits.vehicle.is_some();
+        must(self.state.drive.is_some() == drives, "drive", "that of a vehicle, and no other body's")?;
         self.traits.check()
     }
 }
@@ -451,6 +464,7 @@ impl Check for Chunk {
 impl Check for Input {
     fn check(&self) -> Result<(), Invalid> {
         self.velocity.check()?;
+        self.drive.as_ref().map_or(Ok(()), Check::check)?;
         self.pose.map_or(Ok(()), |pose| pose.check())
     }
 }

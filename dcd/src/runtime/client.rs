@@ -13,8 +13,8 @@ use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, JoinRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{
-    Area, Character, ContactForce, EnvironmentProperties, Handover, Query, QueryResult, Refusal, Touch,
-    Velocity, WorldPose,
+    Area, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Query, QueryResult, Refusal,
+    Touch, Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 
@@ -207,7 +207,7 @@ impl ClientWorld {
     /// Inserts an avatar, which may be a character; otherwise as [`ClientWorld::spawn`].
     pub fn spawn_as(
         &mut self,
-        character: Option<&Character>,
+        controller: Option<Controller<'_>>,
         pose: WorldPose,
         body: &RigidBody,
         colliders: &[ColliderBuilder],
@@ -216,7 +216,7 @@ impl ClientWorld {
         let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
         self.next_avatar = self.next_avatar.max(after);
         let id = BodyId::avatar(self.client, self.next_avatar);
-        let body = self.shapes.describe(id, pose, body, colliders)?.with_character(character);
+        let body = self.shapes.describe(id, pose, body, colliders)?.with_controller(controller);
         if !body.suits_clients(|hash| self.shapes.record_of(hash)) {
             return Err(ShapeError::Avatar.into());
         }
@@ -238,6 +238,11 @@ impl ClientWorld {
         pose: Option<WorldPose>,
     ) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Input { body: avatar, velocity, pose })
+    }
+
+    /// Says what the driver of a vehicle does from now on.
+    pub fn drive(&self, vehicle: BodyId, drive: Drive) -> Result<(), ProcessError> {
+        self.member.submit(ClientEvent::Drive { body: vehicle, drive })
     }
 
     /// Sets the area of interest: from now on bodies in it and around own avatars are received; `None`: all, as at first. Bodies

@@ -4,7 +4,7 @@ use rapier3d::control::EffectiveCharacterMovement;
 use rapier3d::prelude::Pose;
 
 use super::local::{LocalWorld, WorldError};
-use crate::physics::{BodyFilter, CharacterHit, CharacterMove, Vehicle};
+use crate::physics::{BodyFilter, CharacterHit, CharacterMove, VehicleController};
 use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
@@ -55,14 +55,14 @@ impl LocalWorld {
     /// what the filter lets through, and never on the chassis.
     ///
     /// ```
-    /// # use dcd::physics::{BodyFilter, Vehicle};
+    /// # use dcd::physics::{BodyFilter, VehicleController};
     /// # use dcd::runtime::{LocalWorld, WorldConfig};
     /// # use rapier3d::control::WheelTuning;
     /// # use rapier3d::prelude::*;
     /// let mut world = LocalWorld::new(WorldConfig::default())?;
     /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(50.0, 0.5, 50.0))?;
     /// let body = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 1.5, 0.0));
-    /// let mut car = Vehicle::new(world.insert(body, ColliderBuilder::cuboid(1.0, 0.2, 0.6).density(100.0))?);
+    /// let mut car = VehicleController::new(world.insert(body, ColliderBuilder::cuboid(1.0, 0.2, 0.6).density(100.0))?);
     /// let tuning = WheelTuning { suspension_stiffness: 80.0, suspension_damping: 8.0, ..WheelTuning::default() };
     /// for (x, z) in [(0.8, 0.5), (0.8, -0.5), (-0.8, 0.5), (-0.8, -0.5)] {
     ///     let at = Vector::new(x, 0.0, z);
@@ -77,7 +77,7 @@ impl LocalWorld {
     /// ```
     pub fn update_vehicle(
         &mut self,
-        vehicle: &mut Vehicle,
+        vehicle: &mut VehicleController,
         filter: &BodyFilter<'_>,
     ) -> Result<(), WorldError> {
         Ok(self.host_mut().update_vehicle(vehicle, filter)?)

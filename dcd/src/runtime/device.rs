@@ -423,7 +423,10 @@ fn steer(host: &mut RegionHost, input: &Input) {
     if let Some(pose) = input.pose.and_then(|_| jump()) {
         host.move_copies(input.body, pose);
     }
-    host.steer(input.body, &input.velocity);
+    match &input.drive {
+        Some(drive) => host.drive(input.body, drive),
+        None => host.steer(input.body, &input.velocity),
+    };
 }
 
 /// Counts pairs near enough to touch; counting those that do touch would visit every pair.

@@ -10,7 +10,7 @@ use crate::physics::{
     StepSettings, joint_record,
 };
 use crate::protocol::{
-    Character, Check, ContactLedger, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
+    Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
     WorldEvents, WorldPose,
 };
 use crate::scene::Scene;
@@ -120,6 +120,9 @@ pub enum WorldError {
     /// No such body.
     #[error("{0} is not in the world: it was removed, or its id belongs to another world")]
     NoBody(BodyId),
+    /// Not a vehicle.
+    #[error("{0} is no vehicle; insert it by World::insert_vehicle")]
+    NoVehicle(BodyId),
     /// No such collider.
     #[error("{body} has {count} colliders, there is none of index {index}; count from 0")]
     NoCollider {
@@ -256,10 +259,10 @@ impl LocalWorld {
         self.insert_as(None, pose, &body.into(), colliders.as_ref())
     }
 
-    /// Inserts a body, which may be a character.
+    /// Inserts a body, which may walk or drive by itself.
     pub(crate) fn insert_as(
         &mut self,
-        character: Option<&Character>,
+        controller: Option<Controller<'_>>,
         pose: WorldPose,
         body: &RigidBody,
         colliders: &[ColliderBuilder],
@@ -267,7 +270,7 @@ impl LocalWorld {
         let id = BodyId::persistent(self.next_body);
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         let record = self.host.shapes_mut().describe(id, pose, body, colliders).map_err(HostError::from)?;
-        self.host.insert(vec![record.with_character(character)], &[])?;
+        self.host.insert(vec![record.with_controller(controller)], &[])?;
         self.next_body = next;
         Ok(id)
     }
@@ -497,6 +500,15 @@ impl LocalWorld {
             return Err(HostError::NotFinite(body).into());
         }
         if self.host.steer(body, &velocity) { Ok(()) } else { Err(WorldError::NoBody(body)) }
+    }
+
+    /// Says what the driver of a vehicle does from now on, and wakes it.
+    pub(crate) fn drive(&mut self, body: BodyId, drive: &Drive) -> Result<(), WorldError> {
+        match self.host.drive(body, drive) {
+            true => Ok(()),
+            false if self.contains(body) => Err(WorldError::NoVehicle(body)),
+            false => Err(WorldError::NoBody(body)),
+        }
     }
 
     /// Moves the plane of an inner vertex of the distribution tree, between its neighbours on the same axis. Bodies change owner

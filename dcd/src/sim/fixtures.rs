@@ -61,6 +61,7 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
         sleep_after_s: 2.0,
         extra_mass: None,
         character: None,
+        vehicle: None,
         colliders: Vec::new(),
         user_data: 0,
     };
@@ -72,6 +73,7 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
         sleeping: false,
         still_s: 0.0,
         gait: None,
+        drive: None,
     };
     BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
 }

@@ -6,13 +6,14 @@ use std::sync::Arc;
 use rapier3d::prelude::*;
 
 use super::error::Error;
+use super::remote::check_vehicle;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::cluster::{Life, ProgramOp, Record};
 use crate::physics::{ShapeLibrary, joint_record, try_on_body, try_on_collider, try_on_joint};
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, Character, Check, Input, Invalid, JointRecord, Push,
-    ShapeHash, ShapeRecord, Velocity, WorldPose,
+    Alteration, BodyKind, BodyRecord, BodyTraits, Check, Controller, Drive, Input, Invalid, JointRecord,
+    Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
 };
 use crate::runtime::{ServerProcess, WorldError};
 use crate::space::{BodyId, JointId};
@@ -51,6 +52,7 @@ struct Altered {
 struct Move {
     velocity: Option<Velocity>,
     pose: Option<WorldPose>,
+    drive: Option<Drive>,
 }
 
 impl Author {
@@ -126,10 +128,16 @@ impl Author {
                 ops.push(ProgramOp::Alter(Alteration::Joint(Box::new(joint.clone()))));
             }
         }
-        for (body, Move { velocity, pose }) in std::mem::take(&mut self.moves) {
-            let known = self.known(server, body).map(|known| known.asked());
-            let Some(velocity) = velocity.or(known) else { continue };
-            ops.push(ProgramOp::Move(Input { body, logical_time: 0, velocity, pose }));
+        for (body, Move { velocity, pose, drive }) in std::mem::take(&mut self.moves) {
+            let Some(known) = self.known(server, body).map(|known| known.asked()) else { continue };
+            let input =
+                Input { body, logical_time: 0, velocity: velocity.unwrap_or(known), pose, drive: None };
+            if velocity.is_some() || pose.is_some() {
+                ops.push(ProgramOp::Move(input));
+            }
+            if drive.is_some() {
+                ops.push(ProgramOp::Move(Input { pose: None, drive, ..input }));
+            }
         }
         ops.extend(std::mem::take(&mut self.pushes).into_iter().map(ProgramOp::Push));
         ops.extend(std::mem::take(&mut self.removed_joints).into_iter().map(ProgramOp::RemoveJoint));
@@ -144,10 +152,10 @@ impl Author {
         pose: WorldPose,
         body: &RigidBody,
         colliders: &[ColliderBuilder],
-        character: Option<&Character>,
+        controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
         let id = BodyId::persistent(self.next_body);
-        let record = self.shapes.describe(id, pose, body, colliders)?.with_character(character);
+        let record = self.shapes.describe(id, pose, body, colliders)?.with_controller(controller);
         record.check().map_err(refused)?;
         self.next_body = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         self.bodies.push(record);
@@ -184,6 +192,15 @@ impl Author {
         match self.fresh(id) {
             Some(place) => self.bodies[place].steer(velocity),
             None => self.moves.entry(id).or_default().velocity = Some(velocity),
+        }
+        Ok(())
+    }
+
+    pub(super) fn drive(&mut self, server: &ServerProcess, id: BodyId, drive: Drive) -> Result<(), Error> {
+        check_vehicle(id, self.known(server, id).as_ref())?;
+        match self.fresh(id) {
+            Some(place) => self.bodies[place].state.drive = Some(drive),
+            None => self.moves.entry(id).or_default().drive = Some(drive),
         }
         Ok(())
     }
@@ -373,7 +390,7 @@ impl Author {
         if let Some(Altered { traits, .. }) = self.altered_bodies.get(&id) {
             body.traits = traits.clone();
         }
-        if let Some(Move { velocity, pose }) = self.moves.get(&id) {
+        if let Some(Move { velocity, pose, .. }) = self.moves.get(&id) {
             body.state.velocity = velocity.unwrap_or(body.state.velocity);
             body.state.pose = pose.unwrap_or(body.state.pose);
         }

@@ -6,7 +6,9 @@ use super::role::Instead;
 use super::view::{Body, MovableBody};
 use super::{Error, Inner, World};
 use crate::physics::{ColliderId, Region};
-use crate::protocol::{BodyKind, BodyRecord, Character, Push, Velocity, WorldPose};
+use crate::protocol::{
+    BodyKind, BodyRecord, Character, Controller, Drive, Push, Vehicle, Velocity, WorldPose,
+};
 use crate::runtime::WorldError;
 use crate::space::BodyId;
 
@@ -97,8 +99,67 @@ impl World {
             return refused("colliders of a character", count, "one or more that are no sensors");
         }
         match &mut self.inner {
-            Inner::Local(world) => Ok(world.insert_as(Some(character), pose, &body, colliders)?),
-            Inner::Remote(world) => world.insert(pose, &body, colliders, Some(character)),
+            Inner::Local(world) => {
+                Ok(world.insert_as(Some(Controller::Character(character)), pose, &body, colliders)?)
+            }
+            Inner::Remote(world) => {
+                world.insert(pose, &body, colliders, Some(Controller::Character(character)))
+            }
+        }
+    }
+
+    /// Inserts a vehicle: a dynamic body on wheels that are rays, which is driven where it is computed, by Rapier's vehicle
+    /// controller. [`World::drive`] says what its driver does; [`Vehicle::default`] is a car.
+    ///
+    /// In a served world it is an avatar of this process, or a body of the server's program. How its wheels stand is not told to clients.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(100.0, 0.5, 50.0))?;
+    /// let chassis = ColliderBuilder::cuboid(1.6, 0.4, 0.8).density(250.0);
+    /// let body = RigidBodyBuilder::dynamic();
+    /// let car = world.insert_vehicle(WorldPose::at([0.0, 1.6, 0.0]), &Vehicle::default(), body, [chassis])?;
+    /// world.drive(car, Drive { throttle: 1.0, ..Drive::default() })?;
+    /// for _ in 0..180 {
+    ///     world.step()?;
+    /// }
+    /// let at = world.pose(car).unwrap().translation;
+    /// assert!((10.0..30.0).contains(&at[0]) && at[2].abs() < 0.1, "straight on: {at:?}");
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn insert_vehicle(
+        &mut self,
+        pose: WorldPose,
+        vehicle: &Vehicle,
+        body: impl Into<RigidBody>,
+        colliders: impl AsRef<[ColliderBuilder]>,
+    ) -> Result<BodyId, Error> {
+        let (body, colliders) = (body.into(), colliders.as_ref());
+        let refused = |what, value: String, range| Err(WorldError::Setting { what, value, range }.into());
+        if let Some((what, range)) = vehicle.fault() {
+            return refused(what, format!("{vehicle:?}"), range);
+        }
+        if body.body_type() != RigidBodyType::Dynamic {
+            let kind = format!("{:?}", body.body_type());
+            return refused("body of a vehicle", kind, "RigidBodyBuilder::dynamic()");
+        }
+        let controller = Some(Controller::Vehicle(vehicle));
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.insert_as(controller, pose, &body, colliders)?),
+            Inner::Remote(world) => world.insert(pose, &body, colliders, controller),
+        }
+    }
+
+    /// Says what the driver of a vehicle does from now on, and wakes it: an avatar of this process, or any of a local world's or a server's
+    /// own.
+    pub fn drive(&mut self, vehicle: BodyId, drive: Drive) -> Result<(), Error> {
+        if let Some((what, range)) = drive.fault() {
+            return Err(WorldError::Setting { what, value: format!("{drive:?}"), range }.into());
+        }
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.drive(vehicle, &drive)?),
+            Inner::Remote(world) => world.drive(vehicle, drive),
         }
     }
 

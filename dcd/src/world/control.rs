@@ -7,7 +7,7 @@ use rapier3d::prelude::Pose;
 
 use super::role::Instead;
 use super::{Error, World};
-use crate::physics::{BodyFilter, CharacterHit, CharacterMove, ContactHooks, Vehicle};
+use crate::physics::{BodyFilter, CharacterHit, CharacterMove, ContactHooks, VehicleController};
 use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
@@ -56,7 +56,11 @@ impl World {
 
     /// Applies the forces of a vehicle's wheels to its chassis; call it before each [`World::step`]. The wheels stand on what the
     /// filter lets through, and never on the chassis.
-    pub fn update_vehicle(&mut self, vehicle: &mut Vehicle, filter: &BodyFilter<'_>) -> Result<(), Error> {
+    pub fn update_vehicle(
+        &mut self,
+        vehicle: &mut VehicleController,
+        filter: &BodyFilter<'_>,
+    ) -> Result<(), Error> {
         Ok(self.local_mut(CONTROL, Instead::DriveAvatars)?.update_vehicle(vehicle, filter)?)
     }
 

@@ -15,7 +15,7 @@ use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::net::PeerStats;
 use crate::protocol::{
-    BodyRecord, Character, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose,
+    BodyRecord, Controller, Drive, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::{LocalWorld, Member, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, JointId, Tick};
@@ -145,9 +145,9 @@ impl Remote for Hosted {
         pose: WorldPose,
         body: &RigidBody,
         colliders: &[ColliderBuilder],
-        character: Option<&Character>,
+        controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
-        self.written("make bodies")?.1.insert(pose, body, colliders, character)
+        self.written("make bodies")?.1.insert(pose, body, colliders, controller)
     }
 
     fn remove(&mut self, id: BodyId) -> Result<(), Error> {
@@ -163,6 +163,11 @@ impl Remote for Hosted {
     fn set_velocity(&mut self, id: BodyId, velocity: Velocity) -> Result<(), Error> {
         let (server, author) = self.written("move bodies")?;
         author.set_velocity(server, id, velocity)
+    }
+
+    fn drive(&mut self, id: BodyId, drive: Drive) -> Result<(), Error> {
+        let (server, author) = self.written("drive bodies")?;
+        author.drive(server, id, drive)
     }
 
     fn pushes_bodies(&self) -> Result<(), Error> {

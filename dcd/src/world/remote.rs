@@ -11,9 +11,11 @@ use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
 use crate::net::PeerStats;
 use crate::protocol::{
-    Area, BodyRecord, Character, Handover, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents,
-    WorldPose,
+    Area, BodyRecord, Controller, Drive, Handover, JointRecord, Push, Query, QueryResult, Velocity,
+    WorldEvents, WorldPose,
 };
+#[cfg(feature = "net")]
+use crate::runtime::WorldError;
 use crate::runtime::{LocalWorld, Stats};
 use crate::space::{BodyId, ClientId, JointId, Tick};
 use rapier3d::prelude::*;
@@ -64,7 +66,7 @@ pub(super) trait Remote: Send + Sync {
         _pose: WorldPose,
         _body: &RigidBody,
         _colliders: &[ColliderBuilder],
-        _character: Option<&Character>,
+        _controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
         Err(self.unsupported("make bodies", Instead::JoinAsClient))
     }
@@ -79,6 +81,11 @@ pub(super) trait Remote: Send + Sync {
 
     fn set_velocity(&mut self, _id: BodyId, _velocity: Velocity) -> Result<(), Error> {
         Err(self.unsupported("move bodies", Instead::JoinAsClient))
+    }
+
+    /// Says what the driver of a vehicle does from now on.
+    fn drive(&mut self, _id: BodyId, _drive: Drive) -> Result<(), Error> {
+        Err(self.unsupported("drive bodies", Instead::JoinAsClient))
     }
 
     /// Returns an error if forces and impulses cannot be applied here.
@@ -243,5 +250,15 @@ pub(super) trait Remote: Send + Sync {
     #[cfg(feature = "net")]
     fn address(&self) -> Option<std::net::SocketAddr> {
         None
+    }
+}
+
+/// Returns an error if a body is not known to be a vehicle.
+#[cfg(feature = "net")]
+pub(super) fn check_vehicle(id: BodyId, known: Option<&BodyRecord>) -> Result<(), Error> {
+    match known {
+        Some(body) if body.traits.vehicle.is_none() => Err(WorldError::NoVehicle(id).into()),
+        Some(_) => Ok(()),
+        None => Err(WorldError::NoBody(id).into()),
     }
 }

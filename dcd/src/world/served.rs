@@ -11,15 +11,15 @@ use rapier3d::prelude::*;
 
 use super::error::Error;
 use super::network::Network;
-use super::remote::Remote;
+use super::remote::{Remote, check_vehicle};
 use super::role::{Instead, Role};
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
 use crate::physics::ShapeLibrary;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, Character, EnvironmentProperties, Handover, Query, QueryResult, Velocity,
-    WorldEvents, WorldPose,
+    Area, BodyKind, BodyRecord, Controller, Drive, EnvironmentProperties, Handover, Query, QueryResult,
+    Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::{ClientWorld, ProcessError, Stats};
 use crate::space::{BodyId, ClientId, RegionId, Tick};
@@ -56,6 +56,7 @@ pub(super) struct Served {
 struct PendingInput {
     velocity: Option<Velocity>,
     pose: Option<WorldPose>,
+    drive: Option<Drive>,
 }
 
 impl Served {
@@ -141,6 +142,14 @@ impl Served {
             std::mem::take(&mut self.inputs).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
         self.inputs = waiting;
         for (id, input) in due {
+            if let Some(drive) = input.drive {
+                // An input says the one or the other.
+                if input.velocity.is_none() && input.pose.is_none() {
+                    self.world.drive(id, drive)?;
+                    continue;
+                }
+                self.inputs.insert(id, PendingInput { drive: Some(drive), ..PendingInput::default() });
+            }
             let Some(body) = self.heard(id) else { continue };
             let kinematic = body.body.traits.kind != BodyKind::Dynamic;
             let now = body.body.asked();
@@ -241,7 +250,7 @@ impl Remote for Served {
         pose: WorldPose,
         body: &RigidBody,
         colliders: &[ColliderBuilder],
-        character: Option<&Character>,
+        controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
         let refused = match body.body_type() {
             _ if has_own_sleep(body.activation()) => {
@@ -257,9 +266,9 @@ impl Remote for Served {
             return Err(self.unsupported(what, instead));
         }
         self.check_link()?;
-        let id = self.world.spawn_as(character, pose, body, colliders)?;
+        let id = self.world.spawn_as(controller, pose, body, colliders)?;
         let awaited = ShapeLibrary::default().describe(id, pose, body, colliders)?;
-        self.awaited.insert(id, awaited.with_character(character));
+        self.awaited.insert(id, awaited.with_controller(controller));
         Ok(id)
     }
 
@@ -281,6 +290,16 @@ impl Remote for Served {
         self.inputs.entry(id).or_default().velocity = Some(velocity);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.steer(velocity);
+        }
+        Ok(())
+    }
+
+    fn drive(&mut self, id: BodyId, drive: Drive) -> Result<(), Error> {
+        self.check_own(id, "drive bodies of others")?;
+        check_vehicle(id, self.known(id))?;
+        self.inputs.entry(id).or_default().drive = Some(drive);
+        if let Some(awaited) = self.awaited.get_mut(&id) {
+            awaited.state.drive = Some(drive);
         }
         Ok(())
     }

@@ -99,7 +99,13 @@ impl Leader {
         let Some((_, state)) = inter_group.heard.remove(&id) else { return };
         if inter_group.correcting.remove(&id) && id.client().is_none() {
             let velocity = state.velocity;
-            self.ops.push(WorldOp::Input(Input { body: id, logical_time: 0, velocity, pose: None }));
+            self.ops.push(WorldOp::Input(Input {
+                body: id,
+                logical_time: 0,
+                velocity,
+                pose: None,
+                drive: None,
+            }));
             if let Some((latest, _)) = self.latest.get_mut(&id) {
                 latest.velocity = velocity;
             }
@@ -342,7 +348,7 @@ mod tests {
     /// Returns the operation that ends a correction: the body is to move as it does in the other group.
     fn let_go() -> Vec<WorldOp> {
         let velocity = moving(0.0, 0.5).velocity;
-        vec![WorldOp::Input(Input { body: BODY, logical_time: 0, velocity, pose: None })]
+        vec![WorldOp::Input(Input { body: BODY, logical_time: 0, velocity, pose: None, drive: None })]
     }
 
     #[test]

@@ -52,7 +52,7 @@ fn both_done(leader: &mut Leader, tick: u64, one: Vec<Touch>, two: Vec<Touch>) {
 
 fn input(logical_time: u64, speed: f32) -> Input {
     let velocity = Velocity { linear: [0.0, speed, 0.0], angular: [0.0; 3] };
-    Input { body: AVATAR, logical_time, velocity, pose: Some(WorldPose::default()) }
+    Input { body: AVATAR, logical_time, velocity, pose: Some(WorldPose::default()), drive: None }
 }
 
 #[test]

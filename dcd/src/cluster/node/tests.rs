@@ -212,7 +212,13 @@ fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
 #[test]
 fn a_client_linked_to_a_node_cannot_speak_for_another() {
     let mut node = member();
-    let input = Input { body: BodyId::default(), logical_time: 1, velocity: Velocity::default(), pose: None };
+    let input = Input {
+        body: BodyId::default(),
+        logical_time: 1,
+        velocity: Velocity::default(),
+        pose: None,
+        drive: None,
+    };
     let message = Message::FromClient(ClientId(2), FromClient::Input(input));
     node.handle(NOW, NodeEvent::Message { from: Peer::Client(ClientId(1)), message });
     assert_eq!(node.counters().refused, 1);
@@ -277,7 +283,7 @@ fn member_out_of_step() -> Node {
     settle(&mut node);
     border(&mut node, 1, 1, vec![handing_over(1, &[DRIVEN, REMOVED])]);
     border(&mut node, 1, 2, vec![handing_over(2, &[OTHER])]);
-    let input = Input { body: DRIVEN, logical_time: 1, velocity: FAST, pose: None };
+    let input = Input { body: DRIVEN, logical_time: 1, velocity: FAST, pose: None, drive: None };
     complete(&mut node, 1, vec![]);
     complete(&mut node, 2, vec![WorldOp::Input(input), WorldOp::Remove(REMOVED)]);
     node

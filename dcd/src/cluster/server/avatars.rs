@@ -7,7 +7,7 @@ use super::{Server, ServerOutput, budget};
 use crate::cluster::avatar_limits::AvatarLimits;
 use crate::cluster::{Life, Peer};
 use crate::protocol::{
-    BodyRecord, BodyState, FromClient, Gait, Input, Message, Refusal, ShapeRecord, ToClient, WorldOp,
+    BodyRecord, BodyState, Drive, FromClient, Gait, Input, Message, Refusal, ShapeRecord, ToClient, WorldOp,
 };
 use crate::space::{BodyId, ClientId, Epoch, Tick};
 
@@ -47,6 +47,8 @@ impl Server {
                     Some(Refusal::TooMany)
                 } else if let Err(refusal) = limits.allow(&body.state.velocity) {
                     Some(refusal)
+                } else if body.traits.vehicle.as_ref().is_some_and(|vehicle| !limits.allow_vehicle(vehicle)) {
+                    Some(Refusal::TooFast)
                 } else if !record.admits(&body, &shapes, self.common.config.can_build) {
                     Some(Refusal::Shape)
                 } else {
@@ -59,7 +61,9 @@ impl Server {
                         // Epochs are ours to give, clients push nothing, and what a character wants is its velocity.
                         let wanted = body.state.velocity.linear;
                         let gait = body.traits.character.map(|_| Gait { wanted, ..Gait::default() });
-                        let state = BodyState { force: [0.0; 3], torque: [0.0; 3], gait, ..body.state };
+                        let drive = body.traits.vehicle.as_ref().map(|_| Drive::default());
+                        let state =
+                            BodyState { force: [0.0; 3], torque: [0.0; 3], gait, drive, ..body.state };
                         group.record.insert(BodyRecord { epoch: Epoch(0), state, ..body.clone() });
                         group.introduce(&mut self.common, id, shapes);
                     }
@@ -110,7 +114,7 @@ impl Server {
             // client sends its newest input again to whoever leads.
             (None, _) => {
                 if let Some(body) = group.record.body_mut(input.body) {
-                    body.steer(input.velocity);
+                    body.obey(&input);
                 }
             }
             // The next input will find a leader.

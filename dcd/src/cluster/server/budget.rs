@@ -1,11 +1,11 @@
-//! Bounds what one client may cost others: its avatars those who compute them, by iterations, corners, size, how many are characters, and how many share a place;
+//! Bounds what one client may cost others: its avatars those who compute them, by iterations, corners, size, wheels, how many are characters, and how many share a place;
 //! its requests the server.
 
 use std::time::Duration;
 
 use super::MAX_AVATARS;
 use crate::cluster::Record;
-use crate::protocol::{BodyRecord, Character, Costs, Refusal, ShapeRecord};
+use crate::protocol::{BodyRecord, Character, Costs, Refusal, ShapeRecord, Vehicle};
 use crate::space::ClientId;
 
 /// The most iterations of either kind that an avatar may ask for, for itself and all that it touches.
@@ -26,6 +26,15 @@ const MAX_STRIDE_M: f32 = 1.0;
 const MAX_GAP_M: f32 = 0.1;
 /// The greatest mass by which it pushes, kilograms.
 const MAX_MASS_KG: f32 = 1e4;
+
+/// The most wheels of a client's vehicle: each is a ray in every substep.
+const MAX_WHEELS: usize = 8;
+/// How far its wheels may reach from the origin of its chassis, metres: what they may stand on is held with it.
+const MAX_WHEEL_REACH_M: f32 = 10.0;
+/// The greatest acceleration by the suspension of one wheel, m/s²: stiffer ones shoot their chassis into the air.
+const MAX_SUSPENSION_M_S2: f32 = 200.0;
+/// The greatest damping of a suspension, 1/s.
+const MAX_DAMPING: f32 = 60.0;
 
 /// The avatars that a client may bring at once, those included that it removes again: all that it may have, twice.
 const SPAWNS: f64 = 2.0 * MAX_AVATARS as f64;
@@ -88,6 +97,9 @@ pub(super) fn refusal(
     if traits.character.is_some_and(|character| !suits_clients(&character)) {
         return Some(Refusal::Costly(Costs::Strides));
     }
+    if traits.vehicle.as_ref().is_some_and(|vehicle| !suits_roads(vehicle)) {
+        return Some(Refusal::Costly(Costs::Wheels));
+    }
     let size = |avatar: &BodyRecord| Size::of(avatar, |hash| record.shape_or(hash, brought));
     let new = size(avatar);
     if new.reach_m > MAX_REACH_M {
@@ -119,6 +131,15 @@ fn suits_clients(character: &Character) -> bool {
     lengths.iter().all(|length| *length <= MAX_STRIDE_M)
         && character.gap_m <= MAX_GAP_M
         && character.mass_kg <= MAX_MASS_KG
+}
+
+/// Returns whether a client's vehicle may have such wheels.
+fn suits_roads(vehicle: &Vehicle) -> bool {
+    let gentle = vehicle.wheels.iter().all(|wheel| {
+        wheel.stiffness * wheel.travel_m <= MAX_SUSPENSION_M_S2
+            && wheel.compression.max(wheel.relaxation) <= MAX_DAMPING
+    });
+    gentle && vehicle.wheels.len() <= MAX_WHEELS && vehicle.reach_m() <= MAX_WHEEL_REACH_M
 }
 
 /// The size of an avatar in both senses.

@@ -176,7 +176,7 @@ impl Group {
         if self.view.is_none() {
             // Nobody computes the world: the record is all there is to move.
             if let Some(body) = self.record.body_mut(input.body) {
-                body.steer(input.velocity);
+                body.obey(&input);
                 body.state.pose = input.pose.unwrap_or(body.state.pose);
                 body.state.sleeping = false;
             }

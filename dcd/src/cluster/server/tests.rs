@@ -636,8 +636,13 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
     let outputs = hello(&mut server, 1, VERSION);
     obey(&mut server, 1, outputs);
     let body = BodyId::persistent(0);
-    let to =
-        |speed| Input { body, logical_time: 0, velocity: Velocity::linear([speed, 0.0, 0.0]), pose: None };
+    let to = |speed| Input {
+        body,
+        logical_time: 0,
+        velocity: Velocity::linear([speed, 0.0, 0.0]),
+        pose: None,
+        drive: None,
+    };
     let applied = |outputs: Vec<ServerOutput>| {
         let ops = outputs.into_iter().filter_map(|output| match output {
             ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),

@@ -8,7 +8,7 @@ mod character;
 mod vehicle;
 
 pub use character::{CharacterHit, CharacterMove};
-pub use vehicle::Vehicle;
+pub use vehicle::VehicleController;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 

@@ -12,18 +12,18 @@ use crate::physics::query::BodyFilter;
 use crate::space::{BodyId, Bounds};
 
 /// Rapier's `DynamicRayCastVehicleController` on a body of a partitioned world.
-pub struct Vehicle {
+pub struct VehicleController {
     chassis: BodyId,
     /// Wheels, axes, engine, brakes and steering. Its chassis is filled in by each update, and what it says of places in world
-    /// space is relative to [`Vehicle::anchor`].
+    /// space is relative to [`VehicleController::anchor`].
     pub controller: DynamicRayCastVehicleController,
     anchor: [f64; 3],
     grounds: Vec<Option<ColliderId>>,
 }
 
-impl std::fmt::Debug for Vehicle {
+impl std::fmt::Debug for VehicleController {
     fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        to.debug_struct("Vehicle")
+        to.debug_struct("VehicleController")
             .field("chassis", &self.chassis)
             .field("anchor", &self.anchor)
             .field("grounds", &self.grounds)
@@ -31,7 +31,7 @@ impl std::fmt::Debug for Vehicle {
     }
 }
 
-impl Vehicle {
+impl VehicleController {
     /// Creates a vehicle without wheels: add them by `controller.add_wheel`.
     pub fn new(chassis: BodyId) -> Self {
         Self {
@@ -67,7 +67,7 @@ impl RegionHost {
     /// Updates a vehicle; see `LocalWorld::update_vehicle`.
     pub(crate) fn update_vehicle(
         &mut self,
-        vehicle: &mut Vehicle,
+        vehicle: &mut VehicleController,
         filter: &BodyFilter<'_>,
     ) -> Result<(), ControlError> {
         let chassis = vehicle.chassis;

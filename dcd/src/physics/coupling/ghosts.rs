@@ -96,6 +96,7 @@ fn take_over(
     (slot.whole, slot.doubt) = (transfer.whole, 0);
     border.note_arrival(BodyRef { id: body.id, handle });
     region.set_gait(body.id, body.state.gait);
+    region.set_drive(body.id, body.state.drive);
     // Copies with a part of the mass follow their consensus instead.
     if !shares_mass {
         write_whole(region, handle, body);
@@ -142,6 +143,7 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
     rigid_body.activation_mut().time_since_can_sleep = state.still_s;
     let wakes = !state.sleeping && rigid_body.is_sleeping();
     region.set_gait(body.id, state.gait);
+    region.set_drive(body.id, state.drive);
     if wakes {
         region.world_mut().wake_up(handle, true);
     }

@@ -362,6 +362,12 @@ fn near(region: &Region, link: BodyRef, tick_s: f32) -> Near {
     let ahead_s = AHEAD_TICKS * tick_s;
     let turn_m = (body.angvel().length() * ahead_s).min(1.0) * region.slot(link.handle).reach_m;
     let bounds = region.world_bounds(link.handle).grown(MARGIN_M + f64::from(turn_m));
+    // A region that drives a vehicle holds what its wheels stand on.
+    let wheels_m = f64::from(region.wheels_reach_m(link.handle));
+    let bounds = match wheels_m {
+        0.0 => bounds,
+        wheels_m => bounds.union(&region.world_box(link.handle, wheels_m)),
+    };
     let velocity = Vector::from_array(convert::velocity_of(body).linear);
     let velocity = region.heading(link.handle, velocity);
     let swept = swept(&bounds, velocity.to_array(), f64::from(ahead_s));

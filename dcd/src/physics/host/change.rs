@@ -9,7 +9,7 @@ use super::{HostError, RegionHost, Side};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Ownership, Region};
-use crate::protocol::{BodyRecord, BodyState, JointRecord, LinkMotion, Push, Velocity, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, Drive, JointRecord, LinkMotion, Push, Velocity, WorldPose};
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
@@ -45,6 +45,15 @@ impl RegionHost {
             body.set_angvel(Vector::from_array(velocity.angular), true);
         })
         .is_some()
+    }
+
+    /// Sets what the driver of a vehicle does, in every copy held here, and wakes it. Returns whether it is held and a vehicle.
+    pub fn drive(&mut self, id: BodyId, drive: &Drive) -> bool {
+        let mut drives = false;
+        for Side { region, .. } in &mut self.sides {
+            drives |= region.set_drive(id, Some(*drive));
+        }
+        drives && self.update(id, |body| body.wake_up(true)).is_some()
     }
 
     /// Pushes a dynamic body, in every copy held here, and wakes it. Returns whether it is held.

@@ -45,12 +45,18 @@ impl Region {
         self.due[handle.into_raw_parts().0 as usize] = 0;
         let old = &self.slot(handle).traits;
         let read = record::traits_of(&self.world.bodies[handle], old.colliders.clone());
-        let new = BodyTraits { character: old.character.filter(|_| read.kind == old.kind), ..read };
+        let same = read.kind == old.kind;
+        let (character, vehicle) = (old.character.filter(|_| same), old.vehicle.clone().filter(|_| same));
+        let new = BodyTraits { character, vehicle, ..read };
         if new != **old {
             self.targets.note(handle, new.kind);
             if new.character.is_none() {
                 let id = self.slot(handle).id;
                 self.characters.remove(&id);
+            }
+            if new.vehicle.is_none() {
+                let id = self.slot(handle).id;
+                self.vehicles.remove(&id);
             }
             self.slot_mut(handle).traits = Arc::new(new);
         }

@@ -4,6 +4,7 @@ use rapier3d::prelude::*;
 
 use super::assembly::Assembly;
 use super::characters::Walking;
+use super::vehicles::Driving;
 use super::{BodyRef, Ownership, Region, Slot, assembly, floating_origin};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
@@ -40,6 +41,9 @@ impl Region {
         self.targets.note(handle, body.traits.kind);
         if body.traits.character.is_some() {
             self.characters.insert(body.id, Walking::new(body.state.gait.unwrap_or_default()));
+        }
+        if body.traits.vehicle.is_some() {
+            self.vehicles.insert(body.id, Driving::new(body.state.drive.unwrap_or_default()));
         }
         let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders);
         let outline = Outline::of(&self.world.bodies[handle], &self.world.colliders);
@@ -94,6 +98,7 @@ impl Region {
         self.listener.forget(id);
         self.targets.forget(handle);
         self.characters.remove(&id);
+        self.vehicles.remove(&id);
         self.fresh.retain(|link| link.handle != handle);
         self.moved.take();
         self.remove_from_rapier(handle);

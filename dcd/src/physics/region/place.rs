@@ -135,6 +135,7 @@ impl Region {
         }
         self.due.fill(0);
         self.unsettle_characters();
+        self.unsettle_vehicles();
         let immovable = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Immovable);
         for handle in immovable.map(|slot| self.by_id[&slot.id]) {
             let body = &self.world.bodies[handle];

@@ -57,6 +57,7 @@ impl Region {
             (state.force, state.torque) = (force.to_array(), torque.to_array());
         }
         state.gait = self.gait(handle);
+        state.drive = self.drive(handle);
         state
     }
 
@@ -71,6 +72,12 @@ impl Region {
             velocity: convert::velocity_of(body),
             sleeping: body.is_sleeping(),
         }
+    }
+
+    /// Returns a box around the origin of a body, in world space.
+    pub(in crate::physics) fn world_box(&self, handle: RigidBodyHandle, half_m: f64) -> Bounds {
+        let centre = convert::world_point(self.anchor, self.world.bodies[handle].translation());
+        Bounds::around(centre, [half_m; 3])
     }
 
     /// Returns the AABB of a body's colliders now, in world space.

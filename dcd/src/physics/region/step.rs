@@ -14,6 +14,7 @@ impl Region {
             self.quarantined.clear();
             self.walk(parameters.dt * steps as f32);
         }
+        self.drive_on(parameters.dt);
         kinematic_targets::approach(self, steps);
         self.tell_joints();
         self.stirred = false;

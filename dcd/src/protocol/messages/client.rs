@@ -4,8 +4,8 @@ use bincode::{Decode, Encode};
 
 use super::{Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
 use crate::protocol::{
-    Alteration, BodyRecord, BodyTraits, ContactForce, JointRecord, ShapeRecord, SharedState, Touch, Velocity,
-    WorldPose,
+    Alteration, BodyRecord, BodyTraits, ContactForce, Drive, JointRecord, ShapeRecord, SharedState, Touch,
+    Velocity, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, Tick};
 
@@ -266,6 +266,12 @@ pub enum Costs {
         "a character of a client takes steps of at most 1 m, is drawn down by as much, keeps a gap of at most 0.1 m, and weighs at most 10 t"
     )]
     Strides,
+    /// Wheels of a vehicle: too many, too far out, too stiff.
+    #[error(
+        "a vehicle of a client has at most 8 wheels within 10 m of its origin, whose suspension speeds it up by at most 200 m/s² and is \
+         damped by at most 60 a second"
+    )]
+    Wheels,
     /// Avatars of the same client where it would begin.
     #[error("it begins where 64 others of this client are: spread them out")]
     Overlaps,
@@ -282,6 +288,8 @@ pub struct Input {
     pub velocity: Velocity,
     /// Wanted pose, for a jump.
     pub pose: Option<WorldPose>,
+    /// What the driver of a vehicle does from now on; the velocity is left alone then.
+    pub drive: Option<Drive>,
 }
 
 impl Input {

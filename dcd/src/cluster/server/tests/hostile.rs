@@ -149,7 +149,7 @@ fn an_avatar_that_costs_too_much_is_refused_with_what_there_is_too_much_of() {
 
 #[test]
 fn a_character_takes_no_giants_steps_and_begins_as_its_velocity_says() {
-    use crate::protocol::{BodyKind, Character, Costs, Gait};
+    use crate::protocol::{BodyKind, Character, Controller, Costs, Gait};
     let mut server = server();
     let client = ClientId(1);
     let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
@@ -164,7 +164,7 @@ fn a_character_takes_no_giants_steps_and_begins_as_its_velocity_says() {
         traits.kind = BodyKind::KinematicVelocity;
         traits.colliders.push(collider(&ball));
         body.state.velocity.linear = [1.0, 0.0, 0.0];
-        let mut body = body.with_character(Some(&character));
+        let mut body = body.with_controller(Some(Controller::Character(&character)));
         // No program of ours says so.
         body.state.gait = Some(Gait { wanted: [1e30, 0.0, 0.0], rise_m_s: 1e30, grounded: true });
         let message = Message::FromClient(client, FromClient::Spawn { body, shapes: vec![ball] });

@@ -1,0 +1,131 @@
+//! Drives the vehicles of a region before each substep, by Rapier's ray-cast vehicle controller.
+//!
+//! Every region that holds a vehicle drives its copy. One that has a part of the mass takes that part of the forces of engine, brakes and
+//! suspension. Where the copies differ, the coupling brings them together as those of any other body.
+
+use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
+use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Region;
+use crate::physics::convert;
+use crate::protocol::{Drive, Vehicle};
+use crate::space::BodyId;
+
+/// A vehicle held by a region.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Driving {
+    drive: Drive,
+    /// Whether the region has been stepped since it came: only then do rays find what came with it.
+    settled: bool,
+}
+
+impl Driving {
+    pub(super) fn new(drive: Drive) -> Self {
+        Self { drive, settled: false }
+    }
+}
+
+impl Region {
+    /// Returns what the driver of a vehicle does.
+    pub(super) fn drive(&self, handle: RigidBodyHandle) -> Option<Drive> {
+        let slot = self.slot(handle);
+        slot.traits.vehicle.as_ref()?;
+        self.vehicles.get(&slot.id).map(|driving| driving.drive)
+    }
+
+    /// Sets what the driver of a vehicle does. Returns whether it is a vehicle held here.
+    pub(in crate::physics) fn set_drive(&mut self, id: BodyId, drive: Option<Drive>) -> bool {
+        let (Some(driving), Some(drive)) = (self.vehicles.get_mut(&id), drive) else { return false };
+        driving.drive = drive;
+        true
+    }
+
+    /// Has all vehicles fall freely for a substep, after which rays find what is below them again.
+    pub(super) fn unsettle_vehicles(&mut self) {
+        self.vehicles.values_mut().for_each(|driving| driving.settled = false);
+    }
+
+    /// Returns how far the wheels of a body reach from its origin, metres; 0 if it has none.
+    pub(in crate::physics) fn wheels_reach_m(&self, handle: RigidBodyHandle) -> f32 {
+        self.slot(handle).traits.vehicle.as_ref().map_or(0.0, Vehicle::reach_m)
+    }
+
+    /// Drives all awake vehicles held here for a substep of this length, in id order.
+    pub(super) fn drive_on(&mut self, dt_s: f32) {
+        if self.vehicles.is_empty() {
+            return;
+        }
+        let ids: Vec<_> = self.vehicles.keys().copied().collect();
+        for id in ids {
+            let Driving { drive, settled } = self.vehicles[&id];
+            self.vehicles.insert(id, Driving { drive, settled: true });
+            if settled {
+                self.drive_one(self.by_id[&id], &drive, dt_s);
+            }
+        }
+    }
+
+    fn drive_one(&mut self, handle: RigidBodyHandle, drive: &Drive, dt_s: f32) {
+        let Some(vehicle) = self.slot(handle).traits.vehicle.clone() else { return };
+        if drive.throttle != 0.0 && self.world.bodies[handle].is_sleeping() {
+            self.world_mut().wake_up(handle, true);
+        }
+        let body = &self.world.bodies[handle];
+        // Ghosts of the proxy coupling are kinematic.
+        let drives = body.is_dynamic() && body.is_enabled() && !body.is_sleeping();
+        let is_finite = convert::velocity_of(body).is_finite() && body.translation().is_finite();
+        if !drives || !is_finite {
+            return;
+        }
+        let share = self.share_of(handle) as f32;
+        let colliders = body.colliders().iter().filter_map(|&collider| self.world.colliders.get(collider));
+        let groups = colliders.into_iter().find(|collider| !collider.is_sensor());
+        let groups = groups.map_or(InteractionGroups::all(), Collider::collision_groups);
+        let filter = QueryFilter::default().exclude_rigid_body(handle).exclude_sensors().groups(groups);
+        let mut controller = controller(&vehicle, handle, body, drive, share, dt_s);
+        let PhysicsWorld { broad_phase, narrow_phase, bodies, colliders, .. } = self.world_mut();
+        let rays =
+            broad_phase.as_query_pipeline_mut(narrow_phase.query_dispatcher(), bodies, colliders, filter);
+        controller.update_vehicle(dt_s, rays);
+    }
+}
+
+/// Returns Rapier's controller for one substep: nothing of it but what a driver does lasts longer.
+fn controller(
+    vehicle: &Vehicle,
+    handle: RigidBodyHandle,
+    body: &RigidBody,
+    drive: &Drive,
+    share: f32,
+    dt_s: f32,
+) -> DynamicRayCastVehicleController {
+    let mut controller = DynamicRayCastVehicleController::new(handle);
+    let first = &vehicle.wheels[0];
+    let down = first.down.map(f32::abs);
+    controller.index_up_axis = (0..3).max_by(|&a, &b| down[a].total_cmp(&down[b])).unwrap_or(1);
+    let forward = convert::vector(first.axle).cross(convert::vector(first.down)).normalize_or_zero();
+    let speed_m_s = body.linvel().dot(body.rotation() * forward) * drive.throttle.signum();
+    // No substep makes it faster than it may be, however light it is.
+    let most_n = (vehicle.top_speed_m_s - speed_m_s).max(0.0) * body.mass() * share / dt_s;
+    let engine_n = vehicle.wheels.iter().map(|wheel| wheel.engine_n).sum::<f32>() * drive.throttle.abs();
+    let throttle = drive.throttle * if engine_n > most_n { most_n / engine_n } else { 1.0 };
+    for wheel in &vehicle.wheels {
+        let tuning = WheelTuning {
+            suspension_stiffness: wheel.stiffness,
+            suspension_compression: wheel.compression,
+            suspension_damping: wheel.relaxation,
+            max_suspension_travel: wheel.travel_m,
+            side_friction_stiffness: wheel.side_grip,
+            friction_slip: wheel.grip,
+            max_suspension_force: wheel.most_force_n / share,
+        };
+        let [at, down, axle] = [wheel.at_m, wheel.down, wheel.axle].map(convert::vector);
+        let added = controller.add_wheel(at, down, axle, wheel.rest_m, wheel.radius_m, &tuning);
+        added.engine_force = throttle * wheel.engine_n / share;
+        // Rapier's is an impulse.
+        added.brake = drive.brake * wheel.brake_n * dt_s / share;
+        added.steering = drive.steering * wheel.steering_rad;
+    }
+    controller
+}

@@ -1,0 +1,307 @@
+//! Tests vehicles, which are driven where they are computed: in one region, over borders, in every coupling, and over the network.
+
+use std::time::{Duration, Instant};
+
+use dcd::network::{JoinConfig, JoinRole, ServeConfig};
+use dcd::prelude::*;
+use dcd::protocol::Pace;
+use dcd::{Axis, Costs, Refusal, StepSettings};
+use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
+
+const LIMIT: Duration = Duration::from_secs(30);
+
+/// A world with ground, whole or with borders at x = 6 and z = 1.3, which nothing here is symmetrical to.
+fn world(cuts: usize, coupling: Coupling) -> World {
+    let cuts = [(Axis::X, 6.0), (Axis::Z, 1.3)][..cuts].to_vec();
+    let partitioning = Partitioning::Cuts(cuts);
+    let step = StepSettings::default().with_coupling(coupling);
+    let mut world = World::new(WorldConfig { partitioning, step, ..WorldConfig::default() }).unwrap();
+    let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+    world.insert(ground, ColliderBuilder::cuboid(200.0, 0.5, 200.0)).unwrap();
+    world
+}
+
+fn chassis() -> ColliderBuilder {
+    ColliderBuilder::cuboid(1.6, 0.4, 0.8).density(250.0)
+}
+
+fn car_at(world: &mut World, at: [f64; 3]) -> BodyId {
+    world
+        .insert_vehicle(WorldPose::at(at), &Vehicle::default(), RigidBodyBuilder::dynamic(), [chassis()])
+        .unwrap()
+}
+
+fn run(world: &mut World, ticks: usize) {
+    (0..ticks).for_each(|_| world.step().unwrap());
+}
+
+fn place(world: &World, id: BodyId) -> [f64; 3] {
+    world.pose(id).unwrap().translation
+}
+
+fn forward(throttle: f32) -> Drive {
+    Drive { throttle, ..Drive::default() }
+}
+
+/// One region, and four by every coupling.
+fn worlds() -> impl Iterator<Item = (String, World)> {
+    let couplings = [Coupling::Auto, Coupling::Overlap, Coupling::Owner, Coupling::Proxy];
+    let cut = couplings.into_iter().map(|coupling| (format!("{coupling:?}"), world(2, coupling)));
+    std::iter::once(("one region".to_owned(), world(0, Coupling::Auto))).chain(cut)
+}
+
+#[test]
+fn it_drives_as_rapier_s_own_controller_does() {
+    let mut world = world(0, Coupling::Auto);
+    let car = car_at(&mut world, [0.0, 1.0, 0.0]);
+    let mut bare = PhysicsWorld::new();
+    let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+    bare.insert(ground, ColliderBuilder::cuboid(200.0, 0.5, 200.0));
+    let (body, _) = bare.insert(RigidBodyBuilder::dynamic().translation(Vector::Y), chassis());
+    let mut controller = DynamicRayCastVehicleController::new(body);
+    for wheel in &Vehicle::default().wheels {
+        let tuning = WheelTuning {
+            suspension_stiffness: wheel.stiffness,
+            suspension_compression: wheel.compression,
+            suspension_damping: wheel.relaxation,
+            max_suspension_travel: wheel.travel_m,
+            side_friction_stiffness: wheel.side_grip,
+            friction_slip: wheel.grip,
+            max_suspension_force: wheel.most_force_n,
+        };
+        let [at, down, axle] = [wheel.at_m, wheel.down, wheel.axle].map(Vector::from_array);
+        controller.add_wheel(at, down, axle, wheel.rest_m, wheel.radius_m, &tuning);
+    }
+    // Neither finds the ground before its first step.
+    run(&mut world, 1);
+    bare.step();
+    let drive = Drive { throttle: 0.7, brake: 0.0, steering: 0.3 };
+    world.drive(car, drive).unwrap();
+    for _ in 0..240 {
+        run(&mut world, 1);
+        for (wheel, of) in controller.wheels_mut().iter_mut().zip(&Vehicle::default().wheels) {
+            wheel.engine_force = drive.throttle * of.engine_n;
+            wheel.steering = drive.steering * of.steering_rad;
+        }
+        let PhysicsWorld { broad_phase, narrow_phase, bodies, colliders, integration_parameters, .. } =
+            &mut bare;
+        let filter = QueryFilter::default().exclude_rigid_body(body).exclude_sensors();
+        let dispatcher = narrow_phase.query_dispatcher();
+        let rays = broad_phase.as_query_pipeline_mut(dispatcher, bodies, colliders, filter);
+        controller.update_vehicle(integration_parameters.dt, rays);
+        bare.step();
+    }
+    let expected = bare.bodies[body].translation().to_array().map(f64::from);
+    assert_eq!(place(&world, car), expected);
+    let way = expected[0].hypot(expected[2]);
+    assert!(way > 8.0 && expected[2] < -3.0, "it drives, and to the left: {expected:?}");
+}
+
+#[test]
+fn it_drives_over_borders_as_in_one_region() {
+    let mut ways: Vec<(String, [f64; 3], [f64; 3])> = Vec::new();
+    for (name, mut world) in worlds() {
+        let car = car_at(&mut world, [0.0, 0.8, 2.2]);
+        run(&mut world, 30);
+        world.drive(car, Drive { throttle: 0.8, brake: 0.0, steering: 0.25 }).unwrap();
+        let mut lowest = f64::INFINITY;
+        for _ in 0..180 {
+            run(&mut world, 1);
+            lowest = lowest.min(place(&world, car)[1]);
+        }
+        assert!(lowest > 0.55, "{name}: its wheels carry it over the borders, {lowest}");
+        ways.push((name, place(&world, car), world.velocity(car).unwrap().linear.map(f64::from)));
+    }
+    let (_, alone, speed) = ways[0].clone();
+    assert!(alone[0] > 8.0 && alone[2] < 0.5, "it crosses both borders: {alone:?}");
+    for (name, at, v) in &ways[1..] {
+        let off = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+        assert!(off(at, &alone) < 0.25, "{name}: {at:?}, in one region {alone:?}");
+        assert!(off(v, &speed) < 0.25, "{name}: {v:?} m/s, in one region {speed:?}");
+    }
+}
+
+#[test]
+fn it_brakes_falls_asleep_and_wakes_when_it_is_driven() {
+    for (name, mut world) in worlds() {
+        let car = car_at(&mut world, [4.0, 0.8, 1.0]);
+        world.drive(car, forward(1.0)).unwrap();
+        run(&mut world, 120);
+        let fast = world.velocity(car).unwrap().linear[0];
+        assert!(fast > 6.0, "{name}: {fast} m/s");
+        world.drive(car, Drive { brake: 1.0, ..Drive::default() }).unwrap();
+        run(&mut world, 150);
+        let at = place(&world, car);
+        run(&mut world, 240);
+        let rests = place(&world, car);
+        assert!((0..3).all(|i| (at[i] - rests[i]).abs() < 0.02), "{name}: it stands, {at:?} {rests:?}");
+        assert!(world.body(car).unwrap().sleeping, "{name}: {:?}", world.velocity(car));
+        world.drive(car, forward(-1.0)).unwrap();
+        run(&mut world, 60);
+        assert!(place(&world, car)[0] < rests[0] - 0.5, "{name}: backwards");
+    }
+}
+
+#[test]
+fn it_stands_on_what_another_region_owns_and_pushes_what_is_in_its_way() {
+    for (name, mut world) in worlds() {
+        // A heavy deck beyond the border, and a crate on it.
+        let deck = RigidBodyBuilder::dynamic().translation(Vector::new(13.0, 0.15, 0.0));
+        let deck = world.insert(deck, ColliderBuilder::cuboid(6.0, 0.15, 3.0).density(3000.0)).unwrap();
+        let load = RigidBodyBuilder::dynamic().translation(Vector::new(14.0, 0.81, 0.0));
+        let load = world.insert(load, ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(50.0)).unwrap();
+        let car = car_at(&mut world, [0.0, 0.8, 0.0]);
+        world.drive(car, forward(0.6)).unwrap();
+        let mut ticks = 0;
+        while place(&world, car)[0] < 11.5 {
+            assert!(ticks < 400, "{name}: it is at {:?}", place(&world, car));
+            run(&mut world, 1);
+            ticks += 1;
+        }
+        world.drive(car, Drive { brake: 1.0, ..Drive::default() }).unwrap();
+        run(&mut world, 60);
+        let [at, held, pushed] = [car, deck, load].map(|id| place(&world, id));
+        assert!((0.9..1.25).contains(&at[1]) && at[0] < 17.0, "{name}: its wheels stand on the deck, {at:?}");
+        assert!((held[0] - 13.0).abs() < 0.5, "{name}: {held:?}");
+        assert!(pushed[0] > 14.5, "{name}: the crate is at {pushed:?}, the car at {at:?}");
+    }
+}
+
+#[test]
+fn a_restored_one_drives_on_to_the_same_bits() {
+    for (name, mut world) in worlds() {
+        let car = car_at(&mut world, [3.0, 0.8, 1.0]);
+        world.drive(car, Drive { throttle: 1.0, brake: 0.0, steering: 0.2 }).unwrap();
+        run(&mut world, 70);
+        let mut saved = Vec::new();
+        world.save(&mut saved).unwrap();
+        let mut again = World::restore(&saved[..], 2).unwrap();
+        run(&mut world, 60);
+        run(&mut again, 60);
+        assert_eq!(world.state_hash().unwrap(), again.state_hash().unwrap(), "{name}");
+    }
+}
+
+#[test]
+fn what_cannot_drive_is_refused() {
+    let mut world = world(0, Coupling::Auto);
+    let mut insert = |vehicle: &Vehicle, body: RigidBodyBuilder| {
+        world
+            .insert_vehicle(WorldPose::default(), vehicle, body, [chassis()])
+            .map_err(|error| error.to_string())
+    };
+    let usual = Vehicle::default();
+    let fixed = insert(&usual, RigidBodyBuilder::fixed()).unwrap_err();
+    assert!(fixed.contains("Fixed") && fixed.contains("dynamic()"), "{fixed}");
+    let none =
+        insert(&Vehicle { wheels: Vec::new(), ..usual.clone() }, RigidBodyBuilder::dynamic()).unwrap_err();
+    assert!(none.contains("wheels") && none.contains("1 to 32"), "{none}");
+    let flat = Wheel { radius_m: 0.0, ..Wheel::default() };
+    let flat =
+        insert(&Vehicle { wheels: vec![flat], ..usual.clone() }, RigidBodyBuilder::dynamic()).unwrap_err();
+    assert!(flat.contains("radius_m"), "{flat}");
+    let odd = Wheel { axle: [0.0, 1.0, 0.0], ..Wheel::default() };
+    let odd = insert(&Vehicle { wheels: vec![odd], ..usual }, RigidBodyBuilder::dynamic()).unwrap_err();
+    assert!(odd.contains("across the suspension"), "{odd}");
+    let ball = world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5)).unwrap();
+    let other = world.drive(ball, forward(1.0)).unwrap_err().to_string();
+    assert!(other.contains("insert_vehicle"), "{other}");
+    let car = car_at(&mut world, [9.0, 1.0, 0.0]);
+    for drive in [forward(1.1), forward(f32::NAN), Drive { brake: -0.1, ..Drive::default() }] {
+        assert!(world.drive(car, drive).unwrap_err().to_string().contains("drive."), "{drive:?}");
+    }
+}
+
+struct Served {
+    client: World,
+    nodes: Vec<World>,
+    server: World,
+    _data: tempfile::TempDir,
+}
+
+fn join(server: &World, role: JoinRole) -> JoinConfig {
+    JoinConfig::new(server.address().unwrap(), server.token(role, LIMIT).unwrap())
+}
+
+fn served() -> Served {
+    let data = tempfile::tempdir().unwrap();
+    let config = ServeConfig { nodes: 2, pace: Pace::RealTime, ..ServeConfig::new(data.path()) };
+    let server = world(1, Coupling::Auto).serve_copy(config).unwrap();
+    let nodes = (0..2).map(|_| World::join_as_node(&join(&server, JoinRole::Node)).unwrap()).collect();
+    let client = World::connect(&join(&server, JoinRole::Client)).unwrap();
+    Served { client, nodes, server, _data: data }
+}
+
+impl Served {
+    /// Steps client and server until it is so.
+    fn until(&mut self, what: &str, mut is_so: impl FnMut(&World) -> bool) {
+        let deadline = Instant::now() + LIMIT;
+        while !is_so(&self.client) {
+            assert!(Instant::now() < deadline, "not within {LIMIT:?}: {what}");
+            self.client.poll(Duration::from_millis(5));
+            self.client.step().unwrap();
+            self.server.step().unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_clients_vehicle_is_driven_by_the_nodes() {
+    let mut served = served();
+    let car = car_at(&mut served.client, [0.0, 1.0, 0.0]);
+    served.client.drive(car, forward(1.0)).unwrap();
+    served.until("it drives", |client| client.pose(car).is_some_and(|at| at.translation[0] > 2.0));
+    let owner = served.client.owner(car).region;
+    served.until("it is owned beyond the border", |client| client.owner(car).region != owner);
+    served.client.drive(car, Drive { brake: 1.0, ..Drive::default() }).unwrap();
+    served.until("it stands", |client| client.body(car).is_some_and(|body| body.sleeping));
+    let at = place(&served.client, car);
+    assert!(at[0] > 7.0 && (0.55..0.95).contains(&at[1]), "on its wheels: {at:?}");
+    // The program may put it back, and drive it, too.
+    served.server.set_pose(car, WorldPose::at([0.0, 1.0, 5.0])).unwrap();
+    served.server.drive(car, forward(-0.5)).unwrap();
+    served.until("it is put back, and drives backwards", |client| {
+        let [x, _, z] = place(client, car);
+        x < -1.0 && (z - 5.0).abs() < 0.5
+    });
+    // Its node goes, and it drives on.
+    served.client.drive(car, forward(1.0)).unwrap();
+    served.nodes.pop();
+    served.until("it comes by once more", |client| place(client, car)[0] > 8.0);
+    let mine = served.client.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5)).unwrap();
+    assert!(served.client.drive(mine, forward(1.0)).unwrap_err().to_string().contains("no vehicle"));
+    assert!(served.client.drive(BodyId::persistent(0), forward(1.0)).is_err());
+}
+
+#[test]
+fn a_clients_vehicle_has_bounds_and_a_programs_has_none() {
+    let mut served = served();
+    let refused = |served: &mut Served, vehicle: Vehicle| {
+        let body = RigidBodyBuilder::dynamic();
+        let id = served
+            .client
+            .insert_vehicle(WorldPose::at([0.0, 3.0, 0.0]), &vehicle, body, [chassis()])
+            .unwrap();
+        let mut why = None;
+        served.until("it is refused", |client| {
+            let of = |change: &BodyChange| match change {
+                BodyChange::Refused { body: Some(body), why, .. } if *body == id => Some(*why),
+                _ => None,
+            };
+            why = why.or(client.changes().iter().find_map(of));
+            why.is_some()
+        });
+        why
+    };
+    let usual = Vehicle::default();
+    let fast = Vehicle { top_speed_m_s: 500.0, ..usual.clone() };
+    assert_eq!(refused(&mut served, fast.clone()), Some(Refusal::TooFast));
+    let mut springs = usual.clone();
+    springs.wheels[0].stiffness = 1e6;
+    assert_eq!(refused(&mut served, springs), Some(Refusal::Costly(Costs::Wheels)));
+    let body = RigidBodyBuilder::dynamic();
+    let pose = WorldPose::at([0.0, 1.0, 9.0]);
+    let car = served.server.insert_vehicle(pose, &fast, body, [chassis()]).unwrap();
+    served.server.drive(car, forward(1.0)).unwrap();
+    served.until("the program's drives", |client| client.pose(car).is_some_and(|at| at.translation[0] > 8.0));
+}

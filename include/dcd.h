@@ -652,6 +652,65 @@ typedef struct DcdCharacterDef {
     uint32_t reserved;
 } DcdCharacterDef;
 
+// A wheel of a vehicle. Points and directions are relative to the chassis. Start from DCD_WHEEL_INIT: of a car of a tonne, forward along
+// x, upward along y, neither driven nor steered.
+typedef struct DcdWheel {
+    // The place where its suspension begins, metres, within 100 of the chassis.
+    float at[3];
+    // The direction in which its suspension points, of length 1.
+    float down[3];
+    // Its axle, of length 1: it rolls forward in the direction of axle x down.
+    float axle[3];
+    // The length of its suspension without a load, metres, 0 to 100.
+    float rest_length;
+    // The way by which the suspension is longer or shorter than that at most, metres, 0 to 100.
+    float travel;
+    // Its radius, metres, above 0 and at most 100.
+    float radius;
+    // The stiffness of its suspension per kilogram of the chassis, 1/s², 0 to 1e9.
+    float stiffness;
+    // The damping of its suspension as it is pressed, per kilogram of the chassis, 1/s, 0 to 1e9.
+    float compression;
+    // The damping of its suspension as it is released, per kilogram of the chassis, 1/s, 0 to 1e9.
+    float relaxation;
+    // The greatest force of its suspension, newtons, 0 to 1e9.
+    float max_force;
+    // Its grip, 0 to 1000: along and across it holds up to this many times the force that its suspension bears.
+    float grip;
+    // The part of a sideways slip that it takes in a step, 0 to 1.
+    float side_grip;
+    // The force of the engine on it at full throttle, newtons, 0 to 1e9.
+    float engine_force;
+    // The force of its brake, newtons, 0 to 1e9.
+    float brake_force;
+    // The angle by which it turns when steered, radians, -pi / 2 to pi / 2; above 0 to the left.
+    float steering;
+} DcdWheel;
+
+// The settings of a vehicle. Start from DCD_VEHICLE_DEF_INIT: a car of 3.2 x 1.6 m and about a tonne, driven behind, steered in front.
+typedef struct DcdVehicleDef {
+    // sizeof(DcdVehicleDef).
+    uint32_t struct_size;
+    // The number of wheels, 1 to 32; 0 for the four of that car.
+    uint32_t wheel_count;
+    // The wheels; null with a wheel_count of 0. They are copied.
+    const DcdWheel *wheels;
+    // The speed above which its engine does not speed it up, m/s, above 0 and at most 10000.
+    float top_speed;
+    // 0.
+    uint32_t reserved;
+} DcdVehicleDef;
+
+// The controls of a vehicle.
+typedef struct DcdDrive {
+    // The part of the engine's force, -1 (backward) to 1.
+    float throttle;
+    // The part of the brakes' force, 0 to 1; with throttle it has no effect on wheels that are driven.
+    float brake;
+    // The part of the wheels' steering angle, -1 to 1.
+    float steering;
+} DcdDrive;
+
 // The state of a body besides pose and velocity. Start from DCD_BODY_INFO_INIT.
 typedef struct DcdBodyInfo {
     // sizeof(DcdBodyInfo).
@@ -1886,6 +1945,28 @@ DcdStatus dcd_character_create(DcdWorld world,
                                const DcdCharacterDef *character,
                                DcdBodyId *out);
 
+// Creates a body, of DCD_DYNAMIC, that is a vehicle: its chassis stands on wheels, each a ray along its suspension to the nearest
+// collider that the chassis may collide with. dcd_vehicle_drive says what its driver does. What it stands on feels nothing of it.
+//
+// In a served world it is driven by the node that computes it, also that of a client, without a delay between wheels and ground. A
+// client's is bounded: 8 wheels, a top_speed of at most the world's avatar_speed.
+// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type or a setting out of range.
+DCD_API
+DcdStatus dcd_vehicle_create(DcdWorld world,
+                             const DcdBodyDef *body,
+                             const DcdVehicleDef *vehicle,
+                             DcdBodyId *out);
+
+// Says what the driver of a vehicle does from now on, and wakes it: an avatar of this process, or any of a local world or a server.
+// In a served world the next dcd_step asks for it.
+//
+// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
+// numbers out of range or a body that is no vehicle.
+DCD_API
+DcdStatus dcd_vehicle_drive(DcdWorld world,
+                            DcdBodyId vehicle,
+                            const DcdDrive *drive);
+
 // Reads the type, mass, owner, forces and sleep of a body.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
@@ -2624,6 +2705,15 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_CHARACTER_DEF_INIT \
     { (uint32_t)sizeof(DcdCharacterDef), 0.3f, 0.1f, 0.785398163f, 0.785398163f, 0.2f, 0.02f, 80.0f, 0 }
 
+/* A wheel of a car of a tonne, forward along x, upward along y: neither driven nor steered. */
+#define DCD_WHEEL_INIT \
+    { { 0.0f, 0.0f, 0.0f }, { 0.0f, -1.0f, 0.0f }, { 0.0f, 0.0f, 1.0f }, 0.3f, 0.2f, 0.35f, 30.0f, 4.0f, 5.0f, 20000.0f, \
+      1.5f, 1.0f, 0.0f, 4000.0f, 0.0f }
+
+/* A car of 3.2 x 1.6 m and about a tonne, up to 20 m/s. */
+#define DCD_VEHICLE_DEF_INIT \
+    { (uint32_t)sizeof(DcdVehicleDef), 0, NULL, 20.0f, 0 }
+
 /* A shape as dense as water at the body's origin. */
 #define DCD_COLLIDER_PROPERTIES_INIT \
     { (uint32_t)sizeof(DcdColliderProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
@@ -2847,6 +2937,32 @@ DCD_ASSERT_(offsetof(DcdCharacterDef, snap) == 20);
 DCD_ASSERT_(offsetof(DcdCharacterDef, gap) == 24);
 DCD_ASSERT_(offsetof(DcdCharacterDef, mass) == 28);
 DCD_ASSERT_(offsetof(DcdCharacterDef, reserved) == 32);
+DCD_ASSERT_(sizeof(DcdWheel) == 84);
+DCD_ASSERT_(offsetof(DcdWheel, at) == 0);
+DCD_ASSERT_(offsetof(DcdWheel, down) == 12);
+DCD_ASSERT_(offsetof(DcdWheel, axle) == 24);
+DCD_ASSERT_(offsetof(DcdWheel, rest_length) == 36);
+DCD_ASSERT_(offsetof(DcdWheel, travel) == 40);
+DCD_ASSERT_(offsetof(DcdWheel, radius) == 44);
+DCD_ASSERT_(offsetof(DcdWheel, stiffness) == 48);
+DCD_ASSERT_(offsetof(DcdWheel, compression) == 52);
+DCD_ASSERT_(offsetof(DcdWheel, relaxation) == 56);
+DCD_ASSERT_(offsetof(DcdWheel, max_force) == 60);
+DCD_ASSERT_(offsetof(DcdWheel, grip) == 64);
+DCD_ASSERT_(offsetof(DcdWheel, side_grip) == 68);
+DCD_ASSERT_(offsetof(DcdWheel, engine_force) == 72);
+DCD_ASSERT_(offsetof(DcdWheel, brake_force) == 76);
+DCD_ASSERT_(offsetof(DcdWheel, steering) == 80);
+DCD_ASSERT_(sizeof(DcdVehicleDef) == 24);
+DCD_ASSERT_(offsetof(DcdVehicleDef, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdVehicleDef, wheel_count) == 4);
+DCD_ASSERT_(offsetof(DcdVehicleDef, wheels) == 8);
+DCD_ASSERT_(offsetof(DcdVehicleDef, top_speed) == 16);
+DCD_ASSERT_(offsetof(DcdVehicleDef, reserved) == 20);
+DCD_ASSERT_(sizeof(DcdDrive) == 12);
+DCD_ASSERT_(offsetof(DcdDrive, throttle) == 0);
+DCD_ASSERT_(offsetof(DcdDrive, brake) == 4);
+DCD_ASSERT_(offsetof(DcdDrive, steering) == 8);
 DCD_ASSERT_(sizeof(DcdBodyProperties) == 96);
 DCD_ASSERT_(offsetof(DcdBodyProperties, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyProperties, body_type) == 4);

@@ -73,6 +73,7 @@ using QueryId = DcdQueryId;
 using ConnectionId = DcdConnectionId;
 using Pose = DcdPose;
 using Velocity = DcdVelocity;
+using Drive = DcdDrive;
 using Frame = DcdFrame;
 using Contact = DcdContact;
 using ContactForce = DcdContactForce;
@@ -108,6 +109,8 @@ DCD_STRUCT_(ServerDef, DCD_SERVER_DEF_INIT);
 DCD_STRUCT_(NodeDef, DCD_NODE_DEF_INIT);
 DCD_STRUCT_(BodyDef, DCD_BODY_DEF_INIT);
 DCD_STRUCT_(CharacterDef, DCD_CHARACTER_DEF_INIT);
+DCD_STRUCT_(Wheel, DCD_WHEEL_INIT);
+DCD_STRUCT_(VehicleDef, DCD_VEHICLE_DEF_INIT);
 DCD_STRUCT_(BodyProperties, DCD_BODY_PROPERTIES_INIT);
 DCD_STRUCT_(ColliderProperties, DCD_COLLIDER_PROPERTIES_INIT);
 DCD_STRUCT_(JointMotor, DCD_JOINT_MOTOR_INIT);
@@ -540,6 +543,11 @@ public:
     {
         return got<BodyId>([&](BodyId *out) { return dcd_character_create(world_, &body, &character, out); });
     }
+    Result<BodyId> vehicle_create(const BodyDef &body, const VehicleDef &vehicle)
+    {
+        return got<BodyId>([&](BodyId *out) { return dcd_vehicle_create(world_, &body, &vehicle, out); });
+    }
+    Status vehicle_drive(BodyId vehicle, const Drive &drive) { return Status(dcd_vehicle_drive(world_, vehicle, &drive)); }
     Status body_destroy(BodyId body) { return Status(dcd_body_destroy(world_, body)); }
     Status bodies_destroy(Span<const BodyId> bodies)
     {

@@ -41,6 +41,8 @@ pub mod body;
 
 pub mod character;
 
+pub mod vehicle;
+
 pub mod motion;
 
 pub mod push;

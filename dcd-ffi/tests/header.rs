@@ -23,6 +23,7 @@ use dcd_ffi::state::*;
 use dcd_ffi::stats::*;
 use dcd_ffi::topology::*;
 use dcd_ffi::types::*;
+use dcd_ffi::vehicle::*;
 use dcd_ffi::world::*;
 
 /// The size of a struct and where its members lie, as Rust has it.
@@ -82,6 +83,12 @@ fn layouts() -> Vec<Layout> {
         DcdCharacterDef {
             struct_size, step_height, step_depth, max_climb, min_slide, snap, gap, mass, reserved
         }
+        DcdWheel {
+            at, down, axle, rest_length, travel, radius, stiffness, compression, relaxation, max_force, grip, side_grip,
+            engine_force, brake_force, steering
+        }
+        DcdVehicleDef { struct_size, wheel_count, wheels, top_speed, reserved }
+        DcdDrive { throttle, brake, steering }
         DcdBodyProperties {
             struct_size, body_type, flags, locked, dominance, linear_damping, angular_damping, gravity_scale, soft_ccd,
             sleep_linear, sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia,
@@ -161,6 +168,15 @@ const MACROS: &str = "
 /* A person of 80 kg: steps of 0.3 m, slopes of 45 degrees. */
 #define DCD_CHARACTER_DEF_INIT \\
     { (uint32_t)sizeof(DcdCharacterDef), 0.3f, 0.1f, 0.785398163f, 0.785398163f, 0.2f, 0.02f, 80.0f, 0 }
+
+/* A wheel of a car of a tonne, forward along x, upward along y: neither driven nor steered. */
+#define DCD_WHEEL_INIT \\
+    { { 0.0f, 0.0f, 0.0f }, { 0.0f, -1.0f, 0.0f }, { 0.0f, 0.0f, 1.0f }, 0.3f, 0.2f, 0.35f, 30.0f, 4.0f, 5.0f, 20000.0f, \\
+      1.5f, 1.0f, 0.0f, 4000.0f, 0.0f }
+
+/* A car of 3.2 x 1.6 m and about a tonne, up to 20 m/s. */
+#define DCD_VEHICLE_DEF_INIT \\
+    { (uint32_t)sizeof(DcdVehicleDef), 0, NULL, 20.0f, 0 }
 
 /* A shape as dense as water at the body's origin. */
 #define DCD_COLLIDER_PROPERTIES_INIT \\

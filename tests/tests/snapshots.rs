@@ -33,6 +33,7 @@ fn the_bytes_of_a_message() {
         logical_time: 300,
         velocity: Velocity { linear: [1.0, 0.0, -2.0], angular: [0.0, 0.5, 0.0] },
         pose: Some(WorldPose::at([100_000.5, 0.0, -1.0])),
+        drive: None,
     };
     let bytes = protocol::encode(&Message::FromClient(client, FromClient::Input(input)));
     let hex: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();

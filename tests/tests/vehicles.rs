@@ -167,6 +167,92 @@ fn it_stands_on_what_another_region_owns_and_pushes_what_is_in_its_way() {
     }
 }
 
+/// The height of hills that nothing here is tuned to, metres.
+fn hill_m(x: f32, z: f32) -> f32 {
+    1.2 * (0.11 * x).sin() * (0.13 * z + 0.4).cos() + 0.35 * (0.31 * x + 0.23 * z).sin()
+}
+
+/// Numbers from -1 to 1 by a seed.
+fn random(seed: &mut u64) -> f32 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 40) as f32 / (1 << 23) as f32 - 1.0
+}
+
+/// Trucks of six wheels, carts of three and cars, all by drivers that do not look, on a mesh of hills, among crates, over borders.
+#[test]
+fn a_crowd_of_drivers_stays_on_the_hills_in_every_coupling() {
+    const HALF: i32 = 40;
+    let corner = |i: i32, j: i32| {
+        let (x, z) = (2.0 * i as f32, 2.0 * j as f32);
+        Vector::new(x, hill_m(x, z), z)
+    };
+    let side = 2 * HALF + 1;
+    let vertices: Vec<_> = (-HALF..=HALF).flat_map(|i| (-HALF..=HALF).map(move |j| corner(i, j))).collect();
+    let quads = (0..side - 1).flat_map(|i| (0..side - 1).map(move |j| (i * side + j) as u32));
+    let side = side as u32;
+    let triangles: Vec<_> =
+        quads.flat_map(|a| [[a, a + 1, a + side], [a + 1, a + side + 1, a + side]]).collect();
+    let couplings = [Coupling::Auto, Coupling::Overlap, Coupling::Owner, Coupling::Proxy];
+    let cut = couplings.into_iter().map(|coupling| (4, coupling));
+    for (regions, coupling) in std::iter::once((1, Coupling::Auto)).chain(cut) {
+        let name = format!("{regions} by {coupling:?}");
+        let step = StepSettings::default().with_coupling(coupling);
+        let partitioning = Partitioning::Regions(regions);
+        let mut world = World::new(WorldConfig { partitioning, step, ..WorldConfig::default() }).unwrap();
+        let hills = ColliderBuilder::trimesh(vertices.clone(), triangles.clone()).unwrap();
+        world.insert(RigidBodyBuilder::fixed(), hills).unwrap();
+        let mut seed = 5;
+        let mut cars = Vec::new();
+        for k in 0..12 {
+            let (x, z) = (7.0 * (k % 4) as f32 - 11.0, 6.0 * (k / 4) as f32 - 7.0);
+            let wheel = |x: f32, z: f32| Wheel {
+                at_m: [x, -0.15, z],
+                engine_n: 1500.0,
+                steering_rad: if x > 0.5 { 0.5 } else { 0.0 },
+                ..Wheel::default()
+            };
+            let wheels = match k % 3 {
+                0 => Vehicle::default().wheels,
+                1 => [-1.3, 0.0, 1.3].into_iter().flat_map(|x| [wheel(x, -0.9), wheel(x, 0.9)]).collect(),
+                _ => vec![wheel(1.0, 0.0), wheel(-0.9, -0.8), wheel(-0.9, 0.8)],
+            };
+            let vehicle = Vehicle { wheels, top_speed_m_s: 9.0 };
+            let at = WorldPose::at([x, hill_m(x, z) + 1.3, z].map(f64::from));
+            cars.push(world.insert_vehicle(at, &vehicle, RigidBodyBuilder::dynamic(), [chassis()]).unwrap());
+            let (x, z) = (x + 3.5, z + 2.5);
+            let crate_at = RigidBodyBuilder::dynamic().translation(Vector::new(x, hill_m(x, z) + 0.6, z));
+            world.insert(crate_at, ColliderBuilder::cuboid(0.4, 0.4, 0.4).density(120.0)).unwrap();
+        }
+        let mut way_m = 0.0;
+        let mut fastest: f32 = 0.0;
+        for tick in 0..600 {
+            if tick % 40 == 0 {
+                for &car in &cars {
+                    let brake = (random(&mut seed) - 0.7).max(0.0);
+                    let throttle = if brake > 0.0 { 0.0 } else { 0.3 + 0.7 * random(&mut seed) };
+                    world.drive(car, Drive { throttle, brake, steering: random(&mut seed) }).unwrap();
+                }
+            }
+            world.step().unwrap();
+            for &car in &cars {
+                let [x, y, z] = place(&world, car);
+                let above = y - f64::from(hill_m(x as f32, z as f32));
+                assert!(x.abs() < 78.0 && z.abs() < 78.0, "{name}, tick {tick}: the hills end at {x} {z}");
+                assert!(
+                    (-0.1..6.0).contains(&above),
+                    "{name}, tick {tick}: {above} m above the hills at {x} {z}"
+                );
+                let v = Vector::from_array(world.velocity(car).unwrap().linear).length();
+                fastest = fastest.max(v);
+                way_m += v / 60.0;
+            }
+        }
+        assert!(way_m > 12.0 * 10.0, "{name}: they drive, {way_m} m in all");
+        assert!(fastest < 25.0, "{name}: nobody is shot away, {fastest} m/s");
+        println!("{name}: {way_m:.0} m, at most {fastest:.1} m/s");
+    }
+}
+
 #[test]
 fn a_restored_one_drives_on_to_the_same_bits() {
     for (name, mut world) in worlds() {

@@ -38,7 +38,7 @@ impl Drop for Lock {
 }
 
 /// Format of keys and values in the file. A file of another format is refused.
-const FORMAT: u64 = 2;
+const FORMAT: u64 = 3;
 /// Key to revision (8 bytes, big-endian) and value.
 const ENTRIES: TableDefinition<'_, &[u8], &[u8]> = TableDefinition::new("dcd entries");
 /// The format of the file, and its last revision.

@@ -189,6 +189,42 @@ static void walks_to_the_wall(void)
     step();
 }
 
+/* A client's car drives over the border on the nodes. */
+static void drives_over_the_border(void)
+{
+    const float half[3] = { 1.6f, 0.4f, 0.8f };
+    DcdShapeId box;
+    DcdBodyDef chassis = DCD_BODY_DEF_INIT;
+    DcdVehicleDef car = DCD_VEHICLE_DEF_INIT;
+    DcdWheel wheels[4] = { DCD_WHEEL_INIT, DCD_WHEEL_INIT, DCD_WHEEL_INIT, DCD_WHEEL_INIT };
+    DcdDrive drive = { 1.0f, 0.0f, 0.0f };
+    DcdPose pose = { { -5.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    DcdBodyId id;
+    for (int k = 0; k < 4; k++) {
+        wheels[k].at[0] = k < 2 ? 1.2f : -1.2f;
+        wheels[k].at[1] = -0.2f;
+        wheels[k].at[2] = k % 2 ? 0.8f : -0.8f;
+        wheels[k].engine_force = 2000.0f;
+    }
+    car.wheels = wheels;
+    car.wheel_count = 4;
+    OK(dcd_shape_box(client, half, &box));
+    chassis.shape = box;
+    chassis.density = 250.0f;
+    chassis.pose.p[0] = -5.0;
+    chassis.pose.p[1] = 1.5;
+    chassis.pose.p[2] = -70.0;
+    OK(dcd_vehicle_create(client, &chassis, &car, &id));
+    OK(dcd_vehicle_drive(client, id, &drive));
+    for (int k = 0; k < 6000 && pose.p[0] < 5.0; k++) {
+        step();
+        OK(dcd_body_get(client, id, &pose, NULL));
+    }
+    HOLDS(pose.p[0] > 5.0 && pose.p[1] > 0.9 && pose.p[1] < 1.6 && pose.p[2] > -70.5 && pose.p[2] < -69.5);
+    OK(dcd_body_destroy(client, id));
+    step();
+}
+
 /* Waits until the client sees so many movable bodies. */
 static bool counts(uint32_t bodies)
 {
@@ -306,6 +342,7 @@ int main(int argc, char **argv)
 
     hears_and_asks(box, bodies[0]);
     walks_to_the_wall();
+    drives_over_the_border();
 
     /* The server stops and starts again; the node has computed on, and the client plays on. */
     char address[64] = "";

@@ -15,6 +15,8 @@ int main(void)
     DcdWorldDef world_def = DCD_WORLD_DEF_INIT;
     DcdBodyDef body_def = DCD_BODY_DEF_INIT;
     DcdCharacterDef character_def = DCD_CHARACTER_DEF_INIT;
+    DcdWheel wheel = DCD_WHEEL_INIT;
+    DcdVehicleDef vehicle_def = DCD_VEHICLE_DEF_INIT;
     DcdJointDef joint_def = DCD_JOINT_DEF_INIT;
     DcdBodyProperties body_properties = DCD_BODY_PROPERTIES_INIT;
     DcdColliderProperties collider_properties = DCD_COLLIDER_PROPERTIES_INIT;
@@ -38,7 +40,8 @@ int main(void)
                    shape_cast.flags + point_query.flags + shape_query.reserved + box_query.reserved + body_properties.struct_size +
                    collider_properties.struct_size + joint_info.struct_size + world_info.struct_size +
                    body_info.struct_size + owner.struct_size + state_view.struct_size + event_view.struct_size + stats.struct_size +
-                   client_def.struct_size + participant_def.struct_size + character_def.struct_size ==
+                   client_def.struct_size + participant_def.struct_size + character_def.struct_size +
+                   vehicle_def.struct_size + (wheel.radius < 0.0f) ==
                0
            ? DCD_VERSION
            : DCD_OK;

@@ -352,6 +352,41 @@ static void bodies(void)
     EXPECT(dcd_body_destroy(world, body), DCD_OK);
     body.v = 5;
 
+    DcdVehicleDef car = DCD_VEHICLE_DEF_INIT, cart;
+    DcdWheel wheel = DCD_WHEEL_INIT;
+    DcdDrive drive = { 1.0f, 0.0f, -1.0f };
+    DcdBodyDef frame = good;
+    frame.pose.p[0] = 40.0;
+    EXPECT(dcd_vehicle_create(world, NULL, &car, &body), DCD_ERR_NULL);
+    EXPECT(dcd_vehicle_create(world, &frame, NULL, &body), DCD_ERR_NULL);
+    EXPECT(dcd_vehicle_create(world, &frame, &car, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_vehicle_create(world, &person, &car, &body), DCD_ERR_ARGUMENT);
+#define CANNOT(member, value, code)                                                                                   \
+    cart = car;                                                                                                       \
+    cart.member = value;                                                                                              \
+    EXPECT(dcd_vehicle_create(world, &frame, &cart, &body), code)
+    CANNOT(struct_size, 8, DCD_ERR_STRUCT);
+    CANNOT(reserved, 1, DCD_ERR_ARGUMENT);
+    CANNOT(wheel_count, 1, DCD_ERR_NULL);
+    CANNOT(wheel_count, 4000000000u, DCD_ERR_ARGUMENT);
+    CANNOT(top_speed, NAN, DCD_ERR_ARGUMENT);
+    wheel.radius = 0.0f;
+    cart = car;
+    cart.wheels = &wheel;
+    cart.wheel_count = 1;
+    EXPECT(dcd_vehicle_create(world, &frame, &cart, &body), DCD_ERR_ARGUMENT);
+#undef CANNOT
+    HOLDS(body.v == 5);
+    EXPECT(dcd_vehicle_drive(world, many[0], &drive), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_vehicle_create(world, &frame, &car, &body), DCD_OK);
+    EXPECT(dcd_vehicle_drive(world, body, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_vehicle_drive(world, body, &drive), DCD_OK);
+    drive.brake = 2.0f;
+    EXPECT(dcd_vehicle_drive(world, body, &drive), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_body_destroy(world, body), DCD_OK);
+    EXPECT(dcd_vehicle_drive(world, body, &drive), DCD_ERR_STALE_ID);
+    body.v = 5;
+
     EXPECT(dcd_body_info(world, many[0], &info), DCD_OK);
     HOLDS(fabsf(info.mass - 1000.0f) < 0.1f && info.body_type == DCD_DYNAMIC && info.region != DCD_NO_REGION);
     EXPECT(dcd_body_info(world, fixed, &info), DCD_OK);

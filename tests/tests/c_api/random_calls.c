@@ -269,6 +269,19 @@ static DcdStatus play(void)
             character.gap = dice(2) ? character.gap : number();
             return dcd_character_create(world, &def, &character, body);
         }
+        if (dice(4) == 0) {
+            DcdVehicleDef vehicle = DCD_VEHICLE_DEF_INIT;
+            DcdWheel wheel = DCD_WHEEL_INIT;
+            DcdDrive drive = { 1.0f, 0.0f, number() };
+            wheel.radius = dice(2) ? wheel.radius : number();
+            vehicle.wheel_count = dice(2);
+            vehicle.wheels = vehicle.wheel_count ? &wheel : NULL;
+            def.body_type = DCD_DYNAMIC;
+            DcdStatus made = dcd_vehicle_create(world, &def, &vehicle, body);
+            if (made == DCD_OK)
+                (void)dcd_vehicle_drive(world, *body, &drive);
+            return made;
+        }
         return dcd_body_create(world, &def, body);
     }
     case 12: {

@@ -94,6 +94,22 @@ CALL(dcd_character_create) {
     def.body_type = DCD_KINEMATIC;
     return dcd_character_create(s->world, &def, &character, &id);
 }
+CALL(dcd_vehicle_create) {
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdVehicleDef vehicle = DCD_VEHICLE_DEF_INIT;
+    DcdBodyId id;
+    def.shape = s->shape;
+    return dcd_vehicle_create(s->world, &def, &vehicle, &id);
+}
+CALL(dcd_vehicle_drive) {
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdVehicleDef vehicle = DCD_VEHICLE_DEF_INIT;
+    DcdDrive drive = { 1.0f, 0.0f, 0.0f };
+    DcdBodyId id = s->body;
+    def.shape = s->shape;
+    (void)dcd_vehicle_create(s->world, &def, &vehicle, &id);
+    return dcd_vehicle_drive(s->world, id, &drive);
+}
 CALL(dcd_body_destroy) {
     DcdBodyId id = s->body;
     if (s->body.v == s->own.v)
@@ -365,7 +381,8 @@ CALL(dcd_world_destroy) {
     of(dcd_world_info) of(dcd_world_is_valid) of(dcd_own_avatars) of(dcd_token_create) of(dcd_address) \
     of(dcd_shape_box) of(dcd_shape_sphere) of(dcd_shape_capsule) of(dcd_shape_cylinder) of(dcd_shape_cone) \
     of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_destroy) \
-    of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
+    of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) \
+    of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
     of(dcd_body_at) of(dcd_body_info) of(dcd_body_get) of(dcd_body_set_pose) of(dcd_body_set_velocity) \
     of(dcd_body_set_target) of(dcd_body_wake) of(dcd_body_sleep) of(dcd_body_apply_impulse) \
     of(dcd_body_apply_torque_impulse) of(dcd_body_set_force) of(dcd_body_add_force) of(dcd_body_properties) \

@@ -34,6 +34,11 @@ fn the_world_holds_when_processes_are_killed_or_stopped() {
 }
 
 #[test]
+fn the_world_holds_when_it_goes_back_to_a_save() {
+    hold(&[FaultProfile::Restore], 0..12);
+}
+
+#[test]
 fn the_world_holds_when_clocks_differ() {
     hold(&[FaultProfile::ClockSkew], 0..10);
 }

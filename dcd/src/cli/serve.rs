@@ -120,7 +120,7 @@ impl Serve {
             groups: self.groups()?,
         };
         let server = match &origin {
-            Beginning::Scene(scene, world) => ServerProcess::start(Origin::Scene(scene, world), config),
+            Beginning::Scene(scene) => ServerProcess::start(Origin::Scene(&scene.0, &scene.1), config),
             Beginning::Snapshot(world) => ServerProcess::start(Origin::World(world), config),
         }?;
         drop(origin);
@@ -195,7 +195,7 @@ impl Serve {
             let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
             let world = self.cuts.served_config(&scene, self.regions)?;
             world.tree().map_err(|error| explained(error.into(), &scene))?;
-            return Ok(Beginning::Scene(scene, world));
+            return Ok(Beginning::Scene(Box::new((scene, world))));
         }
         let begun = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
         let given = begun.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
@@ -264,7 +264,7 @@ impl Serve {
 
 /// The world that a server begins with.
 enum Beginning {
-    Scene(Scene, WorldConfig),
+    Scene(Box<(Scene, WorldConfig)>),
     Snapshot(Box<LocalWorld>),
 }
 

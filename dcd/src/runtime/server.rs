@@ -90,7 +90,7 @@ pub struct ServerProcess {
     /// Of the first body and the first joint that its program may make.
     pub next_ids: (u32, u64),
     /// The properties of the world, with the regions with which it began.
-    properties: EnvironmentProperties,
+    properties: Box<EnvironmentProperties>,
 }
 
 struct Shared {
@@ -160,7 +160,7 @@ impl ServerProcess {
         // A loop whose inbox is full is awake.
         let connections = Connections::new(PeerName::Server, move || drop(waker.try_send(Input::Wake)));
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
-        let properties = environment.clone();
+        let properties = Box::new(environment.clone());
         shared.lock().summary.regions = properties.tree.leaf_count();
         let mut directory = match config.fresh {
             true => RedbDirectory::open_or_replace(&config.data)?,

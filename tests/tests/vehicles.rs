@@ -167,6 +167,58 @@ fn it_stands_on_what_another_region_owns_and_pushes_what_is_in_its_way() {
     }
 }
 
+/// Its wheels alone reach the deck, whose owner is another region.
+#[test]
+fn a_high_one_stands_on_a_deck_that_its_chassis_is_far_above() {
+    for (name, mut world) in worlds() {
+        let deck = RigidBodyBuilder::dynamic().translation(Vector::new(12.0, 0.2, 0.0));
+        world.insert(deck, ColliderBuilder::cuboid(9.0, 0.2, 3.0).density(3000.0)).unwrap();
+        let mut vehicle = Vehicle::default();
+        vehicle.wheels.iter_mut().for_each(|wheel| (wheel.rest_m, wheel.stiffness) = (3.0, 60.0));
+        let body = RigidBodyBuilder::dynamic();
+        let car = world.insert_vehicle(WorldPose::at([-5.0, 3.6, 0.0]), &vehicle, body, [chassis()]).unwrap();
+        run(&mut world, 60);
+        let low = place(&world, car)[1];
+        world.drive(car, forward(0.4)).unwrap();
+        for _ in 0..600 {
+            if place(&world, car)[0] < 4.4 {
+                run(&mut world, 1);
+            }
+        }
+        world.drive(car, Drive { brake: 1.0, ..Drive::default() }).unwrap();
+        run(&mut world, 10);
+        let [x, y, _] = place(&world, car);
+        assert!((4.3..6.0).contains(&x), "{name}: it is before the border, {x}");
+        assert!(y > low + 0.15, "{name}: its front wheels stand on the deck: {low} m before, now {y} m");
+    }
+}
+
+/// It is split among the regions as long as it touches what another owns: each copy has its part of the engine.
+#[test]
+fn it_pushes_a_load_across_a_border_no_faster_than_in_one_region() {
+    let mut speeds = Vec::new();
+    for (name, mut world) in worlds() {
+        let load = RigidBodyBuilder::dynamic().translation(Vector::new(9.0, 0.5, 0.0));
+        let slides = ColliderBuilder::cuboid(4.0, 0.5, 1.0).density(200.0).friction(0.0);
+        world.insert(load, slides.friction_combine_rule(CoefficientCombineRule::Min)).unwrap();
+        let car = car_at(&mut world, [3.0, 0.8, 0.0]);
+        run(&mut world, 20);
+        world.drive(car, forward(1.0)).unwrap();
+        run(&mut world, 100);
+        speeds.push((name, world.velocity(car).unwrap().linear[0], place(&world, car)[0]));
+    }
+    let (_, alone, at) = speeds[0].clone();
+    assert!(alone > 2.0 && at > 4.0, "{alone} m/s at {at}");
+    for (name, speed, at) in &speeds[1..] {
+        println!("{name}: {speed} m/s at {at}, in one region {alone} m/s");
+        // By `proxy` the load is a wall until it is the car's region's.
+        assert!(
+            name == "Proxy" || (speed / alone - 1.0).abs() < 0.15,
+            "{name}: {speed} m/s, in one region {alone}"
+        );
+    }
+}
+
 /// The height of hills that nothing here is tuned to, metres.
 fn hill_m(x: f32, z: f32) -> f32 {
     1.2 * (0.11 * x).sin() * (0.13 * z + 0.4).cos() + 0.35 * (0.31 * x + 0.23 * z).sin()

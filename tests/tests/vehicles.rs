@@ -208,10 +208,10 @@ fn it_pushes_a_load_across_a_border_no_faster_than_in_one_region() {
         speeds.push((name, world.velocity(car).unwrap().linear[0], place(&world, car)[0]));
     }
     let (_, alone, at) = speeds[0].clone();
-    assert!(alone > 2.0 && at > 4.0, "{alone} m/s at {at}");
+    assert!(alone > 1.5 && at > 4.5, "{alone} m/s at {at}");
     for (name, speed, at) in &speeds[1..] {
         println!("{name}: {speed} m/s at {at}, in one region {alone} m/s");
-        // By `proxy` the load is a wall until it is the car's region's.
+        // `proxy` lets the load feel nothing of the car's mass.
         assert!(
             name == "Proxy" || (speed / alone - 1.0).abs() < 0.15,
             "{name}: {speed} m/s, in one region {alone}"
@@ -347,6 +347,40 @@ fn what_cannot_drive_is_refused() {
     let car = car_at(&mut world, [9.0, 1.0, 0.0]);
     for drive in [forward(1.1), forward(f32::NAN), Drive { brake: -0.1, ..Drive::default() }] {
         assert!(world.drive(car, drive).unwrap_err().to_string().contains("drive."), "{drive:?}");
+    }
+}
+
+/// Numbers at the edge of what is let in end no world: Rapier's controller asserts that its forces are numbers.
+#[test]
+fn odd_ones_end_no_world() {
+    let extremes = [0.0, 1e-30, 1.0, 1e3, 1e9];
+    let mut seed = 11;
+    for round in 0..60 {
+        let mut world = world(2, Coupling::Auto);
+        let mut pick = || extremes[((random(&mut seed) + 1.0) * 2.49) as usize];
+        let wheel = Wheel {
+            at_m: [1.0, -0.2, 0.3],
+            stiffness: pick(),
+            compression: pick(),
+            relaxation: pick(),
+            most_force_n: pick(),
+            grip: pick().min(1e3),
+            engine_n: pick(),
+            brake_n: pick(),
+            rest_m: pick().min(100.0),
+            travel_m: pick().min(100.0),
+            radius_m: pick().clamp(1e-30, 100.0),
+            ..Wheel::default()
+        };
+        let vehicle = Vehicle { wheels: vec![wheel; 3], top_speed_m_s: 1e4 };
+        let heavy = chassis().density([1e-20, 1.0, 1e25, 1e37][round % 4]);
+        let body =
+            RigidBodyBuilder::dynamic().linvel(Vector::new(pick(), -pick(), 0.0)).angvel(Vector::X * pick());
+        let car = world.insert_vehicle(WorldPose::at([5.0, 0.9, 1.0]), &vehicle, body, [heavy]).unwrap();
+        world
+            .drive(car, Drive { throttle: if round % 3 == 0 { 0.0 } else { 1.0 }, brake: 1.0, steering: 1.0 })
+            .unwrap();
+        run(&mut world, 20);
     }
 }
 

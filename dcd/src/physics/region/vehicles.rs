@@ -12,6 +12,11 @@ use crate::physics::convert;
 use crate::protocol::{Drive, Vehicle};
 use crate::space::BodyId;
 
+/// A vehicle that moves faster (m/s), spins faster (rad/s), lies farther from the region's origin or is heavier has no wheels.
+const FASTEST_M_S: f32 = 1e5;
+const FARTHEST_M: f32 = 1e7;
+const HEAVIEST_KG: f32 = 1e9;
+
 /// A vehicle held by a region.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Driving {
@@ -74,8 +79,7 @@ impl Region {
         let body = &self.world.bodies[handle];
         // Ghosts of the proxy coupling are kinematic.
         let drives = body.is_dynamic() && body.is_enabled() && !body.is_sleeping();
-        let is_finite = convert::velocity_of(body).is_finite() && body.translation().is_finite();
-        if !drives || !is_finite {
+        if !drives || !is_moderate(body) {
             return;
         }
         let share = self.share_of(handle) as f32;
@@ -89,6 +93,15 @@ impl Region {
             broad_phase.as_query_pipeline_mut(narrow_phase.query_dispatcher(), bodies, colliders, filter);
         controller.update_vehicle(dt_s, rays);
     }
+}
+
+/// Returns whether Rapier's controller can compute with this body: it asserts that none of its forces is infinite.
+fn is_moderate(body: &RigidBody) -> bool {
+    let most = |v: Vector, limit: f32| v.abs().max_element() <= limit;
+    most(body.linvel(), FASTEST_M_S)
+        && most(body.angvel(), FASTEST_M_S)
+        && most(body.translation(), FARTHEST_M)
+        && body.mass() <= HEAVIEST_KG
 }
 
 /// Returns Rapier's controller for one substep: nothing of it but what a driver does lasts longer.
